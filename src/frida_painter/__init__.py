@@ -1,0 +1,1 @@
+"""FRIDA painter: a robot that paints with people."""

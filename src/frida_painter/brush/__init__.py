@@ -1,0 +1,1 @@
+"""The brush: its trajectory, and models of the mark that it leaves."""

@@ -1,0 +1,65 @@
+"""One tree of errors: every message says what was given, what is allowed, and what to do."""
+
+
+class FridaError(Exception):
+    """Anything that a painter can mend; the command line prints its one sentence and exits with status 2."""
+
+
+class ConfigError(FridaError):
+    """Settings that are missing, unknown, of the wrong kind or out of range; names all of them at once."""
+
+
+class ImageError(FridaError):
+    """A picture that cannot be read as an image in [0, 1], or is too small or too large."""
+
+
+class StorageError(FridaError):
+    """A file or folder that cannot be written or read as it must be (full, read-only, damaged)."""
+
+
+class PlanError(FridaError):
+    """A plan that is damaged, edited, of a future version, or whose strokes break their limits."""
+
+
+class PlanningDiverged(FridaError):
+    """The optimiser kept producing losses or gradients that are not finite; the best plan so far is kept."""
+
+
+class WeightsError(FridaError):
+    """Weights of a network that are missing, altered, of the wrong shape or not finite."""
+
+
+class LibraryError(FridaError):
+    """A stroke library that is damaged, empty, or not a stroke library."""
+
+
+class CalibrationError(FridaError):
+    """A calibration record that is damaged, foreign, out of date, or a fit that must be repeated."""
+
+
+class RobotError(FridaError):
+    """The robot refused, failed or vanished; nothing moves until a person has looked."""
+
+
+class WorkspaceViolation(RobotError):
+    """A waypoint outside the workspace; names the motion and the axis, and nothing of the batch was sent."""
+
+
+class PoseMismatch(RobotError):
+    """The robot says that it arrived, and its pose says otherwise."""
+
+
+class CameraError(FridaError):
+    """The camera cannot be reached or its pictures cannot be used."""
+
+
+class StaleFrame(CameraError):
+    """A frame older than the last motion; no decision is made from it."""
+
+
+class FrameRejected(CameraError):
+    """A fresh frame that does not show the canvas as it should; the message gives the reason."""
+
+
+class Interrupted(FridaError):
+    """A person asked to stop; what was made so far is kept."""

@@ -1,0 +1,149 @@
+"""Frames of reference: canvas metres, picture pixels, the stroke's own frame, and the maps between them.
+
+Canvas: metres, origin at the bottom-left corner, x right, y up. Pixels: row down, column right;
+the centre of pixel (row, column) lies at (row, column), so a picture of n rows reaches from -0.5
+to n - 0.5. This is the only module in which y flips.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Self
+
+import torch
+from torch import Tensor
+
+from frida_painter.errors import ConfigError
+
+SMALLEST_CANVAS = 0.03
+LARGEST_CANVAS = 3.0
+_METRES = {"mm": 0.001, "cm": 0.01, "in": 0.0254, "m": 1.0}
+
+
+@dataclass(frozen=True)
+class CanvasSize:
+    """Width and height of the canvas in metres, each from 0.03 to 3. Raises ConfigError."""
+
+    width: float
+    height: float
+
+    def __post_init__(self) -> None:
+        for name, metres in (("wide", self.width), ("high", self.height)):
+            if not SMALLEST_CANVAS <= metres <= LARGEST_CANVAS:
+                raise ConfigError(
+                    f"A canvas {metres * 1000:g} mm {name} was given; each side is from "
+                    f"{SMALLEST_CANVAS * 1000:g} to {LARGEST_CANVAS * 1000:g} mm, for example 14x11in or 297x210mm."
+                )
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Reads "14x11in", "297 x 210 mm" or "40x30cm": width, then height. Raises ConfigError."""
+        number = r"(\d+(?:\.\d+)?|\.\d+)"
+        match = re.fullmatch(rf"\s*{number}\s*[x×]\s*{number}\s*(mm|cm|in|m)\s*", text.lower())
+        if match is None:
+            raise ConfigError(
+                f"Canvas {text[:40]!r} is not understood; give width x height with a unit, "
+                "for example 14x11in, 297x210mm or 40x30cm."
+            )
+        scale = _METRES[match[3]]
+        return cls(float(match[1]) * scale, float(match[2]) * scale)
+
+    def turned_like(self, rows: int, columns: int) -> "CanvasSize":
+        """The same canvas, put upright or on its side so that it suits a picture of that shape."""
+        if (columns > rows) != (self.width > self.height):
+            return CanvasSize(self.height, self.width)
+        return self
+
+    def __str__(self) -> str:
+        return f"{self.width * 1000:.0f} x {self.height * 1000:.0f} mm"
+
+
+@dataclass(frozen=True)
+class PixelGrid:
+    """A picture of `rows` x `columns` pixels that shows exactly the whole canvas."""
+
+    size: CanvasSize
+    rows: int
+    columns: int
+
+    @classmethod
+    def of_height(cls, size: CanvasSize, rows: int) -> Self:
+        """The grid of `rows` rows whose pixels are as square as whole numbers allow."""
+        return cls(size, rows, max(1, round(rows * size.width / size.height)))
+
+    @property
+    def pitch(self) -> tuple[float, float]:
+        """Metres from one pixel centre to the next: (across, down)."""
+        return self.size.width / self.columns, self.size.height / self.rows
+
+    def to_pixels(self, position: Tensor) -> Tensor:
+        """Canvas metres [..., 2] (x, y) to pixels [..., 2] (column, row)."""
+        across, down = self.pitch
+        column = position[..., 0] / across - 0.5
+        row = (self.size.height - position[..., 1]) / down - 0.5
+        return torch.stack((column, row), -1)
+
+    def to_canvas(self, pixel: Tensor) -> Tensor:
+        """Pixels [..., 2] (column, row) to canvas metres [..., 2] (x, y)."""
+        across, down = self.pitch
+        x = (pixel[..., 0] + 0.5) * across
+        y = self.size.height - (pixel[..., 1] + 0.5) * down
+        return torch.stack((x, y), -1)
+
+
+@dataclass(frozen=True)
+class MapFrame:
+    """Where a magnitude map lies in the stroke's own frame.
+
+    The stroke starts at (0, 0) and heads along +x, in metres; the map covers [left, right] x
+    [bottom, top] with `rows` x `columns` cells, row 0 at the top.
+    """
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+    rows: int
+    columns: int
+
+    @property
+    def pitch(self) -> tuple[float, float]:
+        """Metres from one cell centre to the next: (along x, along y)."""
+        return (self.right - self.left) / self.columns, (self.top - self.bottom) / self.rows
+
+    def cell_centers(self, *, dtype: torch.dtype = torch.float32, device: torch.device | str = "cpu") -> Tensor:
+        """Position of every cell centre in the stroke's frame, metres, [rows, columns, 2]."""
+        across, down = self.pitch
+        x = self.left + (torch.arange(self.columns, dtype=dtype, device=device) + 0.5) * across
+        y = self.top - (torch.arange(self.rows, dtype=dtype, device=device) + 0.5) * down
+        return torch.stack(torch.meshgrid(x, y, indexing="xy"), -1)
+
+    def resized(self, rows: int, columns: int) -> "MapFrame":
+        """The same rectangle with other cells."""
+        return MapFrame(self.left, self.right, self.bottom, self.top, rows, columns)
+
+
+def pixel_to_map(position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFrame) -> Tensor:
+    """The affine maps from picture pixels to cells of each stroke's magnitude map.
+
+    position [n, 2] metres, angle [n] radians -> [n, 2, 3], such that
+    (map column, map row) = A @ (pixel column, pixel row, 1). Differentiable.
+    """
+    across, down = grid.pitch
+    cell_x, cell_y = frame.pitch
+    cos, sin = torch.cos(angle), torch.sin(angle)
+    # Metres from the stroke's start to the centre of pixel (0, 0).
+    x = 0.5 * across - position[:, 0]
+    y = grid.size.height - 0.5 * down - position[:, 1]
+    # Turned back by the stroke's angle, then counted in cells; y flips once more inside the map.
+    column = torch.stack((cos * across, -sin * down, cos * x + sin * y - frame.left), -1) / cell_x
+    row = torch.stack((sin * across, cos * down, sin * x - cos * y + frame.top), -1) / cell_y
+    affine = torch.stack((column, row), 1)
+    half = torch.zeros_like(affine)
+    half[..., 2] = 0.5
+    return affine - half
+
+
+def whole_turns_removed(angle: Tensor) -> Tensor:
+    """The same directions, radians in [-pi, pi)."""
+    return torch.remainder(angle + math.pi, 2 * math.pi) - math.pi

@@ -1,0 +1,30 @@
+"""An easel: the robot, the camera and the person beside them, with all that is known about the three."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from frida_painter.calibration import Calibration
+from frida_painter.frames import CanvasSize
+from frida_painter.hardware.camera import Camera
+from frida_painter.hardware.robot import Robot
+from frida_painter.hardware.workspace import Workspace
+from frida_painter.palette import Palette
+
+
+class Attendant(Protocol):
+    """Whoever prepares the paints: a person at a real easel, the virtual studio for itself."""
+
+    def fill_wells(self, palette: Palette) -> None:
+        """Returns when well i holds paint i of the palette."""
+
+
+@dataclass(frozen=True)
+class Easel:
+    """Everything that differs between a virtual and a real painting."""
+
+    robot: Robot
+    camera: Camera
+    attendant: Attendant
+    workspace: Workspace
+    calibration: Calibration
+    canvas: CanvasSize

@@ -1,0 +1,74 @@
+"""The palette: the few paints that a person mixes, ordered from light to dark."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+from sklearn.cluster import KMeans
+from torch import Tensor
+
+from frida_painter.errors import ConfigError
+
+MOST_COLORS = 64
+
+
+def to_lab(color: Tensor) -> Tensor:
+    """sRGB [..., 3] in [0, 1] to CIE L*a*b* (D65), L in [0, 100]. Not differentiable."""
+    flat = np.ascontiguousarray(color.detach().cpu().numpy().reshape(1, -1, 3), dtype=np.float32)
+    if flat.size == 0:
+        return color.detach().clone()
+    return torch.from_numpy(cv2.cvtColor(flat, cv2.COLOR_RGB2Lab)).reshape(color.shape).to(color)
+
+
+def from_lab(lab: Tensor) -> Tensor:
+    """CIE L*a*b* [..., 3] to sRGB in [0, 1], what lies outside sRGB brought to its nearest side."""
+    flat = np.ascontiguousarray(lab.detach().cpu().numpy().reshape(1, -1, 3), dtype=np.float32)
+    rgb = np.clip(cv2.cvtColor(flat, cv2.COLOR_Lab2RGB), 0, 1)
+    return torch.from_numpy(rgb).reshape(lab.shape).to(lab)
+
+
+@dataclass(frozen=True)
+class Palette:
+    """k paints, sRGB [k, 3] in [0, 1], lightest first. Raises ConfigError where they are not."""
+
+    color: Tensor
+
+    def __post_init__(self) -> None:
+        if self.color.dim() != 2 or self.color.shape[1] != 3 or not 1 <= len(self.color) <= MOST_COLORS:
+            raise ConfigError(
+                f"A palette of shape {tuple(self.color.shape)} was given; it has 1 to {MOST_COLORS} colours of 3 parts."
+            )
+        if not bool(((self.color >= 0) & (self.color <= 1)).all()):
+            raise ConfigError("A palette has a colour outside [0, 1]; give sRGB values between 0 and 1.")
+
+    def __len__(self) -> int:
+        return len(self.color)
+
+    @classmethod
+    def ordered(cls, color: Tensor) -> "Palette":
+        """The palette of these colours, put in order from light to dark."""
+        return cls(color[torch.argsort(to_lab(color)[:, 0], descending=True, stable=True)])
+
+    @classmethod
+    def cluster(cls, color: Tensor, weight: Tensor, count: int, seed: int) -> "Palette":
+        """`count` colours that stand for many (paper, "Paint Colors and Mixing": k-means, here in Lab).
+
+        color [n, 3] sRGB, weight [n] how much each matters (painted area). Where the colours are
+        fewer than `count`, the lightest is repeated, so that there are always `count` paints.
+        """
+        lab = to_lab(color).cpu().double().numpy()
+        distinct = len(np.unique(lab, axis=0))
+        means = KMeans(n_clusters=min(count, distinct), n_init=4, random_state=seed)
+        means.fit(lab, sample_weight=weight.detach().cpu().double().numpy() + 1e-9)
+        found = cls.ordered(from_lab(torch.from_numpy(means.cluster_centers_).to(color)))
+        missing = count - len(found)
+        return cls(torch.cat([found.color[:1].expand(missing, 3), found.color])) if missing else found
+
+    def lab(self) -> Tensor:
+        """The palette in CIE L*a*b*, [k, 3]."""
+        return to_lab(self.color)
+
+    def nearest(self, color: Tensor) -> Tensor:
+        """Index [n] of the paint nearest to each sRGB colour [n, 3], by distance in Lab."""
+        return torch.cdist(to_lab(color), self.lab()).argmin(1)

@@ -1,0 +1,132 @@
+"""A plan: strokes in painting order, each in one colour of a palette, on a canvas, for a brush."""
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from frida_painter import storage
+from frida_painter.errors import ConfigError, PlanError
+from frida_painter.frames import CanvasSize
+from frida_painter.palette import Palette
+from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
+
+VERSION = 1
+MOST_STROKES = 100_000
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be painted.
+
+    strokes: n strokes in painting order; paint [n]: index of each stroke's colour in the palette;
+    limits: what the brush can do; ground [3]: sRGB of the bare canvas; about: free facts (seed,
+    name of the photograph) that are kept with the plan. Raises PlanError where the parts do not fit.
+    """
+
+    strokes: Strokes
+    palette: Palette
+    paint: Tensor
+    canvas: CanvasSize
+    brush: str
+    limits: StrokeLimits
+    ground: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    about: tuple[tuple[str, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.paint) != len(self.strokes):
+            raise PlanError(
+                f"A plan has {len(self.strokes)} strokes and {len(self.paint)} paint numbers; it needs one each."
+            )
+        if not bool(((self.paint >= 0) & (self.paint < len(self.palette))).all()):
+            raise PlanError(f"A plan names a paint outside its palette of {len(self.palette)}; numbers start at 0.")
+        if not torch.equal(self.palette.color[self.paint].to(self.strokes.color), self.strokes.color):
+            raise PlanError("A plan has a stroke whose colour is not that of its paint; make the plan anew.")
+        self.strokes.check(self.limits, self.canvas)
+
+    @classmethod
+    def of(cls, strokes: Strokes, palette: Palette, paint: Tensor, **rest: Any) -> "Plan":
+        """The plan of these strokes, each given exactly the colour of its paint."""
+        return cls(strokes.with_groups(color=palette.color[paint].to(strokes.color)), palette, paint, **rest)
+
+    def __len__(self) -> int:
+        return len(self.strokes)
+
+    def part(self, which: slice) -> "Plan":
+        """The plan of some of the strokes only."""
+        return replace(self, strokes=self.strokes[which], paint=self.paint[which])
+
+    @property
+    def digest(self) -> str:
+        """sha256 over everything that decides what is painted."""
+        content = hashlib.sha256(repr((self.canvas, self.brush, self.limits, self.ground)).encode())
+        for tensor in (*self.strokes.arrays().values(), self.palette.color, self.paint):
+            content.update(tensor.detach().cpu().contiguous().numpy().tobytes())
+        return content.hexdigest()
+
+    def save(self, path: Path) -> None:
+        """Writes `path` (JSON) and beside it the tensors (safetensors, named by their content).
+
+        The JSON names the tensors' file and its hash, so that a crash between the two writes
+        leaves the plan that was there before. Raises StorageError.
+        """
+        tensors = {**self.strokes.arrays(), "palette": self.palette.color, "paint": self.paint}
+        beside = path.with_name(f"{path.stem}-{self.digest[:12]}.safetensors")
+        sha256 = storage.write_tensors(beside, tensors)
+        storage.write_json(
+            path,
+            {
+                "format": "frida-painter plan",
+                "version": VERSION,
+                "canvas_m": [self.canvas.width, self.canvas.height],
+                "strokes": len(self),
+                "palette_srgb": [[round(part, 6) for part in color] for color in self.palette.color.tolist()],
+                "brush": self.brush,
+                "limits": {"length_m": list(self.limits.length), "bend_m": list(self.limits.bend)},
+                "ground_srgb": list(self.ground),
+                "about": dict(self.about),
+                "tensors": beside.name,
+                "tensors_sha256": sha256,
+                "digest": self.digest,
+            },
+        )
+        for old in path.parent.glob(f"{path.stem}-*.safetensors"):
+            if old != beside:
+                old.unlink(missing_ok=True)
+
+    @classmethod
+    def load(cls, path: Path) -> "Plan":
+        """Reads a plan and checks all of it. Raises PlanError, naming what is wrong with it."""
+        if path.is_dir():
+            path = path / "plan.json"
+        record = storage.read_json(path, "a plan (plan.json)", PlanError)
+        if record.get("format") != "frida-painter plan":
+            raise PlanError(f"{path} is not a plan; give the plan.json of a painting.")
+        if record.get("version") != VERSION:
+            raise PlanError(
+                f"{path} is a plan of version {record.get('version')}; this program reads version {VERSION}; update it."
+            )
+        try:
+            beside = path.with_name(Path(record["tensors"]).name)
+            if record["strokes"] > MOST_STROKES:
+                raise PlanError(f"{path} has {record['strokes']} strokes; a plan has at most {MOST_STROKES}.")
+            tensors, _ = storage.read_tensors(beside, f"the plan {path.name}", PlanError, record["tensors_sha256"])
+            limits = record["limits"]
+            plan = cls(
+                strokes=Strokes(**{name: tensors[name] for name in GROUPS}),
+                palette=Palette(tensors["palette"]),
+                paint=tensors["paint"],
+                canvas=CanvasSize(*record["canvas_m"]),
+                brush=record["brush"],
+                limits=StrokeLimits(tuple(limits["length_m"]), tuple(limits["bend_m"])),
+                ground=tuple(record["ground_srgb"]),
+                about=tuple(record["about"].items()),
+            )
+        except (KeyError, TypeError, ValueError, AttributeError, IndexError, ConfigError) as cause:
+            raise PlanError(f"{path} is a plan with a part missing or out of range ({cause}); make it anew.") from cause
+        if plan.digest != record["digest"]:
+            raise PlanError(f"{path} does not belong to the strokes beside it; take the whole folder of one painting.")
+        return plan

@@ -1,0 +1,1 @@
+"""The differentiable renderer: from strokes to the picture that they would paint."""

@@ -1,0 +1,44 @@
+"""The renderer as the paper draws it: one stroke after another, each over the full canvas.
+
+Written to be read, and kept as the oracle of the fast paths, which have the same signature.
+"""
+
+import torch
+from torch import Tensor
+
+
+def composite(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor) -> Tensor:
+    """Lays strokes over a canvas in order (paper, Fig. "process of rendering a stroke").
+
+    magnitude: the strokes' magnitude maps [n, h, w] in [0, 1], zero outside
+    affine:    from canvas pixels (column, row, 1) to map cells (column, row), [n, 2, 3]
+    color:     sRGB [n, 3] in [0, 1]
+    canvas:    what is there before, [3, H, W]
+    returns    the picture [3, H, W]; differentiable in all four.
+    """
+    _, height, width = canvas.shape
+    column = torch.arange(width, dtype=canvas.dtype, device=canvas.device).expand(height, width)
+    row = torch.arange(height, dtype=canvas.dtype, device=canvas.device)[:, None].expand(height, width)
+    picture = canvas
+    for mark, place, paint in zip(magnitude, affine, color, strict=True):
+        map_column = place[0, 0] * column + place[0, 1] * row + place[0, 2]  # [H, W]
+        map_row = place[1, 0] * column + place[1, 1] * row + place[1, 2]  # [H, W]
+        alpha = bilinear(mark, map_column, map_row)  # [H, W]
+        picture = picture * (1 - alpha) + paint[:, None, None] * alpha
+    return picture
+
+
+def bilinear(mark: Tensor, column: Tensor, row: Tensor) -> Tensor:
+    """Samples a map [h, w] at fractional cells [...]; the map is surrounded by zeros without end."""
+    height, width = mark.shape
+    left, above = torch.floor(column).detach(), torch.floor(row).detach()
+    right_share, below_share = column - left, row - above
+
+    def cell(row_index: Tensor, column_index: Tensor) -> Tensor:
+        inside = (row_index >= 0) & (row_index < height) & (column_index >= 0) & (column_index < width)
+        value = mark[row_index.clamp(0, height - 1).long(), column_index.clamp(0, width - 1).long()]
+        return torch.where(inside, value, torch.zeros_like(value))
+
+    upper = cell(above, left) * (1 - right_share) + cell(above, left + 1) * right_share
+    lower = cell(above + 1, left) * (1 - right_share) + cell(above + 1, left + 1) * right_share
+    return upper * (1 - below_share) + lower * below_share

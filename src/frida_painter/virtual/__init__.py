@@ -1,0 +1,1 @@
+"""The virtual studio: a simulated reality of bristles, paint, canvas, robot and camera."""
