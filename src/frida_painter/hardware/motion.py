@@ -1,0 +1,72 @@
+"""From painting to moving: strokes, dips, rinses and wipes as waypoints of the brush's tip.
+
+Every motion begins and ends at hover height, so that any of them may follow any other.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frida_painter.brush.trajectory import stroke_path
+from frida_painter.calibration import Calibration
+from frida_painter.errors import WorkspaceViolation
+from frida_painter.hardware.robot import Waypoints
+from frida_painter.hardware.workspace import Point, Workspace
+from frida_painter.strokes import Strokes
+
+_STEP = 0.001
+_STIRS = 3
+_RINSE_RADIUS = 0.008
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Turns what a painter does into waypoints, for one workspace and one calibration."""
+
+    workspace: Workspace
+    calibration: Calibration
+
+    def stroke(self, strokes: Strokes, index: int, name: str | None = None) -> Waypoints:
+        """Stroke `index` of `strokes` on the canvas: down, along its path pressed by its thickness, and up."""
+        on_canvas, thickness = stroke_path(strokes, index, step=_STEP)  # [k, 2], [k]
+        height = self.calibration.height(thickness)
+        path = self.workspace.to_robot(self.calibration.place(on_canvas), height)
+        above = path[[0, -1]].copy()
+        above[:, 2] = self._hover_over(self.calibration.touch_height)
+        position = np.concatenate([above[:1], path, above[1:]])
+        return Waypoints(name or f"stroke {index}", position, self.workspace.painting_speed)
+
+    def dip(self, well: int) -> Waypoints:
+        """Into paint well `well`, a small stir, and out. Raises WorkspaceViolation where there is no such well."""
+        if not 0 <= well < len(self.workspace.wells):
+            raise WorkspaceViolation(
+                f"Paint well {well + 1} was wanted; the workspace has {len(self.workspace.wells)} wells; "
+                "use fewer colours (--colors) or add wells to the workspace."
+            )
+        return self._circle(f"dip into well {well + 1}", self.workspace.wells[well], turns=1)
+
+    def rinse(self) -> Waypoints:
+        """Into the water, stirred, and out."""
+        return self._circle("rinse", self.workspace.water, turns=_STIRS)
+
+    def wipe(self) -> Waypoints:
+        """To and fro across the rag."""
+        x, y, z = self.workspace.rag
+        half = self.workspace.rag_width / 2
+        across = np.array([(x - half, y, z), (x + half, y, z)])
+        position = np.concatenate([across, across[::-1], across])
+        return self._from_above("wipe", position)
+
+    def _circle(self, label: str, center: Point, turns: int) -> Waypoints:
+        angle = np.linspace(0, 2 * np.pi * turns, 12 * turns + 1)
+        offset = _RINSE_RADIUS * np.c_[np.cos(angle), np.sin(angle), np.zeros_like(angle)]
+        return self._from_above(label, np.array(center) + offset)
+
+    def _from_above(self, label: str, position: NDArray[np.float64]) -> Waypoints:
+        above = position[[0, -1]].copy()
+        above[:, 2] = self._hover_over(position[0, 2])
+        return Waypoints(label, np.concatenate([above[:1], position, above[1:]]), self.workspace.travel_speed)
+
+    def _hover_over(self, height: float) -> float:
+        return height + self.workspace.hover
