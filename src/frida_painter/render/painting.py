@@ -1,0 +1,35 @@
+"""From strokes to the picture they would paint: the stroke model, the frames and the compositing in one call."""
+
+from torch import Tensor
+
+from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
+from frida_painter.render import slices
+from frida_painter.strokes import Strokes
+
+
+def composite(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor) -> Tensor:
+    """Lays strokes over a canvas in order, by the fastest path for these tensors.
+
+    magnitude: the strokes' magnitude maps [n, h, w] in [0, 1], zero outside
+    affine:    from canvas pixels (column, row, 1) to map cells (column, row), [n, 2, 3]
+    color:     sRGB [n, 3] in [0, 1]
+    canvas:    what is there before, [3, H, W]
+    returns    the picture [3, H, W]; differentiable in all four.
+
+    Equals `reference.composite`.
+    """
+    return slices.composite(magnitude, affine, color, canvas)
+
+
+def render(strokes: Strokes, stroke_model: StrokeModel, canvas: Tensor, size: CanvasSize) -> Tensor:
+    """The picture [3, H, W] that strokes leave on a canvas of that size which now looks like `canvas` [3, H, W].
+
+    The resolution is that of `canvas`: hand in a larger one to print the same plan larger.
+    Differentiable in the seven parameters of every stroke and in the canvas; where no gradient is
+    asked for, nothing is kept, so that any size fits which the picture itself fits.
+    """
+    grid = PixelGrid(size, *canvas.shape[1:])
+    magnitude = stroke_model(strokes.thickness, strokes.length, strokes.bend)
+    affine = pixel_to_map(strokes.position, strokes.angle, grid, stroke_model.frame)
+    return composite(magnitude, affine, strokes.color, canvas)
