@@ -1,0 +1,100 @@
+"""An analytic stroke model: a soft-edged ribbon along the Bezier path, six numbers per brush.
+
+The comparator of the paper's Fig. "real versus simulated strokes" (there drawn by DiffVG), and a
+stroke model for a brush of which no stroke was ever photographed.
+"""
+
+from dataclasses import asdict, dataclass
+
+import torch
+from torch import Tensor, nn
+
+from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.trajectory import END_THICKNESS
+from frida_painter.frames import MapFrame
+from frida_painter.strokes import StrokeLimits
+
+_SEGMENTS = 24
+_MM = 1000.0
+
+
+@dataclass(frozen=True)
+class RibbonShape:
+    """What the ribbon looks like.
+
+    lightest, hardest: half of its width at thickness 0 and 1; softness: how wide its edge is;
+    ahead, aside: how far it lies from the path, along and across the stroke; all in millimetres.
+    opacity: its magnitude inside, in [0, 1].
+    """
+
+    lightest: float
+    hardest: float
+    softness: float
+    ahead: float = 0.0
+    aside: float = 0.0
+    opacity: float = 0.95
+
+    @classmethod
+    def typical(cls, kind: BrushKind) -> "RibbonShape":
+        """A plausible ribbon for a brush that has not painted yet."""
+        half = kind.width * _MM / 2
+        return cls(lightest=0.2 * half, hardest=0.9 * half, softness=0.25 * half)
+
+
+class BezierStroke(nn.Module):
+    """The analytic stroke model; differentiable in the stroke and in the shape of its ribbon.
+
+    A cell's magnitude falls from the opacity to exactly zero over the soft edge, by its distance to
+    the nearest point of the path less half the width that the brush's height gives there.
+    """
+
+    def __init__(self, brush: str, frame: MapFrame, limits: StrokeLimits, shape: RibbonShape) -> None:
+        super().__init__()
+        self.brush = brush
+        self.frame = frame
+        self.limits = limits
+        self.shape = nn.ParameterDict({name: torch.tensor(value) for name, value in asdict(shape).items()})
+
+    @classmethod
+    def typical(cls, kind: BrushKind) -> "BezierStroke":
+        """The model of a brush that has not painted yet."""
+        return cls(kind.name, kind.frame, kind.limits, RibbonShape.typical(kind))
+
+    @property
+    def ribbon(self) -> RibbonShape:
+        """The shape of the ribbon as plain numbers."""
+        return RibbonShape(**{name: float(value) for name, value in self.shape.items()})
+
+    def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
+        """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns]."""
+        shape = self.shape
+        cell = self.frame.cell_centers(dtype=length.dtype, device=length.device) * _MM  # [rows, columns, 2]
+        cell_x, cell_y = cell[..., 0] - shape["ahead"], cell[..., 1] - shape["aside"]
+        fraction = torch.linspace(0, 1, _SEGMENTS + 1, dtype=length.dtype, device=length.device)
+        middle = 3 * fraction * (1 - fraction)
+        path_x = _MM * length[:, None] * fraction  # [n, segments + 1]
+        path_y = _MM * bend[:, None] * middle
+        height = END_THICKNESS * (1 - middle) + thickness[:, None] * middle
+        half_width = shape["lightest"] + height * (shape["hardest"] - shape["lightest"])
+        beyond: Tensor | None = None
+        for start in range(_SEGMENTS):
+            reach = _beyond_segment(cell_x, cell_y, path_x, path_y, half_width, start)
+            beyond = reach if beyond is None else torch.minimum(beyond, reach)
+        assert beyond is not None
+        edge = (0.5 - beyond / shape["softness"]).clamp(0, 1)
+        return shape["opacity"] * edge * edge * (3 - 2 * edge)
+
+
+def _beyond_segment(
+    cell_x: Tensor, cell_y: Tensor, path_x: Tensor, path_y: Tensor, half_width: Tensor, start: int
+) -> Tensor:
+    """How far cells lie outside one straight piece of the ribbon, [n, rows, columns] millimetres."""
+    x, y, wide = (part[:, start, None, None] for part in (path_x, path_y, half_width))
+    run = path_x[:, start + 1, None, None] - x
+    rise = path_y[:, start + 1, None, None] - y
+    widening = half_width[:, start + 1, None, None] - wide
+    from_x, from_y = cell_x - x, cell_y - y
+    nearest = ((from_x * run + from_y * rise) / (run * run + rise * rise + 1e-12)).clamp(0, 1)
+    off_x, off_y = from_x - nearest * run, from_y - nearest * rise
+    # The tiny number keeps the slope of the root finite on the path itself.
+    return torch.sqrt(off_x * off_x + off_y * off_y + 1e-9) - wide - nearest * widening

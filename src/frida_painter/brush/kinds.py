@@ -1,0 +1,49 @@
+"""The brushes that ship with the project, and the rectangle in which a brush's marks lie."""
+
+from dataclasses import dataclass
+
+from frida_painter.errors import ConfigError
+from frida_painter.frames import MapFrame
+from frida_painter.strokes import StrokeLimits
+
+CELLS_ALONG = 80
+
+
+@dataclass(frozen=True)
+class BrushKind:
+    """A brush: its name, what it can paint, and the widest mark that it leaves, in metres."""
+
+    name: str
+    limits: StrokeLimits
+    width: float
+
+    @property
+    def frame(self) -> MapFrame:
+        """The rectangle around a stroke's start that holds every mark of this brush, in near-square cells.
+
+        The path reaches three quarters of the bend aside; around it lie the mark, and margin for
+        bristles that splay and for a brush that trails behind its tip.
+        """
+        aside = 0.75 * max(abs(bend) for bend in self.limits.bend) + self.width
+        left, right = -1.25 * self.width, self.limits.length[1] + 1.25 * self.width
+        pitch = (right - left) / CELLS_ALONG
+        rows = 4 * round(2 * aside / pitch / 4)  # the network's upscaler works on whole coarse cells
+        return MapFrame(left, right, -rows * pitch / 2, rows * pitch / 2, rows, CELLS_ALONG)
+
+
+def _kind(name: str, shortest: float, longest: float, bend: float, width: float) -> BrushKind:
+    return BrushKind(name, StrokeLimits((shortest, longest), (-bend, bend)), width)
+
+
+FINE = _kind("fine", 0.008, 0.048, 0.012, 0.007)
+MEDIUM = _kind("medium", 0.010, 0.060, 0.016, 0.011)
+BROAD = _kind("broad", 0.012, 0.075, 0.022, 0.018)
+KINDS = (FINE, MEDIUM, BROAD)
+
+
+def brush_kind(name: str) -> BrushKind:
+    """The brush of that name. Raises ConfigError where none of the project's brushes is called so."""
+    for kind in KINDS:
+        if kind.name == name:
+            return kind
+    raise ConfigError(f"Brush {name!r} is not known; brushes are {', '.join(kind.name for kind in KINDS)}.")
