@@ -1,0 +1,34 @@
+"""The page of a painting: one HTML file beside its pictures, which opens from a folder without a network."""
+
+from pathlib import Path
+
+import jinja2
+from markupsafe import Markup
+
+from frida_painter import storage
+from frida_painter.report.curve import curve_svg
+from frida_painter.report.story import Story
+
+PAGE = "index.html"
+
+
+def page(story: Story) -> str:
+    """The story as HTML that needs nothing but the files it names."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("frida_painter", "report/templates"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    # The curve is our own markup, whose texts are escaped where it is made.
+    curve = Markup(curve_svg(story.phases))
+    html = environment.get_template("page.html").render(story=story, curve=curve)
+    return html.encode("utf-8", "replace").decode("utf-8")
+
+
+def write_page(story: Story, folder: Path) -> Path:
+    """Writes the page into the painting's folder, atomically; returns its path. Raises StorageError."""
+    path = folder / PAGE
+    storage.write_text(path, page(story))
+    return path

@@ -1,0 +1,120 @@
+"""The story of one painting: everything its page tells, as plain names and numbers.
+
+Pictures, the film and the downloads are file names relative to the painting's folder.
+"""
+
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from frida_painter.palette import to_lab
+from frida_painter.plan import Plan
+
+
+@dataclass(frozen=True)
+class Paint:
+    """One paint to mix: number from 1, hex "#rrggbb", sRGB bytes, Lab, its strokes, and their share in [0, 1]."""
+
+    number: int
+    hex: str
+    srgb: tuple[int, int, int]
+    lab: tuple[float, float, float]
+    strokes: int
+    share: float
+
+
+@dataclass(frozen=True)
+class Look:
+    """One look at the canvas in the middle of the painting, and what planning again made of it.
+
+    strokes: how many were painted by then; photograph, expected, difference: what was seen, what the
+    plan had promised, and where the two differ; plan: the finished painting as planned from then on;
+    loss_before, loss_after: of that plan before and after planning again; text: a sentence or two.
+    """
+
+    strokes: int
+    photograph: str
+    expected: str
+    difference: str
+    plan: str
+    loss_before: float
+    loss_after: float
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Phase:
+    """The loss while one plan was made: (iteration, loss) in order; name as it stands over the curve."""
+
+    name: str
+    loss: tuple[tuple[int, float], ...]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """How near one picture comes to another: PSNR in dB, and the mean distance in Lab (2 is just visible)."""
+
+    label: str
+    psnr: float
+    distance: float
+
+
+@dataclass(frozen=True)
+class Download:
+    """A file that a person may want to take along, and in a few words what it is for."""
+
+    file: str
+    purpose: str
+
+
+@dataclass(frozen=True)
+class Story:
+    """What the page of a painting tells, in its order.
+
+    painting is None where the work was stopped before the first photograph of the canvas, film where
+    there is none; facts are (label, value) in the order in which they stand.
+    """
+
+    title: str
+    summary: str
+    target: str
+    plan: str
+    painting: str | None
+    film: str | None
+    palette_sheet: str | None
+    paints: tuple[Paint, ...]
+    looks: tuple[Look, ...] = ()
+    phases: tuple[Phase, ...] = ()
+    comparisons: tuple[Comparison, ...] = ()
+    facts: tuple[tuple[str, str], ...] = ()
+    downloads: tuple[Download, ...] = ()
+    stopped: bool = False
+
+
+def paints(plan: Plan) -> tuple[Paint, ...]:
+    """The paints of a plan in the order of its palette, with how many strokes each of them gets."""
+    counts = plan.paint.bincount(minlength=len(plan.palette)).tolist()
+    lab = plan.palette.lab()
+    return tuple(
+        Paint(
+            number=number,
+            hex=hex_of(color),
+            srgb=tuple((color * 255).round().int().tolist()),
+            lab=tuple(round(part, 1) + 0.0 for part in place.tolist()),
+            strokes=count,
+            share=count / max(1, len(plan)),
+        )
+        for number, (color, place, count) in enumerate(zip(plan.palette.color, lab, counts, strict=True), start=1)
+    )
+
+
+def hex_of(color: Tensor) -> str:
+    """sRGB [3] in [0, 1] as "#rrggbb"."""
+    return "#{:02x}{:02x}{:02x}".format(*(color * 255).round().int().tolist())
+
+
+def compare(label: str, picture: Tensor, reference: Tensor) -> Comparison:
+    """Measures `picture` against `reference`, both sRGB [3, H, W] in [0, 1]."""
+    error = (picture - reference).double().square().mean().clamp(min=1e-10)
+    apart = (to_lab(picture.permute(1, 2, 0)) - to_lab(reference.permute(1, 2, 0))).norm(dim=-1).mean()
+    return Comparison(label, float(-10 * error.log10()), float(apart))

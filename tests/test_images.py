@@ -1,0 +1,338 @@
+import io
+import os
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image, ImageCms
+
+from frida_painter import images
+from frida_painter.errors import ImageError, StorageError
+
+ROWS, COLUMNS = 40, 60
+
+
+@pytest.fixture
+def scene() -> np.ndarray:
+    """A smooth picture without symmetry: red grows to the right, green downwards, blue falls."""
+    down, right = np.mgrid[0:ROWS, 0:COLUMNS]
+    return np.stack((right * 4, down * 5, 240 - right * 2 - down), -1).astype(np.uint8)
+
+
+def mean_difference(image: torch.Tensor, scene: np.ndarray) -> float:
+    return float((image - images.from_uint8(scene)).abs().mean())
+
+
+@pytest.mark.parametrize(
+    ("suffix", "allowed"), [("jpg", 0.02), ("png", 0), ("webp", 0.04), ("tif", 0), ("bmp", 0), ("gif", 0.04)]
+)
+def test_every_format_is_read(tmp_path: Path, scene: np.ndarray, suffix: str, allowed: float) -> None:
+    path = tmp_path / f"scene.{suffix}"
+    Image.fromarray(scene).save(path)
+    image = images.load(path)
+    assert image.shape == (3, ROWS, COLUMNS) and image.dtype == torch.float32 and image.is_contiguous()
+    assert mean_difference(image, scene) <= allowed
+
+
+def test_the_name_of_a_file_does_not_decide_what_it_is(tmp_path: Path, scene: np.ndarray) -> None:
+    Image.fromarray(scene).save(tmp_path / "scene.jpg", format="PNG")
+    assert mean_difference(images.load(tmp_path / "scene.jpg"), scene) == 0
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_exif_turns_a_photograph_upright(tmp_path: Path, scene: np.ndarray, orientation: int) -> None:
+    # How a camera stores an upright scene when it notes each orientation (EXIF 2.32, tag 0x0112).
+    stored = {
+        1: scene,
+        2: scene[:, ::-1],
+        3: scene[::-1, ::-1],
+        4: scene[::-1],
+        5: scene.transpose(1, 0, 2),
+        6: np.rot90(scene, 1),
+        7: scene.transpose(1, 0, 2)[::-1, ::-1],
+        8: np.rot90(scene, -1),
+    }[orientation]
+    note = Image.Exif()
+    note[0x0112] = orientation
+    Image.fromarray(np.ascontiguousarray(stored)).save(tmp_path / "scene.png", exif=note)
+    assert mean_difference(images.load(tmp_path / "scene.png"), scene) == 0
+
+
+def test_cmyk(tmp_path: Path) -> None:
+    Image.new("CMYK", (32, 32), (0, 255, 255, 0)).save(tmp_path / "red.jpg", quality=95)
+    red = images.load(tmp_path / "red.jpg").mean((1, 2))
+    assert red[0] > 0.95 and red[1:].max() < 0.05
+
+
+def test_palette(tmp_path: Path, scene: np.ndarray) -> None:
+    few = Image.fromarray(scene).quantize(200)
+    few.save(tmp_path / "few.png")
+    assert mean_difference(images.load(tmp_path / "few.png"), np.asarray(few.convert("RGB"))) == 0
+
+
+def test_palette_with_one_transparent_color_is_laid_on_white(tmp_path: Path) -> None:
+    few = Image.new("P", (32, 32), 1)
+    few.putpalette([0, 0, 0, 0, 0, 255])
+    few.paste(0, (0, 0, 16, 32))
+    few.save(tmp_path / "hole.png", transparency=0)
+    image = images.load(tmp_path / "hole.png")
+    assert torch.equal(image[:, 5, 5], torch.ones(3)) and torch.equal(image[:, 5, 25], torch.tensor([0.0, 0.0, 1.0]))
+
+
+@pytest.mark.parametrize("mode", ["RGBA", "LA"])
+def test_half_transparent_black_on_white_is_gray(tmp_path: Path, mode: str) -> None:
+    Image.new(mode, (32, 32), (0,) * (len(mode) - 1) + (128,)).save(tmp_path / "veil.png")
+    assert images.load(tmp_path / "veil.png").mean().item() == pytest.approx(1 - 128 / 255, abs=0.004)
+
+
+def test_gray_and_black_and_white(tmp_path: Path) -> None:
+    Image.new("L", (32, 32), 51).save(tmp_path / "gray.png")
+    assert images.load(tmp_path / "gray.png").unique().tolist() == pytest.approx([0.2])
+    Image.new("1", (32, 32), 1).save(tmp_path / "white.png")
+    assert images.load(tmp_path / "white.png").unique().tolist() == [1.0]
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif"])
+def test_sixteen_bit_gray_is_scaled_by_its_own_range(tmp_path: Path, suffix: str) -> None:
+    ramp = np.tile(np.linspace(0, 65535, COLUMNS).astype(np.uint16), (ROWS, 1))
+    cv2.imwrite(str(tmp_path / f"deep.{suffix}"), ramp)
+    image = images.load(tmp_path / f"deep.{suffix}")
+    assert torch.allclose(image[1, 7], torch.linspace(0, 1, COLUMNS), atol=1e-4)
+
+
+def test_sixteen_bit_color_is_scaled_by_its_own_range(tmp_path: Path, scene: np.ndarray) -> None:
+    cv2.imwrite(str(tmp_path / "deep.png"), scene[..., ::-1].astype(np.uint16) * 257)
+    assert mean_difference(images.load(tmp_path / "deep.png"), scene) < 1e-6
+
+
+def test_floating_point_values_are_taken_only_where_their_range_is_plain(tmp_path: Path) -> None:
+    ramp = np.tile(np.linspace(0, 1, COLUMNS, dtype=np.float32), (ROWS, 1))
+    Image.fromarray(ramp).save(tmp_path / "float.tif")
+    assert torch.allclose(images.load(tmp_path / "float.tif")[0, 0], torch.linspace(0, 1, COLUMNS), atol=1e-6)
+    for name, factor in (("large", 300.0), ("negative", -1.0), ("nan", np.nan)):
+        Image.fromarray(ramp * np.float32(factor)).save(tmp_path / f"{name}.tif")
+        with pytest.raises(ImageError, match="from 0 to 1"):
+            images.load(tmp_path / f"{name}.tif")
+
+
+def test_lab_tiff(tmp_path: Path, scene: np.ndarray) -> None:
+    standard, lab = ImageCms.createProfile("sRGB"), ImageCms.createProfile("LAB")
+    soft = Image.fromarray(scene // 2 + 60)
+    ImageCms.profileToProfile(soft, standard, lab, outputMode="LAB").save(tmp_path / "lab.tif")
+    assert mean_difference(images.load(tmp_path / "lab.tif"), np.asarray(soft)) < 0.02
+
+
+def test_an_embedded_profile_decides_what_the_numbers_mean(tmp_path: Path, scene: np.ndarray) -> None:
+    # sRGB with the primaries red and green changed over: this file's first channel is green light.
+    swapped = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    for old, new in ((b"rXYZ", b"????"), (b"gXYZ", b"rXYZ"), (b"????", b"gXYZ")):
+        swapped = swapped.replace(old, new)
+    swapped = swapped.replace("sRGB".encode("utf-16-be"), "GRGB".encode("utf-16-be"))
+    Image.fromarray(scene[..., [1, 0, 2]]).save(tmp_path / "swapped.png", icc_profile=swapped)
+    assert mean_difference(images.load(tmp_path / "swapped.png"), scene) < 0.005
+
+
+@pytest.mark.parametrize("profile", [b"nonsense", ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()])
+def test_a_profile_that_does_not_fit_is_ignored(tmp_path: Path, scene: np.ndarray, profile: bytes) -> None:
+    Image.fromarray(scene).save(tmp_path / "scene.png", icc_profile=profile)
+    assert mean_difference(images.load(tmp_path / "scene.png"), scene) == 0
+
+
+def test_of_an_animation_the_first_frame_counts(tmp_path: Path) -> None:
+    first, second = Image.new("RGB", (32, 32), "red"), Image.new("RGB", (32, 32), "blue")
+    for suffix in ("gif", "webp", "png"):
+        first.save(tmp_path / f"moving.{suffix}", save_all=True, append_images=[second], duration=100)
+        red = images.load(tmp_path / f"moving.{suffix}").mean((1, 2))
+        assert red[0] > 0.95 and red[1:].max() < 0.05
+
+
+def test_a_large_photograph_is_made_smaller(tmp_path: Path) -> None:
+    halves = np.zeros((1200, 2400, 3), np.uint8)
+    halves[:, 1200:] = 255
+    for suffix in ("jpg", "png"):
+        Image.fromarray(halves).save(tmp_path / f"halves.{suffix}")
+        image = images.load(tmp_path / f"halves.{suffix}", longest=300)
+        assert image.shape == (3, 150, 300)
+        assert image[..., :145].max() < 0.02 and image[..., 155:].min() > 0.98
+
+
+# What is refused
+
+
+def wide_png(width: int, height: int) -> bytes:
+    """A PNG that says it is width x height and is otherwise empty: a decompression bomb in 60 bytes."""
+    import struct
+    import zlib
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(b"0")) + chunk(b"IEND", b"")
+
+
+def png(columns: int, rows: int) -> bytes:
+    content = io.BytesIO()
+    Image.new("RGB", (columns, rows), "red").save(content, format="PNG")
+    return content.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"", "0 bytes"),
+        (b"Dear Sir or Madam,", "is a text"),
+        (b'<svg xmlns="http://www.w3.org/2000/svg"/>', "SVG or HTML"),
+        (b"  <!DOCTYPE html><html></html>", "SVG or HTML"),
+        (b"\0\0\0\x18ftypheic\0\0\0\0", "HEIC"),
+        (b"%PDF-1.7\n", "PDF"),
+        (bytes(range(1, 200)), "unknown kind"),
+        (png(1, 1), "1 x 1 pixels; a picture has at least 16"),
+        (png(200, 15), "at least 16"),
+        (wide_png(40_000, 1_000), "40000 x 1000 pixels; a picture has at most 30000"),
+        (wide_png(12_000, 12_000), "12000 x 12000 pixels.*100 million"),
+        (wide_png(40_000, 30_000), "1200 million pixels"),
+        (wide_png(64, 64), "damaged"),
+        (png(64, 64)[:80], "damaged"),
+    ],
+)
+def test_what_is_not_a_picture_is_refused_in_one_sentence(tmp_path: Path, content: bytes, says: str) -> None:
+    path = tmp_path / "photo.jpg"
+    path.write_bytes(content)
+    began = time.process_time()
+    with pytest.raises(ImageError, match=says) as refusal:
+        images.load(path)
+    assert time.process_time() - began < 1
+    message = str(refusal.value)
+    assert "photo.jpg" in message and message.endswith(".") and "\n" not in message
+
+
+def test_a_cut_off_photograph_is_refused(tmp_path: Path, scene: np.ndarray) -> None:
+    for suffix in ("jpg", "webp", "bmp", "tif"):
+        path = tmp_path / f"cut.{suffix}"
+        Image.fromarray(scene).resize((600, 400)).save(path)
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+        with pytest.raises(ImageError, match=r"damaged|not a picture"):
+            images.load(path)
+
+
+def test_what_is_not_a_file_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for name, says in (("missing.jpg", "does not exist"), (".", "folder"), ("pipe", "not a plain file")):
+        with pytest.raises(ImageError, match=says):
+            images.load(tmp_path / name)
+    for name in ("a" * 5000, "nul\0byte"):
+        with pytest.raises(ImageError):
+            images.load(tmp_path / name)
+
+
+def test_the_cap_can_be_lowered(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(png(100, 100))
+    assert images.load(tmp_path / "a.png", most_pixels=10_000).shape == (3, 100, 100)
+    with pytest.raises(ImageError, match="at most"):
+        images.load(tmp_path / "a.png", most_pixels=9_999)
+
+
+def corpus() -> list[bytes]:
+    """One small file of every kind, among them those with a palette, alpha, 16 bits, EXIF and two frames."""
+    down, right = np.mgrid[0:24, 0:24]
+    color = Image.fromarray(np.stack((right * 9, down * 9, right + down), -1).astype(np.uint8))
+    note = Image.Exif()
+    note[0x0112] = 6
+    deep = Image.fromarray((right * 2500).astype(np.uint16))
+    files = [
+        (color, "JPEG", {"exif": note}),
+        (color, "JPEG", {"progressive": True}),
+        (color.convert("CMYK"), "JPEG", {}),
+        (color, "PNG", {}),
+        (color.quantize(16), "PNG", {"transparency": 0}),
+        (deep, "PNG", {}),
+        (color.convert("RGBA"), "WEBP", {}),
+        (color, "TIFF", {"compression": "tiff_lzw"}),
+        (deep, "TIFF", {}),
+        (color, "BMP", {}),
+        (color, "GIF", {"save_all": True, "append_images": [color.rotate(90)]}),
+    ]
+    written = []
+    for image, kind, options in files:
+        content = io.BytesIO()
+        image.save(content, format=kind, **options)
+        written.append(content.getvalue())
+    return written
+
+
+@settings(max_examples=250, deadline=None)
+@given(
+    content=st.sampled_from(corpus()),
+    changes=st.lists(st.tuples(st.integers(0, 2**16), st.integers(0, 255)), max_size=6),
+    kept=st.floats(0.3, 1),
+)
+def test_damaged_bytes_give_a_picture_or_one_sentence(
+    tmp_path_factory: pytest.TempPathFactory, content: bytes, changes: list[tuple[int, int]], kept: float
+) -> None:
+    damaged = bytearray(content)
+    for place, value in changes:
+        damaged[place % len(damaged)] = value
+    path = tmp_path_factory.getbasetemp() / "damaged.jpg"
+    path.write_bytes(bytes(damaged[: round(kept * len(damaged))]))
+    try:
+        image = images.load(path, most_pixels=1_000_000)
+    except ImageError as refusal:
+        assert "\n" not in str(refusal)
+    else:
+        assert image.shape[0] == 3 and bool(((image >= 0) & (image <= 1)).all())
+
+
+# Saving, bytes, fitting
+
+
+@pytest.mark.parametrize(("suffix", "allowed"), [("png", 1 / 510 + 1e-6), ("jpg", 0.06)])
+def test_what_is_saved_is_read_back(tmp_path: Path, suffix: str, allowed: float) -> None:
+    down, right = torch.meshgrid(torch.linspace(0, 1, 50), torch.linspace(0, 1, 70), indexing="ij")
+    image = torch.stack((down, right, 1 - down * right))
+    path = tmp_path / "new" / f"picture.{suffix}"
+    images.save(image, path)
+    assert (images.load(path) - image).abs().max() <= allowed
+    assert [file.name for file in path.parent.iterdir()] == [path.name]
+
+
+def test_a_picture_that_cannot_be_written_is_said_so(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(StorageError, match="cannot be written"):
+        images.save(torch.zeros(3, 20, 20), tmp_path / "file" / "picture.png")
+
+
+def test_bytes_and_back() -> None:
+    every = np.arange(256, dtype=np.uint8).repeat(3).reshape(16, 16, 3)
+    assert np.array_equal(images.to_uint8(images.from_uint8(every)), every)
+    assert images.to_uint8(torch.tensor([-1.0, 0.5, 2.0]).reshape(3, 1, 1)).flatten().tolist() == [0, 128, 255]
+
+
+@settings(max_examples=60, deadline=None)
+@given(*(st.integers(1, 60) for _ in range(4)), st.integers(0, 2**31))
+def test_fit_has_the_asked_shape_and_keeps_the_range(
+    height: int, width: int, rows: int, columns: int, seed: int
+) -> None:
+    image = torch.rand(3, height, width, generator=torch.Generator().manual_seed(seed))
+    fitted = images.fit(image, rows, columns)
+    assert fitted.shape == (3, rows, columns)
+    assert fitted.min() >= image.min() - 1e-5 and fitted.max() <= image.max() + 1e-5
+
+
+def test_fit_crops_the_middle_and_keeps_proportions() -> None:
+    image = torch.zeros(3, 60, 120)
+    image[:, 20:40, 50:70] = 1  # a square in the middle
+    image[:, :, :20] = 0.5  # at the left, outside the middle square
+    fitted = images.fit(image, 30, 30)
+    assert not bool((fitted == 0.5).any())
+    assert torch.equal(fitted[0, 11:19, 11:19], torch.ones(8, 8)) and fitted[0, :8].max() == 0
+
+
+def test_fit_averages_over_area_when_it_makes_smaller() -> None:
+    checks = (torch.arange(400)[:, None] + torch.arange(400)).remainder(2).float().expand(3, -1, -1)
+    assert (images.fit(checks, 50, 50) - 0.5).abs().max() < 0.01
