@@ -1,10 +1,11 @@
 """From strokes to the picture they would paint: the stroke model, the frames and the compositing in one call."""
 
+from importlib.util import find_spec
+
 from torch import Tensor
 
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
-from frida_painter.render import slices
 from frida_painter.strokes import Strokes
 
 
@@ -17,8 +18,16 @@ def composite(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor) 
     canvas:    what is there before, [3, H, W]
     returns    the picture [3, H, W]; differentiable in all four.
 
-    Equals `reference.composite`.
+    Tensors on the CPU go to compiled scanlines if numba is installed; all others go to plain
+    PyTorch, on their own device. Both equal `reference.composite`.
     """
+    if canvas.device.type == "cpu" and find_spec("numba") is not None:
+        # Imported here because loading the compiler takes a second that a CUDA user need not pay.
+        from frida_painter.render import scanline
+
+        return scanline.composite(magnitude, affine, color, canvas)
+    from frida_painter.render import slices
+
     return slices.composite(magnitude, affine, color, canvas)
 
 
