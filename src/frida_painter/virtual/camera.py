@@ -1,0 +1,194 @@
+"""The studio's camera: perspective, lens, uneven light, a colour cast, noise, eight bits of sRGB."""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from frida_painter.errors import CameraError, StaleFrame
+from frida_painter.hardware.camera import Frame
+from frida_painter.virtual.faults import NO_FAULTS, Faults
+from frida_painter.virtual.paint import to_srgb
+from frida_painter.virtual.robot import Clock
+from frida_painter.virtual.table import Table
+
+Corners = tuple[tuple[float, float], ...]
+
+_TONES = 4096
+_NOISE_BANK = 1 << 18
+_TABLE_SRGB = (0.42, 0.39, 0.36)
+
+
+@dataclass(frozen=True)
+class CameraSpec:
+    """How the camera stands and what it does to the light.
+
+    photograph: (rows, columns); tilt, side: radians by which it looks from below and from the side
+    instead of straight on; roll: radians; filling: share of the photograph that the canvas spans;
+    lens: barrel distortion at the photograph's corner, share of the radius; falloff: how much
+    darker the darkest corner is; cast: gain of the three bands; bleed: light that leaks between
+    bands; noise: standard deviation at full light, share of it; exposure: seconds.
+    """
+
+    photograph: tuple[int, int] = (1200, 1600)
+    tilt: float = math.radians(16)
+    side: float = math.radians(7)
+    roll: float = math.radians(0.8)
+    filling: float = 0.88
+    lens: float = 0.006
+    falloff: float = 0.28
+    cast: tuple[float, float, float] = (0.97, 0.92, 0.84)
+    bleed: float = 0.02
+    noise: float = 0.008
+    exposure: float = 0.1
+
+    @classmethod
+    def ideal(cls, rows: int = 1200, columns: int = 1600) -> "CameraSpec":
+        """A camera straight above the canvas, without lens, cast, falloff or noise."""
+        return cls((rows, columns), 0.0, 0.0, 0.0, 0.95, 0.0, 0.0, (1.0, 1.0, 1.0), 0.0, 0.0)
+
+
+class VirtualCamera:
+    """Implements hardware.camera.Camera over a table. corners: of the canvas where it stood at first."""
+
+    def __init__(self, spec: CameraSpec, table: Table, clock: Clock, random: np.random.Generator) -> None:
+        self.faults: Faults = NO_FAULTS
+        self.photographs = 0
+        self._spec, self._table, self._clock, self._random = spec, table, clock, random
+        width, height = table.canvas.width, table.canvas.height
+        self._to_canvas, self.corners = _optics(spec, width, height)
+        self._light = _light(spec, random)
+        self._mix = (np.eye(3) * (1 - 3 * spec.bleed) + spec.bleed) * np.array(spec.cast)[:, None]
+        self._tones = np.rint(255 * to_srgb(np.linspace(0, 1, _TONES))).astype(np.uint8)
+        self._noise = (spec.noise * random.standard_normal(_NOISE_BANK)).astype(np.float32)
+        self._last: Frame | None = None
+        self._connected = False
+
+    def connect(self) -> None:
+        """Switches the camera on; doing it twice changes nothing."""
+        self._connected = True
+
+    def close(self) -> None:
+        """Switches the camera off."""
+        self._connected = False
+
+    def capture(self, newer_than: float) -> Frame:
+        """A photograph of the canvas as it is now, later than `newer_than` (s of the studio's clock).
+
+        Raises StaleFrame where `newer_than` lies ahead, or the stale fault hands out the frame before;
+        CameraError where the camera is not connected.
+        """
+        if not self._connected:
+            raise CameraError("The virtual camera is not connected; call connect() first.")
+        number, self.photographs = self.photographs, self.photographs + 1
+        frame = self._last
+        if frame is None or number not in self.faults.stale_photographs:
+            self._clock.now += self._spec.exposure
+            frame = Frame(self._expose(), self._clock.now, number)
+        self._last = frame
+        if not frame.captured_at > newer_than:
+            raise StaleFrame(
+                f"The virtual camera has a photograph of {frame.captured_at:.2f} s; one later than "
+                f"{newer_than:.2f} s was asked for; take another."
+            )
+        return frame
+
+    def _expose(self) -> NDArray[np.uint8]:
+        canvas = self._table.canvas
+        seen = canvas.reflectance()
+        image = np.empty((*self._spec.photograph, 3), np.uint8)
+        offset = int(self._random.integers(_NOISE_BANK))
+        # Where the canvas lies now: photograph -> table (mm) -> cells.
+        knock = self._table.knock
+        cos, sin = math.cos(knock.turn), math.sin(knock.turn)
+        center = np.array([canvas.width, canvas.height]) / 2
+        back = np.array([[cos, sin], [-sin, cos]]) / canvas.cell
+        shift = center / canvas.cell - back @ (center + 1000 * np.array(knock.shift)) - 0.5
+        backdrop = np.array(_TABLE_SRGB, np.float32) ** 2.2
+        _photograph(
+            seen, self._to_canvas, self._light, np.c_[back, shift].astype(np.float32),
+            self._mix.astype(np.float32), backdrop, self._tones, self._noise, offset, image,
+        )  # fmt: skip
+        return image
+
+
+def _optics(spec: CameraSpec, width: float, height: float) -> tuple[NDArray[np.float32], Corners]:
+    """Where each pixel looks, [rows, columns, 2] mm on the canvas's plane, and the canvas's corners in pixels."""
+    rows, columns = spec.photograph
+    distance = 2.2 * math.hypot(width, height)
+    tilt = np.array([[1, 0, 0], [0, math.cos(spec.tilt), math.sin(spec.tilt)],
+                     [0, -math.sin(spec.tilt), math.cos(spec.tilt)]])  # fmt: skip
+    side = np.array([[math.cos(spec.side), 0, math.sin(spec.side)], [0, 1, 0],
+                     [-math.sin(spec.side), 0, math.cos(spec.side)]])  # fmt: skip
+    roll = np.array([[math.cos(spec.roll), -math.sin(spec.roll), 0], [math.sin(spec.roll), math.cos(spec.roll), 0],
+                     [0, 0, 1]])  # fmt: skip
+    turned = roll @ tilt @ side
+    # Canvas millimetres, y up, to camera coordinates, whose y runs down.
+    pose = np.diag([1.0, -1.0, -1.0]) @ np.c_[turned[:, :2], turned @ (-width / 2, -height / 2, 0) - (0, 0, distance)]
+    world = np.array([(0, height, 1), (width, height, 1), (width, 0, 1), (0, 0, 1)], float)
+    seen = world @ pose.T
+    seen = seen[:, :2] / seen[:, 2:]
+    low, high = seen.min(0), seen.max(0)
+    focal = spec.filling * float(np.min(np.array([columns, rows]) / (high - low)))
+    middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
+    lens = np.array([[focal, 0, 0], [0, focal, 0], [0, 0, 1]])
+    lens[:2, 2] = -focal * (low + high) / 2
+    homography = lens @ pose  # canvas (x, y, 1) mm -> pixels from the middle, before the lens bends them
+    reach = float(np.hypot(*middle))
+
+    def straightened(pixel: NDArray[np.float64]) -> NDArray[np.float64]:
+        offset = pixel - middle
+        return offset * (1 + spec.lens * ((offset / reach) ** 2).sum(-1, keepdims=True))
+
+    ideal = world @ homography.T
+    ideal = ideal[:, :2] / ideal[:, 2:]
+    corners = ideal + middle
+    for _ in range(20):
+        corners += ideal - straightened(corners)
+    grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).astype(np.float64)
+    view = cv2.perspectiveTransform(straightened(grid), np.linalg.inv(homography))
+    return view.astype(np.float32), tuple((float(x), float(y)) for x, y in corners)
+
+
+def _light(spec: CameraSpec, random: np.random.Generator) -> NDArray[np.float32]:
+    """Brightness of the light over the photograph [rows, columns]: a lamp to one side, and the lens's vignette."""
+    rows, columns = spec.photograph
+    down, across = np.linspace(-1, 1, rows)[:, None], np.linspace(-1, 1, columns)[None]
+    angle = random.uniform(0, 2 * math.pi)
+    lamp = (1 + math.cos(angle) * across + math.sin(angle) * down) / (1 + abs(math.cos(angle)) + abs(math.sin(angle)))
+    vignette = (across**2 + down**2) / 2
+    return (0.97 * (1 - spec.falloff * (0.6 * (1 - lamp) / 2 + 0.7 * vignette))).astype(np.float32)
+
+
+@numba.njit(cache=True, nogil=True)
+def _photograph(seen, view, light, to_cell, mix, backdrop, tones, noise, offset, image):  # type: ignore[no-untyped-def]
+    rows, columns = light.shape
+    high, wide = seen.shape[0], seen.shape[1]
+    bank, last = noise.shape[0], tones.shape[0] - 1
+    position = offset
+    for r in range(rows):
+        for c in range(columns):
+            x = to_cell[0, 0] * view[r, c, 0] + to_cell[0, 1] * view[r, c, 1] + to_cell[0, 2]
+            y = to_cell[1, 0] * view[r, c, 0] + to_cell[1, 1] * view[r, c, 1] + to_cell[1, 2]
+            red, green, blue = backdrop[0], backdrop[1], backdrop[2]
+            if -0.5 <= x <= wide - 0.5 and -0.5 <= y <= high - 0.5:
+                x, y = min(max(x, 0.0), wide - 1.0), min(max(y, 0.0), high - 1.0)
+                left, below = min(int(x), wide - 2), min(int(y), high - 2)
+                u, v = x - left, y - below
+                p, q, s, t = (1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v
+                a, b = seen[below, left], seen[below, left + 1]
+                d, e = seen[below + 1, left], seen[below + 1, left + 1]
+                red = p * a[0] + q * b[0] + s * d[0] + t * e[0]
+                green = p * a[1] + q * b[1] + s * d[1] + t * e[1]
+                blue = p * a[2] + q * b[2] + s * d[2] + t * e[2]
+            for band in range(3):
+                value = light[r, c] * (mix[band, 0] * red + mix[band, 1] * green + mix[band, 2] * blue)
+                # Photon noise: its variance grows with the light.
+                value += noise[position] * math.sqrt(max(value, 0.0) + 0.002)
+                position += 1
+                if position >= bank:
+                    position = 0
+                image[r, c, band] = tones[int(min(max(value, 0.0), 1.0) * last + 0.5)]

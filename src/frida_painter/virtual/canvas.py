@@ -1,0 +1,199 @@
+"""The canvas: a primed cloth with a tooth, dry paint, and one wet layer that bristles give to and take from.
+
+Millimetres, microlitres and seconds inside; row 0 lies at the canvas's lower edge, so that rows go up
+as y does. A film's volume per area is its thickness in millimetres.
+"""
+
+import math
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from frida_painter.virtual.bristles import Tuft
+from frida_painter.virtual.paint import BANDS, film_over
+
+# Share of the way to its film that a bristle covers per cell that it crosses, and of the wet paint that it stirs.
+_GIVING, _STIRRING = 0.45, 0.30
+# Paint is never spread thinner than this, mm: less of it covers less of the cell.
+_THINNEST = 0.010
+# Below this, mm, a wet film counts as set.
+_NEGLIGIBLE = 2e-4
+# Diffuse light from the upper left on the ridges: brightness per slope, and its bound.
+_RELIEF, _RELIEF_BOUND = 0.16, 0.06
+
+
+class Canvas:
+    """Cells of `cell` mm over width x height mm; all cloth and no paint at first.
+
+    wet [r, c, 7]: thickness (mm) of the wet film, then its K and S times thickness; ground [r, c, 3]:
+    linear reflectance of what lies under it; dry [r, c]: thickness (mm) of set paint; settled [r, c]:
+    when (s) the wet film was last looked after; tooth [r, c] in [0, 1]: 0 the tops of the weave, 1
+    its valleys. A wet film of `film` mm sets within `drying_time` seconds, from below, thinner ones sooner.
+    """
+
+    def __init__(
+        self, width: float, height: float, *, cell: float, ground: NDArray[np.float64], drying_rate: float,
+        random: np.random.Generator,
+    ) -> None:  # fmt: skip
+        self.width, self.height, self.cell = width, height, cell
+        self._drying_rate = drying_rate
+        rows, columns = math.ceil(height / cell), math.ceil(width / cell)
+        self.wet = np.zeros((rows, columns, 1 + 2 * BANDS), np.float32)
+        self.dry = np.zeros((rows, columns), np.float32)
+        self.settled = np.zeros((rows, columns), np.float32)
+        self.tooth = _cloth(rows, columns, cell, random)
+        self.ground = (ground * (1 - 0.012 * (self.tooth[..., None] - 0.5))).astype(np.float32)
+        self._changed = np.ones((rows, columns), np.bool_)
+        self._looks = np.empty((rows, columns, BANDS), np.float32)
+
+    @property
+    def wet_volume(self) -> float:
+        """Wet paint on the canvas, microlitres."""
+        return float(self.wet[..., 0].sum(dtype=np.float64)) * self.cell**2
+
+    @property
+    def dry_volume(self) -> float:
+        """Set paint on the canvas, microlitres."""
+        return float(self.dry.sum(dtype=np.float64)) * self.cell**2
+
+    def touch(self, tuft: Tuft, path: NDArray[np.float64], now: float) -> None:
+        """A tuft goes along a path (see Tuft.feet) and exchanges paint with the canvas, at time `now` (s)."""
+        feet = tuft.feet(path)
+        travelled = np.linalg.norm(np.diff(path * (1, 1, tuft.brush.press_depth), axis=0, prepend=path[:1]), axis=1)
+        touching = feet[feet[..., 2] > 0]
+        if len(touching) == 0:
+            return
+        low = np.maximum(np.floor(touching[:, :2].min(0) / self.cell).astype(int) - 2, 0)
+        high = np.ceil(touching[:, :2].max(0) / self.cell).astype(int) + 2
+        box = np.s_[low[1] : high[1], low[0] : high[0]]
+        _settle(
+            self.wet[box], self.ground[box], self.dry[box], self.settled[box], self._changed[box],
+            now, self._drying_rate,
+        )  # fmt: skip
+        _exchange(
+            feet, travelled / self.cell, tuft.load, tuft.pigment, tuft.capacity,
+            self.wet, self.tooth, self._changed, self.cell, tuft.brush.film,
+        )  # fmt: skip
+
+    def dry_until(self, now: float) -> None:
+        """Lets the whole canvas dry until time `now` (s)."""
+        _settle(self.wet, self.ground, self.dry, self.settled, self._changed, now, self._drying_rate)
+
+    def reflectance(self) -> NDArray[np.float32]:
+        """What diffuse light sees: linear [r, c, 3], row 0 at the bottom; valid until the canvas is touched."""
+        _look(self.wet, self.ground, self.dry, self._changed, self._looks, self.cell)
+        self._changed[:] = False
+        return self._looks
+
+
+@numba.njit(cache=True, nogil=True)
+def _settle(wet, ground, dry, settled, changed, now, rate):  # type: ignore[no-untyped-def]
+    """Moves from the wet film to the ground what set since it was last looked after."""
+    for r in range(wet.shape[0]):
+        for c in range(wet.shape[1]):
+            thickness = wet[r, c, 0]
+            if thickness > 0.0:
+                setting = min(thickness, (now - settled[r, c]) * rate)
+                if thickness - setting < _NEGLIGIBLE:
+                    setting = thickness
+                if setting > 0.0:
+                    _film(wet[r, c], setting, ground[r, c], ground[r, c])
+                    share = setting / thickness
+                    for k in range(1, 7):
+                        wet[r, c, k] -= share * wet[r, c, k]
+                    wet[r, c, 0] = thickness - setting
+                    dry[r, c] += setting
+                    changed[r, c] = True
+            settled[r, c] = now
+
+
+@numba.njit(cache=True, nogil=True)
+def _film(wet, thickness, ground, out):  # type: ignore[no-untyped-def]
+    """Writes into out [3] the reflectance of `thickness` mm of a cell's wet paint over ground [3]."""
+    covered = min(1.0, thickness / _THINNEST)
+    laid = max(thickness, _THINNEST)
+    for band in range(3):
+        k, s = wet[1 + band] / wet[0], wet[4 + band] / wet[0]
+        out[band] = (1.0 - covered) * ground[band] + covered * film_over(k, s, laid, ground[band])
+
+
+@numba.njit(cache=True, nogil=True)
+def _exchange(feet, travelled, load, pigment, capacity, wet, tooth, changed, cell, film):  # type: ignore[no-untyped-def]
+    """Every bristle, step by step, with the four cells around it; travelled [k] in cells."""
+    rows, columns = tooth.shape
+    for step in range(feet.shape[0]):
+        moved = travelled[step]
+        for i in range(feet.shape[1]):
+            press = feet[step, i, 2]
+            if press <= 0.0:
+                continue
+            x, y = feet[step, i, 0] / cell - 0.5, feet[step, i, 1] / cell - 0.5
+            left, below = math.floor(x), math.floor(y)
+            for corner in range(4):
+                c, r = int(left) + (corner & 1), int(below) + (corner >> 1)
+                if r < 0 or c < 0 or r >= rows or c >= columns:
+                    continue
+                near = (1.0 - abs(x - c)) * (1.0 - abs(y - r))
+                full = load[i] / capacity[i]
+                # Little paint and a light hand stay on the tops of the weave: dry brush.
+                reach = 6.0 * (0.12 + 2.2 * full + 0.5 * press - tooth[r, c])
+                if reach <= 0.0:
+                    continue
+                share = min(0.9, near * moved * min(1.0, reach))
+                thickness = wet[r, c, 0]
+                # Towards the film that so full a bristle leaves; what stands higher is taken up.
+                given = _GIVING * share * (film * math.sqrt(full) - thickness) * cell * cell
+                if given > 0.0:
+                    given = min(given, 0.5 * load[i])
+                else:
+                    given = -min(-given, 0.5 * thickness * cell * cell, max(0.0, capacity[i] - load[i]))
+                stirred = min(_STIRRING * share * thickness * cell * cell, 0.3 * load[i])
+                down, up = stirred + max(given, 0.0), stirred + max(-given, 0.0)
+                if down + up <= 0.0:
+                    continue
+                down_share = down / load[i] if load[i] > 0.0 else 0.0
+                up_share = up / (thickness * cell * cell) if thickness > 0.0 else 0.0
+                for k in range(6):
+                    lowered = down_share * pigment[i, k]
+                    lifted = up_share * wet[r, c, 1 + k] * cell * cell
+                    pigment[i, k] += lifted - lowered
+                    wet[r, c, 1 + k] += (lowered - lifted) / (cell * cell)
+                load[i] -= given
+                wet[r, c, 0] = thickness + given / (cell * cell)
+                changed[r, c] = True
+
+
+@numba.njit(cache=True, nogil=True)
+def _look(wet, ground, dry, changed, looks, cell):  # type: ignore[no-untyped-def]
+    """Brings looks [r, c, 3] up to date where a cell, or the one above or left of it, has changed."""
+    rows, columns = dry.shape
+    for r in range(rows):
+        above = min(r + 1, rows - 1)
+        for c in range(columns):
+            beside = max(c - 1, 0)
+            if not (changed[r, c] or changed[above, c] or changed[r, beside]):
+                continue
+            height = wet[r, c, 0] + dry[r, c]
+            slope = 2 * height - wet[above, c, 0] - dry[above, c] - wet[r, beside, 0] - dry[r, beside]
+            light = 1.0 + max(-_RELIEF_BOUND, min(_RELIEF_BOUND, _RELIEF * slope / cell))
+            if wet[r, c, 0] > 0.0:
+                _film(wet[r, c], wet[r, c, 0], ground[r, c], looks[r, c])
+            else:
+                looks[r, c] = ground[r, c]
+            for band in range(3):
+                looks[r, c, band] *= light
+
+
+def _cloth(rows: int, columns: int, cell: float, random: np.random.Generator) -> NDArray[np.float32]:
+    """Tooth [rows, columns] of a primed cloth, evenly spread over [0, 1]: threads both ways, and the primer's grain."""
+
+    def noise(along: float, across: float) -> NDArray[np.float32]:
+        rough = random.standard_normal((rows, columns), dtype=np.float32)
+        smooth = cv2.GaussianBlur(rough, (0, 0), sigmaX=along / cell, sigmaY=across / cell)
+        return np.asarray(smooth / smooth.std(), np.float32)
+
+    height = noise(2.2, 0.35) + noise(0.35, 2.2) + np.float32(0.9) * noise(0.45, 0.45)
+    sample = np.sort(height[::3, ::3], axis=None)
+    return (np.searchsorted(sample, height, side="left") / len(sample)).astype(np.float32)

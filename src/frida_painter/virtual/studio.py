@@ -1,0 +1,204 @@
+"""Opens a virtual studio: a table, a robot and a camera as one easel, all from one seed."""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor
+
+from frida_painter.calibration import Calibration
+from frida_painter.errors import ConfigError
+from frida_painter.frames import CanvasSize
+from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.workspace import Point, Workspace
+from frida_painter.palette import MOST_COLORS, Palette
+from frida_painter.virtual.bristles import Tuft
+from frida_painter.virtual.brushes import BristleBrush, brush_named
+from frida_painter.virtual.camera import CameraSpec, VirtualCamera
+from frida_painter.virtual.canvas import Canvas
+from frida_painter.virtual.faults import NO_FAULTS, Faults
+from frida_painter.virtual.paint import absorption_and_scattering, to_linear, to_srgb
+from frida_painter.virtual.robot import Clock, VirtualRobot
+from frida_painter.virtual.table import HandNoise, PlacementError, Table
+
+_MM = 1000.0
+_MOST_CELLS = 3_000_000
+# The stand: the canvas's corner and angle in the robot's frame, and the wells left of it.
+_CANVAS_ORIGIN: Point = (0.25, -0.15, 0.12)
+_CANVAS_ANGLE = math.radians(4)
+_WELL_PITCH, _WELL_COLUMNS = 0.045, 4
+_MARGIN = 0.06
+_HOVER = 0.03
+# A film of the default thickness sets in this time; the rate is the same for thick and thin.
+_FILM = 0.06
+
+
+@dataclass(frozen=True)
+class StudioSettings:
+    """How the studio is furnished.
+
+    cell: side of a cell of the canvas, mm (None: 0.4, coarser where the canvas would have more than
+    3 million cells); drying_time: seconds until a full film has set; ground: sRGB of the primed
+    canvas; placement_error: None draws one from the seed; noise, camera, faults: as their records say.
+    Raises ConfigError.
+    """
+
+    cell: float | None = None
+    drying_time: float = 300.0
+    ground: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    placement_error: PlacementError | None = None
+    noise: HandNoise = field(default_factory=HandNoise)
+    camera: CameraSpec = field(default_factory=CameraSpec)
+    faults: Faults = NO_FAULTS
+
+    def __post_init__(self) -> None:
+        if self.cell is not None and not 0.1 <= self.cell <= 5:
+            raise ConfigError(f"A canvas cell of {self.cell} mm was given; allowed is 0.1 to 5 mm.")
+        if not 0 < self.drying_time < math.inf:
+            raise ConfigError(f"A drying time of {self.drying_time} s was given; it is above 0 and finite.")
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Where the paint is, microlitres."""
+
+    drawn: float
+    brush: float
+    wet: float
+    dry: float
+    water: float
+    rag: float
+
+    @property
+    def missing(self) -> float:
+        """Drawn from the wells and found nowhere; 0 but for rounding."""
+        return self.drawn - (self.brush + self.wet + self.dry + self.water + self.rag)
+
+
+class VirtualStudio:
+    """A studio that is open. The painter gets `easel` and nothing else; the rest is for tests and films."""
+
+    def __init__(self, canvas: CanvasSize, brush: BristleBrush, settings: StudioSettings, seed: int) -> None:
+        for_canvas, for_brush, for_hand, for_camera, for_error = (
+            np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(5)
+        )
+        area = canvas.width * canvas.height * _MM**2
+        self.settings, self.brush = settings, brush
+        self.clock = Clock()
+        self.canvas = Canvas(
+            canvas.width * _MM, canvas.height * _MM,
+            cell=settings.cell or max(0.4, math.sqrt(area / _MOST_CELLS)),
+            ground=to_linear(np.array(settings.ground)), drying_rate=_FILM / settings.drying_time, random=for_canvas,
+        )  # fmt: skip
+        self.placement_error = settings.placement_error or PlacementError.drawn_from(for_error)
+        workspace, home = _stand(canvas, brush)
+        touch_height = _CANVAS_ORIGIN[2]
+        tuft = Tuft(brush, for_brush)
+        self.table = Table(
+            self.canvas, tuft, workspace, touch_height, self.placement_error, settings.noise, for_hand
+        )  # fmt: skip
+        self.robot = VirtualRobot(self.table, workspace, home, self.clock)
+        self.camera = VirtualCamera(settings.camera, self.table, self.clock, for_camera)
+        self.break_things(settings.faults)
+        calibration = Calibration(
+            easel="virtual studio",
+            brush=brush.name,
+            corners=self.camera.corners,
+            photograph=settings.camera.photograph,
+            touch_height=touch_height,
+            press_height=touch_height - brush.press_depth / _MM,
+        )
+        self.easel = Easel(self.robot, self.camera, _Attendant(self.table), workspace, calibration, canvas)
+
+    def break_things(self, faults: Faults) -> None:
+        """From now on these faults happen."""
+        self.robot.faults = self.camera.faults = faults
+
+    def wait(self, seconds: float) -> None:
+        """Lets time pass and paint dry."""
+        self.clock.now += seconds
+        self.canvas.dry_until(self.clock.now)
+
+    def truth(self, rows: int) -> Tensor:
+        """The canvas as it is, seen straight on in even light: sRGB [3, rows, columns]. Never for the painter."""
+        seen = self.canvas.reflectance()[::-1]  # The canvas's rows go up, a picture's go down.
+        columns = max(1, round(rows * self.canvas.width / self.canvas.height))
+        shrinks = rows <= seen.shape[0]
+        size = cv2.resize(seen, (columns, rows), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
+        return torch.from_numpy(to_srgb(np.asarray(size, np.float32)).astype(np.float32)).permute(2, 0, 1).contiguous()
+
+    def balance(self) -> Balance:
+        """Where the paint is that was drawn from the wells."""
+        table = self.table
+        return Balance(
+            table.drawn, table.tuft.volume, self.canvas.wet_volume, self.canvas.dry_volume, table.in_water, table.on_rag
+        )
+
+
+def open_studio(
+    canvas: CanvasSize,
+    brush: str = "broad",
+    *,
+    seed: int = 0,
+    placement_error: PlacementError | None = None,
+    faults: Faults | None = None,
+    settings: StudioSettings | None = None,
+) -> VirtualStudio:
+    """A studio with a blank canvas of that size and the brush of that name; the same seed gives the same bytes.
+
+    placement_error and faults, where given, take the place of those in `settings`. Raises ConfigError.
+    """
+    settings = settings or StudioSettings()
+    if placement_error is not None:
+        settings = replace(settings, placement_error=placement_error)
+    if faults is not None:
+        settings = replace(settings, faults=faults)
+    return VirtualStudio(canvas, brush_named(brush), settings, seed)
+
+
+@dataclass(frozen=True)
+class _Attendant:
+    table: Table
+
+    def fill_wells(self, palette: Palette) -> None:
+        """Empties all wells and fills well i with paint i."""
+        color = palette.color.detach().cpu().double().numpy()
+        self.table.paints = tuple(absorption_and_scattering(color))
+
+
+def _stand(canvas: CanvasSize, brush: BristleBrush) -> tuple[Workspace, Point]:
+    """The workspace around a canvas, and where the robot waits while the camera looks."""
+    x, y, z = _CANVAS_ORIGIN
+    cos, sin = math.cos(_CANVAS_ANGLE), math.sin(_CANVAS_ANGLE)
+    corners = [
+        (x + cos * u - sin * v, y + sin * u + cos * v)
+        for u in (-_MARGIN, canvas.width + _MARGIN)
+        for v in (-_MARGIN, canvas.height + _MARGIN)
+    ]
+    left = min(corner[0] for corner in corners) - _WELL_PITCH
+    wells = tuple(
+        (left - _WELL_PITCH * (i % _WELL_COLUMNS), y + _WELL_PITCH * (i // _WELL_COLUMNS), z)
+        for i in range(MOST_COLORS)
+    )
+    water: Point = (left, y - 0.08, z)
+    rag: Point = (left - 0.11, y - 0.08, z)
+    home: Point = (rag[0], rag[1], z + 0.10)
+    everything = np.array([*corners, *((w[0], w[1]) for w in wells), water[:2], rag[:2]])
+    lower, upper = everything.min(0) - _MARGIN, everything.max(0) + _MARGIN
+    deepest = z - brush.press_depth / _MM - 0.002
+    workspace = Workspace(
+        lower=(float(lower[0]), float(lower[1]), deepest),
+        upper=(float(upper[0]), float(upper[1]), z + 0.15),
+        canvas_origin=_CANVAS_ORIGIN,
+        canvas_angle=_CANVAS_ANGLE,
+        wells=wells,
+        water=water,
+        rag=rag,
+        rag_width=0.08,
+        hover=_HOVER,
+        painting_speed=0.06,
+        travel_speed=0.25,
+    )
+    return workspace, home
