@@ -21,11 +21,12 @@ class BrushKind:
     def frame(self) -> MapFrame:
         """The rectangle around a stroke's start that holds every mark of this brush, in near-square cells.
 
-        The path reaches three quarters of the bend aside; around it lie the mark, and margin for
-        bristles that splay and for a brush that trails behind its tip.
+        The path reaches three quarters of the bend aside; around it lie half of the mark, and some
+        margin for bristles that splay and for a brush that trails behind its tip.
         """
-        aside = 0.75 * max(abs(bend) for bend in self.limits.bend) + self.width
-        left, right = -1.25 * self.width, self.limits.length[1] + 1.25 * self.width
+        around = 0.65 * self.width
+        aside = 0.75 * max(abs(bend) for bend in self.limits.bend) + around
+        left, right = -around, self.limits.length[1] + around
         pitch = (right - left) / CELLS_ALONG
         rows = 4 * round(2 * aside / pitch / 4)  # the network's upscaler works on whole coarse cells
         return MapFrame(left, right, -rows * pitch / 2, rows * pitch / 2, rows, CELLS_ALONG)
@@ -35,9 +36,9 @@ def _kind(name: str, shortest: float, longest: float, bend: float, width: float)
     return BrushKind(name, StrokeLimits((shortest, longest), (-bend, bend)), width)
 
 
-FINE = _kind("fine", 0.008, 0.048, 0.012, 0.007)
-MEDIUM = _kind("medium", 0.010, 0.060, 0.016, 0.011)
-BROAD = _kind("broad", 0.012, 0.075, 0.022, 0.018)
+FINE = _kind("fine", 0.008, 0.048, 0.012, 0.009)
+MEDIUM = _kind("medium", 0.010, 0.060, 0.016, 0.017)
+BROAD = _kind("broad", 0.012, 0.075, 0.022, 0.030)
 KINDS = (FINE, MEDIUM, BROAD)
 
 

@@ -19,6 +19,9 @@ from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 
 
+_BATCH = 256
+
+
 @dataclass(frozen=True)
 class TableDetail:
     """How finely a model is tabulated.
@@ -28,8 +31,8 @@ class TableDetail:
     strokes do not add up to a haze.
     """
 
-    spans: tuple[int, int, int] = (4, 12, 14)
-    rank: int = 256
+    spans: tuple[int, int, int] = (4, 10, 10)
+    rank: int = 96
     floor: float = 0.01
 
 
@@ -63,16 +66,19 @@ class StrokeTable(nn.Module):
         like: a tensor of the precision and on the device of the model (default: float32, CPU).
         """
         detail = detail or TableDetail()
-        knots = _fit(model, detail, torch.zeros(()) if like is None else like)
-        cells = (knots.abs().amax(0) > detail.floor).nonzero()[:, 0]
-        coefficients, basis = _low_rank(knots[:, cells], detail.rank)
-        return cls(model, detail, coefficients, basis, cells)
+        samples, grids = _sample(model, detail, torch.zeros(()) if like is None else like)
+        cells = (samples.amax(0) > detail.floor / 2).nonzero()[:, 0]
+        touched = samples[:, cells]
+        basis = _best_basis(touched, detail.rank)
+        return cls(model, detail, _fit(touched @ basis.T, grids, detail.spans), basis, cells)
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
         """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""
         (shortest, longest), (least, most) = self.limits.length, self.limits.bend
         place = torch.stack((thickness, (length - shortest) / (longest - shortest), (bend - least) / (most - least)))
-        flat = _Lookup.apply(place.clamp(0, 1), self.coefficients, self.basis, self.cells, self.detail, self._area)
+        flat: Tensor = _Lookup.apply(  # type: ignore[no-untyped-call]
+            place.clamp(0, 1), self.coefficients, self.basis, self.cells, self.detail, self._area
+        )
         return flat.view(-1, self.frame.rows, self.frame.columns)
 
     @property
@@ -120,33 +126,31 @@ def _fade_slope(value: Tensor, floor: float) -> Tensor:
     return torch.where(value < 1, share * share * (9 - 8 * share), 0)
 
 
-def _fit(model: StrokeModel, detail: TableDetail, like: Tensor) -> Tensor:
-    """Spline coefficients of every cell that fit the model best, [knots, rows x columns]."""
+def _sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> tuple[Tensor, list[Tensor]]:
+    """The model's maps on a grid of all three parameters, [grid, rows x columns], and the places along each axis."""
     grids = [spline.sample_grid(spans).to(like) for spans in detail.spans]
-    fits = [spline.fit_matrix(grid, spans) for grid, spans in zip(grids, detail.spans, strict=True)]
     (shortest, longest), (least, most) = model.limits.length, model.limits.bend
-    length = (shortest + grids[1] * (longest - shortest)).repeat_interleave(len(grids[2]))
-    bend = (least + grids[2] * (most - least)).repeat(len(grids[1]))
-    knots: Tensor | None = None
+    thickness, length, bend = (part.flatten() for part in torch.meshgrid(*grids, indexing="ij"))
+    length, bend = shortest + length * (longest - shortest), least + bend * (most - least)
+    parts = zip(thickness.split(_BATCH), length.split(_BATCH), bend.split(_BATCH), strict=True)
     with torch.no_grad():
-        for thickness, onto_knots in zip(grids[0], fits[0].T, strict=True):
-            maps = model(thickness.expand(len(length)), length, bend)
-            maps = maps.reshape(len(grids[1]), len(grids[2]), -1)
-            fitted = torch.tensordot(fits[1], maps, dims=1)  # [knots of length, grid of bend, cells]
-            fitted = torch.matmul(fits[2], fitted)  # [knots of length, knots of bend, cells]
-            grown = onto_knots[:, None, None, None] * fitted
-            knots = grown if knots is None else knots.add_(grown)
-    assert knots is not None
-    return knots.reshape(-1, model.frame.rows * model.frame.columns)
+        return torch.cat([model(*part).flatten(1) for part in parts]), grids
 
 
-def _low_rank(matrix: Tensor, rank: int) -> tuple[Tensor, Tensor]:
-    """Two factors [n, rank] and [rank, m] whose product is nearest to the matrix (randomised, from a fixed seed)."""
-    rank = min(rank, *matrix.shape)
-    chance = torch.Generator().manual_seed(0)
-    probe = torch.randn(matrix.shape[1], min(rank + 16, *matrix.shape), generator=chance).to(matrix)
-    span = torch.linalg.qr(matrix @ probe)[0]
-    for _ in range(3):
-        span = torch.linalg.qr(matrix @ (matrix.T @ span))[0]
-    left, strength, basis = torch.linalg.svd(span.T @ matrix, full_matrices=False)
-    return (span @ left[:, :rank] * strength[:rank]).contiguous(), basis[:rank].contiguous()
+def _fit(coordinates: Tensor, grids: list[Tensor], spans: tuple[int, int, int]) -> Tensor:
+    """Coefficients [knots, rank] of the splines that follow the basis coordinates [grid, rank] best."""
+    fits = [spline.fit_matrix(grid, pieces) for grid, pieces in zip(grids, spans, strict=True)]
+    cube = coordinates.unflatten(0, [len(grid) for grid in grids])
+    return torch.einsum("ai,bj,ck,ijkr->abcr", *fits, cube).flatten(0, 2).contiguous()
+
+
+def _best_basis(samples: Tensor, rank: int) -> Tensor:
+    """Orthonormal maps [rank, cells] that span the samples best (randomised subspace iteration, fixed seed)."""
+    rank = min(rank, *samples.shape)
+    wider = min(rank + 16, *samples.shape)
+    probe = torch.randn(wider, len(samples), generator=torch.Generator().manual_seed(0)).to(samples)
+    span = probe @ samples
+    for _ in range(2):
+        span = (samples @ torch.linalg.qr(span.T)[0]).T @ samples
+    span = torch.linalg.qr(span.T)[0].T  # [wider, cells]
+    return (torch.linalg.svd(samples @ span.T, full_matrices=False)[2] @ span)[:rank].contiguous()

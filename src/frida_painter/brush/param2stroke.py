@@ -1,0 +1,123 @@
+"""The paper's stroke model: a small network from the shape of a stroke to the mark that it leaves."""
+
+import json
+import math
+from pathlib import Path
+from typing import Self
+
+import torch
+from torch import Tensor, nn
+
+from frida_painter import storage
+from frida_painter.brush.kinds import BrushKind
+from frida_painter.errors import WeightsError
+from frida_painter.frames import MapFrame
+from frida_painter.strokes import StrokeLimits
+
+FORMAT = "frida-painter param2stroke"
+VERSION = 1
+HIDDEN = 64
+CHANNELS = 12
+_UPSCALE = 2
+_SHIFT = 0.02
+_LARGEST_MAP = 4096
+
+
+class Param2Stroke(nn.Module):
+    """Two linear layers, two convolutions, a bilinear upscaler (paper, "Brush Stroke Model").
+
+    The linear layers draw the mark as logits on cells twice as large as those of the map, the
+    convolutions refine it, the upscaler brings it to the map's size, and the squash at the end
+    turns it into magnitudes. The squash is a sigmoid that is stretched a little beyond [0, 1] and
+    cut off there: away from a mark the magnitude is exactly zero, and hundreds of strokes over one
+    another leave no haze.
+
+    limits: the lengths and bends that the inputs are normalised by; frame: the rectangle of the
+    map, with even numbers of rows and columns.
+    """
+
+    def __init__(self, brush: str, frame: MapFrame, limits: StrokeLimits) -> None:
+        super().__init__()
+        if frame.rows % _UPSCALE or frame.columns % _UPSCALE:
+            raise ValueError(f"a map of {frame.rows} x {frame.columns} cells cannot be upscaled by {_UPSCALE}")
+        self.brush = brush
+        self.frame = frame
+        self.limits = limits
+        self.coarse = (frame.rows // _UPSCALE, frame.columns // _UPSCALE)
+        self.widen = nn.Linear(3, HIDDEN)
+        self.draw = nn.Linear(HIDDEN, self.coarse[0] * self.coarse[1])
+        self.refine = nn.Conv2d(1, CHANNELS, 3, padding=1)
+        self.gather = nn.Conv2d(CHANNELS, 1, 3, padding=1)
+
+    @classmethod
+    def fresh(cls, kind: BrushKind, seed: int = 0) -> Self:
+        """An untrained model for a brush, the same for the same seed."""
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            return cls(kind.name, kind.frame, kind.limits)
+
+    def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
+        """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""
+        return self.squashed(thickness, length, bend).clamp(0, 1)
+
+    def squashed(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
+        """The magnitudes before they are cut off at 0 and 1, which is what training looks at."""
+        shape = torch.stack((thickness, _normal(length, self.limits.length), _normal(bend, self.limits.bend)), -1)
+        hidden = nn.functional.silu(self.widen(2 * shape - 1))  # [n, hidden]
+        drawing = self.draw(hidden).unflatten(1, (1, *self.coarse))  # [n, 1, rows / 2, columns / 2]
+        refined = self.gather(nn.functional.silu(self.refine(drawing)))
+        logits = nn.functional.interpolate(refined, scale_factor=_UPSCALE, mode="bilinear", align_corners=False)
+        return torch.sigmoid(logits[:, 0]) * (1 + 2 * _SHIFT) - _SHIFT
+
+    def save(self, path: Path) -> str:
+        """Writes the weights with all that belongs to them; returns the file's sha256. Raises StorageError."""
+        metadata = {
+            "format": FORMAT,
+            "version": str(VERSION),
+            "brush": self.brush,
+            "frame": json.dumps([self.frame.left, self.frame.right, self.frame.bottom, self.frame.top]),
+            "cells": json.dumps([self.frame.rows, self.frame.columns]),
+            "limits": json.dumps([*self.limits.length, *self.limits.bend]),
+        }
+        return storage.write_tensors(path, self.state_dict(), metadata)
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Reads weights that `save` wrote. Raises WeightsError where they are missing, damaged or do not fit."""
+        tensors, metadata = storage.read_tensors(path, "weights of a stroke model", WeightsError)
+        if metadata.get("format") != FORMAT or metadata.get("version") != str(VERSION):
+            raise WeightsError(
+                f"{path} does not hold weights of a stroke model of version {VERSION}; "
+                "give a file that `frida-painter strokes train` wrote."
+            )
+        try:
+            model = cls(metadata["brush"], *_geometry(metadata))
+            model.load_state_dict(tensors)
+        except (KeyError, TypeError, ValueError, RuntimeError) as cause:
+            raise WeightsError(
+                f"{path} holds weights of a stroke model with a part missing, out of range or of the wrong shape "
+                f"({str(cause).splitlines()[0]}); train them anew."
+            ) from cause
+        return model.eval().requires_grad_(False)
+
+
+def _normal(value: Tensor, bounds: tuple[float, float]) -> Tensor:
+    """The value as a share of the way from the lower to the upper bound."""
+    return (value - bounds[0]) / (bounds[1] - bounds[0])
+
+
+def _geometry(metadata: dict[str, str]) -> tuple[MapFrame, StrokeLimits]:
+    """The frame and the limits in a file's metadata. Raises KeyError, TypeError or ValueError."""
+    left, right, bottom, top = (float(number) for number in json.loads(metadata["frame"]))
+    rows, columns = json.loads(metadata["cells"])
+    shortest, longest, least, most = (float(number) for number in json.loads(metadata["limits"]))
+    metres = (left, right, bottom, top, shortest, longest, least, most)
+    if not all(math.isfinite(number) and abs(number) < 10 for number in metres):
+        raise ValueError("a measure that is not finite or above 10 m")
+    if not (left < 0 < right and bottom < 0 < top and 0 < shortest < longest and least < most):
+        raise ValueError("a rectangle or limits without extent")
+    if not (isinstance(rows, int) and isinstance(columns, int)):
+        raise TypeError("a map with broken cells")
+    if not (0 < rows <= _LARGEST_MAP and 0 < columns <= _LARGEST_MAP and rows * columns <= _LARGEST_MAP**2 // 16):
+        raise ValueError(f"a map of {rows} x {columns} cells")
+    return MapFrame(left, right, bottom, top, rows, columns), StrokeLimits((shortest, longest), (least, most))
