@@ -19,6 +19,8 @@ from frida_painter.virtual.paint import BANDS
 _LOCKS = 34
 _STRAYS = 0.05
 _FANNED = 0.62
+# Already a light touch lays the tuft down: how far it trails grows as this power of the depth.
+_LYING = 0.3
 _LEVELLING = 0.55
 
 
@@ -43,13 +45,13 @@ class Tuft:
         self._lock = np.argmin(((place[:, None] - locks) ** 2).sum(-1), 1)
         outward = np.clip(np.linalg.norm(place, axis=1, keepdims=True), 0, 1) ** 2
         place += 0.35 * outward * (locks[self._lock] - place)
-        strays = random.random(n) < _STRAYS
-        place[strays] *= random.uniform(1.05, 1.3, (int(strays.sum()), 1))
+        self._stray = random.random(n) < _STRAYS
+        place[self._stray] *= random.uniform(1.05, 1.25, (int(self._stray.sum()), 1))
         self._place = place
-        edge = np.clip(np.linalg.norm(place, axis=1), 0, 1.2)
-        self._onset = 0.30 * edge**2 * random.random(_LOCKS)[self._lock] + 0.04 * random.random(n) + 0.12 * strays
-        self._lag = 0.42 * random.standard_normal(_LOCKS)[self._lock] + 0.16 * random.standard_normal(n)
-        share = random.lognormal(0, 0.28, n)
+        self._edge = np.clip(np.linalg.norm(place, axis=1), 0, 1.2) ** 2
+        self._onset = 0.22 * self._edge * random.random(_LOCKS)[self._lock] + 0.04 * random.random(n)
+        self._lag = 0.30 * random.standard_normal(_LOCKS)[self._lock] + 0.15 * random.standard_normal(n)
+        share = random.lognormal(0, 0.35, _LOCKS)[self._lock] * random.lognormal(0, 0.25, n)
         self.capacity = (brush.capacity * share / share.sum()).astype(np.float64)
         self.load = np.zeros(n)
         self.pigment = np.zeros((n, 2 * BANDS))
@@ -60,8 +62,9 @@ class Tuft:
         return float(self.load.sum())
 
     def fill(self, paint: NDArray[np.float64]) -> float:
-        """Fills every bristle with a paint (K, S [6]); returns the microlitres that it took up."""
-        missing = self.capacity - self.load
+        """Dips into a paint (K, S [6]), which some locks take up better; returns the microlitres taken up."""
+        luck = np.minimum(1, 1.2 - self._random.random(_LOCKS) ** 3)[self._lock]
+        missing = np.maximum(0, luck * self.capacity - self.load)
         self.pigment += missing[:, None] * paint
         self.load += missing
         return float(missing.sum())
@@ -82,63 +85,83 @@ class Tuft:
             self.load += _LEVELLING * (even - self.load)
             self.pigment += _LEVELLING * (even[:, None] * mean - self.pigment)
 
-    def feet(self, path: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Where each bristle touches along a path.
+    def feet(self, path: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Where each bristle touches along a path, and how far the tuft is dragged (mm) in each step, [k].
 
         path [k, 3]: x, y in mm on the canvas and depth (0 lightest touch, 1 hardest press) of the tip,
         evenly spaced; returns [k, n, 3]: x, y in mm and how deep the bristle is pressed (not above 0:
         it is in the air). The tuft takes a slightly different shape with every stroke.
         """
-        random, n = self._random, len(self.load)
-        lean = random.normal(0, 0.05, 2)
+        random, n, lock = self._random, len(self.load), self._lock
         shear = np.eye(2) + random.normal(0, 0.05, (2, 2))
-        locks = random.normal(0, 0.045, (_LOCKS, 2))
-        offset = self._place @ shear + lean + locks[self._lock] + random.normal(0, 0.012, (n, 2))
-        lag = self._lag + 0.2 * random.standard_normal(_LOCKS)[self._lock]
-        onset = self._onset + 0.05 * random.random(_LOCKS)[self._lock]
-        wobble = _smooth_noise(random, len(path), 18)
+        locks = random.normal(0, 0.05, (_LOCKS, 2))
+        offset = self._place @ shear + random.normal(0, 0.05, 2) + locks[lock] + random.normal(0, 0.012, (n, 2))
+        lag = self._lag + 0.25 * random.standard_normal(_LOCKS)[lock]
+        onset = self._onset + 0.12 * self._edge * random.random(_LOCKS)[lock] + 0.35 * self._stray * random.random(n)
+        shake = _smooth_noise(random, len(path), _LOCKS + 2)
+        grip = random.random(_LOCKS)[lock] * random.uniform(0.7, 1, n)
         brush = self.brush
         return _trail(
-            path, offset, onset, lag, wobble, brush.light_radius, brush.hard_radius, brush.drag, brush.closing
+            path, offset, onset, grip, lag, lock, shake,
+            brush.light_radius, brush.hard_radius, brush.press_depth, brush.drag, brush.closing,
         )  # fmt: skip
 
 
 @numba.njit(cache=True, nogil=True)
-def _trail(path, offset, onset, lag, wobble, light_radius, hard_radius, drag, closing):  # type: ignore[no-untyped-def]
+def _trail(  # type: ignore[no-untyped-def]
+    path, offset, onset, grip, lag, lock, shake, light_radius, hard_radius, press_depth, drag, closing
+):  # fmt: skip
     steps, n = path.shape[0], offset.shape[0]
+    locks = shake.shape[1] - 2
     feet = np.empty((steps, n, 3), np.float32)
+    travelled = np.zeros(steps)
     touching = np.zeros(n, np.bool_)
     middle_x, middle_y = path[0, 0], path[0, 1]
     ahead_x, ahead_y = 1.0, 0.0
-    spread = 0.0
+    spread, lifted_from, dragged = 0.0, 0.0, 0.0
     for step in range(steps):
         x, y, depth = path[step]
         pressed = max(depth, 0.0)
         opened = light_radius + (hard_radius - light_radius) * pressed
-        moved = math.hypot(x - path[step - 1, 0], y - path[step - 1, 1]) if step else 0.0
+        if step:
+            moved = math.hypot(x - path[step - 1, 0], y - path[step - 1, 1])
+            rise = press_depth * (path[step - 1, 2] - depth)
+        else:
+            moved, rise = 0.0, 0.0
         spread = max(opened, spread - closing * moved)
-        rope = drag * pressed
+        # The brush is being lifted where it goes up more than along.
+        lifted_from = max(lifted_from, path[step - 1, 2]) if rise > moved else 0.0
+        dragged += moved if depth > 0.0 else 0.0
+        rope = drag * pressed**_LYING
         trail_x, trail_y = x - middle_x, y - middle_y
         trail = math.hypot(trail_x, trail_y)
         if trail > 1e-6:
             ahead_x, ahead_y = trail_x / trail, trail_y / trail
-        if trail > rope:
-            trail = rope
-            middle_x, middle_y = x - ahead_x * trail, y - ahead_y * trail
+        pulled = max(0.0, trail - rope)
+        trail -= pulled
+        middle_x, middle_y = x - ahead_x * trail, y - ahead_y * trail
+        travelled[step] = max(pulled, math.hypot(moved, rise))
         fanned = 1.0 - _FANNED * min(1.0, trail / max(rope, 0.05 * drag))
-        radius = spread * (1.0 + 0.05 * wobble[step])
+        radius = spread * (1.0 + 0.03 * shake[step, locks])
+        swerve = spread * 0.03 * shake[step, locks + 1]
         for i in range(n):
+            jolt = shake[step, lock[i]]
             along = offset[i, 0] * ahead_x + offset[i, 1] * ahead_y
             across = offset[i, 1] * ahead_x - offset[i, 0] * ahead_y
-            along = radius * along * fanned - trail * lag[i]
-            across *= radius
+            # A longer lock stays longer where it came down, then trails further behind.
+            own = rope * max(0.0, 1.0 + lag[i] + 0.06 * jolt)
+            along = radius * along * fanned + min(dragged, rope) - min(dragged, own)
+            across = radius * across * (1.0 + 0.02 * jolt) + swerve
             feet[step, i, 0] = middle_x + along * ahead_x - across * ahead_y
             feet[step, i, 1] = middle_y + along * ahead_y + across * ahead_x
-            # A bristle that sticks to the canvas is let go a little later than it came.
-            press = depth - onset[i] + (0.04 if touching[i] and depth > 0.0 else 0.0)
+            # A bristle that sticks to the canvas is let go a little later than it came; one that is
+            # lifted springs forward with its lock and tears off sooner or later on its way.
+            press = depth - onset[i] * (1.0 + 0.35 * jolt) + (0.03 if touching[i] and depth > 0.0 else 0.0)
+            if depth < grip[i] * lifted_from:
+                press = min(press, 0.0)
             touching[i] = press > 0.0
             feet[step, i, 2] = press
-    return feet
+    return feet, travelled
 
 
 def _in_disc(random: np.random.Generator, count: int) -> NDArray[np.float64]:
@@ -147,7 +170,11 @@ def _in_disc(random: np.random.Generator, count: int) -> NDArray[np.float64]:
     return np.stack((radius * np.cos(angle), radius * np.sin(angle)), -1)
 
 
-def _smooth_noise(random: np.random.Generator, count: int, span: int) -> NDArray[np.float64]:
-    """Noise of unit variance [count] that keeps its value over about `span` samples."""
-    knots = random.standard_normal(count // span + 3)
-    return np.interp(np.arange(count) / span + random.random(), np.arange(len(knots)), knots)
+def _smooth_noise(random: np.random.Generator, steps: int, count: int) -> NDArray[np.float64]:
+    """Noise of about unit variance [steps, count] that keeps its value over some 12 steps, each at its own time."""
+    knots = random.standard_normal((steps // 12 + 3, count))
+    place = np.arange(steps)[:, None] / 12 + random.random(count)
+    knot = place.astype(int)
+    blend = (place - knot) ** 2 * (3 - 2 * (place - knot))
+    column = np.arange(count)
+    return knots[knot, column] * (1 - blend) + knots[knot + 1, column] * blend

@@ -15,7 +15,7 @@ from frida_painter.virtual.bristles import Tuft
 from frida_painter.virtual.paint import BANDS, film_over
 
 # Share of the way to its film that a bristle covers per cell that it crosses, and of the wet paint that it stirs.
-_GIVING, _STIRRING = 0.45, 0.30
+_GIVING, _STIRRING = 0.45, 0.22
 # Paint is never spread thinner than this, mm: less of it covers less of the cell.
 _THINNEST = 0.010
 # Below this, mm, a wet film counts as set.
@@ -60,13 +60,10 @@ class Canvas:
 
     def touch(self, tuft: Tuft, path: NDArray[np.float64], now: float) -> None:
         """A tuft goes along a path (see Tuft.feet) and exchanges paint with the canvas, at time `now` (s)."""
-        feet = tuft.feet(path)
-        travelled = np.linalg.norm(np.diff(path * (1, 1, tuft.brush.press_depth), axis=0, prepend=path[:1]), axis=1)
-        touching = feet[feet[..., 2] > 0]
-        if len(touching) == 0:
-            return
-        low = np.maximum(np.floor(touching[:, :2].min(0) / self.cell).astype(int) - 2, 0)
-        high = np.ceil(touching[:, :2].max(0) / self.cell).astype(int) + 2
+        feet, travelled = tuft.feet(path)
+        reach = 2 * tuft.brush.hard_radius + tuft.brush.drag
+        low = np.maximum(0, (path[:, :2].min(0) - reach) / self.cell).astype(int)
+        high = np.maximum(0, (path[:, :2].max(0) + reach) / self.cell).astype(int)
         box = np.s_[low[1] : high[1], low[0] : high[0]]
         _settle(
             self.wet[box], self.ground[box], self.dry[box], self.settled[box], self._changed[box],
@@ -119,49 +116,48 @@ def _film(wet, thickness, ground, out):  # type: ignore[no-untyped-def]
         out[band] = (1.0 - covered) * ground[band] + covered * film_over(k, s, laid, ground[band])
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _exchange(feet, travelled, load, pigment, capacity, wet, tooth, changed, cell, film):  # type: ignore[no-untyped-def]
     """Every bristle, step by step, with the four cells around it; travelled [k] in cells."""
     rows, columns = tooth.shape
+    area = cell * cell
     for step in range(feet.shape[0]):
         moved = travelled[step]
         for i in range(feet.shape[1]):
             press = feet[step, i, 2]
             if press <= 0.0:
                 continue
+            full = load[i] / capacity[i]
+            wanted = film * math.sqrt(full)
+            # Little paint and a light hand stay on the tops of the weave: dry brush.
+            reaching = 6.0 * (0.12 + 2.2 * full + 0.5 * press)
             x, y = feet[step, i, 0] / cell - 0.5, feet[step, i, 1] / cell - 0.5
-            left, below = math.floor(x), math.floor(y)
+            left, below = int(math.floor(x)), int(math.floor(y))
+            if left < 0 or below < 0 or left > columns - 2 or below > rows - 2:
+                continue
             for corner in range(4):
-                c, r = int(left) + (corner & 1), int(below) + (corner >> 1)
-                if r < 0 or c < 0 or r >= rows or c >= columns:
-                    continue
-                near = (1.0 - abs(x - c)) * (1.0 - abs(y - r))
-                full = load[i] / capacity[i]
-                # Little paint and a light hand stay on the tops of the weave: dry brush.
-                reach = 6.0 * (0.12 + 2.2 * full + 0.5 * press - tooth[r, c])
+                c, r = left + (corner & 1), below + (corner >> 1)
+                reach = reaching - 6.0 * tooth[r, c]
                 if reach <= 0.0:
                     continue
+                near = (1.0 - abs(x - c)) * (1.0 - abs(y - r))
                 share = min(0.9, near * moved * min(1.0, reach))
-                thickness = wet[r, c, 0]
+                there, held = wet[r, c, 0] * area, load[i]
                 # Towards the film that so full a bristle leaves; what stands higher is taken up.
-                given = _GIVING * share * (film * math.sqrt(full) - thickness) * cell * cell
+                given = _GIVING * share * (wanted * area - there)
                 if given > 0.0:
-                    given = min(given, 0.5 * load[i])
+                    given = min(given, 0.5 * held)
                 else:
-                    given = -min(-given, 0.5 * thickness * cell * cell, max(0.0, capacity[i] - load[i]))
-                stirred = min(_STIRRING * share * thickness * cell * cell, 0.3 * load[i])
-                down, up = stirred + max(given, 0.0), stirred + max(-given, 0.0)
-                if down + up <= 0.0:
-                    continue
-                down_share = down / load[i] if load[i] > 0.0 else 0.0
-                up_share = up / (thickness * cell * cell) if thickness > 0.0 else 0.0
+                    given = -min(-given, 0.5 * there, max(0.0, capacity[i] - held))
+                stirred = min(_STIRRING * share * there, 0.3 * held)
+                down = (stirred + max(given, 0.0)) / held if held > 0.0 else 0.0
+                up = area * (stirred + max(-given, 0.0)) / there if there > 0.0 else 0.0
                 for k in range(6):
-                    lowered = down_share * pigment[i, k]
-                    lifted = up_share * wet[r, c, 1 + k] * cell * cell
-                    pigment[i, k] += lifted - lowered
-                    wet[r, c, 1 + k] += (lowered - lifted) / (cell * cell)
-                load[i] -= given
-                wet[r, c, 0] = thickness + given / (cell * cell)
+                    lowered = down * pigment[i, k] - up * wet[r, c, 1 + k]
+                    pigment[i, k] -= lowered
+                    wet[r, c, 1 + k] += lowered / area
+                load[i] = held - given
+                wet[r, c, 0] = (there + given) / area
                 changed[r, c] = True
 
 

@@ -22,7 +22,9 @@ _RAG_HALF_DEPTH = 0.03
 _KEPT_IN_WATER, _STIRRING_LENGTH, _WIPING_LENGTH = 0.3, 0.065, 0.080
 # The tip is looked at this often along its way (m); on the canvas as finely as the cells ask for.
 _LOOK = 0.002
-_CELLS_PER_STEP = 0.75
+_CELLS_PER_STEP = 0.9
+# A lifted tuft springs forward faster than it rises, so that lifts are followed in smaller steps.
+_FINER_LIFT = 3.0
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ class Table:
         return np.c_[place, np.minimum(depth, 1.25)]
 
     def _over_canvas(self, path: NDArray[np.float64], now: float, faults: Faults) -> None:
-        millimetres = np.array([1, 1, self.tuft.brush.press_depth])
+        millimetres = np.array([1, 1, _FINER_LIFT * self.tuft.brush.press_depth])
         fine = _resampled(path * millimetres, _CELLS_PER_STEP * self.canvas.cell) / millimetres
         margin = 2 * self.tuft.brush.hard_radius
         size = np.array([self.canvas.width, self.canvas.height])
