@@ -54,6 +54,10 @@ class CanvasSize:
             return CanvasSize(self.height, self.width)
         return self
 
+    def on_page(self, position: Tensor) -> Tensor:
+        """Canvas metres [..., 2] counted as pages are: from the top-left corner, x right, y down."""
+        return torch.stack((position[..., 0], self.height - position[..., 1]), -1)
+
     def __str__(self) -> str:
         return f"{self.width * 1000:.0f} x {self.height * 1000:.0f} mm"
 

@@ -28,6 +28,11 @@ def from_lab(lab: Tensor) -> Tensor:
     return torch.from_numpy(rgb).reshape(lab.shape).to(lab)
 
 
+def to_hex(color: Tensor) -> str:
+    """sRGB [3] in [0, 1] as "#rrggbb"."""
+    return "#{:02x}{:02x}{:02x}".format(*(color * 255).round().int().tolist())
+
+
 @dataclass(frozen=True)
 class Palette:
     """k paints, sRGB [k, 3] in [0, 1], lightest first. Raises ConfigError where they are not."""

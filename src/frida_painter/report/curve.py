@@ -8,10 +8,13 @@ from frida_painter.report.story import Phase
 
 _WIDTH, _HEIGHT = 960, 360
 _LEFT, _RIGHT, _TOP, _BOTTOM = 72, 16, 40, 48
+_FLOOR = _HEIGHT - _BOTTOM
+_ROOMY = 140.0  # wide enough for "after 1000 strokes"
+_LETTER = 7.0
 
 
 def curve_svg(phases: Sequence[Phase]) -> str:
-    """Losses over iterations, phase after phase on one axis, the loss on a logarithmic scale.
+    """Losses over iterations, phase after phase from left to right, the loss on a logarithmic scale.
 
     Points that are not finite or not above 0 are left out; "" where no phase has two points left.
     """
@@ -23,11 +26,10 @@ def curve_svg(phases: Sequence[Phase]) -> str:
     least, most = math.log10(min(losses)), math.log10(max(losses))
     margin = max(0.02, 0.06 * (most - least))
     least, most = least - margin, most + margin
-    spans = [max(1, points[-1][0] - points[0][0]) for _, points in usable]
-    across = (_WIDTH - _LEFT - _RIGHT) / sum(spans)
+    widths = _widths([points[-1][0] - points[0][0] for _, points in usable])
 
     def down(value: float) -> float:
-        return _TOP + (most - math.log10(value)) / (most - least) * (_HEIGHT - _TOP - _BOTTOM)
+        return _TOP + (most - math.log10(value)) / (most - least) * (_FLOOR - _TOP)
 
     first, last = usable[0][1][0][1], usable[-1][1][-1][1]
     parts = [
@@ -38,25 +40,30 @@ def curve_svg(phases: Sequence[Phase]) -> str:
         y = down(value)
         parts.append(f'<line class="rule" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>')
         parts.append(f'<text class="tick" x="{_LEFT - 10}" y="{y + 4.5:.1f}" text-anchor="end">{value:g}</text>')
-    start = 0
-    for number, ((name, points), span) in enumerate(zip(usable, spans, strict=True)):
-        left = _LEFT + start * across
-        if number:
-            parts.append(
-                f'<line class="mark" x1="{left:.1f}" x2="{left:.1f}" y1="{_TOP - 26}" y2="{_HEIGHT - _BOTTOM}"/>'
-            )
-        # A name is shown where its phase is wide enough to hold it; all are in the title for the pointer.
-        shown = escape(name) if span * across > 7.2 * len(name) + 12 else str(number + 1)
+    left = float(_LEFT)
+    for number, ((name, points), width) in enumerate(zip(usable, widths, strict=True), start=1):
+        if number > 1:
+            parts.append(f'<line class="mark" x1="{left:.1f}" x2="{left:.1f}" y1="{_TOP - 26}" y2="{_FLOOR}"/>')
+        # A name is shown where its phase is wide enough to hold it; all are there for the pointer.
+        roomy = width > _LETTER * len(name) + 12
+        shown, unit = (escape(name), " iterations") if roomy else (str(number), "")
+        first, last = points[0][0], points[-1][0]
         parts.append(f'<text class="phase" x="{left + 6:.1f}" y="{_TOP - 14}">{shown}</text>')
-        origin = points[0][0]
-        path = " ".join(f"{left + (i - origin) * across:.1f},{down(value):.1f}" for i, value in _thinned(points))
+        parts.append(f'<text class="tick" x="{left + 6:.1f}" y="{_HEIGHT - 16}">{last - first + 1}{unit}</text>')
+        step = width / max(1, last - first)
+        path = " ".join(f"{left + (i - first) * step:.1f},{down(value):.1f}" for i, value in _thinned(points))
         parts.append(f'<polyline class="line" points="{path}"><title>{escape(name)}</title></polyline>')
-        start += span
-    parts.append(
-        f'<text class="tick" x="{_LEFT}" y="{_HEIGHT - 16}">0</text>'
-        f'<text class="tick" x="{_WIDTH - _RIGHT}" y="{_HEIGHT - 16}" text-anchor="end">{start} iterations</text></svg>'
-    )
+        left += width
+    parts.append("</svg>")
     return "".join(parts)
+
+
+def _widths(iterations: Sequence[int]) -> list[float]:
+    """Width of each phase: by its iterations, but none too narrow for its name as long as there is room."""
+    room = _WIDTH - _LEFT - _RIGHT
+    least = min(_ROOMY, room / len(iterations))
+    share = (room - least * len(iterations)) / max(1, sum(iterations))
+    return [least + share * count for count in iterations]
 
 
 def _ticks(least: float, most: float) -> Iterator[float]:

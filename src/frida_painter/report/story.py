@@ -7,19 +7,23 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from frida_painter.palette import to_lab
+from frida_painter.palette import to_hex, to_lab
 from frida_painter.plan import Plan
 
 
 @dataclass(frozen=True)
 class Paint:
-    """One paint to mix: number from 1, hex "#rrggbb", sRGB bytes, Lab, its strokes, and their share in [0, 1]."""
+    """One paint to mix: number from 1, hex "#rrggbb", sRGB bytes, Lab, its strokes and what they amount to.
+
+    length: of its strokes' marks together, metres; share: of the length that all paints paint, in [0, 1].
+    """
 
     number: int
     hex: str
     srgb: tuple[int, int, int]
     lab: tuple[float, float, float]
     strokes: int
+    length: float
     share: float
 
 
@@ -92,25 +96,23 @@ class Story:
 
 
 def paints(plan: Plan) -> tuple[Paint, ...]:
-    """The paints of a plan in the order of its palette, with how many strokes each of them gets."""
+    """The paints of a plan in the order of its palette, with what each of them is needed for."""
     counts = plan.paint.bincount(minlength=len(plan.palette)).tolist()
-    lab = plan.palette.lab()
+    lengths = plan.paint.bincount(plan.strokes.length.double(), minlength=len(plan.palette))  # [k] metres
+    shares = lengths / lengths.sum().clamp(min=1e-12)
+    colors, lab = plan.palette.color, plan.palette.lab()
     return tuple(
         Paint(
-            number=number,
-            hex=hex_of(color),
-            srgb=tuple((color * 255).round().int().tolist()),
-            lab=tuple(round(part, 1) + 0.0 for part in place.tolist()),
+            number=paint + 1,
+            hex=to_hex(colors[paint]),
+            srgb=tuple((colors[paint] * 255).round().int().tolist()),
+            lab=tuple(round(part, 1) + 0.0 for part in lab[paint].tolist()),
             strokes=count,
-            share=count / max(1, len(plan)),
+            length=float(lengths[paint]),
+            share=float(shares[paint]),
         )
-        for number, (color, place, count) in enumerate(zip(plan.palette.color, lab, counts, strict=True), start=1)
+        for paint, count in enumerate(counts)
     )
-
-
-def hex_of(color: Tensor) -> str:
-    """sRGB [3] in [0, 1] as "#rrggbb"."""
-    return "#{:02x}{:02x}{:02x}".format(*(color * 255).round().int().tolist())
 
 
 def compare(label: str, picture: Tensor, reference: Tensor) -> Comparison:

@@ -1,0 +1,87 @@
+"""A plan as SVG in real millimetres, for Inkscape, vpype, plotters and lasers: layers are paints."""
+
+from xml.sax.saxutils import escape, quoteattr
+
+import torch
+from torch import Tensor
+
+from frida_painter.errors import PlanError
+from frida_painter.export.bezier import control_points
+from frida_painter.palette import to_hex
+from frida_painter.plan import Plan
+
+_DECIMALS = 3
+
+
+def svg(plan: Plan, width: Tensor, *, keep_order: bool = True) -> str:
+    """The plan as an SVG document: one path per stroke, one layer per paint.
+
+    width [n]: of each stroke in metres. A new layer begins wherever the paint changes, so that
+    layers painted from first to last give the plan's picture: one layer per palette colour as long
+    as each colour is painted in one go, and more after replanning, when colours come back. With
+    `keep_order=False` there is always one layer per colour, lightest first, for plotters where a
+    change of pen costs more than the order. Raises PlanError where widths are not above 0 and finite.
+    """
+    if width.shape != (len(plan),) or not bool(((width > 0) & (width < 1)).all()):
+        raise PlanError(f"An SVG of {len(plan)} strokes needs a width above 0 and below 1 m for each; measure anew.")
+    across, down = (_millimetres(side) for side in (plan.canvas.width, plan.canvas.height))
+    paths = _paths(plan, width)
+    layers = [
+        _layer(number, plan, paint, [paths[index] for index in strokes])
+        for number, (paint, strokes) in enumerate(_layers(plan, keep_order), start=1)
+    ]
+    ground = to_hex(torch.tensor(plan.ground))
+    return "\n".join(
+        (
+            '<?xml version="1.0" encoding="UTF-8"?>',
+            '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"',
+            '     xmlns:sodipodi="http://sodipodi.sourceforge.net/DTD/sodipodi-0.dtd"',
+            f'     width="{across}mm" height="{down}mm" viewBox="0 0 {across} {down}" style="background:{ground}">',
+            f"  <title>{escape(f'{len(plan)} strokes in {len(plan.palette)} colours, {plan.canvas}')}</title>",
+            f'  <sodipodi:namedview pagecolor="{ground}" inkscape:document-units="mm"/>',
+            *layers,
+            "</svg>\n",
+        )
+    )
+
+
+def _layers(plan: Plan, keep_order: bool) -> list[tuple[int, list[int]]]:
+    """(paint, indices of strokes) of each layer."""
+    layers: list[tuple[int, list[int]]] = []
+    paints = plan.paint.tolist()
+    order = range(len(plan)) if keep_order else sorted(range(len(plan)), key=lambda index: paints[index])
+    for index in order:
+        if not layers or layers[-1][0] != paints[index]:
+            layers.append((paints[index], []))
+        layers[-1][1].append(index)
+    return layers
+
+
+def _layer(number: int, plan: Plan, paint: int, paths: list[str]) -> str:
+    color = to_hex(plan.palette.color[paint])
+    count = f"{len(paths)} stroke{'s' if len(paths) > 1 else ''}"
+    # Plotter software takes the number at the start of a label as the layer's.
+    label = quoteattr(f"{number} paint {paint + 1} {color} {count}")
+    return (
+        f'  <g inkscape:groupmode="layer" id="layer{number}" inkscape:label={label} fill="none" stroke="{color}"'
+        f' stroke-linecap="round" stroke-linejoin="round" data-paint="{paint + 1}">\n' + "\n".join(paths) + "\n  </g>"
+    )
+
+
+def _paths(plan: Plan, width: Tensor) -> list[str]:
+    points = plan.canvas.on_page(control_points(plan.strokes).double().cpu()) * 1000  # [n, 4, 2]
+    return [
+        f'    <path d="M{_pair(start)} C{_pair(first)} {_pair(second)} {_pair(end)}"'
+        f' stroke-width="{_millimetres(metres)}" data-stroke="{index}" data-thickness="{thickness:.4f}"/>'
+        for index, ((start, first, second, end), metres, thickness) in enumerate(
+            zip(points.tolist(), width.tolist(), plan.strokes.thickness.tolist(), strict=True), start=1
+        )
+    ]
+
+
+def _pair(point: list[float]) -> str:
+    return f"{point[0]:.{_DECIMALS}f},{point[1]:.{_DECIMALS}f}"
+
+
+def _millimetres(metres: float) -> str:
+    return f"{metres * 1000:.{_DECIMALS}f}".rstrip("0").rstrip(".")

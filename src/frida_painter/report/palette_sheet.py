@@ -1,0 +1,126 @@
+"""The palette sheet: a page to print, hang beside the easel, and mix paint from."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.plan import Plan
+from frida_painter.report.story import Paint, paints
+
+ROWS, COLUMNS = 1754, 1240
+"""A4 at 150 dots per inch; what is on it also fits US Letter."""
+_MARGIN = 96
+_HEAD = 236
+_FOOT = 108
+_INK, _SOFT, _LINE, _PAPER = (35, 33, 30), (98, 93, 85), (205, 200, 191), (255, 255, 255)
+_SMALL = 18  # pixels: 8.6 points when printed
+_ADVICE = (
+    "Mix each paint until its dried mark matches its swatch. A paint shop or a colorimeter works from the Lab values.",
+    "Screens and printers differ: where they disagree, trust the numbers. Percentages are of all strokes' length.",
+)
+
+
+def palette_sheet(plan: Plan, title: str = "Palette") -> Tensor:
+    """The plan's paints as a printed page, sRGB [3, 1754, 1240] in [0, 1].
+
+    Lightest first: a large swatch, its number, sRGB as hex and bytes, Lab, how many strokes it is
+    for and how much of the painting they are. Holds 1 to 64 paints.
+    """
+    sheet = Image.new("RGB", (COLUMNS, ROWS), _PAPER)
+    draw = ImageDraw.Draw(sheet)
+    known = paints(plan)
+    _head(draw, plan, title)
+    grid = _Grid.of(len(known))
+    for place, paint in enumerate(known):
+        left, top = grid.corner(place)
+        (_card if grid.upright else _line)(draw, paint, left, top, grid.width, grid.height)
+    for row, text in enumerate(_ADVICE):
+        draw.text((_MARGIN, ROWS - _FOOT + 26 * row), text, fill=_SOFT, font=_font(_SMALL - 1))
+    return images.from_uint8(np.asarray(sheet))
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Cells of the page in pixels; upright: the swatch stands above its text and not beside it."""
+
+    columns: int
+    width: int
+    height: int
+    gap: int
+    upright: bool
+
+    @classmethod
+    def of(cls, count: int) -> "_Grid":
+        upright = count <= 20
+        columns = 1 if count == 1 else 2 if count <= 6 else 3 if count <= 15 or not upright else 4
+        rows = math.ceil(count / columns)
+        gap = 44 if upright else 36
+        across = (COLUMNS - 2 * _MARGIN - gap * (columns - 1)) // columns
+        down = (ROWS - _HEAD - _FOOT - 20) // rows - (gap if upright else 10)
+        return cls(columns, across, min(down, 820 if upright else 96), gap, upright)
+
+    def corner(self, place: int) -> tuple[int, int]:
+        """Left and top of a cell; paints run along the rows, from the left."""
+        row, column = divmod(place, self.columns)
+        return _MARGIN + column * (self.width + self.gap), _HEAD + row * (
+            self.height + (self.gap if self.upright else 10)
+        )
+
+
+def _head(draw: ImageDraw.ImageDraw, plan: Plan, title: str) -> None:
+    draw.text((_MARGIN, 84), _shortened(title, _font(58), COLUMNS - 2 * _MARGIN), fill=_INK, font=_font(58))
+    count = len(plan.palette)
+    facts = f"{count} paint{'s' if count != 1 else ''} for {len(plan)} strokes on a canvas of {plan.canvas}"
+    draw.text((_MARGIN, 162), f"{facts}, brush: {plan.brush}", fill=_SOFT, font=_font(24))
+
+
+def _card(draw: ImageDraw.ImageDraw, paint: Paint, left: int, top: int, width: int, height: int) -> None:
+    """A swatch with its text below."""
+    below = top + height - 118
+    draw.rectangle((left, top, left + width - 1, below - 1), fill=paint.srgb, outline=_LINE, width=1)
+    draw.text((left, below + 12), str(paint.number), fill=_INK, font=_font(44))
+    strokes = f"{_strokes(paint)}, {paint.share:.0%}"
+    for row, text in enumerate((paint.hex, _srgb(paint), _lab(paint), strokes)):
+        draw.text((left + 66, below + 14 + 25 * row), text, fill=_INK if row == 0 else _SOFT, font=_font(_SMALL))
+
+
+def _line(draw: ImageDraw.ImageDraw, paint: Paint, left: int, top: int, width: int, height: int) -> None:
+    """A swatch with its text beside it, for palettes that fill the page."""
+    swatch, right, font = round(0.26 * width), left + width, _font(_SMALL - 1)
+    draw.rectangle((left, top, left + swatch - 1, top + height - 1), fill=paint.srgb, outline=_LINE, width=1)
+    draw.text((left + swatch + 12, top - 4), str(paint.number), fill=_INK, font=_font(24))
+    pitch = min(26, height // 3)
+    for row, text in enumerate((paint.hex, _srgb(paint), _lab(paint))):
+        draw.text((left + swatch + 50, top + pitch * row), text, fill=_INK if row == 0 else _SOFT, font=font)
+    draw.text((right, top), _strokes(paint), fill=_SOFT, font=font, anchor="ra")
+    draw.text((right, top + pitch), f"{paint.share:.0%}", fill=_SOFT, font=font, anchor="ra")
+
+
+def _srgb(paint: Paint) -> str:
+    return "sRGB {}  {}  {}".format(*paint.srgb)
+
+
+def _lab(paint: Paint) -> str:
+    return "Lab {:.1f}  {:.1f}  {:.1f}".format(*paint.lab)
+
+
+def _strokes(paint: Paint) -> str:
+    return f"{paint.strokes} stroke{'s' if paint.strokes != 1 else ''}"
+
+
+def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """The scalable font that Pillow carries within itself."""
+    return ImageFont.load_default(size)
+
+
+def _shortened(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: int) -> str:
+    """The text, cut with an ellipsis where it is wider than the page."""
+    if font.getlength(text) <= width:
+        return text
+    while text and font.getlength(text + "…") > width:
+        text = text[:-1]
+    return text.rstrip() + "…"
