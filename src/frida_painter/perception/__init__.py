@@ -1,1 +1,1 @@
-"""Seeing: from photographs to the canvas, its colours and whether they can be trusted."""
+"""The painter's sight: from the photograph of an easel to the canvas as it is, straight on and in true colours."""

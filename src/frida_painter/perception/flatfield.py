@@ -1,0 +1,80 @@
+"""Uneven light and a colour cast, learned from the bare canvas and taken out of every photograph."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import torch
+from torch import Tensor
+
+from frida_painter.errors import FrameRejected
+from frida_painter.perception.light import to_linear, to_srgb
+
+_DEGREE = 4
+_ROUNDS = 4
+_DIMMEST = 0.05
+_MOST_CLIPPED = 0.2
+_MOST_RESIDUAL = 0.06
+_SAMPLES = 128
+
+
+@dataclass(frozen=True)
+class FlatField:
+    """How bright the light on the canvas is, for each band, as a smooth surface over the canvas.
+
+    logarithm [3, terms]: coefficients of a polynomial in the canvas's (across, down), each in
+    [-1, 1], whose value is the logarithm of what the camera sees of a perfectly white canvas,
+    in linear light: there light and canvas multiply, and the two can be told apart.
+    """
+
+    logarithm: Tensor
+
+    @classmethod
+    def learn(cls, bare: Tensor, ground: tuple[float, float, float]) -> Self:
+        """From the rectified photograph [3, H, W] of the bare canvas, whose true colour is `ground` (sRGB).
+
+        Specks and pencil lines do not count. Raises FrameRejected where the photograph is too dark,
+        overexposed, or the canvas is not bare.
+        """
+        step = [max(1, side // _SAMPLES) for side in bare.shape[1:]]
+        pooled = torch.nn.functional.avg_pool2d(to_linear(bare)[None], step)[0].double()  # [3, h, w]
+        if not float(pooled.median()) >= _DIMMEST:
+            raise FrameRejected("The photograph of the bare canvas is too dark; bring more light.")
+        if not float((bare >= 1).double().mean()) <= _MOST_CLIPPED:
+            raise FrameRejected("The photograph of the bare canvas is overexposed; bring less light or expose shorter.")
+        seen = pooled.flatten(1).clamp(min=1e-4).log()  # [3, samples]
+        terms = _terms(*pooled.shape[1:]).to(seen)  # [samples, terms]
+        weight = torch.ones_like(seen)
+        for _ in range(_ROUNDS):  # least squares, in which what does not fit counts less and less
+            root = weight.sqrt()[..., None]
+            logarithm = torch.linalg.lstsq(root * terms, root * seen[..., None]).solution[..., 0]  # [3, terms]
+            off = (logarithm @ terms.T - seen).abs()
+            usual = off.median(1, keepdim=True).values + 1e-3
+            weight = 1 / (1 + (off / (3 * usual)) ** 2) ** 2
+        residual = float(off.mean())
+        if not residual <= _MOST_RESIDUAL:
+            raise FrameRejected(
+                f"The canvas does not look bare: {100 * residual:.0f} % of its light does not fit a smooth surface, "
+                f"and {100 * _MOST_RESIDUAL:.0f} % is allowed; clear the canvas, or repeat the canvas calibration."
+            )
+        logarithm[:, 0] -= to_linear(torch.tensor(ground, dtype=seen.dtype)).clamp(min=1e-3).log()
+        return cls(logarithm.float())
+
+    def light(self, rows: int, columns: int) -> Tensor:
+        """What the camera sees of a white canvas, linear light, [3, rows, columns]."""
+        return (self.logarithm @ _terms(rows, columns).to(self.logarithm).T).exp().unflatten(1, (rows, columns))
+
+    def correct(self, picture: Tensor) -> Tensor:
+        """The rectified photograph [3, H, W] as it would look in even, white light, sRGB in [0, 1]."""
+        return to_srgb(to_linear(picture) / self.light(*picture.shape[1:]).to(picture))
+
+
+def _terms(rows: int, columns: int) -> Tensor:
+    """Products of Chebyshev polynomials up to the degree at every pixel centre, [rows x columns, terms]."""
+    across = _chebyshev((torch.arange(columns, dtype=torch.float64) * 2 + 1) / columns - 1)  # [degree + 1, columns]
+    down = _chebyshev((torch.arange(rows, dtype=torch.float64) * 2 + 1) / rows - 1)
+    pairs = [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
+    return torch.stack([(down[i][:, None] * across[j]).flatten() for i, j in pairs], 1)
+
+
+def _chebyshev(place: Tensor) -> Tensor:
+    return torch.cos(torch.arange(_DEGREE + 1, dtype=place.dtype)[:, None] * torch.acos(place))

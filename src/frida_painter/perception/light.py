@@ -1,0 +1,15 @@
+"""Between sRGB and linear light, in which light adds up, averages and multiplies (IEC 61966-2-1)."""
+
+import torch
+from torch import Tensor
+
+
+def to_linear(srgb: Tensor) -> Tensor:
+    """sRGB in [0, 1] to linear light in [0, 1], any shape."""
+    return torch.where(srgb <= 0.04045, srgb / 12.92, ((srgb.clamp(min=0.04045) + 0.055) / 1.055) ** 2.4)
+
+
+def to_srgb(linear: Tensor) -> Tensor:
+    """Linear light to sRGB, any shape; what lies outside [0, 1] is brought to its nearest side."""
+    linear = linear.clamp(0, 1)
+    return torch.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clamp(min=0.0031308) ** (1 / 2.4) - 0.055)
