@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from frida_painter.errors import CameraError, StaleFrame
 from frida_painter.hardware.camera import Frame
 from frida_painter.virtual.faults import NO_FAULTS, Faults
-from frida_painter.virtual.paint import to_srgb
+from frida_painter.virtual.paint import to_linear, to_srgb
 from frida_painter.virtual.robot import Clock
 from frida_painter.virtual.table import Table
 
@@ -20,6 +20,7 @@ Corners = tuple[tuple[float, float], ...]
 _TONES = 4096
 _NOISE_BANK = 1 << 18
 _TABLE_SRGB = (0.42, 0.39, 0.36)
+_ARM_WIDTH, _ARM_COLOR = 45.0, (58, 60, 64)
 
 
 @dataclass(frozen=True)
@@ -107,12 +108,26 @@ class VirtualCamera:
         center = np.array([canvas.width, canvas.height]) / 2
         back = np.array([[cos, sin], [-sin, cos]]) / canvas.cell
         shift = center / canvas.cell - back @ (center + 1000 * np.array(knock.shift)) - 0.5
-        backdrop = np.array(_TABLE_SRGB, np.float32) ** 2.2
+        backdrop = to_linear(np.array(_TABLE_SRGB)).astype(np.float32)
         _photograph(
             seen, self._to_canvas, self._light, np.c_[back, shift].astype(np.float32),
             self._mix.astype(np.float32), backdrop, self._tones, self._noise, offset, image,
         )  # fmt: skip
+        self._show_arm(image)
         return image
+
+    def _show_arm(self, image: NDArray[np.uint8]) -> None:
+        """The robot stands in the picture where it was not sent home."""
+        canvas, tip = self._table.canvas, self._table.tip
+        size = np.array([canvas.width, canvas.height])
+        if (tip < -_ARM_WIDTH).any() or (tip > size + _ARM_WIDTH).any():
+            return
+        around = np.array([(0, size[1]), size, (size[0], 0), (0, 0)], np.float32)
+        to_photograph = cv2.getPerspectiveTransform(around, np.array(self.corners, np.float32))
+        ends = np.array([[tip, self._table.base]])
+        start, end = cv2.perspectiveTransform(ends, to_photograph)[0].round().astype(int)
+        pixels = math.dist(*self.corners[:2]) / canvas.width
+        cv2.line(image, start.tolist(), end.tolist(), _ARM_COLOR, max(1, round(_ARM_WIDTH * pixels)), cv2.LINE_AA)
 
 
 def _optics(spec: CameraSpec, width: float, height: float) -> tuple[NDArray[np.float32], Corners]:

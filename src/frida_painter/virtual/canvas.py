@@ -16,6 +16,8 @@ from frida_painter.virtual.paint import BANDS, film_over
 
 # Share of the way to its film that a bristle covers per cell that it crosses, and of the wet paint that it stirs.
 _GIVING, _STIRRING = 0.45, 0.22
+# How sharply the tops of the weave stand out where paint runs short.
+_TOOTH = 4.0
 # Paint is never spread thinner than this, mm: less of it covers less of the cell.
 _THINNEST = 0.010
 # Below this, mm, a wet film counts as set.
@@ -130,14 +132,14 @@ def _exchange(feet, travelled, load, pigment, capacity, wet, tooth, changed, cel
             full = load[i] / capacity[i]
             wanted = film * math.sqrt(full)
             # Little paint and a light hand stay on the tops of the weave: dry brush.
-            reaching = 6.0 * (0.12 + 2.2 * full + 0.5 * press)
+            reaching = _TOOTH * (0.12 + 2.2 * full + 0.5 * press)
             x, y = feet[step, i, 0] / cell - 0.5, feet[step, i, 1] / cell - 0.5
-            left, below = int(math.floor(x)), int(math.floor(y))
+            left, below = math.floor(x), math.floor(y)
             if left < 0 or below < 0 or left > columns - 2 or below > rows - 2:
                 continue
             for corner in range(4):
                 c, r = left + (corner & 1), below + (corner >> 1)
-                reach = reaching - 6.0 * tooth[r, c]
+                reach = reaching - _TOOTH * tooth[r, c]
                 if reach <= 0.0:
                     continue
                 near = (1.0 - abs(x - c)) * (1.0 - abs(y - r))
@@ -190,6 +192,6 @@ def _cloth(rows: int, columns: int, cell: float, random: np.random.Generator) ->
         smooth = cv2.GaussianBlur(rough, (0, 0), sigmaX=along / cell, sigmaY=across / cell)
         return np.asarray(smooth / smooth.std(), np.float32)
 
-    height = noise(2.2, 0.35) + noise(0.35, 2.2) + np.float32(0.9) * noise(0.45, 0.45)
+    height = noise(1.5, 0.3) + noise(0.3, 1.5) + np.float32(1.5) * noise(0.4, 0.4)
     sample = np.sort(height[::3, ::3], axis=None)
     return (np.searchsorted(sample, height, side="left") / len(sample)).astype(np.float32)

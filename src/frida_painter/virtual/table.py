@@ -59,7 +59,11 @@ class HandNoise:
 
 
 class Table:
-    """Everything that the brush can touch. Volumes in microlitres: drawn from the wells, in the water, on the rag."""
+    """Everything that the brush can touch.
+
+    drawn, in_water, on_rag: microlitres drawn from the wells, in the water, on the rag; knock: how far
+    the canvas was moved by accident; tip, base: where the brush and the robot's foot are, mm on the canvas.
+    """
 
     def __init__(
         self, canvas: Canvas, tuft: Tuft, workspace: Workspace, touch_height: float,
@@ -73,10 +77,13 @@ class Table:
         self._workspace, self._touch_height = workspace, touch_height
         self._error, self._noise, self._random = error, noise, random
         self._center = np.array([canvas.width, canvas.height]) / 2 / _MM
+        self.tip = np.full(2, -np.inf)
+        self.base = self._depth_on_canvas(np.zeros((1, 3)))[0, :2]
 
     def move(self, path: NDArray[np.float64], now: float, faults: Faults) -> None:
         """The tip goes along a polyline [k, 3] (metres, robot frame), arriving at time `now` (s)."""
         on_canvas = self._depth_on_canvas(path)
+        self.tip = on_canvas[-1, :2]
         near = on_canvas[:, 2] > 0
         if (near[1:] | near[:-1]).any():
             self._over_canvas(on_canvas, now, faults)
