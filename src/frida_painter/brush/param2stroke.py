@@ -16,10 +16,10 @@ from frida_painter.strokes import StrokeLimits
 
 FORMAT = "frida-painter param2stroke"
 VERSION = 1
-HIDDEN = 64
+HIDDEN = 96
 CHANNELS = 12
 _UPSCALE = 2
-_SHIFT = 0.02
+_SHIFT = 0.005
 _LARGEST_MAP = 4096
 
 

@@ -18,7 +18,6 @@ from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 
-
 _BATCH = 256
 
 
@@ -132,7 +131,7 @@ def _sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> tuple[Tens
     (shortest, longest), (least, most) = model.limits.length, model.limits.bend
     thickness, length, bend = (part.flatten() for part in torch.meshgrid(*grids, indexing="ij"))
     length, bend = shortest + length * (longest - shortest), least + bend * (most - least)
-    parts = zip(thickness.split(_BATCH), length.split(_BATCH), bend.split(_BATCH), strict=True)
+    parts = zip(*(torch.split(part, _BATCH) for part in (thickness, length, bend)), strict=True)
     with torch.no_grad():
         return torch.cat([model(*part).flatten(1) for part in parts]), grids
 
@@ -140,7 +139,7 @@ def _sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> tuple[Tens
 def _fit(coordinates: Tensor, grids: list[Tensor], spans: tuple[int, int, int]) -> Tensor:
     """Coefficients [knots, rank] of the splines that follow the basis coordinates [grid, rank] best."""
     fits = [spline.fit_matrix(grid, pieces) for grid, pieces in zip(grids, spans, strict=True)]
-    cube = coordinates.unflatten(0, [len(grid) for grid in grids])
+    cube = coordinates.reshape(*(len(grid) for grid in grids), -1)
     return torch.einsum("ai,bj,ck,ijkr->abcr", *fits, cube).flatten(0, 2).contiguous()
 
 

@@ -61,7 +61,7 @@ class FlatField:
 
     def light(self, rows: int, columns: int) -> Tensor:
         """What the camera sees of a white canvas, linear light, [3, rows, columns]."""
-        return (self.logarithm @ _terms(rows, columns).to(self.logarithm).T).exp().unflatten(1, (rows, columns))
+        return (self.logarithm @ _terms(rows, columns).to(self.logarithm).T).exp().reshape(3, rows, columns)
 
     def correct(self, picture: Tensor) -> Tensor:
         """The rectified photograph [3, H, W] as it would look in even, white light, sRGB in [0, 1]."""
