@@ -6,6 +6,7 @@ docs/renderer.md tells why the gradients are what they are.
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from frida_painter.render import kernels
-from frida_painter.render.spans import Array, Spans, find_spans
+from frida_painter.render.spans import Array, Spans, find_spans, painted_boxes, whole_maps
 
 # Packed pixels that are sampled and then blended in one go: few enough to stay in the cache.
 _BATCH = 2**18
@@ -42,7 +43,7 @@ class _Scanline(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor) -> Tensor:
-        picture, alpha, ctx.spans = _lay(magnitude, affine, color, canvas, keep=True)
+        picture, alpha, ctx.marks = _lay(magnitude, affine, color, canvas, keep=True)
         ctx.save_for_backward(magnitude, affine, color, canvas, alpha)
         return picture
 
@@ -51,25 +52,27 @@ class _Scanline(torch.autograd.Function):
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
         magnitude, affine, color, canvas, alpha = (_array(tensor) for tensor in ctx.saved_tensors)
         wants_map, wants_affine, wants_color, wants_canvas = ctx.needs_input_grad
-        spans: Spans = ctx.spans
+        marks: Spans = ctx.marks
+        # Paint that is not there may still be wanted: the gradient to a zero cell is not zero.
+        reach = find_spans(affine, whole_maps(magnitude), canvas.shape[1:]) if wants_map else marks
         slopes_wanted = wants_map or wants_affine
         g = _array(gradient)
         n, (_, height, width) = len(color), canvas.shape
         bands = -(-height // kernels.BAND)
-        columns = np.arange(width, dtype=canvas.dtype)
-        slope = np.empty(len(alpha) if slopes_wanted else 0, canvas.dtype)
+        columns = _columns(width, canvas)
+        slope = np.empty(reach.offset[-1] if slopes_wanted else 0, canvas.dtype)
         through = np.ones((height, width), canvas.dtype)
         color_parts = np.zeros((bands if wants_color else 0, n, 3), canvas.dtype)
         to_map = np.empty_like(magnitude) if wants_map else None
         to_affine = np.zeros_like(affine) if wants_affine else None
         with _Team() as team:
             if slopes_wanted:
-                team.share(range(bands), kernels.find_slopes, spans, alpha, color, canvas, g, slope)
-            team.share(range(bands), kernels.pull_through, spans, alpha, g, through, slope, color_parts)
+                team.share(range(bands), kernels.find_slopes, marks, alpha, reach, color, canvas, g, slope)
+            team.share(range(bands), kernels.pull_through, marks, alpha, reach, g, through, slope, color_parts)
             if to_affine is not None:
-                team.share(range(n), kernels.pull_to_affine, magnitude, affine, columns, spans, slope, to_affine)
+                team.share(range(n), kernels.pull_to_affine, magnitude, affine, columns, marks, reach, slope, to_affine)
             if to_map is not None:
-                team.share(range(n), kernels.pull_to_map, affine, columns, spans, slope, to_map)
+                team.share(range(n), kernels.pull_to_map, affine, columns, reach, slope, to_map)
         return (
             None if to_map is None else torch.from_numpy(to_map),
             None if to_affine is None else torch.from_numpy(to_affine),
@@ -82,25 +85,24 @@ def _lay(
     magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, *, keep: bool
 ) -> tuple[Tensor, Tensor, Spans]:
     """The picture, the packed coverages (all of them if they are to be kept), and where they lie."""
-    marks, places, paints = _array(magnitude), _array(affine), _array(color)
+    maps, places, paints = _array(magnitude), _array(affine), _array(color)
     picture = canvas.detach().clone(memory_format=torch.contiguous_format)
     _, height, width = canvas.shape
-    spans = find_spans(places, marks.shape[1:], (height, width))
-    pixels = spans.offset[spans.segment]  # [n + 1], where each stroke's packed pixels begin
+    marks = find_spans(places, painted_boxes(maps), (height, width))
+    pixels = marks.offset[marks.segment]  # [n + 1], where each stroke's packed pixels begin
     batches = _batches(pixels)
     largest = max((int(pixels[last] - pixels[first]) for first, last in batches), default=0)
-    alpha = torch.empty(int(pixels[-1]) if keep else largest, dtype=canvas.dtype)
-    columns = np.arange(width, dtype=places.dtype)
-    bands = -(-height // kernels.BAND)
+    kept = torch.empty(int(pixels[-1]) if keep else largest, dtype=canvas.dtype)
+    alpha, columns, bands = kept.numpy(), _columns(width, places), -(-height // kernels.BAND)
     with _Team() as team:
         for first, last in batches:
-            base = 0 if keep else pixels[first]
-            strokes = first, last
-            team.share(range(first, last), kernels.sample, marks, places, columns, spans, base, alpha.numpy())
-            team.share(range(bands), kernels.blend, strokes, spans, base, alpha.numpy(), paints, picture.numpy())
-    if not np.isfinite(places).all():
+            base = 0 if keep else int(pixels[first])
+            team.share(range(first, last), kernels.sample, maps, places, columns, marks, base, alpha)
+            team.share(range(bands), kernels.blend, (first, last), marks, base, alpha, paints, picture.numpy())
+    # The reference lays 0 times the paint everywhere, so what is not finite spoils the whole picture.
+    if not (np.isfinite(places).all() and np.isfinite(paints).all()):
         picture.fill_(torch.nan)
-    return picture, alpha, spans
+    return picture, kept, marks
 
 
 def _batches(pixels: Array) -> list[tuple[int, int]]:
@@ -111,6 +113,11 @@ def _batches(pixels: Array) -> list[tuple[int, int]]:
         batches.append((first, last))
         first = last
     return batches
+
+
+def _columns(width: int, like: Array) -> Array:
+    """0, 1, 2, ..., some lanes beyond the width, because samples are located in whole vectors."""
+    return np.arange(width + kernels.LANES, dtype=like.dtype)
 
 
 def _array(tensor: Tensor) -> Array:
@@ -134,11 +141,8 @@ class _Team:
         if self.pool is None:
             kernel(whole.start, whole.stop, *arguments)
             return
-        edges = (
-            np.linspace(whole.start, whole.stop, min(len(whole), self.threads * _PIECES_PER_THREAD) + 1)
-            .astype(int)
-            .tolist()
-        )
-        pieces = [self.pool.submit(kernel, a, b, *arguments) for a, b in zip(edges, edges[1:], strict=False)]
-        for piece in pieces:
+        pieces = min(len(whole), self.threads * _PIECES_PER_THREAD)
+        edges = [whole[len(whole) * k // pieces] for k in range(pieces)] + [whole.stop]
+        running = [self.pool.submit(kernel, begin, end, *arguments) for begin, end in pairwise(edges)]
+        for piece in running:
             piece.result()
