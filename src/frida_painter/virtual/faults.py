@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Bump:
-    """Somebody knocks against the canvas before the touch of that number (from 0).
+    """Somebody knocks against the canvas with the first motion after `before_touch` contacts with it.
 
     shift: metres in the canvas's plane; turn: radians about the canvas's centre.
     """

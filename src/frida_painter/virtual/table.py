@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from frida_painter.hardware.workspace import Point, Workspace
 from frida_painter.virtual.bristles import Tuft
 from frida_painter.virtual.canvas import Canvas
-from frida_painter.virtual.faults import Faults
+from frida_painter.virtual.faults import Bump, Faults
 
 _MM = 1000.0
 # A vessel is touched within this radius (m) of its centre and not higher than this above its place.
@@ -46,8 +46,15 @@ class PlacementError:
 
     def moved(self, position: NDArray[np.float64], center: NDArray[np.float64]) -> NDArray[np.float64]:
         """Canvas positions [k, 2] after the error."""
+        return (position - center) @ self._rotation() + center + self.shift
+
+    def undone(self, position: NDArray[np.float64], center: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Canvas positions [k, 2] before the error."""
+        return (position - center - self.shift) @ self._rotation().T + center
+
+    def _rotation(self) -> NDArray[np.float64]:
         cos, sin = math.cos(self.turn), math.sin(self.turn)
-        return (position - center) @ np.array([[cos, sin], [-sin, cos]]) + center + self.shift
+        return np.array([[cos, sin], [-sin, cos]])
 
 
 @dataclass(frozen=True)
@@ -74,6 +81,7 @@ class Table:
         self.drawn = self.in_water = self.on_rag = 0.0
         self.touches = 0
         self.knock = PlacementError((0.0, 0.0), 0.0)
+        self._felt: list[Bump] = []
         self._workspace, self._touch_height = workspace, touch_height
         self._error, self._noise, self._random = error, noise, random
         self._center = np.array([canvas.width, canvas.height]) / 2 / _MM
@@ -82,6 +90,7 @@ class Table:
 
     def move(self, path: NDArray[np.float64], now: float, faults: Faults) -> None:
         """The tip goes along a polyline [k, 3] (metres, robot frame), arriving at time `now` (s)."""
+        self._feel(faults.bumps)
         on_canvas = self._depth_on_canvas(path)
         self.tip = on_canvas[-1, :2]
         near = on_canvas[:, 2] > 0
@@ -90,14 +99,20 @@ class Table:
         if len(path) > 1:
             self._among_vessels(_resampled(path, _LOOK))
 
+    def _feel(self, bumps: tuple[Bump, ...]) -> None:
+        for bump in bumps:
+            if bump.before_touch <= self.touches and bump not in self._felt:
+                self._felt.append(bump)
+                x, y = self.knock.shift
+                self.knock = PlacementError((x + bump.shift[0], y + bump.shift[1]), self.knock.turn + bump.turn)
+
     def _depth_on_canvas(self, path: NDArray[np.float64]) -> NDArray[np.float64]:
         """Robot frame [k, 3] to the true canvas: x, y in mm, depth (0 lightest touch, 1 hardest press)."""
         workspace = self._workspace
         cos, sin = math.cos(workspace.canvas_angle), math.sin(workspace.canvas_angle)
         meant = (path[:, :2] - workspace.canvas_origin[:2]) @ np.array([[cos, -sin], [sin, cos]])
         # A knocked canvas moves under the brush: the mark goes the other way.
-        knock = PlacementError((-self.knock.shift[0], -self.knock.shift[1]), -self.knock.turn)
-        place = knock.moved(self._error.moved(meant, self._center), self._center) * _MM
+        place = self.knock.undone(self._error.moved(meant, self._center), self._center) * _MM
         depth = (self._touch_height - path[:, 2]) * _MM / self.tuft.brush.press_depth
         return np.c_[place, np.minimum(depth, 1.25)]
 
@@ -114,12 +129,6 @@ class Table:
                 fine[first:last]
                 + np.r_[self._random.normal(0, self._noise.place * _MM, 2), self._random.normal(0, self._noise.depth)]
             )
-            for bump in faults.bumps:
-                if bump.before_touch == self.touches:
-                    self.knock = PlacementError(
-                        (self.knock.shift[0] + bump.shift[0], self.knock.shift[1] + bump.shift[1]),
-                        self.knock.turn + bump.turn,
-                    )
             if self.touches not in faults.dropped_touches:
                 self.canvas.touch(self.tuft, touch, now)
                 self.tuft.settle()

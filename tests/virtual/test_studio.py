@@ -1,0 +1,131 @@
+import ast
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import frida_painter.virtual
+from frida_painter.errors import ConfigError
+from frida_painter.frames import CanvasSize
+from frida_painter.virtual.camera import CameraSpec
+from frida_painter.virtual.studio import StudioSettings, open_studio
+from frida_painter.virtual.table import HandNoise, PlacementError
+
+from .hand import CANVAS, Hand
+
+BLACK = [0.08, 0.08, 0.08]
+
+
+def painted(seed):
+    hand = Hand(BLACK, [0.9, 0.8, 0.2], seed=seed, error=None, noise=HandNoise(), camera=CameraSpec((480, 640)))
+    for well, y in ((0, 0.03), (1, 0.05)):
+        hand.dip(well)
+        hand.stroke(0.03, y, 0.05, bend=0.01)
+        hand.clean()
+    hand.easel.robot.home()
+    frame = hand.easel.camera.capture(0.0)
+    return frame.image.tobytes(), hand.studio.truth(90).numpy().tobytes(), hand.studio.balance()
+
+
+def test_one_seed_gives_the_same_bytes_and_another_seed_others():
+    assert painted(4) == painted(4)
+    assert painted(4)[0] != painted(5)[0]
+
+
+def test_a_mark_lands_where_the_canvas_frame_says():
+    hand = Hand(BLACK, brush="fine")
+    hand.dip(0)
+    hand.stroke(0.02, 0.07, 0.03)
+    rows, columns = np.nonzero(hand.truth().mean(2) < 0.4)
+    assert 90 - rows.mean() / 2 == pytest.approx(70, abs=1.0)
+    assert columns.min() / 2 == pytest.approx(20, abs=3.5)
+    assert columns.max() / 2 == pytest.approx(50, abs=3.5)
+
+
+def test_the_placement_error_shifts_and_turns_marks_about_the_canvas_s_centre():
+    error = PlacementError((0.004, -0.002), math.radians(10))
+    hand = Hand(BLACK, brush="fine", error=error)
+    hand.dip(0)
+    hand.stroke(0.045, 0.045, 0.03, thickness=0.6)  # Through the centre, along x.
+    place = np.argwhere(hand.truth().mean(2) < 0.4)[:, ::-1] * (0.5, -0.5) + (0, 90)
+    assert place[:, 0].mean() == pytest.approx(64, abs=2.5)  # A mark is a little ahead of or behind its path.
+    assert place[:, 1].mean() == pytest.approx(43, abs=0.8)
+    along = np.linalg.eigh(np.cov((place - place.mean(0)).T))[1][:, 1]
+    assert math.degrees(math.atan2(along[1], along[0])) % 180 == pytest.approx(10, abs=3)
+
+
+def test_without_a_wish_the_error_is_a_couple_of_millimetres_and_known_to_nobody():
+    errors = [open_studio(CANVAS, seed=seed).placement_error for seed in range(4)]
+    assert len(set(errors)) == 4
+    for error in errors:
+        assert 0.0015 <= math.hypot(*error.shift) <= 0.0025
+        assert 0.3 <= abs(math.degrees(error.turn)) <= 0.5
+    assert open_studio(CANVAS, seed=0).easel.calibration.placement == ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+
+
+def test_strokes_differ_a_little_from_one_to_the_next():
+    hand = Hand(BLACK, brush="fine", noise=HandNoise(0.001, 0.0))
+    middles = []
+    for k in range(6):
+        hand.dip(0)
+        before = hand.truth()
+        hand.stroke(0.03, 0.012 + 0.013 * k, 0.04)
+        middles.append(np.argwhere((before - hand.truth()).mean(2) > 0.4).mean(0)[0] / 2 + 13 * k)
+    assert 0.2 < np.std(middles) < 3
+
+
+def test_the_calibration_is_that_of_the_studio():
+    hand = Hand(BLACK)
+    calibration = hand.easel.calibration
+    assert calibration.brush == "medium"
+    assert calibration.touch_height - calibration.press_height == pytest.approx(0.006)
+    corners = np.array(calibration.corners)
+    assert (corners > 0).all() and (corners < np.array(calibration.photograph)[::-1]).all()
+    height = corners[3, 1] - corners[0, 1]
+    assert 850 < height < 1150
+
+
+def test_as_many_paints_as_a_palette_may_have_fit_into_the_wells():
+    hand = Hand(*np.linspace(1, 0, 64 * 3).reshape(64, 3).tolist())
+    hand.dip(63)
+    assert hand.studio.balance().drawn > 0
+    empty = Hand(BLACK)
+    empty.dip(5)
+    assert empty.studio.balance().drawn == 0
+
+
+@pytest.mark.parametrize("canvas", [CanvasSize(0.03, 0.03), CanvasSize(3.0, 0.5)])
+def test_any_canvas_size_can_be_painted_on(canvas):
+    hand = Hand(BLACK, canvas=canvas, brush="fine", cell=None, camera=CameraSpec((240, 320)))
+    hand.dip(0)
+    hand.stroke(0.5 * canvas.width - 0.01, 0.5 * canvas.height, 0.02, thickness=1.0)
+    assert hand.studio.canvas.wet_volume > 1
+    hand.easel.robot.home()
+    assert hand.easel.camera.capture(0.0).image.std() > 10
+    assert hand.studio.canvas.dry.size < 3.2e6
+
+
+@pytest.mark.parametrize(
+    "settings", [{"cell": 0.0}, {"cell": math.nan}, {"drying_time": 0.0}, {"drying_time": math.nan}]
+)
+def test_settings_that_make_no_sense_are_refused(settings):
+    with pytest.raises(ConfigError, match=r"allowed|above"):
+        StudioSettings(**settings)
+
+
+def test_truth_has_the_canvas_s_shape_and_starts_as_its_ground():
+    studio = open_studio(CANVAS, settings=StudioSettings(ground=(0.8, 0.7, 0.6)))
+    truth = studio.truth(60)
+    assert truth.shape == (3, 60, 80)
+    assert truth.mean((1, 2)).tolist() == pytest.approx([0.8, 0.7, 0.6], abs=0.01)
+
+
+def test_reality_shares_no_code_with_the_renderer_that_it_judges():
+    allowed = {"virtual", "errors", "frames", "palette", "calibration", "hardware"}
+    for module in Path(frida_painter.virtual.__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(module.read_text())):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            ours = {name.split(".")[1] for name in names if name.startswith("frida_painter.")}
+            assert ours <= allowed, f"{module.name} imports {ours - allowed}"
