@@ -140,7 +140,7 @@ class Strokes:
         }
         for name, (values, least, most) in ranges.items():
             allowed = (values >= least - _TOLERANCE) & (values <= most + _TOLERANCE)
-            allowed = allowed.reshape(len(self), -1).all(1)
+            allowed = allowed[..., None].flatten(1).all(1)
             if not bool(allowed.all()):
                 first = int((~allowed).nonzero()[0, 0])
                 raise PlanError(

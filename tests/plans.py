@@ -1,0 +1,36 @@
+"""Made-up plans for tests: random strokes on a small canvas, in random but repeatable colours."""
+
+import torch
+
+from frida_painter.frames import CanvasSize
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.strokes import StrokeLimits, Strokes
+
+CANVAS = CanvasSize(0.3, 0.2)
+LIMITS = StrokeLimits((0.01, 0.06), (-0.016, 0.016))
+
+
+def made_up_strokes(count: int, seed: int = 0, canvas: CanvasSize = CANVAS) -> Strokes:
+    generator = torch.Generator().manual_seed(seed)
+
+    def random(*shape: int) -> torch.Tensor:
+        return torch.rand(*shape, generator=generator)
+
+    return Strokes(
+        position=random(count, 2) * torch.tensor([canvas.width, canvas.height]),
+        angle=(random(count) - 0.5) * 6,
+        length=0.01 + 0.05 * random(count),
+        bend=(random(count) - 0.5) * 0.03,
+        thickness=random(count),
+        color=random(count, 3),
+    ).project(LIMITS, canvas)
+
+
+def made_up_plan(count: int = 40, colors: int = 5, seed: int = 0, paint: list[int] | None = None) -> Plan:
+    """`paint` gives the paint of every stroke; without it the paints follow each other from light to dark."""
+    generator = torch.Generator().manual_seed(seed + 1)
+    palette = Palette.ordered(torch.rand(colors, 3, generator=generator))
+    chosen = torch.tensor(paint) if paint else torch.arange(count) * colors // max(1, count)
+    strokes = made_up_strokes(len(chosen), seed)
+    return Plan.of(strokes, palette, chosen, canvas=CANVAS, brush="medium", limits=LIMITS, about=(("seed", str(seed)),))

@@ -1,0 +1,138 @@
+import math
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from frida_painter.errors import ConfigError
+from frida_painter.frames import CanvasSize, MapFrame, PixelGrid, pixel_to_map, whole_turns_removed
+from frida_painter.render.reference import composite
+
+SIDES = st.floats(0.03, 3)
+SIZES = st.builds(CanvasSize, SIDES, SIDES)
+GRIDS = st.builds(PixelGrid, SIZES, st.integers(1, 500), st.integers(1, 500))
+SHARES = st.tuples(st.floats(0, 1), st.floats(0, 1))
+
+
+@pytest.mark.parametrize(
+    ("text", "width", "height"),
+    [
+        ("14x11in", 0.3556, 0.2794),
+        (" 297 x 210 MM ", 0.297, 0.21),
+        ("40×30cm", 0.4, 0.3),
+        ("1x.5m", 1, 0.5),
+        ("8.5x11in", 0.2159, 0.2794),
+    ],
+)
+def test_sizes_as_people_write_them(text: str, width: float, height: float) -> None:
+    size = CanvasSize.parse(text)
+    assert (size.width, size.height) == (pytest.approx(width), pytest.approx(height))
+
+
+@pytest.mark.parametrize(
+    "text", ["", "14", "14x11", "14x11ft", "14inx11in", "-14x11in", "nanxnanmm", "1e9x1mm", "x1mm"]
+)
+def test_sizes_that_are_not_understood(text: str) -> None:
+    with pytest.raises(ConfigError, match="for example 14x11in"):
+        CanvasSize.parse(text)
+
+
+@pytest.mark.parametrize("text", ["0x0mm", "100x100m", "29x100mm", "100x29mm", "3001x100mm"])
+def test_sizes_that_are_too_small_or_too_large(text: str) -> None:
+    with pytest.raises(ConfigError, match="each side is from 30 to 3000 mm"):
+        CanvasSize.parse(text)
+
+
+def test_sizes_that_are_not_numbers() -> None:
+    for wrong in (math.nan, math.inf, -0.3):
+        with pytest.raises(ConfigError):
+            CanvasSize(0.3, wrong)
+
+
+def test_a_canvas_is_turned_like_its_picture() -> None:
+    wide, tall = CanvasSize(0.4, 0.3), CanvasSize(0.3, 0.4)
+    assert wide.turned_like(100, 200) == wide == tall.turned_like(100, 200)
+    assert wide.turned_like(200, 100) == tall == tall.turned_like(200, 100)
+
+
+@given(GRIDS, SHARES)
+def test_pixels_and_metres_are_each_others_inverse(grid: PixelGrid, share: tuple[float, float]) -> None:
+    corner = torch.tensor([grid.size.width, grid.size.height], dtype=torch.float64)
+    position = torch.tensor(share, dtype=torch.float64) * corner
+    assert torch.allclose(grid.to_canvas(grid.to_pixels(position)), position, atol=1e-12)
+
+
+@given(GRIDS)
+def test_the_picture_shows_exactly_the_canvas_and_y_goes_up(grid: PixelGrid) -> None:
+    corners = torch.tensor([[0.0, grid.size.height], [grid.size.width, 0.0]], dtype=torch.float64)
+    top_left, bottom_right = grid.to_pixels(corners)
+    assert torch.allclose(top_left, top_left.new_tensor([-0.5, -0.5]), atol=1e-9)
+    assert torch.allclose(bottom_right, bottom_right.new_tensor([grid.columns - 0.5, grid.rows - 0.5]), atol=1e-9)
+
+
+@given(SIZES, SHARES)
+def test_pages_count_from_the_top_left_corner(size: CanvasSize, share: tuple[float, float]) -> None:
+    position = torch.tensor(share, dtype=torch.float64) * torch.tensor([size.width, size.height], dtype=torch.float64)
+    grid = PixelGrid(size, 1, 1)
+    across = (grid.to_pixels(position) + 0.5) * torch.tensor(grid.pitch, dtype=torch.float64)
+    assert torch.allclose(size.on_page(position), across, atol=1e-12)
+
+
+@given(SIZES, st.integers(16, 1000))
+def test_pixels_are_as_square_as_whole_numbers_allow(size: CanvasSize, rows: int) -> None:
+    grid = PixelGrid.of_height(size, rows)
+    assert grid.rows == rows
+    assert grid.columns == 1 or abs(grid.columns - rows * size.width / size.height) <= 0.5
+
+
+@given(GRIDS, SHARES, st.floats(-10, 10), st.integers(0, 2**31))
+def test_pixel_to_map_undoes_turning_and_moving(
+    grid: PixelGrid, share: tuple[float, float], angle: float, seed: int
+) -> None:
+    frame = MapFrame(-0.01, 0.07, -0.02, 0.03, 24, 64)
+    position = torch.tensor(share, dtype=torch.float64) * torch.tensor([grid.size.width, grid.size.height])
+    turn = torch.tensor([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]], dtype=torch.float64)
+    # Cell centres of the map, carried onto the canvas by hand and from there into pixels ...
+    pixel = grid.to_pixels(frame.cell_centers(dtype=torch.float64) @ turn.T + position)  # [rows, columns, 2]
+    affine = pixel_to_map(position[None], torch.tensor([angle], dtype=torch.float64), grid, frame)[0]
+    cell = pixel @ affine[:, :2].T + affine[:, 2]
+    # ... must come back to the cells they were.
+    row, column = torch.meshgrid(torch.arange(24.0), torch.arange(64.0), indexing="ij")
+    assert torch.allclose(cell, torch.stack((column, row), -1).double(), atol=1e-6)
+
+
+def test_a_resized_map_lies_where_it_lay() -> None:
+    frame = MapFrame(-0.01, 0.07, -0.02, 0.03, 24, 64)
+    large = frame.resized(48, 128)
+    assert large.pitch == pytest.approx((frame.pitch[0] / 2, frame.pitch[1] / 2))
+    quads = large.cell_centers(dtype=torch.float64).reshape(24, 2, 64, 2, 2).mean((1, 3))
+    assert torch.allclose(quads, frame.cell_centers(dtype=torch.float64), atol=1e-12)
+
+
+@given(st.floats(-1e3, 1e3))
+def test_whole_turns_are_removed(angle: float) -> None:
+    turned = whole_turns_removed(torch.tensor(angle, dtype=torch.float64))
+    assert -math.pi <= turned < math.pi
+    assert math.cos(turned) == pytest.approx(math.cos(angle), abs=1e-9)
+    assert math.sin(turned) == pytest.approx(math.sin(angle), abs=1e-9)
+
+
+def test_an_f_stays_an_f() -> None:
+    """An F as a magnitude map must look on the canvas as it looks in the map: neither mirrored nor turned."""
+    letter = torch.zeros(7, 5, dtype=torch.float64)
+    letter[1:6, 1] = letter[1, 1:4] = letter[3, 1:3] = 1
+    size = CanvasSize(0.05, 0.07)
+    frame = MapFrame(0, 0.05, 0, 0.07, 7, 5)
+    origin, angle = torch.zeros(1, 2, dtype=torch.float64), torch.zeros(1, dtype=torch.float64)
+    ink = torch.zeros(1, 3, dtype=torch.float64)
+    paper = torch.ones(3, 7, 5, dtype=torch.float64)
+    picture = composite(letter[None], pixel_to_map(origin, angle, PixelGrid(size, 7, 5), frame), ink, paper)
+    assert torch.allclose(picture[0], 1 - letter, atol=1e-9)
+    # Turned by a quarter to the left, its stem lies flat and its arms point up (numpy's rot90).
+    moved = torch.tensor([[0.07, 0.0]], dtype=torch.float64)
+    grid = PixelGrid(CanvasSize(0.07, 0.05), 5, 7)
+    picture = composite(
+        letter[None], pixel_to_map(moved, angle + math.pi / 2, grid, frame), ink, paper.new_ones(3, 5, 7)
+    )
+    assert torch.allclose(picture[0], 1 - torch.rot90(letter), atol=1e-9)

@@ -1,0 +1,153 @@
+"""The house: imports only go down, no module imports itself in a circle, and some things never enter."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import frida_painter
+
+ROOT = Path(frida_painter.__file__).parent
+LAYERS = (
+    ("errors", "storage", "weights", "images"),
+    ("frames", "strokes", "palette", "goal", "plan", "calibration", "config"),  # settings speak in these nouns
+    ("brush", "render", "perception"),
+    ("objectives",),
+    ("planning", "hardware", "virtual"),
+    ("session", "experiments"),
+    ("report", "export", "cli", "web", "__main__", ""),
+)
+# The virtual studio is reality: what judges or predicts it must not be inside it.
+REALITY = {"virtual": {"brush", "render", "perception", "objectives", "planning", "session"}}
+FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "joblib", "yaml", "shelve", "marshal"}
+MOST_LINES = 450
+
+
+def modules(root: Path) -> dict[str, ast.Module]:
+    """Every module below `root` by its dotted name; the root package itself is ""."""
+    found = {}
+    for path in sorted(root.rglob("*.py")):
+        parts = path.relative_to(root).with_suffix("").parts
+        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        found[name] = ast.parse(path.read_text(encoding="utf-8"))
+    return found
+
+
+def imports(name: str, tree: ast.Module, known: dict[str, ast.Module], package: str) -> set[str]:
+    """The package's own modules that a module imports, anywhere in it, also inside functions."""
+    targets = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            targets |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name} imports relatively in line {node.lineno}; write the whole name"
+            targets |= {f"{node.module}.{alias.name}" for alias in node.names}
+    own = set()
+    for target in targets:
+        if target == package or target.startswith(f"{package}."):
+            inner = target.removeprefix(package).removeprefix(".")
+            while inner not in known:  # a name inside a module belongs to that module
+                inner = inner.rpartition(".")[0]
+            own.add(inner)
+    return own - {name}
+
+
+def layer(name: str) -> int:
+    top = name.partition(".")[0]
+    for number, members in enumerate(LAYERS):
+        if top in members:
+            return number
+    raise AssertionError(f"{name} stands on no layer of the house; give it one in docs and in this test")
+
+
+def broken_rules(root: Path, package: str) -> list[str]:
+    """One line for every upward import, forbidden import and circle."""
+    known = modules(root)
+    graph = {name: imports(name, tree, known, package) for name, tree in known.items()}
+    broken = [
+        f"{name} imports {target}, which lies above it"
+        for name, targets in graph.items()
+        for target in sorted(targets)
+        if layer(target) > layer(name)
+    ]
+    broken += [
+        f"{name} imports {target}, which must not be part of reality"
+        for name, targets in graph.items()
+        for target in sorted(targets)
+        if target.partition(".")[0] in REALITY.get(name.partition(".")[0], ())
+    ]
+    return broken + [" -> ".join(circle) for circle in circles(graph)]
+
+
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """Circles of imports, each once, by depth-first search."""
+    done: set[str] = set()
+    found = []
+
+    def visit(name: str, path: list[str]) -> None:
+        if name in path:
+            found.append([*path[path.index(name) :], name])
+        elif name not in done:
+            for target in sorted(graph[name]):
+                visit(target, [*path, name])
+            done.add(name)
+
+    for name in graph:
+        visit(name, [])
+    return found
+
+
+def test_imports_only_go_down_and_never_in_circles() -> None:
+    assert broken_rules(ROOT, "frida_painter") == []
+
+
+@pytest.mark.parametrize(
+    ("files", "says"),
+    [
+        ({"errors.py": "import house.frames", "frames.py": ""}, "errors imports frames, which lies above"),
+        ({"errors.py": "def f():\n    from house import plan", "plan.py": ""}, "errors imports plan, which lies above"),
+        (
+            {"brush/__init__.py": "", "brush/a.py": "from house.session.loop import Loop", "session/loop.py": ""},
+            "above",
+        ),
+        ({"frames.py": "import house.plan", "plan.py": "from house.frames import Size"}, "frames -> plan -> frames"),
+        (
+            {"brush/__init__.py": "from house.brush.a import A", "brush/a.py": "from house.brush import B"},
+            "brush -> brush.a -> brush",
+        ),
+        ({"render/fast.py": "import house.brush.a", "brush/a.py": "import house.render.fast"}, " -> "),
+        ({"virtual/a.py": "from house.render import fast", "render/fast.py": ""}, "must not be part of reality"),
+    ],
+)
+def test_the_checker_can_fail(tmp_path: Path, files: dict[str, str], says: str) -> None:
+    for name, content in {"__init__.py": "", **files}.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(content)
+    assert any(says in line for line in broken_rules(tmp_path, "house"))
+
+
+def test_the_checker_passes_what_is_right_and_refuses_strangers(tmp_path: Path) -> None:
+    (tmp_path / "__init__.py").write_text("")
+    (tmp_path / "errors.py").write_text("import math")
+    (tmp_path / "frames.py").write_text("from house.errors import ConfigError\nimport torch")
+    assert broken_rules(tmp_path, "house") == []
+    (tmp_path / "helpers.py").write_text("import house.errors")
+    with pytest.raises(AssertionError, match="on no layer"):
+        broken_rules(tmp_path, "house")
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.rglob("*.py")), ids=lambda path: str(path.relative_to(ROOT)))
+def test_what_never_enters(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert text.count("\n") <= MOST_LINES
+    assert ast.get_docstring(ast.parse(text)), "a module says what it is for"
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            assert not {alias.name.partition(".")[0] for alias in node.names} & FORBIDDEN_MODULES
+        elif isinstance(node, ast.ImportFrom):
+            assert (node.module or "").partition(".")[0] not in FORBIDDEN_MODULES
+        elif isinstance(node, ast.Call):
+            assert not (isinstance(node.func, ast.Name) and node.func.id in ("eval", "exec")), node.lineno
+            for keyword in node.keywords:
+                true = isinstance(keyword.value, ast.Constant) and keyword.value.value is True
+                assert not (keyword.arg in ("shell", "allow_pickle") and true), node.lineno

@@ -1,0 +1,154 @@
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from frida_painter import storage
+from frida_painter.errors import PlanError
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.strokes import GROUPS, Strokes
+from plans import CANVAS, LIMITS, made_up_plan
+
+
+def edited(path: Path, **changes: object) -> None:
+    """Changes a plan file as somebody would who also mends its checksum."""
+    record = json.loads(path.read_text())
+    storage.write_json(path, {**record, **changes})
+
+
+def test_a_plan_comes_back_as_it_was(tmp_path: Path) -> None:
+    plan = made_up_plan()
+    plan.save(tmp_path / "plan.json")
+    for path in (tmp_path / "plan.json", tmp_path):
+        loaded = Plan.load(path)
+        assert all(torch.equal(getattr(loaded.strokes, name), getattr(plan.strokes, name)) for name in GROUPS)
+        assert torch.equal(loaded.paint, plan.paint) and torch.equal(loaded.palette.color, plan.palette.color)
+        assert (loaded.canvas, loaded.brush, loaded.limits, loaded.about) == (
+            CANVAS,
+            "medium",
+            LIMITS,
+            (("seed", "0"),),
+        )
+        assert loaded.digest == plan.digest
+
+
+def test_a_plan_without_strokes_comes_back_too(tmp_path: Path) -> None:
+    palette = Palette(torch.ones(1, 3))
+    empty = torch.zeros(0, dtype=torch.long)
+    Plan.of(Strokes.empty(), palette, empty, canvas=CANVAS, brush="fine", limits=LIMITS).save(tmp_path / "plan.json")
+    assert len(Plan.load(tmp_path)) == 0
+
+
+def test_saving_again_leaves_no_old_strokes_behind(tmp_path: Path) -> None:
+    made_up_plan(seed=1).save(tmp_path / "plan.json")
+    made_up_plan(seed=2).save(tmp_path / "plan.json")
+    assert len(list(tmp_path.iterdir())) == 2
+    assert Plan.load(tmp_path).digest == made_up_plan(seed=2).digest
+
+
+def test_a_crash_between_the_two_files_leaves_the_plan_that_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made_up_plan(seed=1).save(tmp_path / "plan.json")
+    monkeypatch.setattr(storage, "write_json", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        made_up_plan(seed=2).save(tmp_path / "plan.json")
+    assert Plan.load(tmp_path).digest == made_up_plan(seed=1).digest
+
+
+def test_the_digest_follows_everything_that_is_painted() -> None:
+    plan = made_up_plan()
+    strokes = plan.strokes.with_groups(bend=plan.strokes.bend * 0.999)
+    others = (
+        replace(plan, strokes=strokes),
+        replace(plan, brush="fine"),
+        replace(plan, ground=(0.9, 0.9, 0.9)),
+        replace(plan, canvas=replace(CANVAS, width=0.31)),
+        plan.part(slice(0, 39)),
+    )
+    assert len({plan.digest, *(other.digest for other in others)}) == len(others) + 1
+    assert replace(plan, about=()).digest == plan.digest
+
+
+def test_a_part_of_a_plan() -> None:
+    plan = made_up_plan()
+    part = plan.part(slice(10, 15))
+    assert len(part) == 5 and torch.equal(part.strokes.length, plan.strokes.length[10:15])
+    assert torch.equal(part.paint, plan.paint[10:15]) and part.palette is plan.palette
+
+
+def test_parts_that_do_not_fit_are_refused() -> None:
+    plan = made_up_plan()
+    with pytest.raises(PlanError, match="40 strokes and 39 paint numbers"):
+        replace(plan, paint=plan.paint[1:])
+    with pytest.raises(PlanError, match="outside its palette of 5"):
+        replace(plan, paint=plan.paint + 1)
+    with pytest.raises(PlanError, match="outside its palette"):
+        replace(plan, paint=plan.paint - 1)
+    with pytest.raises(PlanError, match="not that of its paint"):
+        replace(plan, strokes=plan.strokes.with_groups(color=plan.strokes.color * 0.5))
+    with pytest.raises(PlanError, match="Stroke 0 has length"):
+        replace(plan, strokes=plan.strokes.with_groups(length=plan.strokes.length + 1))
+
+
+def test_a_plan_cut_in_half_or_edited_is_refused(tmp_path: Path) -> None:
+    made_up_plan().save(tmp_path / "plan.json")
+    whole = (tmp_path / "plan.json").read_text()
+    beside = next(tmp_path.glob("*.safetensors"))
+    for content in (whole[: len(whole) // 2], whole.replace('"strokes": 40', '"strokes": 41'), "", "{}"):
+        (tmp_path / "plan.json").write_text(content)
+        with pytest.raises(PlanError, match=r"plan\.json"):
+            Plan.load(tmp_path)
+    (tmp_path / "plan.json").write_text(whole)
+    beside.write_bytes(beside.read_bytes()[:-100])
+    with pytest.raises(PlanError, match="sha256 differs"):
+        Plan.load(tmp_path)
+    beside.unlink()
+    with pytest.raises(PlanError, match="does not exist"):
+        Plan.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"format": "something else"}, "is not a plan"),
+        ({"version": 99}, "of version 99"),
+        ({"strokes": 10_000_000}, "at most 100000"),
+        ({"strokes": "many"}, "missing or out of range"),
+        ({"canvas_m": [100.0, 100.0]}, "missing or out of range"),
+        ({"canvas_m": [0.3]}, "missing or out of range"),
+        ({"canvas_m": [0.05, 0.05]}, "Stroke"),
+        ({"limits": {}}, "missing or out of range"),
+        ({"about": []}, "missing or out of range"),
+        ({"tensors": "../../etc/passwd"}, "passwd does not exist"),
+        ({"tensors": None}, "missing or out of range"),
+        ({"brush": "other"}, "does not belong to the strokes"),
+        ({"digest": "0" * 64}, "does not belong to the strokes"),
+    ],
+)
+def test_a_plan_edited_with_its_checksum_mended_is_refused(
+    tmp_path: Path, changes: dict[str, object], says: str
+) -> None:
+    made_up_plan().save(tmp_path / "plan.json")
+    edited(tmp_path / "plan.json", **changes)
+    with pytest.raises(PlanError, match=says):
+        Plan.load(tmp_path)
+
+
+def test_strokes_of_another_plan_are_refused(tmp_path: Path) -> None:
+    made_up_plan(seed=1).save(tmp_path / "a" / "plan.json")
+    made_up_plan(seed=2).save(tmp_path / "b" / "plan.json")
+    mine, other = (next((tmp_path / folder).glob("*.safetensors")) for folder in "ab")
+    shutil.copy(other, mine)
+    with pytest.raises(PlanError, match="sha256 differs"):
+        Plan.load(tmp_path / "a")
+
+
+def test_what_is_not_there_is_said(tmp_path: Path) -> None:
+    for path in (tmp_path, tmp_path / "plan.json"):
+        with pytest.raises(PlanError, match=r"plan\.json does not exist; give the path of a plan"):
+            Plan.load(path)

@@ -1,0 +1,167 @@
+import errno
+import json
+import os
+import pickle
+from pathlib import Path
+from typing import NoReturn
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from frida_painter import storage
+from frida_painter.errors import PlanError, StorageError
+
+RECORDS = st.dictionaries(
+    st.text(max_size=8).filter(lambda key: key != "sha256"),
+    st.recursive(
+        st.none() | st.booleans() | st.integers(-(2**60), 2**60) | st.floats(allow_nan=False, allow_infinity=False)
+        | st.text(max_size=8),
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+        max_leaves=8,
+    ),
+    max_size=5,
+)  # fmt: skip
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_file_is_replaced_as_a_whole(tmp_path: Path) -> None:
+    storage.write_text(tmp_path / "new" / "a.txt", "first")
+    storage.write_text(tmp_path / "new" / "a.txt", "zweite Fassung, größer")
+    assert (tmp_path / "new" / "a.txt").read_text(encoding="utf-8") == "zweite Fassung, größer"
+    assert names(tmp_path / "new") == ["a.txt"]
+    assert (tmp_path / "new" / "a.txt").stat().st_mode & 0o777 == 0o644
+
+
+def test_an_interrupted_write_leaves_what_was_there(tmp_path: Path) -> None:
+    storage.write_text(tmp_path / "a.txt", "old")
+    with pytest.raises(KeyboardInterrupt), storage.replacing(tmp_path / "a.txt") as temporary:
+        temporary.write_text("half")
+        raise KeyboardInterrupt
+    assert (tmp_path / "a.txt").read_text() == "old" and names(tmp_path) == ["a.txt"]
+
+
+def test_a_full_disk_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_: int) -> NoReturn:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    storage.write_text(tmp_path / "a.txt", "old")
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(StorageError, match="No space left on device"):
+        storage.write_text(tmp_path / "a.txt", "new")
+    assert (tmp_path / "a.txt").read_text() == "old" and names(tmp_path) == ["a.txt"]
+
+
+def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(StorageError, match=r"file/a\.txt cannot be written"):
+        storage.write_text(tmp_path / "file" / "a.txt", "text")
+
+
+@given(record=RECORDS)
+def test_json_comes_back_as_it_was(tmp_path_factory: pytest.TempPathFactory, record: dict[str, object]) -> None:
+    path = tmp_path_factory.getbasetemp() / "record.json"
+    storage.write_json(path, record)
+    assert storage.read_json(path, "a record") == record
+
+
+def test_numbers_that_are_not_finite_are_not_written(tmp_path: Path) -> None:
+    for value in (float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="Out of range"):
+            storage.write_json(tmp_path / "a.json", {"value": [value]})
+    assert names(tmp_path) == []
+
+
+@given(share=st.floats(0, 1, exclude_max=True))
+def test_a_file_cut_off_anywhere_is_refused(tmp_path_factory: pytest.TempPathFactory, share: float) -> None:
+    path = tmp_path_factory.getbasetemp() / "cut.json"
+    storage.write_json(path, {"format": "test", "values": [1.5, 2.5], "name": "größer"})
+    content = path.read_bytes().rstrip()
+    path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(PlanError, match=r"cut\.json"):
+        storage.read_json(path, "a plan", PlanError)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ('{"a": 1}', "no checksum"),
+        ("[1, 2]", "no checksum"),
+        ('{"a": 1, "a": 2, "sha256": ""}', "twice"),
+        ('{"a": NaN, "sha256": ""}', "NaN"),
+        ('{"a": -Infinity, "sha256": ""}', "Infinity"),
+        ('{"a": 1e999, "sha256": ""}', "was changed"),
+        ("[" * 100_000, "cut off or not JSON"),
+        ("\udcff", "cut off or not JSON"),
+    ],
+)
+def test_what_nobody_here_wrote_is_refused(tmp_path: Path, content: str, says: str) -> None:
+    (tmp_path / "a.json").write_bytes(content.encode("utf-8", "surrogateescape"))
+    with pytest.raises(StorageError, match=says):
+        storage.read_json(tmp_path / "a.json", "a record")
+
+
+def test_an_edited_record_is_refused(tmp_path: Path) -> None:
+    storage.write_json(tmp_path / "a.json", {"width": 0.3, "name": "x"})
+    record = json.loads((tmp_path / "a.json").read_text())
+    (tmp_path / "a.json").write_text(json.dumps({**record, "width": 0.4}))
+    with pytest.raises(StorageError, match="was changed after it was written"):
+        storage.read_json(tmp_path / "a.json", "a record")
+    (tmp_path / "a.json").write_text(json.dumps(record))  # other spacing is no other content
+    assert storage.read_json(tmp_path / "a.json", "a record")["width"] == 0.3
+
+
+def test_missing_folder_and_too_large(tmp_path: Path) -> None:
+    with pytest.raises(StorageError, match="does not exist; give the path of a record"):
+        storage.read_bytes(tmp_path / "a", "a record", 10)
+    with pytest.raises(StorageError, match="cannot be read"):
+        storage.read_bytes(tmp_path, "a record", 10**6)
+    (tmp_path / "a").write_bytes(b"12345678901")
+    with pytest.raises(StorageError, match="11 bytes; a record has at most 10"):
+        storage.read_bytes(tmp_path / "a", "a record", 10)
+
+
+def test_tensors_come_back_as_they_were(tmp_path: Path) -> None:
+    tensors = {"a": torch.rand(3, 4).T, "b": torch.arange(5), "empty": torch.zeros(0, 2)}
+    sha256 = storage.write_tensors(tmp_path / "t.safetensors", tensors, {"brush": "fine"})
+    found, metadata = storage.read_tensors(tmp_path / "t.safetensors", "tensors", sha256=sha256)
+    assert metadata == {"brush": "fine"} and found.keys() == tensors.keys()
+    assert all(torch.equal(found[name], tensors[name]) for name in tensors)
+    with pytest.raises(StorageError, match="sha256 differs"):
+        storage.read_tensors(tmp_path / "t.safetensors", "tensors", sha256="0" * 64)
+
+
+def test_tensors_that_are_damaged_pickled_or_not_finite_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "t.safetensors"
+    storage.write_tensors(path, {"a": torch.ones(100)})
+    path.write_bytes(path.read_bytes()[:-4])
+    with pytest.raises(StorageError, match="damaged or not safetensors"):
+        storage.read_tensors(path, "tensors")
+    path.write_bytes(pickle.dumps({"a": 1}))
+    with pytest.raises(StorageError, match="damaged or not safetensors"):
+        storage.read_tensors(path, "tensors")
+    storage.write_tensors(path, {"a": torch.tensor([1.0, float("nan")])})
+    with pytest.raises(StorageError, match="not finite in 'a'"):
+        storage.read_tensors(path, "tensors")
+
+
+def test_space_is_asked_for_before_work_begins(tmp_path: Path) -> None:
+    storage.require_space(tmp_path / "not" / "yet", 1000)
+    with pytest.raises(StorageError, match=r"MB free; this painting needs 1099511627776 MB"):
+        storage.require_space(tmp_path / "not" / "yet", 2**60)
+    assert names(tmp_path) == []
+
+
+def test_a_new_folder_is_new(tmp_path: Path) -> None:
+    storage.new_folder(tmp_path / "a" / "b")
+    storage.new_folder(tmp_path / "a" / "b")
+    (tmp_path / "a" / "b" / "painting.png").write_text("mine")
+    with pytest.raises(StorageError, match="is not empty"):
+        storage.new_folder(tmp_path / "a" / "b")
+    with pytest.raises(StorageError, match="cannot be written"):
+        storage.new_folder(tmp_path / "a" / "b" / "painting.png")
+    assert names(tmp_path / "a" / "b") == ["painting.png"]
