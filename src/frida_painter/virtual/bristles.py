@@ -21,15 +21,14 @@ _STRAYS = 0.05
 _FANNED = 0.62
 # Already a light touch lays the tuft down: how far it trails grows as this power of the depth.
 _LYING = 0.3
-_LEVELLING = 0.55
+_LEVELLING = 0.4
 
 
 class Tuft:
     """A brush's bristles and the paint in them; everything drawn from `random`.
 
-    offset [n, 2]: place in a tuft of radius 1; onset [n]: depth at which a bristle begins to touch;
-    lag [n]: how much further than the middle it trails; capacity, load [n]: microlitres of paint;
-    pigment [n, 6]: K and S of that paint times its volume.
+    capacity, load [n]: microlitres of paint; pigment [n, 6]: K and S of that paint times its volume;
+    bite [n]: how much deeper than others a bristle reaches into the weave.
     """
 
     def __init__(self, brush: BristleBrush, random: np.random.Generator) -> None:
@@ -51,6 +50,7 @@ class Tuft:
         self._edge = np.clip(np.linalg.norm(place, axis=1), 0, 1.2) ** 2
         self._onset = 0.22 * self._edge * random.random(_LOCKS)[self._lock] + 0.04 * random.random(n)
         self._lag = 0.30 * random.standard_normal(_LOCKS)[self._lock] + 0.15 * random.standard_normal(n)
+        self.bite = 0.22 * random.standard_normal(_LOCKS)[self._lock] + 0.12 * random.standard_normal(n)
         share = random.lognormal(0, 0.35, _LOCKS)[self._lock] * random.lognormal(0, 0.25, n)
         self.capacity = (brush.capacity * share / share.sum()).astype(np.float64)
         self.load = np.zeros(n)

@@ -72,7 +72,7 @@ class Canvas:
             now, self._drying_rate,
         )  # fmt: skip
         _exchange(
-            feet, travelled / self.cell, tuft.load, tuft.pigment, tuft.capacity,
+            feet, travelled / self.cell, tuft.load, tuft.pigment, tuft.capacity, tuft.bite,
             self.wet, self.tooth, self._changed, self.cell, tuft.brush.film,
         )  # fmt: skip
 
@@ -119,7 +119,7 @@ def _film(wet, thickness, ground, out):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _exchange(feet, travelled, load, pigment, capacity, wet, tooth, changed, cell, film):  # type: ignore[no-untyped-def]
+def _exchange(feet, travelled, load, pigment, capacity, bite, wet, tooth, changed, cell, film):  # type: ignore[no-untyped-def]
     """Every bristle, step by step, with the four cells around it; travelled [k] in cells."""
     rows, columns = tooth.shape
     area = cell * cell
@@ -132,7 +132,7 @@ def _exchange(feet, travelled, load, pigment, capacity, wet, tooth, changed, cel
             full = load[i] / capacity[i]
             wanted = film * math.sqrt(full)
             # Little paint and a light hand stay on the tops of the weave: dry brush.
-            reaching = _TOOTH * (0.12 + 2.2 * full + 0.5 * press)
+            reaching = _TOOTH * (0.12 + (2.2 + bite[i]) * full + 0.5 * press + 0.6 * bite[i])
             x, y = feet[step, i, 0] / cell - 0.5, feet[step, i, 1] / cell - 0.5
             left, below = math.floor(x), math.floor(y)
             if left < 0 or below < 0 or left > columns - 2 or below > rows - 2:
