@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from frida_painter import storage
 from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.squash import squash
 from frida_painter.errors import WeightsError
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
@@ -19,7 +20,6 @@ VERSION = 1
 HIDDEN = 96
 CHANNELS = 12
 _UPSCALE = 2
-_SHIFT = 0.005
 _LARGEST_MAP = 4096
 
 
@@ -28,9 +28,7 @@ class Param2Stroke(nn.Module):
 
     The linear layers draw the mark as logits on cells twice as large as those of the map, the
     convolutions refine it, the upscaler brings it to the map's size, and the squash at the end
-    turns it into magnitudes. The squash is a sigmoid that is stretched a little beyond [0, 1] and
-    cut off there: away from a mark the magnitude is exactly zero, and hundreds of strokes over one
-    another leave no haze.
+    turns it into magnitudes: squashed after the upscaling, edges may be sharper than the cells.
 
     limits: the lengths and bends that the inputs are normalised by; frame: the rectangle of the
     map, with even numbers of rows and columns.
@@ -58,16 +56,15 @@ class Param2Stroke(nn.Module):
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
         """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""
-        return self.squashed(thickness, length, bend).clamp(0, 1)
+        return squash(self.logits(thickness, length, bend))
 
-    def squashed(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """The magnitudes before they are cut off at 0 and 1, which is what training looks at."""
+    def logits(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
+        """The map before the squash, [n, rows, columns]."""
         shape = torch.stack((thickness, _normal(length, self.limits.length), _normal(bend, self.limits.bend)), -1)
         hidden = nn.functional.silu(self.widen(2 * shape - 1))  # [n, hidden]
         drawing = self.draw(hidden).unflatten(1, (1, *self.coarse))  # [n, 1, rows / 2, columns / 2]
         refined = self.gather(nn.functional.silu(self.refine(drawing)))
-        logits = nn.functional.interpolate(refined, scale_factor=_UPSCALE, mode="bilinear", align_corners=False)
-        return torch.sigmoid(logits[:, 0]) * (1 + 2 * _SHIFT) - _SHIFT
+        return nn.functional.interpolate(refined, scale_factor=_UPSCALE, mode="bilinear", align_corners=False)[:, 0]
 
     def save(self, path: Path) -> str:
         """Writes the weights with all that belongs to them; returns the file's sha256. Raises StorageError."""

@@ -1,10 +1,10 @@
 """A stroke model turned into a table, so that no network is evaluated while a plan is optimised.
 
-The model is sampled once on a grid of (thickness, length, bend). The samples are fitted by a
-tensor product of cubic B-splines (smooth, so that its slopes are the model's slopes too), whose
-coefficients are written in a low-rank basis of maps. A stroke then costs 4 x 4 x 4 rows of
-coefficients and its share of one matrix product over the cells that any stroke ever touches.
-docs/stroke-model.md states the error against the trained networks.
+The model is sampled once on a grid of (thickness, length, bend). The logits of its maps, which are
+much smoother than the maps (see squash.py), are written in a low-rank basis, and the coordinates
+in that basis are fitted by a tensor product of cubic B-splines, whose slopes are the model's slopes
+too. A stroke then costs 4 x 4 x 4 rows of coefficients and its share of one matrix product over
+those cells that any stroke ever touches. docs/stroke-model.md states error and speed.
 """
 
 from dataclasses import dataclass
@@ -14,49 +14,67 @@ import torch
 from torch import Tensor, nn
 
 from frida_painter.brush import spline
+from frida_painter.brush.squash import squash, squash_slope, unsquash
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 
 _BATCH = 256
+_NOTHING = -20.0
 
 
 @dataclass(frozen=True)
 class TableDetail:
     """How finely a model is tabulated.
 
-    spans: pieces of the spline along thickness, length and bend; rank: maps in the basis; floor:
-    magnitudes below it are paint that no eye can see: they fade to nothing, so that hundreds of
-    strokes do not add up to a haze.
+    spans: pieces of the spline along thickness, length and bend; rank: maps in the basis; faint:
+    cells whose magnitude never gets above it stay empty.
     """
 
-    spans: tuple[int, int, int] = (4, 10, 10)
+    spans: tuple[int, int, int] = (5, 12, 12)
     rank: int = 96
-    floor: float = 0.01
+    faint: float = 0.01
 
 
 class StrokeTable(nn.Module):
     """The fast stand-in for a stroke model: the same brush, frame and limits.
 
-    Parameters outside the limits count as the nearest ones inside. Differentiable once, in
-    thickness, length and bend; its buffers follow `.to()` to another precision or device.
+    Magnitudes are in [0, 1], and exactly zero away from the mark. Parameters outside the limits
+    count as the nearest ones inside. Differentiable once, in thickness, length and bend. The
+    buffers follow `.to()` to another precision or device.
     """
 
     coefficients: Tensor  # [knots of thickness x length x bend, rank]
-    basis: Tensor  # [rank, cells that some stroke touches]
-    cells: Tensor  # [cells that some stroke touches], index into rows x columns
+    basis: Tensor  # [rank, touched + 1]: maps of logits over those cells that some stroke touches, and one empty cell
+    mean: Tensor  # [touched + 1], the mean of the logits
+    cells: Tensor  # [touched], index of the touched cells in rows x columns
+    source: Tensor  # [rows x columns], where each cell is found among the touched ones, or the empty one
 
     def __init__(
-        self, model: StrokeModel, detail: TableDetail, coefficients: Tensor, basis: Tensor, cells: Tensor
+        self,
+        model: StrokeModel,
+        detail: TableDetail,
+        coefficients: Tensor,
+        basis: Tensor,
+        mean: Tensor,
+        touched: Tensor,
     ) -> None:
         super().__init__()
         self.brush: str = model.brush
         self.frame: MapFrame = model.frame
         self.limits: StrokeLimits = model.limits
         self.detail = detail
-        self.register_buffer("coefficients", coefficients)
-        self.register_buffer("basis", basis)
-        self.register_buffer("cells", cells)
+        cells = touched.nonzero()[:, 0]
+        source = torch.full_like(touched, len(cells), dtype=torch.long)
+        source[cells] = torch.arange(len(cells), device=cells.device)
+        for name, buffer in {
+            "coefficients": coefficients,
+            "basis": nn.functional.pad(basis, (0, 1)),
+            "mean": nn.functional.pad(mean, (0, 1), value=_NOTHING),
+            "cells": cells,
+            "source": source,
+        }.items():
+            self.register_buffer(name, buffer)
 
     @classmethod
     def of(cls, model: StrokeModel, like: Tensor | None = None, detail: TableDetail | None = None) -> Self:
@@ -66,63 +84,47 @@ class StrokeTable(nn.Module):
         """
         detail = detail or TableDetail()
         samples, grids = _sample(model, detail, torch.zeros(()) if like is None else like)
-        cells = (samples.amax(0) > detail.floor / 2).nonzero()[:, 0]
-        touched = samples[:, cells]
-        basis = _best_basis(touched, detail.rank)
-        return cls(model, detail, _fit(touched @ basis.T, grids, detail.spans), basis, cells)
+        touched = samples.amax(0) > detail.faint
+        logits = unsquash(samples[:, touched])
+        mean = logits.mean(0)
+        logits -= mean
+        basis = _best_basis(logits, detail.rank)
+        return cls(model, detail, _fit(logits @ basis.T, grids, detail.spans), basis, mean, touched)
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
         """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""
         (shortest, longest), (least, most) = self.limits.length, self.limits.bend
         place = torch.stack((thickness, (length - shortest) / (longest - shortest), (bend - least) / (most - least)))
-        flat: Tensor = _Lookup.apply(  # type: ignore[no-untyped-call]
-            place.clamp(0, 1), self.coefficients, self.basis, self.cells, self.detail, self._area
-        )
-        return flat.view(-1, self.frame.rows, self.frame.columns)
-
-    @property
-    def _area(self) -> int:
-        return self.frame.rows * self.frame.columns
+        maps: Tensor = _Lookup.apply(place.clamp(0, 1), self)  # type: ignore[no-untyped-call]
+        return maps.view(-1, self.frame.rows, self.frame.columns)
 
 
 class _Lookup(torch.autograd.Function):
-    """Table lookup with a backward pass that keeps nothing larger than the maps themselves."""
+    """Looks places up in a table: [3, n] in [0, 1] -> [n, rows x columns]. Keeps only what lies on touched cells."""
 
     @staticmethod
-    def forward(
-        context: Any, place: Tensor, coefficients: Tensor, basis: Tensor, cells: Tensor, detail: TableDetail, area: int
-    ) -> Tensor:
-        row, weight, slope = spline.local(place, detail.spans)  # [n, 64], 3 x [n, 4], 3 x [n, 4]
-        share = torch.nn.functional.embedding_bag(
-            row, coefficients, per_sample_weights=spline.outer(*weight), mode="sum"
-        )
-        value = share @ basis  # [n, touched]
-        context.save_for_backward(row, *weight, *slope, value, coefficients, basis, cells)
-        context.floor = detail.floor
-        flat = value.new_zeros(len(value), area)
-        flat[:, cells] = _fade(value, detail.floor)
-        return flat
+    def forward(context: Any, place: Tensor, table: StrokeTable) -> Tensor:
+        row, weight, slope = spline.local(place, table.detail.spans)  # [n, 64], 3 x [n, 4], 3 x [n, 4]
+        magnitude = squash(torch.addmm(table.mean, _summed(table, row, *weight), table.basis))  # [n, touched + 1]
+        context.save_for_backward(row, *weight, *slope, magnitude)
+        context.table = table
+        return magnitude.index_select(1, table.source)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(context: Any, *upstream: Tensor) -> tuple[Tensor | None, ...]:
-        row, w0, w1, w2, s0, s1, s2, value, coefficients, basis, cells = context.saved_tensors
-        upon_value = upstream[0][:, cells] * _fade_slope(value, context.floor)
-        upon_share = upon_value @ basis.T  # [n, rank]
-        upon_weight = torch.bmm(coefficients[row], upon_share[:, :, None])[..., 0]  # [n, 64]
-        upon_place = [(upon_weight * spline.outer(*part)).sum(1) for part in ((s0, w1, w2), (w0, s1, w2), (w0, w1, s2))]
-        return torch.stack(upon_place), None, None, None, None, None
+        row, w0, w1, w2, s0, s1, s2, magnitude = context.saved_tensors
+        table = context.table
+        upon_logits = upstream[0].index_select(1, table.cells).mul_(squash_slope(magnitude[:, :-1]))
+        upon_coordinates = upon_logits @ table.basis[:, :-1].T  # [n, rank]
+        along = (_summed(table, row, *weight) for weight in ((s0, w1, w2), (w0, s1, w2), (w0, w1, s2)))
+        return torch.stack([(upon_coordinates * slope).sum(1) for slope in along]), None
 
 
-def _fade(value: Tensor, floor: float) -> Tensor:
-    """The identity on [floor, 1], clamped to 1 above, fading to exactly zero below the floor (cubically)."""
-    share = (value / floor).clamp(0, 1)
-    return value.clamp(max=1) * (share * share * (3 - 2 * share))
-
-
-def _fade_slope(value: Tensor, floor: float) -> Tensor:
-    share = (value / floor).clamp(0, 1)
-    return torch.where(value < 1, share * share * (9 - 8 * share), 0)
+def _summed(table: StrokeTable, row: Tensor, first: Tensor, second: Tensor, third: Tensor) -> Tensor:
+    """Coefficients of the rows [n, 64] weighted by the products of three axes' weights [n, 4], summed: [n, rank]."""
+    share = spline.outer(first, second, third)
+    return nn.functional.embedding_bag(row, table.coefficients, per_sample_weights=share, mode="sum")
 
 
 def _sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> tuple[Tensor, list[Tensor]]:

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.param2stroke import Param2Stroke
+from frida_painter.brush.squash import stretched
 from frida_painter.errors import LibraryError
 
 FEWEST_STROKES = 5
@@ -118,7 +119,7 @@ def _epoch(
     total = 0.0
     for index in torch.split(torch.randperm(len(examples), generator=chance), _BATCH):
         batch = examples[index]
-        difference = model.squashed(batch.thickness, batch.length, batch.bend) - batch.wanted
+        difference = stretched(model.logits(batch.thickness, batch.length, batch.bend)) - batch.wanted
         absolute = difference.abs().mean()
         optimizer.zero_grad()
         absolute.backward()  # type: ignore[no-untyped-call]
