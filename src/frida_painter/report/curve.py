@@ -11,14 +11,16 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 72, 16, 40, 48
 _FLOOR = _HEIGHT - _BOTTOM
 _ROOMY = 140.0  # wide enough for "after 1000 strokes"
 _LETTER = 7.0
+_LEAST, _MOST = 1e-12, 1e12
 
 
 def curve_svg(phases: Sequence[Phase]) -> str:
     """Losses over iterations, phase after phase from left to right, the loss on a logarithmic scale.
 
-    Points that are not finite or not above 0 are left out; "" where no phase has two points left.
+    Points that are not finite, not above 0 or beyond all reason are left out; "" where no phase has
+    two points left.
     """
-    usable = [(phase.name, [(i, v) for i, v in phase.loss if math.isfinite(v) and v > 0]) for phase in phases]
+    usable = [(phase.name, [(i, v) for i, v in phase.loss if _LEAST < v < _MOST]) for phase in phases]
     usable = [(name, points) for name, points in usable if len(points) > 1]
     if not usable:
         return ""

@@ -132,6 +132,9 @@ class _Encoder:
             self.running = False
             self._process.kill()
             self._process.wait()
+            if self._process.stdin is not None:
+                with contextlib.suppress(OSError):
+                    self._process.stdin.close()
             self._said.seek(0)
             reason = " ".join(self._said.read().decode("utf-8", "replace").split())[-200:] or reason
         failure = StorageError(f"The film {self._path} cannot be written ({reason}); is there space in its folder?")

@@ -1,0 +1,214 @@
+"""Listens to a session and keeps what a person wants to have afterwards, in one folder per painting."""
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from torch import Tensor
+
+from frida_painter import images, storage
+from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.export.bezier import mark_widths
+from frida_painter.export.svg import svg
+from frida_painter.export.table import table
+from frida_painter.plan import Plan
+from frida_painter.report.difference import difference
+from frida_painter.report.film import FilmWriter
+from frida_painter.report.page import write_page
+from frida_painter.report.palette_sheet import palette_sheet
+from frida_painter.report.story import Comparison, Download, Look, Phase, Story, compare, paints
+from frida_painter.session.events import Dipped, Event, Glimpsed, Looked, Planned, PlanningStep, Stopped
+from frida_painter.session.loop import Painting
+
+_DOWNLOADS = (
+    Download("plan.json", "the plan, to render or export again (belongs with its .safetensors file)"),
+    Download("strokes.svg", "the strokes in millimetres, one layer per paint"),
+    Download("strokes.csv", "the strokes as a table"),
+    Download("result.json", "all figures, for programs"),
+)
+
+
+@dataclass(frozen=True)
+class Occasion:
+    """What is known of a painting before it begins: its title, the picture wanted [3, H, W], and plain facts."""
+
+    title: str
+    target: Tensor
+    facts: tuple[tuple[str, str], ...]
+    settings: dict[str, Any]
+
+
+@dataclass
+class Recorder:
+    """Writes everything about one painting into `folder`, while it is made; used in a `with` block.
+
+    glimpses: how many pictures the film will get. Every file is whole or not there. Raises StorageError.
+    """
+
+    folder: Path
+    occasion: Occasion
+    model: StrokeModel
+    glimpses: int
+    _plan: Plan | None = field(default=None, init=False)
+    _first_expected: Tensor | None = field(default=None, init=False)
+    _looks: list[Look] = field(default_factory=list, init=False)
+    _seen: Looked | None = field(default=None, init=False)
+    _phases: list[Phase] = field(default_factory=list, init=False)
+    _curve: list[tuple[int, float]] = field(default_factory=list, init=False)
+    _dips: int = field(default=0, init=False)
+    _cleanings: int = field(default=0, init=False)
+    _stopped: bool = field(default=False, init=False)
+
+    def __enter__(self) -> Self:
+        self._started = time.monotonic()
+        self._film = FilmWriter(self.folder / "film.mp4", self.glimpses)
+        images.save(self.occasion.target, self.folder / "target.jpg")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._film.__exit__(kind, error, trace)
+
+    def hear(self, event: Event) -> None:
+        """Keeps what the event brings."""
+        match event:
+            case PlanningStep(iteration=iteration, loss=loss):
+                self._curve.append((iteration, loss))
+            case Planned():
+                self._keep_plan(event)
+            case Dipped(cleaned=cleaned):
+                self._dips += 1
+                self._cleanings += int(cleaned)
+            case Glimpsed(photograph=photograph, color=color):
+                self._film.add(images.to_uint8(photograph), color)
+            case Looked():
+                self._seen = event
+            case Stopped():
+                self._stopped = True
+            case _:
+                pass
+
+    def finish(self, painting: Painting) -> Path | None:
+        """Closes the film, writes pictures, exports, figures and the page; returns the page's path.
+
+        None where the work was stopped before there was a plan: then there is nothing to tell.
+        """
+        self._film.__exit__(None, None, None)
+        if self._plan is None or self._first_expected is None:
+            return None
+        painted = self._plan.part(slice(painting.painted))
+        widths = mark_widths(painted.strokes, self.model)
+        storage.write_text(self.folder / "strokes.svg", svg(painted, widths))
+        storage.write_text(self.folder / "strokes.csv", table(painted))
+        images.save(painting.photograph, self.folder / "painting.png")
+        comparisons = self._compare(painting.photograph, self._first_expected)
+        story = self._story(self._plan, painting.painted, comparisons)
+        self._write_result(self._plan, painting.painted, comparisons)
+        return write_page(story, self.folder)
+
+    def _keep_plan(self, event: Planned) -> None:
+        """The plan on disk is always the whole one: the strokes painted, then those still to come."""
+        name = f"plan for {len(event.plan)} strokes" if event.done == 0 else f"after {event.done} strokes"
+        self._phases.append(Phase(name, tuple(self._curve)))
+        self._curve = []
+        if self._plan is None:
+            self._plan, self._first_expected = event.plan, event.expected
+            images.save(event.expected, self.folder / "plan.png")
+            images.save(palette_sheet(event.plan), self.folder / "palette.png")
+        else:
+            self._plan = self._plan.part(slice(event.done)).followed_by(event.plan)
+            if self._seen is not None:
+                self._looks.append(self._keep_look(self._seen, event))
+        self._plan.save(self.folder / "plan.json")
+
+    def _keep_look(self, seen: Looked, planned: Planned) -> Look:
+        number = len(self._looks) + 1
+        rows, columns = seen.expected.shape[1:]
+        pictures = {
+            "photograph": seen.photograph,
+            "expected": seen.expected,
+            "difference": difference(seen.expected, images.fit(seen.photograph, rows, columns)),
+            "plan": planned.expected,
+        }
+        names = {}
+        for name, picture in pictures.items():
+            names[name] = f"look-{number}-{name}.jpg"
+            images.save(picture, self.folder / names[name])
+        gain = 100 * (1 - planned.loss_after / planned.loss_before) if planned.loss_before > 0 else 0.0
+        text = (
+            f"After {seen.done} strokes the painter looked, and planned the {len(planned.plan)} that were left again: "
+            f"the finished painting should come {gain:.0f} % nearer to the goal than if it had gone on blindly."
+        )
+        return Look(
+            strokes=seen.done, loss_before=planned.loss_before, loss_after=planned.loss_after, text=text, **names
+        )
+
+    def _compare(self, photograph: Tensor, first_expected: Tensor) -> tuple[Comparison, ...]:
+        """Plan, painting and target against each other, at the plan's resolution."""
+        rows, columns = first_expected.shape[1:]
+        target = images.fit(self.occasion.target, rows, columns)
+        painted = images.fit(photograph, rows, columns)
+        return (
+            compare("The first plan against the photograph", first_expected, target),
+            compare("The painting against the photograph", painted, target),
+            compare("The painting against the first plan", painted, first_expected),
+        )
+
+    def _story(self, plan: Plan, painted: int, comparisons: tuple[Comparison, ...]) -> Story:
+        of = len(plan)
+        count = f"{of} strokes" if painted == of else f"{painted} of {of} strokes"
+        looked = f", {len(self._looks)} looks in between" if self._looks else ""
+        facts = (
+            *self.occasion.facts,
+            ("Strokes", f"{painted} of {of}"),
+            ("Dips into paint", str(self._dips)),
+            ("Brush cleaned", f"{self._cleanings} times"),
+            ("Made in", f"{time.monotonic() - self._started:.0f} s"),
+        )
+        return Story(
+            title=self.occasion.title,
+            summary=f"{count} in {len(plan.palette)} paints on a canvas of {plan.canvas}{looked}.",
+            target="target.jpg",
+            plan="plan.png",
+            painting="painting.png",
+            film="film.mp4" if (self.folder / "film.mp4").exists() else None,
+            palette_sheet="palette.png",
+            paints=paints(plan),
+            looks=tuple(self._looks),
+            phases=tuple(self._phases),
+            comparisons=comparisons,
+            facts=facts,
+            downloads=_DOWNLOADS,
+            stopped=self._stopped,
+        )
+
+    def _write_result(self, plan: Plan, painted: int, comparisons: tuple[Comparison, ...]) -> None:
+        storage.write_json(
+            self.folder / "result.json",
+            {
+                "format": "frida-painter result",
+                "version": 1,
+                "title": self.occasion.title,
+                "stopped": self._stopped,
+                "settings": self.occasion.settings,
+                "strokes_planned": len(plan),
+                "strokes_painted": painted,
+                "dips": self._dips,
+                "cleanings": self._cleanings,
+                "seconds": round(time.monotonic() - self._started, 3),
+                "plan_digest": plan.digest,
+                "palette": [paint.hex for paint in paints(plan)],
+                "comparisons": [
+                    {"what": one.label, "psnr_db": round(one.psnr, 3), "lab_distance": round(one.distance, 3)}
+                    for one in comparisons
+                ],
+                "looks": [
+                    {"strokes": look.strokes, "loss_before": look.loss_before, "loss_after": look.loss_after}
+                    for look in self._looks
+                ],
+                "files": sorted(path.name for path in self.folder.iterdir() if not path.name.startswith(".")),
+            },
+        )
