@@ -1,0 +1,91 @@
+import pytest
+import torch
+from torch import Tensor
+
+from composites import assert_same, scene, with_gradients
+from frida_painter.brush.bezier import BezierStroke
+from frida_painter.brush.kinds import MEDIUM
+from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.render import composite, painting, reference, render, scanline, slices
+from frida_painter.strokes import Strokes
+
+SIZE = CanvasSize(0.3, 0.2)
+
+
+@pytest.fixture
+def brush() -> BezierStroke:
+    return BezierStroke.typical(MEDIUM)
+
+
+def strokes(**changes: Tensor) -> Strokes:
+    one = Strokes(
+        position=torch.tensor([[0.10, 0.12], [0.20, 0.05]]),
+        angle=torch.tensor([0.3, -2.0]),
+        length=torch.tensor([0.05, 0.04]),
+        bend=torch.tensor([0.012, -0.008]),
+        thickness=torch.tensor([0.9, 0.4]),
+        color=torch.tensor([[0.9, 0.1, 0.1], [0.1, 0.2, 0.8]]),
+    )
+    return one.with_groups(**changes)
+
+
+def test_cpu_tensors_take_the_scanlines(monkeypatch: pytest.MonkeyPatch) -> None:
+    tensors = scene(3, (4, 4), (6, 6))
+    monkeypatch.setattr(slices, "composite", lambda *_: pytest.fail("took the slices"))
+    assert torch.equal(composite(*tensors), scanline.composite(*tensors))
+
+
+def test_without_numba_plain_pytorch_renders(monkeypatch: pytest.MonkeyPatch) -> None:
+    tensors = scene(3, (4, 4), (6, 6))
+    monkeypatch.setattr(painting, "find_spec", lambda name: None)
+    monkeypatch.setattr(scanline, "composite", lambda *_: pytest.fail("took the scanlines"))
+    assert_same(with_gradients(composite, tensors), with_gradients(reference.composite, tensors))
+
+
+def test_paint_lies_along_the_path_the_right_way_up(brush: BezierStroke) -> None:
+    some = strokes()
+    canvas = torch.ones(3, 200, 300)
+    picture = render(some, brush, canvas, SIZE)
+    pixel = PixelGrid(SIZE, 200, 300).to_pixels(some.path(torch.tensor([0.35, 0.5, 0.65]))).round().long()  # [2, 3, 2]
+    for i, color in enumerate(some.color):
+        for column, row in pixel[i].tolist():
+            torch.testing.assert_close(picture[:, row, column], color, rtol=0, atol=0.15)
+            assert picture[:, 199 - row, column].min() == 1  # nothing on the mirrored side
+
+
+def test_every_group_of_the_strokes_and_the_canvas_get_a_gradient(brush: BezierStroke) -> None:
+    leaves = {name: tensor.clone().requires_grad_() for name, tensor in strokes().arrays().items()}
+    canvas = torch.ones(3, 64, 96, requires_grad=True)
+    (render(Strokes(**leaves), brush, canvas, SIZE) - 0.3).square().sum().backward()
+    for name, leaf in (*leaves.items(), ("canvas", canvas)):
+        assert leaf.grad is not None, name
+        assert leaf.grad.isfinite().all() and leaf.grad.abs().sum() > 0, name
+
+
+def test_moving_a_stroke_towards_its_target_lowers_the_loss(brush: BezierStroke) -> None:
+    with torch.no_grad():
+        target = render(strokes(), brush, torch.ones(3, 64, 96), SIZE)
+    astray = strokes().position + torch.tensor([0.004, -0.003])
+    position = astray.clone().requires_grad_()
+
+    def loss(where: Tensor) -> Tensor:
+        return (render(strokes(position=where), brush, torch.ones(3, 64, 96), SIZE) - target).square().mean()
+
+    start = loss(position)
+    (slope,) = torch.autograd.grad(start, position)
+    with torch.no_grad():
+        assert loss(astray - 0.001 * slope / slope.norm()) < start
+
+
+def test_no_strokes_leave_the_canvas(brush: BezierStroke) -> None:
+    canvas = torch.rand(3, 20, 30)
+    assert torch.equal(render(Strokes.empty(), brush, canvas, SIZE), canvas)
+
+
+def test_a_larger_picture_shows_the_same_painting(brush: BezierStroke) -> None:
+    with torch.no_grad():
+        small = render(strokes(), brush, torch.ones(3, 100, 150), SIZE)
+        large = render(strokes(), brush, torch.ones(3, 400, 600), SIZE)
+    shrunk = torch.nn.functional.avg_pool2d(large, 4)
+    assert (shrunk - small).abs().mean() < 2e-3
+    assert (shrunk - small).abs().max() < 0.2
