@@ -59,6 +59,11 @@ class Plan:
         """The plan of some of the strokes only."""
         return replace(self, strokes=self.strokes[which], paint=self.paint[which])
 
+    def followed_by(self, rest: "Plan") -> "Plan":
+        """These strokes, and after them those of `rest`, a plan with the same palette and canvas."""
+        strokes, paint = Strokes.join(self.strokes, rest.strokes), torch.cat([self.paint, rest.paint])
+        return replace(self, strokes=strokes, paint=paint)
+
     @property
     def digest(self) -> str:
         """sha256 over everything that decides what is painted."""

@@ -1,0 +1,32 @@
+# Everything a person types: `make paint` for a first painting, `make test` for the whole test suite.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PHOTO ?= examples/photographs/cat.jpg
+
+.PHONY: paint test quick lint install clean
+
+install: $(VENV)/installed
+
+$(VENV)/installed: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed; say e.g. make PYTHON=python3.12 $(MAKECMDGOALS)" if sys.version_info < (3, 11) else 0)'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+paint: install
+	@$(BIN)/frida-painter paint $(PHOTO)
+
+lint: install
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+test: lint
+	$(BIN)/pytest -n 2
+
+quick: install
+	$(BIN)/pytest -n 2 -m "not slow"
+
+clean:
+	rm -rf $(VENV) build *.egg-info

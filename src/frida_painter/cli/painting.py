@@ -1,0 +1,303 @@
+"""The commands that make and show paintings: paint, plan, render, export."""
+
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from datetime import datetime
+from enum import StrEnum
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, Any
+
+import torch
+import typer
+from rich.console import Console
+
+from frida_painter import images, storage
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress, duration
+from frida_painter.config import PaintingSettings
+from frida_painter.errors import ConfigError, Interrupted
+from frida_painter.export.bezier import mark_widths
+from frida_painter.export.svg import svg
+from frida_painter.export.table import table
+from frida_painter.frames import PixelGrid
+from frida_painter.goal import Goal, ImageTerm
+from frida_painter.plan import Plan
+from frida_painter.planning.optimize import Step
+from frida_painter.render import render as render_strokes
+from frida_painter.report.palette_sheet import palette_sheet
+from frida_painter.report.recorder import Occasion, Recorder
+from frida_painter.session.loop import Rhythm
+from frida_painter.session.opening import PHOTOGRAPH_ROWS, open_planner, open_session
+from frida_painter.virtual.studio import open_studio
+
+
+class ExportFormat(StrEnum):
+    """What a plan can be turned into."""
+
+    svg = "svg"
+    csv = "csv"
+
+
+Photo = Annotated[
+    Path, typer.Argument(metavar="PHOTO", help="The picture to paint: JPEG, PNG, WebP, TIFF, BMP or GIF.")
+]
+PlanFile = Annotated[
+    Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
+]
+Strokes = Annotated[int | None, typer.Option(help="How many brush strokes; exactly so many are painted. [dim]300[/]")]
+Colors = Annotated[int | None, typer.Option(help="How many paints to mix. [dim]12[/]")]
+Canvas = Annotated[
+    str | None,
+    typer.Option(
+        help="Width x height of the canvas in in, cm or mm, like 14x11in or 297x210mm. "
+        "[dim]14x11in, turned upright for an upright picture[/]"
+    ),
+]
+Brush = Annotated[
+    str | None,
+    typer.Option(help="The brush: fine, medium or broad, or a file of weights that you trained. [dim]broad[/]"),
+]
+RenderHeight = Annotated[
+    int | None, typer.Option(help="Rows of the picture in which is planned: more is finer and slower. [dim]256[/]")
+]
+Replans = Annotated[int | None, typer.Option(help="How often to look at the canvas and plan the rest again. [dim]4[/]")]
+EffortOption = Annotated[
+    float | None, typer.Option("--effort", help="How long to think: 2 plans twice as long, 0.5 half. [dim]1[/]")
+]
+Seed = Annotated[
+    int | None, typer.Option(help="Another seed gives another painting; the same gives the same. [dim]0[/]")
+]
+SettingsFile = Annotated[
+    Path | None, typer.Option("--settings", help="A TOML file with these settings, like: strokes = 300")
+]
+Out = Annotated[
+    Path | None, typer.Option(help="The folder for everything that is made. [dim]paintings/NAME-DATE-TIME[/]")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    app.command("paint")(paint)
+    app.command("plan")(plan)
+    app.command("render")(render)
+    app.command("export")(export)
+
+
+def paint(
+    photo: Photo,
+    strokes: Strokes = None,
+    colors: Colors = None,
+    canvas: Canvas = None,
+    brush: Brush = None,
+    render_height: RenderHeight = None,
+    replans: Replans = None,
+    effort: EffortOption = None,
+    seed: Seed = None,
+    settings: SettingsFile = None,
+    film: Annotated[bool, typer.Option("--film/--no-film", help="Film how the painting comes into being.")] = True,
+    out: Out = None,
+) -> None:
+    """Paint a photograph in the virtual studio: plan, paint some strokes, look, plan the rest again.
+
+    Afterwards the folder holds the painting, a film, a palette to mix, the strokes, and a page that
+    tells the story. Ctrl-C stops after the current stroke and keeps what was made.
+    """
+    target, chosen = _prepare(photo, settings, locals())
+    folder = _new_folder(out, photo, needed=200 * 2**20)
+    console = Console(stderr=True, highlight=False)
+    glimpses = min(chosen.strokes, 120) if film else 0
+    with ExitStack() as stack:
+        stop = stack.enter_context(_stopping())
+        started = time.monotonic()
+        planner = open_planner(chosen, Goal((ImageTerm(target),)))
+        rhythm = Rhythm(chosen.replans, glimpses)
+        effort_per_replan = planner.effort.refining + planner.effort.replanning
+        forecast = Forecast(
+            chosen.strokes, rhythm, started, planning=planner.iterations(chosen.strokes), replanning=effort_per_replan
+        )
+        bar = stack.enter_context(PaintingProgress(console, forecast))
+        occasion = _occasion(photo, target, chosen)
+        recorder = stack.enter_context(Recorder(folder, occasion, planner.model, glimpses))
+        easel = open_studio(chosen.canvas, planner.model.brush, seed=chosen.seed).easel
+        stack.callback(easel.robot.close)
+        easel.robot.connect()
+        stack.callback(easel.camera.close)
+        easel.camera.connect()
+        stop.at_once = easel.robot.stop
+
+        def hear(event: Any) -> None:
+            bar.hear(event)
+            recorder.hear(event)
+
+        session = open_session(chosen, planner, easel, glimpses=glimpses, stop_asked=lambda: stop.asked, notify=hear)
+        painting = session.run(chosen.strokes, chosen.colors)
+        bar.say("finishing the film and the page")
+        page = recorder.finish(painting)
+        stopped = stop.asked
+    _tell(folder, page, painting.painted, chosen.strokes, time.monotonic() - started)
+    if stopped:
+        sys.exit(130)
+
+
+def plan(
+    photo: Photo,
+    strokes: Strokes = None,
+    colors: Colors = None,
+    canvas: Canvas = None,
+    brush: Brush = None,
+    render_height: RenderHeight = None,
+    effort: EffortOption = None,
+    seed: Seed = None,
+    settings: SettingsFile = None,
+    out: Out = None,
+) -> None:
+    """Plan the strokes for a photograph without painting: the plan, a picture of it, and the palette to mix."""
+    target, chosen = _prepare(photo, settings, {**locals(), "replans": 0})
+    folder = _new_folder(out, photo, needed=20 * 2**20)
+    with ExitStack() as stack:
+        stop = stack.enter_context(_stopping())
+        planner = open_planner(chosen, Goal((ImageTerm(target),)))
+        bar = stack.enter_context(PlanningProgress(Console(stderr=True, highlight=False)))
+
+        def hear(step: Step) -> None:
+            bar.hear(step)
+            if stop.asked:
+                raise Interrupted("You stopped the planning; nothing was kept. Run the command again to plan anew.")
+
+        bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
+        made = planner.plan(bare, chosen.strokes, chosen.colors, hear)
+    made.save(folder / "plan.json")
+    images.save(planner.expected(made, bare), folder / "plan.png")
+    images.save(palette_sheet(made), folder / "palette.png")
+    _say(
+        f"The plan:    {folder / 'plan.json'}",
+        f"As picture:  {folder / 'plan.png'}",
+        f"Palette:     {folder / 'palette.png'}",
+    )
+
+
+def render(
+    plan: PlanFile,
+    height: Annotated[int, typer.Option(help="Rows of the picture: any size, from a stamp to a poster.")] = 1080,
+    out: Annotated[Path, typer.Option(help="The picture to write, .png or .jpg.")] = Path("render.png"),
+) -> None:
+    """Draw a plan as a picture of any size, as the simulation of the brush sees it."""
+    if not 16 <= height <= 10_000:
+        raise ConfigError(f"--height was given {height}; it is from 16 to 10000 rows.")
+    if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")
+    loaded = Plan.load(plan)
+    grid = PixelGrid.of_height(loaded.canvas, height)
+    ground = torch.tensor(loaded.ground)[:, None, None].expand(3, grid.rows, grid.columns)
+    model = load_stroke_model(loaded.brush)
+    with torch.no_grad():
+        picture = render_strokes(loaded.strokes, model, ground.contiguous(), loaded.canvas)
+    images.save(picture, out)
+    _say(f"{len(loaded)} strokes at {grid.columns} x {grid.rows} pixels: {out}")
+
+
+def export(
+    plan: PlanFile,
+    to: Annotated[
+        ExportFormat, typer.Option("--to", help="svg: for Inkscape and plotters; csv: a table.")
+    ] = ExportFormat.svg,
+    out: Annotated[Path | None, typer.Option(help="The file to write. [dim]strokes.svg or strokes.csv[/]")] = None,
+    regroup: Annotated[
+        bool,
+        typer.Option(help="One layer per paint even where paints come back later (changes what lies on top)."),
+    ] = False,
+) -> None:
+    """Write the strokes of a plan in millimetres: SVG with a layer per paint, or CSV with a row per stroke."""
+    loaded = Plan.load(plan)
+    path = out or Path(f"strokes.{to.value}")
+    if to is ExportFormat.svg:
+        widths = mark_widths(loaded.strokes, load_stroke_model(loaded.brush))
+        storage.write_text(path, svg(loaded, widths, keep_order=not regroup))
+    else:
+        storage.write_text(path, table(loaded))
+    _say(f"{len(loaded)} strokes in {len(loaded.palette)} paints: {path}")
+
+
+def _prepare(photo: Path, settings: Path | None, given: dict[str, Any]) -> tuple[torch.Tensor, PaintingSettings]:
+    """The picture as it will fill the canvas, and the settings: the command line over the file over the defaults."""
+    names = set(PaintingSettings.model_fields)
+    overrides = {name: value for name, value in given.items() if name in names and value is not None}
+    chosen = PaintingSettings.from_toml(settings, **overrides) if settings else PaintingSettings.of(**overrides)
+    picture = images.load(photo)
+    if "canvas" not in chosen.model_fields_set:
+        chosen = chosen.model_copy(update={"canvas": chosen.canvas.turned_like(*picture.shape[1:])})
+    grid = PixelGrid.of_height(chosen.canvas, max(PHOTOGRAPH_ROWS, chosen.render_height))
+    return images.fit(picture, grid.rows, grid.columns), chosen
+
+
+def _new_folder(out: Path | None, photo: Path, needed: int) -> Path:
+    folder = out or Path("paintings") / f"{photo.stem}-{datetime.now():%Y%m%d-%H%M%S}"
+    storage.require_space(folder, needed)
+    storage.new_folder(folder)
+    return folder
+
+
+def _occasion(photo: Path, target: torch.Tensor, chosen: PaintingSettings) -> Occasion:
+    facts = (
+        ("Canvas", str(chosen.canvas)),
+        ("Brush", chosen.brush),
+        ("Looks and replans", str(chosen.replans)),
+        ("Planned at", f"{chosen.render_height} rows"),
+        ("Seed", str(chosen.seed)),
+        ("Robot", "virtual studio"),
+    )
+    title = photo.stem.replace("_", " ").replace("-", " ").strip().capitalize() or "Untitled"
+    return Occasion(title, target, facts, {"photo": photo.name, **chosen.model_dump(mode="json")})
+
+
+class _Stop:
+    """Whether a person has asked to stop, and what stops the robot at once when they ask again."""
+
+    def __init__(self) -> None:
+        self.asked = False
+        self.at_once: Callable[[], None] = _nothing
+
+    def hear(self, number: int, frame: FrameType | None) -> None:
+        if self.asked:
+            self.at_once()
+            raise KeyboardInterrupt
+        self.asked = True
+        print("\nStopping after this stroke. Once more stops the robot at once.", file=sys.stderr)
+
+
+def _nothing() -> None:
+    """There is no robot to stop yet."""
+
+
+@contextmanager
+def _stopping() -> Iterator[_Stop]:
+    """Ctrl-C and a polite kill ask the painter to stop after the current stroke."""
+    stop = _Stop()
+    before = {number: signal.signal(number, stop.hear) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _tell(folder: Path, page: Path | None, painted: int, of: int, seconds: float) -> None:
+    if page is None:
+        _say(f"Stopped before there was a plan; nothing was painted. ({folder})")
+        return
+    begun = f"{painted} strokes" if painted == of else f"Stopped after {painted} of {of} strokes; what was made is kept"
+    _say(
+        f"{begun} in {duration(seconds)}.",
+        f"  The painting  {folder / 'painting.png'}",
+        *([f"  The film      {folder / 'film.mp4'}"] if (folder / "film.mp4").exists() else []),
+        f"  The page      {page}",
+    )
+
+
+def _say(*lines: str) -> None:
+    for line in lines:
+        print(line)

@@ -1,0 +1,188 @@
+"""Progress with a time left that can be believed: it is forecast from what each kind of work has really taken."""
+
+import math
+import time
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+from rich.text import Text
+
+from frida_painter.planning.optimize import Step
+from frida_painter.session.events import Event, Glimpsed, Looked, PaintsWanted, Planned, PlanningStep, StrokePainted
+from frida_painter.session.loop import Rhythm
+
+_GROWING_COST = 1.4
+
+
+@dataclass
+class Pace:
+    """Seconds that one unit of some work takes: guessed at first, then measured."""
+
+    guess: float
+    spent: float = 0.0
+    units: float = 0.0
+
+    def measure(self, seconds: float, units: float) -> None:
+        """Takes note that `units` took `seconds`."""
+        self.spent += seconds
+        self.units += units
+
+    @property
+    def seconds(self) -> float:
+        """Seconds per unit; the guess counts like one unit of experience in ten of the first."""
+        return self.spent / self.units if self.units else self.guess
+
+
+class Forecast:
+    """How long a painting still takes, from its events.
+
+    Planning is counted in iterations times strokes planned, painting in strokes; the looks between
+    them in looks. `remaining` is in seconds.
+    """
+
+    def __init__(self, strokes: int, rhythm: Rhythm, now: float, *, planning: int, replanning: int) -> None:
+        self._strokes = strokes
+        self._replans = [replanning * (strokes - done) for done in _running(rhythm.batches(strokes)) if done < strokes]
+        self._plan_left = float(planning * strokes)
+        self._painted = 0
+        self._last = now
+        self._planning = Pace(2.5e-5)
+        self._painting = Pace(0.1)
+        self._iteration = 0
+
+    def hear(self, event: Event, now: float) -> None:
+        """Takes note of an event at time `now` (seconds)."""
+        passed, self._last = now - self._last, now
+        match event:
+            case PlanningStep(phase, iteration, of):
+                alive = self._strokes - self._painted
+                self._planning.measure(passed, (iteration - self._iteration) * alive)
+                self._iteration = iteration
+                left = float((of - iteration) * alive)
+                if phase == "plan":
+                    self._plan_left = left
+                elif self._replans:
+                    self._replans[0] = int(left)
+            case Planned(done=done):
+                self._iteration = 0
+                self._plan_left = 0.0
+                if done and self._replans:
+                    del self._replans[0]
+            case StrokePainted() | Glimpsed() | Looked():
+                self._painting.measure(passed, int(isinstance(event, StrokePainted)))
+                if isinstance(event, StrokePainted):
+                    self._painted = event.done
+            case _:
+                pass
+
+    @property
+    def remaining(self) -> float:
+        """Seconds until the last stroke."""
+        planning = (self._plan_left + sum(self._replans)) * self._planning.seconds
+        return planning + (self._strokes - self._painted) * self._painting.seconds
+
+
+class PaintingProgress:
+    """One line on the terminal: what is going on, how far it is, and the time left."""
+
+    def __init__(self, console: Console, forecast: Forecast) -> None:
+        self._forecast = forecast
+        self._started = time.monotonic()
+        self._bar = Progress(
+            TextColumn("{task.description}"), BarColumn(bar_width=36), _TimeLeft(), console=console, transient=False
+        )
+        self._task = self._bar.add_task("getting ready", total=1.0, left=forecast.remaining)
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def hear(self, event: Event) -> None:
+        """Shows an event."""
+        now = time.monotonic()
+        self._forecast.hear(event, now)
+        passed, left = now - self._started, self._forecast.remaining
+        self._bar.update(
+            self._task,
+            description=_words(event) or self._bar.tasks[0].description,
+            completed=passed / max(passed + left, 1e-9),
+            left=left,
+        )
+
+    def say(self, words: str) -> None:
+        """Shows what is going on outside the session's events."""
+        self._bar.update(self._task, description=words)
+
+
+class PlanningProgress:
+    """One line on the terminal for a plan alone."""
+
+    def __init__(self, console: Console) -> None:
+        self._started = time.monotonic()
+        self._bar = Progress(TextColumn("{task.description}"), BarColumn(bar_width=36), _TimeLeft(), console=console)
+        self._task = self._bar.add_task("getting ready", total=1.0, left=math.inf)
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def hear(self, step: Step) -> None:
+        """Shows a step; later ones, with all strokes placed, take longer than the first."""
+        share = (step.iteration / step.of) ** _GROWING_COST
+        left = (time.monotonic() - self._started) * (1 - share) / share
+        self._bar.update(self._task, description=f"planning {100 * share:3.0f} %", completed=share, left=left)
+
+
+class _TimeLeft(ProgressColumn):
+    """The time left in words."""
+
+    def render(self, task: Task) -> Text:
+        left = task.fields["left"]
+        return Text(f"{duration(left)} left" if math.isfinite(left) else "")
+
+
+def duration(seconds: float) -> str:
+    """Seconds as a person says them."""
+    whole = max(0, round(seconds))
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def _words(event: Event) -> str:
+    match event:
+        case PlanningStep("plan", iteration, of):
+            return f"planning {100 * iteration // of:3d} %"
+        case PlanningStep(_, iteration, of):
+            return f"planning the rest again {100 * iteration // of:3d} %"
+        case PaintsWanted(palette):
+            return f"mixing {len(palette)} paints"
+        case StrokePainted(done, of):
+            return f"stroke {done} of {of}"
+        case Looked():
+            return "looking at the canvas"
+        case _:
+            return ""
+
+
+def _running(parts: list[int]) -> list[int]:
+    total, sums = 0, []
+    for part in parts:
+        total += part
+        sums.append(total)
+    return sums

@@ -1,0 +1,80 @@
+"""The commands that teach the painter its brush: strokes paint, strokes train."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.library import StrokeLibrary
+from frida_painter.brush.param2stroke import Param2Stroke
+from frida_painter.brush.train import TrainingProgress, train
+from frida_painter.errors import ConfigError
+from frida_painter.session.opening import blank_papers
+from frida_painter.session.paint_library import LibraryProgress, paint_library
+
+BrushName = Annotated[str, typer.Option(help="The brush: fine, medium or broad.")]
+SeedOption = Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Of every random choice.")]
+
+
+def build() -> typer.Typer:
+    """The group of commands."""
+    app = typer.Typer(no_args_is_help=True, help="Teach the painter its brush from strokes that it has painted.")
+    app.command("paint")(paint)
+    app.command("train")(train_model)
+    return app
+
+
+def paint(
+    brush: BrushName = "broad",
+    count: Annotated[int, typer.Option(help="How many strokes; about 200 are enough.")] = 200,
+    seed: SeedOption = 0,
+    out: Annotated[Path, typer.Option(help="The stroke library to write (.npz).")] = Path("library.npz"),
+) -> None:
+    """Paint single strokes of all shapes in the virtual studio, photograph each, and keep them as a library."""
+    kind = brush_kind(brush)
+    with _bar() as bar:
+        task = bar.add_task("painting strokes", total=count)
+
+        def hear(progress: LibraryProgress) -> None:
+            bar.update(task, completed=progress.done, description=f"painting strokes, paper {progress.sheet}")
+
+        library = paint_library(blank_papers(brush, seed), kind, count=count, seed=seed, notify=hear)
+    library.save(out)
+    print(f"{len(library)} strokes of brush {brush}: {out}")
+
+
+def train_model(
+    library: Annotated[Path, typer.Argument(metavar="LIBRARY", help="A stroke library (.npz).")],
+    brush: BrushName = "broad",
+    seed: SeedOption = 0,
+    out: Annotated[Path, typer.Option(help="The weights to write.")] = Path("weights.safetensors"),
+) -> None:
+    """Train the stroke model on a library: which mark a stroke of given thickness, length and bend leaves."""
+    if out.suffix != ".safetensors":
+        raise ConfigError(f"--out was given {str(out)!r}; weights end in .safetensors.")
+    kind = brush_kind(brush)
+    strokes = StrokeLibrary.load(library)
+    model = Param2Stroke.fresh(kind, seed)
+    with _bar() as bar:
+        task = bar.add_task("training", total=None)
+
+        def hear(progress: TrainingProgress) -> None:
+            words = f"training, error {progress.validation_error:.4f}, best {progress.best_error:.4f}"
+            bar.update(task, total=progress.epochs, completed=progress.epoch, description=words)
+
+        report = train(model, strokes, seed=seed, notify=hear)
+    model.save(out)
+    print(
+        f"Trained on {len(strokes) - len(report.held_out)} strokes; on {len(report.held_out)} others the mean error "
+        f"of the magnitude is {report.validation_error:.4f}: {out}"
+    )
+
+
+def _bar() -> Progress:
+    console = Console(stderr=True, highlight=False)
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=console
+    )

@@ -1,0 +1,128 @@
+"""Where strokes start: uniformly at random as in the paper, or placed where a guiding picture needs them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import torch
+import torch.nn.functional as functional
+from torch import Tensor
+
+from frida_painter.frames import CanvasSize
+from frida_painter.palette import to_lab
+from frida_painter.planning.optimize import Step, optimize
+from frida_painter.planning.proposals import layers, pick, propose, weigh
+from frida_painter.planning.scene import Scene
+from frida_painter.planning.variables import Paints
+from frida_painter.strokes import StrokeLimits, Strokes
+
+
+def uniform(count: int, limits: StrokeLimits, size: CanvasSize, generator: torch.Generator) -> Strokes:
+    """`count` strokes sampled uniformly over the parameters (paper, Algorithm 1, `init_brush_strokes`)."""
+
+    def between(low: float, high: float) -> Tensor:
+        return low + (high - low) * torch.rand(count, generator=generator)
+
+    limits = limits.within(size)
+    strokes = Strokes(
+        position=torch.rand(count, 2, generator=generator) * torch.tensor([size.width, size.height]),
+        angle=between(-torch.pi, torch.pi),
+        length=between(*limits.length),
+        bend=between(*limits.bend),
+        thickness=between(0, 1),
+        color=torch.rand(count, 3, generator=generator),
+    )
+    return strokes.project(limits, size)
+
+
+@dataclass(frozen=True)
+class Growth:
+    """How a plan grows: in `rounds` rounds of more and more strokes, each settled by `settling` joint steps.
+
+    proposals: how many are weighed for each stroke that is placed.
+    """
+
+    rounds: int = 8
+    settling: int = 25
+    proposals: int = 12
+
+
+def progressive(
+    count: int,
+    scene: Scene,
+    target: Tensor,
+    *,
+    paints: Paints | None,
+    light_to_dark: bool,
+    growth: Growth,
+    generator: torch.Generator,
+    notify: Callable[[Step], None] = lambda step: None,
+) -> tuple[Strokes, Paints | None]:
+    """`count` strokes, in painting order, grown towards `target` [3, H, W] (of the scene's resolution).
+
+    In every round the error of the picture so far says where strokes are proposed; those that gain
+    most are placed, and all are settled together by gradient descent on the scene's objective.
+    """
+    strokes = Strokes.empty()
+    if paints is not None:
+        paints = replace(paints, paint=torch.zeros(0, dtype=torch.long))
+    quotas = round_sizes(count, growth.rounds)
+    for number, quota in enumerate(quotas):
+        strokes, paints = place(
+            strokes, paints, quota, scene, target, growth.proposals, light_to_dark=light_to_dark, generator=generator
+        )
+
+        def tell(step: Step, done: int = number) -> None:
+            notify(Step(done * growth.settling + step.iteration, len(quotas) * growth.settling, step.loss))
+
+        strokes, paints = optimize(
+            strokes, scene, iterations=growth.settling, paints=paints, light_to_dark=light_to_dark, notify=tell
+        )
+    return strokes, paints
+
+
+def place(
+    strokes: Strokes,
+    paints: Paints | None,
+    count: int,
+    scene: Scene,
+    target: Tensor,
+    proposals: int,
+    *,
+    light_to_dark: bool,
+    generator: torch.Generator,
+) -> tuple[Strokes, Paints | None]:
+    """`count` more strokes where they gain most; strokes and paints come and go in painting order."""
+    with torch.no_grad():
+        while count > 0:
+            under = layers(strokes, scene, light_to_dark=light_to_dark)
+            error = _blurred((target - under.picture).square().sum(0))
+            candidates = propose(error, max(64, proposals * count), scene.limits, scene.size, generator)
+            gain, candidates, paint = weigh(candidates, under, target, paints, scene)
+            chosen = pick(candidates, gain, count, scene.model)
+            if len(chosen) == 0:  # nothing gains any more; the rest still has to be somewhere
+                chosen = torch.argsort(gain, descending=True)[:count]
+            strokes = Strokes.join(strokes, candidates[chosen])
+            if paints is not None and paint is not None:
+                paints = replace(paints, paint=torch.cat([paints.paint, paint[chosen]]))
+            if light_to_dark:
+                order = torch.argsort(to_lab(strokes.color)[:, 0], descending=True, stable=True)
+                strokes = strokes[order]
+                paints = None if paints is None else replace(paints, paint=paints.paint[order])
+            count -= len(chosen)
+    return strokes, paints
+
+
+def round_sizes(count: int, rounds: int) -> list[int]:
+    """`count` split into at most `rounds` growing parts, each at least 1."""
+    rounds = min(rounds, count)
+    if rounds == 0:
+        return []
+    share = torch.arange(1, rounds + 1, dtype=torch.float64).cumsum(0)
+    ends = (share / share[-1] * (count - rounds)).round().long() + torch.arange(1, rounds + 1)
+    return torch.diff(ends, prepend=ends.new_zeros(1)).tolist()
+
+
+def _blurred(error: Tensor) -> Tensor:
+    """The error [H, W] over a neighbourhood of about a twentieth of the height."""
+    width = 2 * (error.shape[0] // 40) + 1
+    return functional.avg_pool2d(error[None, None], width, 1, width // 2, count_include_pad=False)[0, 0]

@@ -1,0 +1,111 @@
+"""Gradient descent on the plan (paper, Algorithm 1, `optimize`), under the limits it will be painted with."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from frida_painter.errors import PlanningDiverged
+from frida_painter.planning.scene import Scene
+from frida_painter.planning.variables import Paints, Variables
+from frida_painter.strokes import Strokes
+
+_MOST_FAILURES = 3
+
+
+@dataclass(frozen=True)
+class Step:
+    """One iteration that was made: its number, of how many, and the loss before it."""
+
+    iteration: int
+    of: int
+    loss: float
+
+
+def optimize(
+    strokes: Strokes,
+    scene: Scene,
+    *,
+    iterations: int,
+    paints: Paints | None = None,
+    vary_colors: bool = True,
+    light_to_dark: bool = True,
+    pace: float = 1.0,
+    notify: Callable[[Step], None] = lambda step: None,
+) -> tuple[Strokes, Paints | None]:
+    """The strokes (in painting order) and paints that do better on the scene's objective.
+
+    With `paints` every colour is one of the palette's, throughout; `vary_colors` says whether the
+    palette (or, without one, each stroke's colour) may change. `pace` scales the steps. The best
+    strokes seen are returned, never worse than those given. A step that is not finite is
+    discarded; the third raises PlanningDiverged.
+    """
+    if len(strokes) == 0:
+        return strokes, paints
+    variables = Variables(strokes, paints, vary_colors=vary_colors, light_to_dark=light_to_dark)
+    adam = torch.optim.Adam(variables.leaves, lr=pace, betas=(0.9, 0.98), foreach=True)
+    best = _Best()
+    failures = 0
+    for iteration in range(iterations + 1):
+        current = variables.strokes()
+        loss = scene.objective(scene.render(current[variables.order()]))
+        value = loss.item()
+        best.consider(value, variables)
+        if iteration == iterations:
+            break
+        adam.zero_grad()
+        torch.autograd.backward(loss)
+        if not math.isfinite(value) or not _finite(variables.leaves):
+            failures += 1
+            if failures == _MOST_FAILURES or best.shape is None:
+                raise PlanningDiverged(
+                    f"The loss was {value} in iteration {iteration}, for the {failures}. time; "
+                    "the last good plan is kept. Try another seed or a smaller pace."
+                )
+            best.restore(variables)
+            adam = torch.optim.Adam(variables.leaves, lr=pace * 0.5**failures, betas=(0.9, 0.98), foreach=True)
+            continue
+        for group in adam.param_groups:
+            group["lr"] = pace * 0.5**failures * _fading(iteration / iterations)
+        adam.step()
+        variables.set_(variables.strokes().detach().project(scene.limits, scene.size))
+        notify(Step(iteration + 1, iterations, value))
+    best.restore(variables)
+    order = variables.order()
+    found = variables.paints()
+    if found is not None:
+        found = Paints(found.color, found.paint[order])
+    return variables.strokes().detach()[order], found
+
+
+def _fading(progress: float) -> float:
+    """Steps shrink along a half cosine to a tenth of the first."""
+    return 0.1 + 0.45 * (1 + math.cos(math.pi * progress))
+
+
+def _finite(leaves: list[Tensor]) -> bool:
+    return all(leaf.grad is not None and bool(torch.isfinite(leaf.grad).all()) for leaf in leaves)
+
+
+class _Best:
+    """The best variables seen, kept to be returned whatever happens later."""
+
+    def __init__(self) -> None:
+        self.loss = math.inf
+        self.shape: Tensor | None = None
+        self.color: Tensor | None = None
+
+    def consider(self, loss: float, variables: Variables) -> None:
+        if loss < self.loss:
+            self.loss = loss
+            self.shape = variables.shape.detach().clone()
+            self.color = variables.color.detach().clone()
+
+    def restore(self, variables: Variables) -> None:
+        if self.shape is None or self.color is None:
+            return
+        with torch.no_grad():
+            variables.shape.copy_(self.shape)
+            variables.color.copy_(self.color)

@@ -1,0 +1,30 @@
+"""What the planner plans on: a canvas as it is now, a brush, and what the picture shall become."""
+
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.frames import CanvasSize
+from frida_painter.objectives.base import Objective
+from frida_painter.render import render
+from frida_painter.strokes import StrokeLimits, Strokes
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A canvas picture [3, H, W] (blank, or a photograph of the real one) of `size`, a brush and an objective."""
+
+    canvas: Tensor
+    size: CanvasSize
+    model: StrokeModel
+    objective: Objective
+
+    @property
+    def limits(self) -> StrokeLimits:
+        """What the brush can do on this canvas."""
+        return self.model.limits.within(self.size)
+
+    def render(self, strokes: Strokes) -> Tensor:
+        """The picture [3, H, W] that the strokes, in their order, would make of the canvas."""
+        return render(strokes, self.model, self.canvas, self.size)

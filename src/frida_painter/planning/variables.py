@@ -1,0 +1,99 @@
+"""The numbers that the optimiser turns: stroke shapes in comparable units, and colours or paints.
+
+Shapes are held as one tensor whose columns are measured in units of a sensible first step, so
+that one learning rate suits them all, and around the middle of a stroke rather than its start, so
+that turning and lengthening do not move it away. The order in which strokes are painted is an
+index computed from their lightness; the variables themselves never change places, and the
+optimiser's memory stays with its stroke.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from frida_painter.palette import Palette, to_lab
+from frida_painter.strokes import Strokes
+
+# A first step in metres across, metres up, radians, metres long, metres bent, thickness.
+_UNITS = (0.0015, 0.0015, 0.06, 0.002, 0.001, 0.04)
+_COLOR_UNIT = 0.03
+
+
+@dataclass(frozen=True)
+class Paints:
+    """Colours bound to a palette: stroke i is painted in color[paint[i]]; color [k, 3] sRGB, paint [n]."""
+
+    color: Tensor
+    paint: Tensor
+
+
+class Variables:
+    """Leaf tensors for the optimiser, and their way to strokes and back.
+
+    With `paints` the strokes' colours are those of a palette (whose colours may be varied too);
+    without, each stroke has its own. With `light_to_dark` the strokes are painted in that order,
+    otherwise in the order given.
+    """
+
+    def __init__(self, strokes: Strokes, paints: Paints | None, *, vary_colors: bool, light_to_dark: bool) -> None:
+        self._unit = strokes.angle.new_tensor(_UNITS)
+        self.shape = self._shape_of(strokes).requires_grad_()  # [n, 6]
+        free = strokes.color if paints is None else paints.color
+        self.color = (free.detach().clone() / _COLOR_UNIT).requires_grad_(vary_colors)  # [n or k, 3]
+        self.paint = None if paints is None else paints.paint
+        self.light_to_dark = light_to_dark
+
+    @property
+    def leaves(self) -> list[Tensor]:
+        """What the optimiser varies."""
+        return [leaf for leaf in (self.shape, self.color) if leaf.requires_grad]
+
+    def strokes(self) -> Strokes:
+        """The strokes as they stand, in the variables' own order; differentiable in the leaves."""
+        x, y, angle, length, bend, thickness = (self.shape * self._unit).unbind(1)
+        cos, sin = torch.cos(angle), torch.sin(angle)
+        # From the middle of the stroke, (l/2, b/2) in its own frame, back to its start.
+        start = torch.stack(
+            (x - cos * length / 2 + sin * bend / 2, y - sin * length / 2 - cos * bend / 2), -1
+        )  # [n, 2]
+        color = self.color * _COLOR_UNIT
+        return Strokes(start, angle, length, bend, thickness, color if self.paint is None else color[self.paint])
+
+    def order(self) -> Tensor:
+        """Which stroke is painted when, [n]."""
+        if not self.light_to_dark:
+            return torch.arange(len(self.shape), device=self.shape.device)
+        lightness = to_lab(self.color.detach() * _COLOR_UNIT)[:, 0]
+        if self.paint is not None:
+            lightness = lightness[self.paint]
+        return torch.argsort(lightness, descending=True, stable=True)
+
+    def paints(self) -> Paints | None:
+        """The palette's colours and each stroke's paint, as they stand."""
+        return None if self.paint is None else Paints(self.color.detach() * _COLOR_UNIT, self.paint)
+
+    def set_(self, strokes: Strokes) -> None:
+        """Takes over the strokes' shapes (and, where colours are free, their colours)."""
+        with torch.no_grad():
+            self.shape.copy_(self._shape_of(strokes))
+            if self.paint is None:
+                self.color.copy_(strokes.color / _COLOR_UNIT)
+            else:
+                self.color.clamp_(0, 1 / _COLOR_UNIT)
+
+    def _shape_of(self, strokes: Strokes) -> Tensor:
+        strokes = strokes.detach()
+        cos, sin = torch.cos(strokes.angle), torch.sin(strokes.angle)
+        x = strokes.position[:, 0] + cos * strokes.length / 2 - sin * strokes.bend / 2
+        y = strokes.position[:, 1] + sin * strokes.length / 2 + cos * strokes.bend / 2
+        return torch.stack((x, y, strokes.angle, strokes.length, strokes.bend, strokes.thickness), -1) / self._unit
+
+
+def as_palette(strokes: Strokes, paints: Paints) -> tuple[Strokes, Palette, Tensor]:
+    """Strokes in order from light to dark, their palette lightest first, and each stroke's number in it [n]."""
+    rank = torch.argsort(to_lab(paints.color)[:, 0], descending=True, stable=True)  # new number -> old
+    palette = Palette(paints.color[rank].clamp(0, 1))
+    paint = torch.argsort(rank)[paints.paint]
+    order = torch.argsort(paint, stable=True)
+    return strokes[order].with_groups(color=palette.color[paint[order]]), palette, paint[order]

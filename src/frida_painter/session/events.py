@@ -1,0 +1,89 @@
+"""What happens during a session, told as it happens: for progress bars, films and pages."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+
+
+@dataclass(frozen=True)
+class PlanningStep:
+    """The planner made one iteration of `of`; `phase` is "plan" or "replan"."""
+
+    phase: str
+    iteration: int
+    of: int
+    loss: float
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A plan is there for all strokes not yet painted.
+
+    done: strokes painted so far; expected [3, H, W]: the canvas after the plan; loss_before,
+    loss_after: the objective with the plan as it was and as it is (before the first plan: of the
+    bare canvas).
+    """
+
+    plan: Plan
+    done: int
+    expected: Tensor
+    loss_before: float
+    loss_after: float
+
+
+@dataclass(frozen=True)
+class PaintsWanted:
+    """The palette is settled; painting begins when its wells are filled."""
+
+    palette: Palette
+
+
+@dataclass(frozen=True)
+class Dipped:
+    """The brush took paint from a well; `cleaned` says whether it was rinsed and wiped before."""
+
+    paint: int
+    cleaned: bool
+
+
+@dataclass(frozen=True)
+class StrokePainted:
+    """Stroke number `done` (from 1) of `of` is on the canvas; `color` is its sRGB."""
+
+    done: int
+    of: int
+    color: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Glimpsed:
+    """A photograph for the film, rectified, [3, H, W]."""
+
+    photograph: Tensor
+    done: int
+    of: int
+    color: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Looked:
+    """The painter looked: the rectified photograph, what it expected to see [3, H, W] each, strokes so far."""
+
+    photograph: Tensor
+    expected: Tensor
+    done: int
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """A person asked to stop; `done` strokes are on the canvas."""
+
+    done: int
+
+
+Event = PlanningStep | Planned | PaintsWanted | Dipped | StrokePainted | Glimpsed | Looked | Stopped
+Notify = Callable[[Event], None]

@@ -1,0 +1,63 @@
+"""Opening a session: goal, brush, easel and planner are put together here, and nowhere below."""
+
+from collections.abc import Callable
+
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.config import PaintingSettings
+from frida_painter.frames import CanvasSize
+from frida_painter.goal import Goal
+from frida_painter.hardware.easel import Easel
+from frida_painter.planning.planner import Effort, Planner
+from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.events import Notify
+from frida_painter.session.eye import Eye
+from frida_painter.session.loop import PaintingSession, Rhythm
+from frida_painter.virtual.studio import open_studio
+from frida_painter.virtual.table import PlacementError
+
+PHOTOGRAPH_ROWS = 864
+PAPER = CanvasSize(0.42, 0.297)
+
+
+def open_planner(settings: PaintingSettings, goal: Goal) -> Planner:
+    """The planner that the settings describe, with the stroke model of their brush.
+
+    Raises WeightsError and ConfigError where there is no such brush.
+    """
+    model = StrokeTable.of(load_stroke_model(settings.brush))
+    effort = Effort().scaled(settings.effort)
+    return Planner(goal, settings.canvas, model, rows=settings.render_height, effort=effort, seed=settings.seed)
+
+
+def open_session(
+    settings: PaintingSettings,
+    planner: Planner,
+    easel: Easel,
+    *,
+    glimpses: int,
+    stop_asked: Callable[[], bool],
+    notify: Notify,
+) -> PaintingSession:
+    """A session on an easel whose robot and camera are connected. Raises ConfigError where colours exceed wells."""
+    kind = brush_kind(planner.model.brush)
+    brushwork = Brushwork(easel, kind)
+    eye = Eye(easel, PHOTOGRAPH_ROWS, ground=(1.0, 1.0, 1.0))
+    rhythm = Rhythm(settings.replans, glimpses)
+    return PaintingSession(planner, brushwork, eye, rhythm, stop_asked=stop_asked, notify=notify)
+
+
+def blank_papers(brush: str, seed: int) -> Callable[[int], Easel]:
+    """Fresh sheets of paper in a virtual studio for painting a stroke library, by number.
+
+    The robot there is calibrated: it paints where it means to.
+    """
+
+    def easel(number: int) -> Easel:
+        studio = open_studio(PAPER, brush, seed=seed * 1000 + number, placement_error=PlacementError((0.0, 0.0), 0.0))
+        studio.easel.robot.connect()
+        studio.easel.camera.connect()
+        return studio.easel
+
+    return easel
