@@ -17,8 +17,9 @@ from frida_painter.virtual.brushes import BristleBrush
 from frida_painter.virtual.paint import BANDS
 
 _LOCKS = 34
+_STRANDS = 22
 _STRAYS = 0.05
-_FANNED = 0.62
+_FANNED = 0.74
 # Already a light touch lays the tuft down: how far it trails grows as this power of the depth.
 _LYING = 0.3
 _LEVELLING = 0.4
@@ -49,7 +50,7 @@ class Tuft:
         self._place = place
         self._edge = np.clip(np.linalg.norm(place, axis=1), 0, 1.2) ** 2
         self._onset = 0.22 * self._edge * random.random(_LOCKS)[self._lock] + 0.04 * random.random(n)
-        self._lag = 0.30 * random.standard_normal(_LOCKS)[self._lock] + 0.15 * random.standard_normal(n)
+        self._lag = 0.40 * random.standard_normal(_LOCKS)[self._lock] + 0.15 * random.standard_normal(n)
         self.bite = 0.22 * random.standard_normal(_LOCKS)[self._lock] + 0.12 * random.standard_normal(n)
         share = random.lognormal(0, 0.35, _LOCKS)[self._lock] * random.lognormal(0, 0.25, n)
         self.capacity = (brush.capacity * share / share.sum()).astype(np.float64)
@@ -96,10 +97,14 @@ class Tuft:
         shear = np.eye(2) + random.normal(0, 0.05, (2, 2))
         locks = random.normal(0, 0.05, (_LOCKS, 2))
         offset = self._place @ shear + random.normal(0, 0.05, 2) + locks[lock] + random.normal(0, 0.012, (n, 2))
-        lag = self._lag + 0.25 * random.standard_normal(_LOCKS)[lock]
+        lag = self._lag + 0.35 * random.standard_normal(_LOCKS)[lock]
         onset = self._onset + 0.12 * self._edge * random.random(_LOCKS)[lock] + 0.35 * self._stray * random.random(n)
         shake = _smooth_noise(random, len(path), _LOCKS + 2)
-        grip = random.random(_LOCKS)[lock] * random.uniform(0.7, 1, n)
+        # Hairs that run one behind the other cling together and tear off together.
+        heading = path[-1, :2] - path[len(path) // 2, :2]
+        aside = offset @ (-heading[1], heading[0]) / max(1e-9, float(np.hypot(*heading)))
+        strand = np.clip((aside + 1.2) / 2.4 * _STRANDS, 0, _STRANDS - 1).astype(int)
+        grip = random.random(_STRANDS)[strand] * random.uniform(0.8, 1, n)
         brush = self.brush
         return _trail(
             path, offset, onset, grip, lag, lock, shake,
@@ -132,7 +137,9 @@ def _trail(  # type: ignore[no-untyped-def]
         # The brush is being lifted where it goes up more than along.
         lifted_from = max(lifted_from, path[step - 1, 2]) if rise > moved else 0.0
         dragged += moved if depth > 0.0 else 0.0
-        rope = drag * pressed**_LYING
+        rope = drag * (lifted_from ** (_LYING - 1.0) * pressed if lifted_from > 0.0 else pressed**_LYING)
+        # A wet tuft comes down as one; its locks part only while it is dragged.
+        parted = 0.3 + 0.7 * min(1.0, dragged / drag)
         trail_x, trail_y = x - middle_x, y - middle_y
         trail = math.hypot(trail_x, trail_y)
         if trail > 1e-6:
@@ -156,7 +163,7 @@ def _trail(  # type: ignore[no-untyped-def]
             feet[step, i, 1] = middle_y + along * ahead_y + across * ahead_x
             # A bristle that sticks to the canvas is let go a little later than it came; one that is
             # lifted springs forward with its lock and tears off sooner or later on its way.
-            press = depth - onset[i] * (1.0 + 0.35 * jolt) + (0.03 if touching[i] and depth > 0.0 else 0.0)
+            press = depth - onset[i] * parted * (1.0 + 0.35 * jolt) + (0.03 if touching[i] and depth > 0.0 else 0.0)
             if depth < grip[i] * lifted_from:
                 press = min(press, 0.0)
             touching[i] = press > 0.0
