@@ -19,7 +19,7 @@ _MM = 1000.0
 _VESSEL_RADIUS, _VESSEL_HEIGHT = 0.018, 0.003
 _RAG_HALF_DEPTH = 0.03
 # Paint that stays in the brush when it goes into the water, and per metre of stirring and of wiping.
-_KEPT_IN_WATER, _STIRRING_LENGTH, _WIPING_LENGTH = 0.3, 0.065, 0.080
+_KEPT_IN_WATER, _STIRRING_LENGTH, _WIPING_LENGTH = 0.3, 0.050, 0.060
 # The tip is looked at this often along its way (m); on the canvas as finely as the cells ask for.
 _LOOK = 0.002
 _CELLS_PER_STEP = 0.9
