@@ -123,23 +123,24 @@ def find_slopes(begin, end, marks, alpha, reach, color, canvas, gradient, slope)
                 under = beneath[y - top, left:right]
                 for p in range(len(rise)):
                     rise[p] = red * reds[p] + green * greens[p] + blue * blues[p] - under[p]
-                first, start, stop = _run(marks, i, y)
-                if start < stop:
-                    cover = alpha[start:stop]
-                    risen, under = rise[first - left :], under[first - left :]
-                    for p in range(len(cover)):
-                        under[p] += cover[p] * risen[p]
+                left, start, stop = _run(marks, i, y)
+                cover = alpha[start:stop]
+                right = left + len(cover)
+                reds, greens, blues = gradient[0, y, left:right], gradient[1, y, left:right], gradient[2, y, left:right]
+                under = beneath[y - top, left:right]
+                for p in range(len(cover)):
+                    over = red * reds[p] + green * greens[p] + blue * blues[p] - under[p]
+                    under[p] += cover[p] * over
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
 def pull_through(begin, end, marks, alpha, reach, gradient, through, slope, to_color):  # type: ignore[no-untyped-def]
     """Goes down through the strokes in bands begin to end - 1 with what those above let through.
 
-    through [H, W] comes as ones and leaves as what reaches the canvas. slope (packed as `reach`) is
-    turned into the gradient to the coverage; to_color [bands, n, 3], empty if not wanted, receives
-    each band's part of the gradient to the colours.
+    through [H, W] comes as ones and leaves as what reaches the canvas. slope (packed as `reach`, or
+    empty if not wanted) is turned into the gradient to the coverage; to_color [bands, n, 3] comes as
+    zeros and receives each band's part of the gradient to the colours.
     """
-    share = np.empty(through.shape[1], through.dtype)
     for band in range(begin, end):
         for i in range(len(reach.top) - 1, -1, -1):
             for y in range(max(reach.top[i], band * BAND), min(reach.bottom[i], (band + 1) * BAND)):
@@ -150,21 +151,20 @@ def pull_through(begin, end, marks, alpha, reach, gradient, through, slope, to_c
                     for p in range(len(rise)):
                         rise[p] *= seen[p]
                 left, start, stop = _run(marks, i, y)
-                if start == stop:
-                    continue
                 cover = alpha[start:stop]
                 right = left + len(cover)
                 seen = through[y, left:right]
+                reds, greens, blues = gradient[0, y, left:right], gradient[1, y, left:right], gradient[2, y, left:right]
+                red = green = blue = through.dtype.type(0)
                 for p in range(len(cover)):
-                    share[p] = seen[p] * cover[p]
-                    seen[p] -= share[p]
-                if len(to_color) > 0:
-                    for channel in range(3):
-                        down = gradient[channel, y, left:right]
-                        total = through.dtype.type(0)
-                        for p in range(len(cover)):
-                            total += down[p] * share[p]
-                        to_color[band, i, channel] += total
+                    share = seen[p] * cover[p]
+                    seen[p] -= share
+                    red += reds[p] * share
+                    green += greens[p] * share
+                    blue += blues[p] * share
+                to_color[band, i, 0] += red
+                to_color[band, i, 1] += green
+                to_color[band, i, 2] += blue
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)

@@ -62,7 +62,7 @@ class _Scanline(torch.autograd.Function):
         columns = _columns(width, canvas)
         slope = np.empty(reach.offset[-1] if slopes_wanted else 0, canvas.dtype)
         through = np.ones((height, width), canvas.dtype)
-        color_parts = np.zeros((bands if wants_color else 0, n, 3), canvas.dtype)
+        color_parts = np.zeros((bands, n, 3), canvas.dtype)
         to_map = np.empty_like(magnitude) if wants_map else None
         to_affine = np.zeros_like(affine) if wants_affine else None
         with _Team() as team:
