@@ -94,6 +94,10 @@ class Strokes:
 
         fraction [t] in [0, 1] along the curve's parameter -> [n, t, 2] metres.
         """
+        return self._points(fraction.expand(len(self), -1))
+
+    def _points(self, fraction: Tensor) -> Tensor:
+        """Points at each stroke's own fractions [n, t] -> [n, t, 2] metres."""
         along = fraction * self.length[:, None]  # [n, t]; the x of the Bezier is linear in its parameter
         aside = 3 * fraction * (1 - fraction) * self.bend[:, None]  # [n, t]
         cos, sin = torch.cos(self.angle)[:, None], torch.sin(self.angle)[:, None]
@@ -102,15 +106,25 @@ class Strokes:
         return torch.stack((x, y), -1)
 
     def extremes(self) -> Tensor:
-        """Start, middle and end of each path, which span it: [n, 3, 2] metres."""
-        return self.path(torch.tensor([0.0, 0.5, 1.0], dtype=self.angle.dtype, device=self.angle.device))
+        """Start, end and the turning points of each path in x and in y, which bound it: [n, 4, 2] metres.
+
+        Along either axis the path is A t + 3 B t (1 - t), which turns at t = (A + 3 B) / (6 B).
+        """
+        cos, sin = torch.cos(self.angle), torch.sin(self.angle)
+        along = torch.stack((cos * self.length, sin * self.length), -1)  # [n, 2], A
+        aside = 3 * torch.stack((-sin * self.bend, cos * self.bend), -1)  # [n, 2], 3 B
+        straight = aside.abs() < 1e-12
+        turn = 0.5 + along / (2 * torch.where(straight, torch.ones_like(aside), aside))
+        turn = torch.where(straight, torch.zeros_like(turn), turn).clamp(0, 1)
+        ends = turn.new_tensor([0.0, 1.0]).expand(len(self), 2)
+        return self._points(torch.cat((ends, turn), 1))
 
     def project(self, limits: StrokeLimits, size: CanvasSize) -> Self:
         """The nearest strokes that a machine may paint.
 
         Lengths, bends, thickness and colours are brought inside their limits, and each stroke is
-        moved, not bent, until its start, middle and end lie on the canvas. Projecting twice
-        changes nothing more.
+        moved, not bent, until its whole path lies on the canvas. Projecting twice changes nothing
+        more.
         """
         limits = limits.within(size)
         inside = replace(
@@ -120,7 +134,7 @@ class Strokes:
             thickness=self.thickness.clamp(0, 1),
             color=self.color.clamp(0, 1),
         )
-        extent = inside.extremes()  # [n, 3, 2]
+        extent = inside.extremes()  # [n, 4, 2]
         least, most = extent.amin(1), extent.amax(1)
         corner = extent.new_tensor([size.width, size.height])
         moved = (-least).clamp(min=0) - (most - corner).clamp(min=0)

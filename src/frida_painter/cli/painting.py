@@ -30,8 +30,8 @@ from frida_painter.planning.optimize import Step
 from frida_painter.render import render as render_strokes
 from frida_painter.report.palette_sheet import palette_sheet
 from frida_painter.report.recorder import Occasion, Recorder
-from frida_painter.session.loop import Rhythm
-from frida_painter.session.opening import PHOTOGRAPH_ROWS, open_planner, open_session
+from frida_painter.session.loop import PHOTOGRAPH_ROWS, Rhythm
+from frida_painter.session.opening import open_planner, open_session
 from frida_painter.virtual.studio import open_studio
 
 

@@ -61,7 +61,11 @@ class FlatField:
 
     def light(self, rows: int, columns: int) -> Tensor:
         """What the camera sees of a white canvas, linear light, [3, rows, columns]."""
-        return (self.logarithm @ _terms(rows, columns).to(self.logarithm).T).exp().reshape(3, rows, columns)
+        down, across = _chebyshev(_places(rows)).float(), _chebyshev(_places(columns)).float()  # [degree + 1, side]
+        grid = self.logarithm.new_zeros(3, _DEGREE + 1, _DEGREE + 1)
+        for term, (i, j) in enumerate(_pairs()):
+            grid[:, i, j] = self.logarithm[:, term]
+        return (down.T @ grid @ across).exp()
 
     def correct(self, picture: Tensor) -> Tensor:
         """The rectified photograph [3, H, W] as it would look in even, white light, sRGB in [0, 1]."""
@@ -70,10 +74,18 @@ class FlatField:
 
 def _terms(rows: int, columns: int) -> Tensor:
     """Products of Chebyshev polynomials up to the degree at every pixel centre, [rows x columns, terms]."""
-    across = _chebyshev((torch.arange(columns, dtype=torch.float64) * 2 + 1) / columns - 1)  # [degree + 1, columns]
-    down = _chebyshev((torch.arange(rows, dtype=torch.float64) * 2 + 1) / rows - 1)
-    pairs = [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
-    return torch.stack([(down[i][:, None] * across[j]).flatten() for i, j in pairs], 1)
+    down, across = _chebyshev(_places(rows)), _chebyshev(_places(columns))  # [degree + 1, side]
+    return torch.stack([(down[i][:, None] * across[j]).flatten() for i, j in _pairs()], 1)
+
+
+def _pairs() -> list[tuple[int, int]]:
+    """Degrees (down, across) of the terms."""
+    return [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
+
+
+def _places(count: int) -> Tensor:
+    """Where pixel centres lie in [-1, 1]."""
+    return (torch.arange(count, dtype=torch.float64) * 2 + 1) / count - 1
 
 
 def _chebyshev(place: Tensor) -> Tensor:

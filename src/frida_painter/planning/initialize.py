@@ -92,24 +92,62 @@ def place(
     generator: torch.Generator,
 ) -> tuple[Strokes, Paints | None]:
     """`count` more strokes where they gain most; strokes and paints come and go in painting order."""
-    with torch.no_grad():
-        while count > 0:
-            under = layers(strokes, scene, light_to_dark=light_to_dark)
-            error = _blurred((target - under.picture).square().sum(0))
-            candidates = propose(error, max(64, proposals * count), scene.limits, scene.size, generator)
-            gain, candidates, paint = weigh(candidates, under, target, paints, scene)
-            chosen = pick(candidates, gain, count, scene.model)
-            if len(chosen) == 0:  # nothing gains any more; the rest still has to be somewhere
-                chosen = torch.argsort(gain, descending=True)[:count]
-            strokes = Strokes.join(strokes, candidates[chosen])
-            if paints is not None and paint is not None:
-                paints = replace(paints, paint=torch.cat([paints.paint, paint[chosen]]))
-            if light_to_dark:
-                order = torch.argsort(to_lab(strokes.color)[:, 0], descending=True, stable=True)
-                strokes = strokes[order]
-                paints = None if paints is None else replace(paints, paint=paints.paint[order])
-            count -= len(chosen)
+    while count > 0:
+        found = best_proposals(
+            strokes, paints, count, scene, target, proposals, light_to_dark=light_to_dark, generator=generator
+        )
+        strokes, paints = insert(strokes, paints, found, light_to_dark=light_to_dark)
+        count -= len(found.strokes)
     return strokes, paints
+
+
+@dataclass(frozen=True)
+class Found:
+    """Proposed strokes, best first: what each gains (summed squared error) and, with a palette, its paint."""
+
+    strokes: Strokes
+    gain: Tensor
+    paint: Tensor | None
+
+    def first(self, count: int) -> "Found":
+        """The best `count` of them."""
+        return Found(self.strokes[:count], self.gain[:count], None if self.paint is None else self.paint[:count])
+
+
+@torch.no_grad()
+def best_proposals(
+    strokes: Strokes,
+    paints: Paints | None,
+    count: int,
+    scene: Scene,
+    target: Tensor,
+    proposals: int,
+    *,
+    light_to_dark: bool,
+    generator: torch.Generator,
+) -> Found:
+    """From 1 to `count` strokes that would gain most and keep clear of each other; `proposals` are weighed for each."""
+    under = layers(strokes, scene, light_to_dark=light_to_dark)
+    error = _blurred((target - under.picture).square().sum(0))
+    candidates = propose(error, max(64, proposals * count), scene.limits, scene.size, generator)
+    gain, candidates, paint = weigh(candidates, under, target, paints, scene)
+    chosen = pick(candidates, gain, count, scene.model)
+    if len(chosen) == 0:  # nothing gains any more; the rest still has to be somewhere
+        chosen = torch.argsort(gain, descending=True)[:count]
+    return Found(candidates[chosen], gain[chosen], None if paint is None else paint[chosen])
+
+
+def insert(
+    strokes: Strokes, paints: Paints | None, found: Found, *, light_to_dark: bool
+) -> tuple[Strokes, Paints | None]:
+    """The strokes with those found put where they belong in the painting order."""
+    strokes = Strokes.join(strokes, found.strokes)
+    if paints is not None and found.paint is not None:
+        paints = replace(paints, paint=torch.cat([paints.paint, found.paint]))
+    if not light_to_dark:
+        return strokes, paints
+    order = torch.argsort(to_lab(strokes.color)[:, 0], descending=True, stable=True)
+    return strokes[order], None if paints is None else replace(paints, paint=paints.paint[order])
 
 
 def round_sizes(count: int, rounds: int) -> list[int]:

@@ -16,13 +16,13 @@ from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.initialize import Growth, progressive
 from frida_painter.planning.optimize import Step, optimize
-from frida_painter.planning.refine import relocate
+from frida_painter.planning.refine import discretize, relocate
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
 
-_PALETTE_SAMPLES = 64  # rows of the picture from which the first palette is clustered
-_WHITE = (1.0, 1.0, 1.0)
+_MOVED = 0.15  # share of the strokes that may move at a time
+_PROPOSALS = 24  # weighed for each stroke that moves
 
 
 @dataclass(frozen=True)
@@ -30,14 +30,15 @@ class Effort:
     """How many iterations are spent on what.
 
     growth: on the start; refining: joint steps after each of `relocations` rounds in which weak
-    strokes move; polishing: last steps at full resolution; replanning: steps after each look.
+    strokes move, before and again after colours become paints; polishing: last steps at full
+    resolution; replanning: steps after each look.
     """
 
     growth: Growth = field(default_factory=Growth)
     relocations: int = 3
-    refining: int = 40
-    polishing: int = 100
-    replanning: int = 50
+    refining: int = 30
+    polishing: int = 80
+    replanning: int = 40
 
     def scaled(self, factor: float) -> "Effort":
         """The same effort with `factor` times as many iterations."""
@@ -76,22 +77,19 @@ class Planner:
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
         target = self._guide(self.coarse)
         steps = _Progress(notify, self.iterations(strokes))
-        found, paints = progressive(
+        found, _ = progressive(
             strokes,
             coarse,
             target,
-            paints=self._first_paints(colors),
+            paints=None,
             light_to_dark=True,
             growth=self.effort.growth,
             generator=generator,
             notify=steps.begin(self._growing(strokes)),
         )
-        for round_number in range(self.effort.relocations):
-            share = 0.1 * (1 - round_number / self.effort.relocations)
-            found, paints = relocate(found, paints, coarse, target, share=share, proposals=24, generator=generator)
-            found, paints = optimize(
-                found, coarse, iterations=self.effort.refining, paints=paints, notify=steps.begin(self.effort.refining)
-            )
+        found, _ = self._refine(found, None, coarse, generator, steps)
+        found, first_paints = discretize(found, coarse, colors, self.seed)
+        found, paints = self._refine(found, first_paints, coarse, generator, steps)
         found, paints = optimize(
             found, fine, iterations=self.effort.polishing, paints=paints, notify=steps.begin(self.effort.polishing)
         )
@@ -111,7 +109,13 @@ class Planner:
         steps = _Progress(notify, self.effort.refining + self.effort.replanning)
         paints: Paints | None = Paints(rest.palette.color, rest.paint)
         found, paints = relocate(
-            rest.strokes, paints, coarse, self._guide(self.coarse), share=0.15, proposals=24, generator=generator
+            rest.strokes,
+            paints,
+            coarse,
+            self._guide(self.coarse),
+            share=_MOVED,
+            proposals=_PROPOSALS,
+            generator=generator,
         )
         for scene, iterations in ((coarse, self.effort.refining), (fine, self.effort.replanning)):
             found, paints = optimize(
@@ -131,6 +135,20 @@ class Planner:
         with torch.no_grad():
             return float(self._objectives[self.fine](images.fit(picture, self.fine.rows, self.fine.columns)))
 
+    def _refine(
+        self, strokes: Strokes, paints: Paints | None, scene: Scene, generator: torch.Generator, steps: "_Progress"
+    ) -> tuple[Strokes, Paints | None]:
+        """Rounds in which all strokes settle and then weak ones move to better places."""
+        target, iterations = self._guide(PixelGrid(self.size, *scene.canvas.shape[1:])), self.effort.refining
+        for _ in range(self.effort.relocations):
+            strokes, paints = optimize(
+                strokes, scene, iterations=iterations, paints=paints, notify=steps.begin(iterations)
+            )
+            strokes, paints = relocate(
+                strokes, paints, scene, target, share=_MOVED, proposals=_PROPOSALS, generator=generator
+            )
+        return strokes, paints
+
     def _as_plan(self, strokes: Strokes, palette: Palette, paint: Tensor) -> Plan:
         limits = self.model.limits.within(self.size)
         return Plan.of(
@@ -145,18 +163,12 @@ class Planner:
         """The picture that says where strokes are needed."""
         return images.fit(self.goal.terms[0].image, grid.rows, grid.columns)
 
-    def _first_paints(self, colors: int) -> Paints:
-        grid = PixelGrid.of_height(self.size, _PALETTE_SAMPLES)
-        pixels = self._guide(grid).flatten(1).T  # [pixels, 3]
-        palette = Palette.cluster(pixels, torch.ones(len(pixels)), colors, self.seed)
-        return Paints(palette.color, torch.zeros(0, dtype=torch.long))
-
     def _growing(self, strokes: int) -> int:
         return min(self.effort.growth.rounds, strokes) * self.effort.growth.settling
 
     def iterations(self, strokes: int) -> int:
         """How many iterations a plan of so many strokes takes."""
-        return self._growing(strokes) + self.effort.relocations * self.effort.refining + self.effort.polishing
+        return self._growing(strokes) + 2 * self.effort.relocations * self.effort.refining + self.effort.polishing
 
 
 class _Progress:

@@ -121,7 +121,7 @@ def weigh(
 
 def pick(strokes: Strokes, gain: Tensor, count: int, model: StrokeModel) -> Tensor:
     """Indices of up to `count` strokes of the largest gain whose marks keep clear of each other's."""
-    middle = strokes.extremes().mean(1)
+    middle = strokes.path(torch.tensor([0.5]))[:, 0]
     width = (model.frame.top - model.frame.bottom) / 3
     radius = torch.sqrt(strokes.length * (0.3 + 0.7 * strokes.thickness) * width) / 2
     chosen: list[int] = []

@@ -1,4 +1,4 @@
-"""Strokes that hardly matter are taken away and placed where they gain more."""
+"""Between rounds of gradient descent: strokes that hardly matter move, and colours become paints."""
 
 from dataclasses import replace
 
@@ -6,13 +6,15 @@ import torch
 from torch import Tensor
 
 from frida_painter.frames import PixelGrid, pixel_to_map
-from frida_painter.planning.initialize import place
+from frida_painter.palette import Palette
+from frida_painter.planning.initialize import best_proposals, insert
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints
 from frida_painter.render import composite
 from frida_painter.strokes import Strokes
 
 _PROBES = 8
+_WORTHWHILE = 1.5  # a gain is foreseen on a coarse picture, and neighbours may want the same place
 
 
 def loss_without(strokes: Strokes, scene: Scene, target: Tensor, generator: torch.Generator) -> Tensor:
@@ -40,6 +42,26 @@ def loss_without(strokes: Strokes, scene: Scene, target: Tensor, generator: torc
     return 2 * along((target - picture).detach()) + squared
 
 
+def visible_area(strokes: Strokes, scene: Scene) -> Tensor:
+    """How much of the picture each stroke's colour makes up, in pixels, [n]."""
+    color = strokes.color.detach().clone().requires_grad_()
+    picture = scene.render(strokes.with_groups(color=color))
+    (share,) = torch.autograd.grad(picture, color, torch.ones_like(picture))
+    return share[:, 0]
+
+
+def discretize(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[Strokes, Paints]:
+    """The strokes in `colors` paints, light to dark (paper, "Paint Colors and Mixing").
+
+    The paints are clustered from the strokes' colours. A colour counts by the square root of the
+    area in which it is seen: by the area alone, small accents would drown.
+    """
+    palette = Palette.cluster(strokes.color, visible_area(strokes, scene).clamp(min=0).sqrt(), colors, seed)
+    paint = palette.nearest(strokes.color)
+    order = torch.argsort(paint, stable=True)
+    return strokes[order].with_groups(color=palette.color[paint[order]]), Paints(palette.color, paint[order])
+
+
 def relocate(
     strokes: Strokes,
     paints: Paints | None,
@@ -51,13 +73,22 @@ def relocate(
     proposals: int,
     generator: torch.Generator,
 ) -> tuple[Strokes, Paints | None]:
-    """The same number of strokes, with the `share` that matters least placed anew, in painting order."""
-    count = round(share * len(strokes))
-    if count == 0:
+    """The same number of strokes, in painting order, of which up to a `share` has moved to better places.
+
+    The strokes that matter least make room for the proposals that gain most, pair by pair, as long
+    as the one gains clearly more than the other loses.
+    """
+    most = round(share * len(strokes))
+    if most == 0:
         return strokes, paints
-    keep = torch.argsort(loss_without(strokes, scene, target, generator))[count:].sort().values
-    if paints is not None:
-        paints = replace(paints, paint=paints.paint[keep])
-    return place(
-        strokes[keep], paints, count, scene, target, proposals, light_to_dark=light_to_dark, generator=generator
+    loss = loss_without(strokes, scene, target, generator)
+    found = best_proposals(
+        strokes, paints, most, scene, target, proposals, light_to_dark=light_to_dark, generator=generator
     )
+    weakest = torch.argsort(loss)[: len(found.strokes)]
+    count = int((found.gain > _WORTHWHILE * loss[weakest].clamp(min=0)).sum())
+    stays = torch.ones(len(strokes), dtype=torch.bool)
+    stays[weakest[:count]] = False
+    if paints is not None:
+        paints = replace(paints, paint=paints.paint[stays])
+    return insert(strokes[stays], paints, found.first(count), light_to_dark=light_to_dark)

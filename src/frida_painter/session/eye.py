@@ -14,26 +14,26 @@ _ATTEMPTS = 3
 
 
 class Eye:
-    """Looks at the canvas of an easel; its pictures have `rows` rows.
+    """Looks at the canvas of an easel.
 
     The first look, at the bare canvas of colour `ground` (sRGB), teaches it the light of the room.
     """
 
-    def __init__(self, easel: Easel, rows: int, ground: tuple[float, float, float]) -> None:
+    def __init__(self, easel: Easel, ground: tuple[float, float, float]) -> None:
         self.easel = easel
-        self.grid = PixelGrid.of_height(easel.canvas, rows)
         self.ground = ground
         self._light: FlatField | None = None
         self._last_sequence = -1
 
-    def look(self, last_motion: float) -> Tensor:
-        """The canvas [3, H, W] in sRGB as it is after `last_motion` (s of the robot's clock).
+    def look(self, last_motion: float, rows: int) -> Tensor:
+        """The canvas [3, rows, columns] in sRGB as it is after `last_motion` (s of the robot's clock).
 
         Raises StaleFrame where the camera gives no photograph newer than that, and FrameRejected
         where it does not show the canvas.
         """
         frame = self._fresh(last_motion)
-        picture = rectify(frame.image, self.easel.calibration, self.grid)
+        grid = PixelGrid.of_height(self.easel.canvas, rows)
+        picture = rectify(frame.image, self.easel.calibration, grid)
         if self._light is None:
             self._light = FlatField.learn(picture, self.ground)
         return true_color(self._light.correct(picture), self.easel.calibration)

@@ -25,6 +25,9 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.eye import Eye
 
+PHOTOGRAPH_ROWS = 864
+GLIMPSE_ROWS = 540
+
 
 @dataclass(frozen=True)
 class Rhythm:
@@ -95,10 +98,10 @@ class PaintingSession:
         self.brushwork.clean()
         return Painting(self._look(), self._painted, self._rest)
 
-    def _look(self) -> Tensor:
+    def _look(self, rows: int = PHOTOGRAPH_ROWS) -> Tensor:
         """The canvas as it is now, seen without the arm, never from a photograph older than the last motion."""
         self.brushwork.step_aside()
-        return self.eye.look(self.brushwork.last_motion)
+        return self.eye.look(self.brushwork.last_motion, rows)
 
     def _plan(self, canvas: Tensor, strokes: int, colors: int) -> Plan:
         plan = self.planner.plan(canvas, strokes, colors, self._heeding("plan"))
@@ -121,7 +124,7 @@ class PaintingSession:
                 self._painted = action.done.done
                 self._rest = rest.part(slice(self._painted - first, None))
                 if self.rhythm.wants_glimpse(self._painted, of):
-                    self._notify(Glimpsed(self._look(), self._painted, of, action.done.color))
+                    self._notify(Glimpsed(self._look(GLIMPSE_ROWS), self._painted, of, action.done.color))
                 self._heed_stop()
         return rest.part(slice(count, None))
 

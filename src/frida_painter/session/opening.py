@@ -17,7 +17,6 @@ from frida_painter.session.loop import PaintingSession, Rhythm
 from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.table import PlacementError
 
-PHOTOGRAPH_ROWS = 864
 PAPER = CanvasSize(0.42, 0.297)
 
 
@@ -43,7 +42,7 @@ def open_session(
     """A session on an easel whose robot and camera are connected. Raises ConfigError where colours exceed wells."""
     kind = brush_kind(planner.model.brush)
     brushwork = Brushwork(easel, kind)
-    eye = Eye(easel, PHOTOGRAPH_ROWS, ground=(1.0, 1.0, 1.0))
+    eye = Eye(easel, ground=(1.0, 1.0, 1.0))
     rhythm = Rhythm(settings.replans, glimpses)
     return PaintingSession(planner, brushwork, eye, rhythm, stop_asked=stop_asked, notify=notify)
 
