@@ -51,8 +51,9 @@ def _border(mark, bordered):  # type: ignore[no-untyped-def]
     """Copies a map [h, w] into the middle of `bordered` [(h + 2) (w + 2)], whose rim is zero."""
     h, w = mark.shape
     for row in range(h):
-        start = (row + 1) * (w + 2) + 1
-        bordered[start : start + w] = mark[row]
+        line, middle = mark[row], bordered[(row + 1) * (w + 2) + 1 :]
+        for column in range(w):
+            middle[column] = line[column]
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
@@ -169,7 +170,7 @@ def pull_through(begin, end, marks, alpha, reach, gradient, through, slope, to_c
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
 def pull_to_affine(begin, end, magnitude, affine, columns, marks, reach, slope, to_affine):  # type: ignore[no-untyped-def]
-    """Gradient to the affine maps [n, 2, 3] of strokes begin to end - 1."""
+    """Adds to the affine maps' gradients [n, 2, 3] of strokes begin to end - 1 what comes from the rows of `reach`."""
     _, h, w = magnitude.shape
     number = magnitude.dtype.type
     stride = w + 2
@@ -178,8 +179,10 @@ def pull_to_affine(begin, end, magnitude, affine, columns, marks, reach, slope, 
     right_share, below_share = np.empty_like(columns), np.empty_like(columns)
     by_column, by_row = np.empty_like(columns), np.empty_like(columns)
     for i in range(begin, end):
-        _border(magnitude[i], bordered)
-        for y in range(marks.top[i], marks.bottom[i]):
+        top, bottom = max(marks.top[i], reach.top[i]), min(marks.bottom[i], reach.bottom[i])
+        if top < bottom:
+            _border(magnitude[i], bordered)
+        for y in range(top, bottom):
             left, start, stop = _run(marks, i, y)
             if start == stop:
                 continue
@@ -210,7 +213,7 @@ def pull_to_affine(begin, end, magnitude, affine, columns, marks, reach, slope, 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
 def pull_to_map(begin, end, affine, columns, reach, slope, to_map):  # type: ignore[no-untyped-def]
-    """Gradient to the maps [n, h, w] of strokes begin to end - 1; `reach` must span the whole maps.
+    """Adds to the maps' gradients [n, h, w] of strokes begin to end - 1 what comes from the rows of `reach`.
 
     Each sample adds four numbers to its own upper-left cell only: the gradient, and that times its
     share to the right, below, and both. What the four cells around it receive follows from their
@@ -224,6 +227,8 @@ def pull_to_map(begin, end, affine, columns, reach, slope, to_map):  # type: ign
     moments = np.empty((4, (h + 2) * stride), to_map.dtype)
     wholes, rights, belows, boths = moments[0], moments[1], moments[2], moments[3]
     for i in range(begin, end):
+        if reach.top[i] == reach.bottom[i]:
+            continue
         moments[:] = number(0)
         for y in range(reach.top[i], reach.bottom[i]):
             left, start, stop = _run(reach, i, y)
@@ -244,7 +249,7 @@ def pull_to_map(begin, end, affine, columns, reach, slope, to_map):  # type: ign
             below_over, both_over, both_corner = belows[over:], boths[over:], boths[corner:]
             line = to_map[i, row]
             for p in range(w):
-                line[p] = (
+                line[p] += (
                     (whole[p] - right[p] - below[p] + both[p])
                     + (right_before[p] - both_before[p])
                     + (below_over[p] - both_over[p])

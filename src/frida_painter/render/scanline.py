@@ -4,7 +4,7 @@ Equals `reference.composite`. The geometry is in spans.py, the loops are in kern
 docs/renderer.md tells why the gradients are what they are.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
@@ -19,6 +19,8 @@ from frida_painter.render.spans import Array, Spans, find_spans, painted_boxes, 
 
 # Packed pixels that are sampled and then blended in one go: few enough to stay in the cache.
 _BATCH = 2**18
+# Packed pixels whose gradients are held at a time on the way back.
+_STRIP = 2**22
 _PIECES_PER_THREAD = 4
 
 
@@ -53,26 +55,29 @@ class _Scanline(torch.autograd.Function):
         magnitude, affine, color, canvas, alpha = (_array(tensor) for tensor in ctx.saved_tensors)
         wants_map, wants_affine, wants_color, wants_canvas = ctx.needs_input_grad
         marks: Spans = ctx.marks
-        # Paint that is not there may still be wanted: the gradient to a zero cell is not zero.
-        reach = find_spans(affine, whole_maps(magnitude), canvas.shape[1:]) if wants_map else marks
-        slopes_wanted = wants_map or wants_affine
-        g = _array(gradient)
-        n, (_, height, width) = len(color), canvas.shape
-        bands = -(-height // kernels.BAND)
-        columns = _columns(width, canvas)
-        slope = np.empty(reach.offset[-1] if slopes_wanted else 0, canvas.dtype)
-        through = np.ones((height, width), canvas.dtype)
-        color_parts = np.zeros((bands, n, 3), canvas.dtype)
-        to_map = np.empty_like(magnitude) if wants_map else None
+        g, columns = _array(gradient), _columns(canvas.shape[2], canvas)
+        bands = -(-canvas.shape[1] // kernels.BAND)
+        through = np.ones_like(canvas[0])
+        color_parts = np.zeros((bands, *color.shape), canvas.dtype)
+        to_map = np.zeros_like(magnitude) if wants_map else None
         to_affine = np.zeros_like(affine) if wants_affine else None
+        # Paint that is not there may still be wanted: the gradient to a zero cell is not zero.
+        boxes = whole_maps(magnitude) if wants_map else painted_boxes(magnitude)
+        slope = np.empty(0, canvas.dtype)
         with _Team() as team:
-            if slopes_wanted:
-                team.share(range(bands), kernels.find_slopes, marks, alpha, reach, color, canvas, g, slope)
-            team.share(range(bands), kernels.pull_through, marks, alpha, reach, g, through, slope, color_parts)
-            if to_affine is not None:
-                team.share(range(n), kernels.pull_to_affine, magnitude, affine, columns, marks, reach, slope, to_affine)
-            if to_map is not None:
-                team.share(range(n), kernels.pull_to_map, affine, columns, reach, slope, to_map)
+            for strip, reach in _strips(affine, boxes, canvas.shape):
+                if wants_map or wants_affine:
+                    if len(slope) < reach.offset[-1]:
+                        slope = np.empty(reach.offset[-1], canvas.dtype)
+                    team.share(strip, kernels.find_slopes, marks, alpha, reach, color, canvas, g, slope)
+                team.share(strip, kernels.pull_through, marks, alpha, reach, g, through, slope, color_parts)
+                every = range(len(color))
+                if to_affine is not None:
+                    team.share(
+                        every, kernels.pull_to_affine, magnitude, affine, columns, marks, reach, slope, to_affine
+                    )
+                if to_map is not None:
+                    team.share(every, kernels.pull_to_map, affine, columns, reach, slope, to_map)
         return (
             None if to_map is None else torch.from_numpy(to_map),
             None if to_affine is None else torch.from_numpy(to_affine),
@@ -88,7 +93,7 @@ def _lay(
     maps, places, paints = _array(magnitude), _array(affine), _array(color)
     picture = canvas.detach().clone(memory_format=torch.contiguous_format)
     _, height, width = canvas.shape
-    marks = find_spans(places, painted_boxes(maps), (height, width))
+    marks = find_spans(places, painted_boxes(maps), range(height), width)
     pixels = marks.offset[marks.segment]  # [n + 1], where each stroke's packed pixels begin
     batches = _batches(pixels)
     largest = max((int(pixels[last] - pixels[first]) for first, last in batches), default=0)
@@ -103,6 +108,21 @@ def _lay(
     if not (np.isfinite(places).all() and np.isfinite(paints).all()):
         picture.fill_(torch.nan)
     return picture, kept, marks
+
+
+def _strips(affine: Array, boxes: Array, shape: tuple[int, ...]) -> Iterator[tuple[range, Spans]]:
+    """The canvas [3, H, W] in strips of whole bands, each with the spans of about _STRIP packed pixels on it."""
+    _, height, width = shape
+    bands = -(-height // kernels.BAND)
+    whole = find_spans(affine, boxes, range(height), width)
+    count = min(bands, int(whole.offset[-1]) // _STRIP + 1)
+    if count == 1:
+        yield range(bands), whole
+        return
+    edges = [bands * k // count for k in range(count + 1)]
+    for begin, end in pairwise(edges):
+        rows = range(begin * kernels.BAND, min(end * kernels.BAND, height))
+        yield range(begin, end), find_spans(affine, boxes, rows, width)
 
 
 def _batches(pixels: Array) -> list[tuple[int, int]]:

@@ -42,16 +42,16 @@ def painted_boxes(magnitude: Array) -> Array:
     return boxes
 
 
-def find_spans(affine: Array, boxes: Array, pixels: tuple[int, int]) -> Spans:
-    """The spans of boxes of cells [n, 4] that affine [n, 2, 3] places on (H, W) pixels."""
+def find_spans(affine: Array, boxes: Array, rows: range, width: int) -> Spans:
+    """The spans of boxes of cells [n, 4] that affine [n, 2, 3] places on those rows of a canvas of that width."""
     n = len(affine)
     top, bottom = np.zeros(n, np.int64), np.zeros(n, np.int64)
     slack = np.zeros(n)
-    _find_rows(affine, boxes, *pixels, slack, top, bottom)
+    _find_rows(affine, boxes, rows.start, rows.stop, width, slack, top, bottom)
     segment = np.zeros(n + 1, np.int64)
     np.cumsum(bottom - top, out=segment[1:])
     first, offset = np.zeros(segment[-1], np.int32), np.zeros(segment[-1] + 1, np.int64)
-    _find_columns(affine, boxes, pixels[1], slack, top, bottom, segment, first, offset)
+    _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offset)
     np.cumsum(offset, out=offset)
     return Spans(top, bottom, segment, first, offset)
 
@@ -59,35 +59,37 @@ def find_spans(affine: Array, boxes: Array, pixels: tuple[int, int]) -> Spans:
 @njit(nogil=True, cache=True)
 def _find_boxes(magnitude, boxes):  # type: ignore[no-untyped-def]
     n, h, w = magnitude.shape
-    used = np.zeros(w, np.bool_)
+    painted = np.empty(w, np.bool_)
     for i in range(n):
-        top, bottom = h, 0
-        used[:] = False
+        top, bottom, left, right = h, 0, w, 0
+        painted[:] = False
         for row in range(h):
             line = magnitude[i, row]
-            any_used = False
+            any_painted = False
             for column in range(w):
-                painted = line[column] != 0
-                any_used |= painted
-                used[column] |= painted
-            if any_used:
+                here = line[column] != 0
+                any_painted |= here
+                painted[column] |= here
+            if any_painted:
                 top, bottom = min(top, row), row + 1
+        for column in range(w):
+            if painted[column]:
+                left, right = min(left, column), column + 1
         if bottom > 0:
-            columns = np.flatnonzero(used)
-            boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3] = top, bottom, columns[0], columns[-1] + 1
+            boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3] = top, bottom, left, right
 
 
 @njit(nogil=True, cache=True)
-def _find_rows(affine, boxes, height, width, slack, top, bottom):  # type: ignore[no-untyped-def]
+def _find_rows(affine, boxes, start, stop, width, slack, top, bottom):  # type: ignore[no-untyped-def]
     """Fills in rows that are sure to hold each stroke, and by how many cells rounding can move its border."""
     for i in range(len(affine)):
         a, b, c = np.float64(affine[i, 0, 0]), np.float64(affine[i, 0, 1]), np.float64(affine[i, 0, 2])
         d, e, f = np.float64(affine[i, 1, 0]), np.float64(affine[i, 1, 1]), np.float64(affine[i, 1, 2])
-        reach = (abs(a) + abs(d)) * width + (abs(b) + abs(e)) * height + abs(c) + abs(f)
+        reach = (abs(a) + abs(d)) * width + (abs(b) + abs(e)) * stop + abs(c) + abs(f)
         if boxes[i, 0] == boxes[i, 1] or not np.isfinite(reach):
             continue
         slack[i] = 8 * np.finfo(affine.dtype).eps * reach
-        bottom[i] = height
+        top[i], bottom[i] = start, stop
         determinant = a * e - b * d
         if determinant == 0:  # a map squeezed flat has no inverse; its rows are all looked at
             continue
@@ -97,11 +99,11 @@ def _find_rows(affine, boxes, height, width, slack, top, bottom):  # type: ignor
         p, q = a / determinant, -d / determinant
         least = min(p * above, p * below) + min(q * left, q * right)
         most = max(p * above, p * below) + max(q * left, q * right)
-        if least > 0:
-            top[i] = np.int64(min(np.floor(least), height))
-        if most < height:
-            bottom[i] = np.int64(max(np.ceil(most) + 1, 0))
-        bottom[i] = max(top[i], min(bottom[i], height))
+        if least > start:
+            top[i] = np.int64(min(np.floor(least), stop))
+        if most < stop:
+            bottom[i] = np.int64(max(np.ceil(most) + 1, start))
+        bottom[i] = max(top[i], min(bottom[i], stop))
 
 
 @njit(nogil=True, cache=True)
