@@ -30,13 +30,14 @@ class Effort:
     """How many iterations are spent on what.
 
     growth: on the start; refining: joint steps after each of `relocations` rounds in which weak
-    strokes move, before and again after colours become paints; polishing: last steps at full
-    resolution; replanning: steps after each look.
+    strokes move, before and again after colours become paints; binding: steps right after that;
+    polishing: last steps at full resolution; replanning: steps after each look.
     """
 
     growth: Growth = field(default_factory=Growth)
     relocations: int = 3
-    refining: int = 30
+    refining: int = 25
+    binding: int = 40
     polishing: int = 80
     replanning: int = 40
 
@@ -47,6 +48,7 @@ class Effort:
             growth,
             self.relocations,
             math.ceil(self.refining * factor),
+            math.ceil(self.binding * factor),
             math.ceil(self.polishing * factor),
             math.ceil(self.replanning * factor),
         )
@@ -89,7 +91,10 @@ class Planner:
         )
         found, _ = self._refine(found, None, coarse, generator, steps)
         found, first_paints = discretize(found, coarse, colors, self.seed)
-        found, paints = self._refine(found, first_paints, coarse, generator, steps)
+        found, paints = optimize(
+            found, coarse, iterations=self.effort.binding, paints=first_paints, notify=steps.begin(self.effort.binding)
+        )
+        found, paints = self._refine(found, paints, coarse, generator, steps)
         found, paints = optimize(
             found, fine, iterations=self.effort.polishing, paints=paints, notify=steps.begin(self.effort.polishing)
         )
@@ -138,14 +143,14 @@ class Planner:
     def _refine(
         self, strokes: Strokes, paints: Paints | None, scene: Scene, generator: torch.Generator, steps: "_Progress"
     ) -> tuple[Strokes, Paints | None]:
-        """Rounds in which all strokes settle and then weak ones move to better places."""
+        """Rounds in which weak strokes move to better places and all settle again."""
         target, iterations = self._guide(PixelGrid(self.size, *scene.canvas.shape[1:])), self.effort.refining
         for _ in range(self.effort.relocations):
-            strokes, paints = optimize(
-                strokes, scene, iterations=iterations, paints=paints, notify=steps.begin(iterations)
-            )
             strokes, paints = relocate(
                 strokes, paints, scene, target, share=_MOVED, proposals=_PROPOSALS, generator=generator
+            )
+            strokes, paints = optimize(
+                strokes, scene, iterations=iterations, paints=paints, notify=steps.begin(iterations)
             )
         return strokes, paints
 
@@ -168,7 +173,12 @@ class Planner:
 
     def iterations(self, strokes: int) -> int:
         """How many iterations a plan of so many strokes takes."""
-        return self._growing(strokes) + 2 * self.effort.relocations * self.effort.refining + self.effort.polishing
+        return (
+            self._growing(strokes)
+            + 2 * self.effort.relocations * self.effort.refining
+            + self.effort.binding
+            + self.effort.polishing
+        )
 
 
 class _Progress:
