@@ -19,11 +19,16 @@ _SUMS = {"reassoc", "contract", "nsz"}
 
 @njit(nogil=True, cache=True)
 def _run(spans, i, y):  # type: ignore[no-untyped-def]
-    """Of stroke i on row y: its first column, and where its packed pixels begin and end."""
+    """Of stroke i on row y: its first column, where its packed pixels begin, and how many they are.
+
+    Unsigned, so that no index made of them could count from an array's end: that would keep the
+    compiler from vectorising.
+    """
     if spans.top[i] <= y < spans.bottom[i]:
         k = spans.segment[i] + y - spans.top[i]
-        return np.int64(spans.first[k]), spans.offset[k], spans.offset[k + 1]
-    return np.int64(0), np.int64(0), np.int64(0)
+        start = spans.offset[k]
+        return np.uint64(spans.first[k]), np.uint64(start), np.uint64(spans.offset[k + 1] - start)
+    return np.uint64(0), np.uint64(0), np.uint64(0)
 
 
 # fastmath is inherited from the caller unless it is refused by name.
@@ -37,9 +42,10 @@ def _locate(place, columns, left, count, y, stride, cell, right_share, below_sha
     a, b, c = place[0, 0], place[0, 1], place[0, 2]
     d, e, f = place[1, 0], place[1, 1], place[1, 2]
     across, down = b * y, e * y
-    run = columns[left:]
-    for p in range((count + LANES - 1) // LANES * LANES):
-        column, row = a * run[p] + across + c, d * run[p] + down + f
+    lanes = np.uint64(LANES)
+    for p in range((count + lanes - np.uint64(1)) // lanes * lanes):
+        x = columns[left + p]
+        column, row = a * x + across + c, d * x + down + f
         before, above = np.floor(column), np.floor(row)
         right_share[p] = column - before
         below_share[p] = row - above
@@ -68,16 +74,16 @@ def sample(begin, end, magnitude, affine, columns, marks, base, alpha):  # type:
     for i in range(begin, end):
         _border(magnitude[i], bordered)
         for y in range(marks.top[i], marks.bottom[i]):
-            left, start, stop = _run(marks, i, y)
-            cover = alpha[start - base : stop - base]
-            _locate(affine[i], columns, left, len(cover), number(y), stride, cell, right_share, below_share)
-            for p in range(len(cover)):
+            left, start, count = _run(marks, i, y)
+            packed = start - np.uint64(base)
+            _locate(affine[i], columns, left, count, number(y), stride, cell, right_share, below_share)
+            for p in range(count):
                 at = cell[p]
                 upper_left, upper_right = bordered[at], bordered[at + 1]
                 lower_left, lower_right = bordered[at + stride], bordered[at + stride + 1]
                 upper = upper_left + right_share[p] * (upper_right - upper_left)
                 lower = lower_left + right_share[p] * (lower_right - lower_left)
-                cover[p] = upper + below_share[p] * (lower - upper)
+                alpha[packed + p] = upper + below_share[p] * (lower - upper)
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
@@ -87,14 +93,13 @@ def blend(begin, end, strokes, marks, base, alpha, color, picture):  # type: ign
         for i in range(strokes[0], strokes[1]):
             red, green, blue = color[i, 0], color[i, 1], color[i, 2]
             for y in range(max(marks.top[i], band * BAND), min(marks.bottom[i], (band + 1) * BAND)):
-                left, start, stop = _run(marks, i, y)
-                cover = alpha[start - base : stop - base]
-                right = left + len(cover)
-                reds, greens, blues = picture[0, y, left:right], picture[1, y, left:right], picture[2, y, left:right]
-                for p in range(len(cover)):
-                    reds[p] += cover[p] * (red - reds[p])
-                    greens[p] += cover[p] * (green - greens[p])
-                    blues[p] += cover[p] * (blue - blues[p])
+                left, start, count = _run(marks, i, y)
+                packed = start - np.uint64(base)
+                for p in range(count):
+                    cover, x = alpha[packed + p], left + p
+                    picture[0, y, x] += cover * (red - picture[0, y, x])
+                    picture[1, y, x] += cover * (green - picture[1, y, x])
+                    picture[2, y, x] += cover * (blue - picture[2, y, x])
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
@@ -117,21 +122,16 @@ def find_slopes(begin, end, marks, alpha, reach, color, canvas, gradient, slope)
         for i in range(len(color)):
             red, green, blue = color[i, 0], color[i, 1], color[i, 2]
             for y in range(max(reach.top[i], top), min(reach.bottom[i], top + BAND)):
-                left, start, stop = _run(reach, i, y)
-                rise = slope[start:stop]
-                right = left + len(rise)
-                reds, greens, blues = gradient[0, y, left:right], gradient[1, y, left:right], gradient[2, y, left:right]
-                under = beneath[y - top, left:right]
-                for p in range(len(rise)):
-                    rise[p] = red * reds[p] + green * greens[p] + blue * blues[p] - under[p]
-                left, start, stop = _run(marks, i, y)
-                cover = alpha[start:stop]
-                right = left + len(cover)
-                reds, greens, blues = gradient[0, y, left:right], gradient[1, y, left:right], gradient[2, y, left:right]
-                under = beneath[y - top, left:right]
-                for p in range(len(cover)):
-                    over = red * reds[p] + green * greens[p] + blue * blues[p] - under[p]
-                    under[p] += cover[p] * over
+                left, start, count = _run(reach, i, y)
+                for p in range(count):
+                    x = left + p
+                    paint = red * gradient[0, y, x] + green * gradient[1, y, x] + blue * gradient[2, y, x]
+                    slope[start + p] = paint - beneath[y - top, x]
+                left, start, count = _run(marks, i, y)
+                for p in range(count):
+                    x = left + p
+                    paint = red * gradient[0, y, x] + green * gradient[1, y, x] + blue * gradient[2, y, x]
+                    beneath[y - top, x] += alpha[start + p] * (paint - beneath[y - top, x])
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
@@ -146,23 +146,18 @@ def pull_through(begin, end, marks, alpha, reach, gradient, through, slope, to_c
         for i in range(len(reach.top) - 1, -1, -1):
             for y in range(max(reach.top[i], band * BAND), min(reach.bottom[i], (band + 1) * BAND)):
                 if len(slope) > 0:
-                    left, start, stop = _run(reach, i, y)
-                    rise = slope[start:stop]
-                    seen = through[y, left : left + len(rise)]
-                    for p in range(len(rise)):
-                        rise[p] *= seen[p]
-                left, start, stop = _run(marks, i, y)
-                cover = alpha[start:stop]
-                right = left + len(cover)
-                seen = through[y, left:right]
-                reds, greens, blues = gradient[0, y, left:right], gradient[1, y, left:right], gradient[2, y, left:right]
+                    left, start, count = _run(reach, i, y)
+                    for p in range(count):
+                        slope[start + p] *= through[y, left + p]
+                left, start, count = _run(marks, i, y)
                 red = green = blue = through.dtype.type(0)
-                for p in range(len(cover)):
-                    share = seen[p] * cover[p]
-                    seen[p] -= share
-                    red += reds[p] * share
-                    green += greens[p] * share
-                    blue += blues[p] * share
+                for p in range(count):
+                    x = left + p
+                    share = through[y, x] * alpha[start + p]
+                    through[y, x] -= share
+                    red += gradient[0, y, x] * share
+                    green += gradient[1, y, x] * share
+                    blue += gradient[2, y, x] * share
                 to_color[band, i, 0] += red
                 to_color[band, i, 1] += green
                 to_color[band, i, 2] += blue
@@ -183,26 +178,23 @@ def pull_to_affine(begin, end, magnitude, affine, columns, marks, reach, slope, 
         if top < bottom:
             _border(magnitude[i], bordered)
         for y in range(top, bottom):
-            left, start, stop = _run(marks, i, y)
-            if start == stop:
-                continue
-            run = columns[left : left + stop - start]
+            left, _, count = _run(marks, i, y)
             reach_left, reach_start, _ = _run(reach, i, y)
-            rise = slope[reach_start + left - reach_left :]
-            _locate(affine[i], columns, left, len(run), number(y), stride, cell, right_share, below_share)
-            for p in range(len(run)):
+            packed = reach_start + left - reach_left
+            _locate(affine[i], columns, left, count, number(y), stride, cell, right_share, below_share)
+            for p in range(count):
                 at = cell[p]
                 upper_left, upper_right = bordered[at], bordered[at + 1]
                 lower_left, lower_right = bordered[at + stride], bordered[at + stride + 1]
                 upper, lower = upper_right - upper_left, lower_right - lower_left
-                by_column[p] = rise[p] * (upper + below_share[p] * (lower - upper))
-                by_row[p] = rise[p] * (lower_left - upper_left + right_share[p] * (lower - upper))
+                by_column[p] = slope[packed + p] * (upper + below_share[p] * (lower - upper))
+                by_row[p] = slope[packed + p] * (lower_left - upper_left + right_share[p] * (lower - upper))
             column_sum = column_x = row_sum = row_x = number(0)
-            for p in range(len(run)):
+            for p in range(count):
                 column_sum += by_column[p]
-                column_x += by_column[p] * run[p]
+                column_x += by_column[p] * columns[left + p]
                 row_sum += by_row[p]
-                row_x += by_row[p] * run[p]
+                row_x += by_row[p] * columns[left + p]
             to_affine[i, 0, 0] += column_x
             to_affine[i, 0, 1] += column_sum * number(y)
             to_affine[i, 0, 2] += column_sum
@@ -231,14 +223,13 @@ def pull_to_map(begin, end, affine, columns, reach, slope, to_map):  # type: ign
             continue
         moments[:] = number(0)
         for y in range(reach.top[i], reach.bottom[i]):
-            left, start, stop = _run(reach, i, y)
-            rise = slope[start:stop]
-            _locate(affine[i], columns, left, len(rise), number(y), stride, cell, right_share, below_share)
-            for p in range(len(rise)):
-                at = cell[p]
-                below = rise[p] * below_share[p]
-                wholes[at] += rise[p]
-                rights[at] += rise[p] * right_share[p]
+            left, start, count = _run(reach, i, y)
+            _locate(affine[i], columns, left, count, number(y), stride, cell, right_share, below_share)
+            for p in range(count):
+                at, rise = cell[p], slope[start + p]
+                below = rise * below_share[p]
+                wholes[at] += rise
+                rights[at] += rise * right_share[p]
                 belows[at] += below
                 boths[at] += below * right_share[p]
         for row in range(h):
