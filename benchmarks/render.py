@@ -1,12 +1,13 @@
 """Speed and memory of the fast renderers against the full-canvas reference, forward and backward.
 
-    python benchmarks/render.py [--json figures.json] [--case 256x400 ...] [--repeats 5]
+    python benchmarks/render.py [--json figures.json] [--case 256x400 ...] [--repeats 5] [--dense]
 
 Speed is CPU time of one thread, the median of runs that are interleaved with the reference's.
 Memory is how far the resident set of a fresh process rises above what it was before the call,
-gradients included. Both are of the whole call: picture, and gradients to maps, affine maps,
+gradients included, the median of three processes. Both are of the whole call: picture, and gradients to maps, affine maps,
 colours and canvas. Where the full reference would not fit into memory it is measured on fewer
-strokes and scaled: it does the same work for every stroke.
+strokes and scaled: it does the same work for every stroke. --dense paints every cell of the maps, so
+that nothing is gained from empty cells around a mark.
 """
 
 import argparse
@@ -52,20 +53,24 @@ class Figures:
     memory_ratio: float = 1.0
 
 
-def workload(rows: int, strokes: int, seed: int = 0) -> list[Tensor]:
+def pixel_grid(rows: int) -> PixelGrid:
+    return PixelGrid(CANVAS, rows, rows * 325 // 256)
+
+
+def workload(rows: int, strokes: int, *, dense: bool = False, seed: int = 0) -> list[Tensor]:
     """Random smooth marks of about 64 x 24 pixels at 256 rows, anywhere on the canvas, and a canvas."""
     generator = torch.Generator().manual_seed(seed)
 
     def random(*shape: int) -> Tensor:
         return torch.rand(shape, generator=generator)
 
-    grid = PixelGrid.of_height(CANVAS, rows)
+    grid = pixel_grid(rows)
     cell = FRAME.cell_centers() * 1000  # mm, [48, 80, 2]
     along, aside = (cell[..., 0] - 35) / 35, cell[..., 1] / 13
     bump = (1.2 * (1 - along**4 - aside**4)).clamp(0, 1)  # about 70 x 26 mm, zero beyond
     coarse = random(strokes, 1, 6, 10)
     grain = torch.nn.functional.interpolate(coarse, bump.shape, mode="bicubic")[:, 0].clamp(0, 1)
-    magnitude = bump * (0.5 + 0.5 * grain)
+    magnitude = (bump.clamp(min=0.05) if dense else bump) * (0.5 + 0.5 * grain)
     position = random(strokes, 2) * torch.tensor([CANVAS.width, CANVAS.height])
     angle = 2 * torch.pi * random(strokes)
     # The stroke's middle, not its start, is spread evenly over the canvas.
@@ -88,7 +93,7 @@ def cpu_seconds(composite: Callable[..., Tensor], tensors: list[Tensor]) -> floa
 
 
 def reference_strokes(rows: int, strokes: int) -> int:
-    grid = PixelGrid.of_height(CANVAS, rows)
+    grid = pixel_grid(rows)
     return min(strokes, max(2, REFERENCE_PIXELS // (grid.rows * grid.columns)))
 
 
@@ -100,25 +105,26 @@ def resident(field: str) -> int:
     return int(found[1]) * 1024
 
 
-def print_peak(path: str, rows: int, strokes: int) -> None:
+def print_peak(path: str, rows: int, strokes: int, dense: bool) -> None:
     """Run in a fresh process: prints by how many bytes the call raises the resident set."""
     torch.set_num_threads(1)
     forward_backward(PATHS[path], workload(32, 2))  # loads kernels and libraries
-    tensors = workload(rows, strokes)
+    tensors = workload(rows, strokes, dense=dense)
     Path("/proc/self/clear_refs").write_text("5")  # sets VmHWM back to VmRSS
     before = resident("VmRSS")
     forward_backward(PATHS[path], tensors)
     print(resident("VmHWM") - before)
 
 
-def peak_bytes(path: str, rows: int, strokes: int) -> int:
-    command = [sys.executable, __file__, "--peak", path, str(rows), str(strokes)]
-    return int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+def peak_bytes(path: str, rows: int, strokes: int, dense: bool) -> float:
+    command = [sys.executable, __file__, "--peak", path, str(rows), str(strokes), *(["--dense"] if dense else [])]
+    runs = (subprocess.run(command, check=True, capture_output=True, text=True) for _ in range(3))
+    return statistics.median(int(run.stdout) for run in runs)
 
 
-def measure(rows: int, strokes: int, repeats: int) -> list[Figures]:
+def measure(rows: int, strokes: int, repeats: int, dense: bool) -> list[Figures]:
     fewer = reference_strokes(rows, strokes)
-    tensors = workload(rows, strokes)
+    tensors = workload(rows, strokes, dense=dense)
     few = [tensor[:fewer] for tensor in tensors[:3]] + tensors[3:]
     counts = {"reference": fewer, "scanline": strokes, "slices": strokes}
     times: dict[str, list[float]] = {path: [] for path in PATHS}
@@ -131,7 +137,7 @@ def measure(rows: int, strokes: int, repeats: int) -> list[Figures]:
     for path, count in counts.items():
         scale = strokes / count
         seconds = statistics.median(times[path]) * scale
-        megabytes = peak_bytes(path, rows, count) * scale / 1e6
+        megabytes = peak_bytes(path, rows, count, dense) * scale / 1e6
         _, height, width = tensors[3].shape
         first = figures[0] if figures else None
         figures.append(
@@ -155,9 +161,11 @@ def processor() -> str:
     return names[0] if names else platform.processor()
 
 
-def table(all_figures: list[Figures]) -> Table:
+def table(all_figures: list[Figures], dense: bool) -> Table:
     columns = ("canvas", "strokes", "path", "CPU s", "faster", "extra MB", "smaller", "measured on")
-    shown = Table(*columns, title="Rendering, forward + backward, one thread, float32")
+    shown = Table(
+        *columns, title=f"Rendering, forward + backward, one thread, float32{', dense maps' if dense else ''}"
+    )
     for one in all_figures:
         shown.add_row(
             f"{one.rows} x {one.columns}",
@@ -183,25 +191,31 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--case", type=case, nargs="+", default=CASES, help="rows x strokes, for example 256x400")
     parser.add_argument("--repeats", type=int, default=5, help="runs of which the median is taken")
+    parser.add_argument("--dense", action="store_true", help="maps without empty cells")
     parser.add_argument("--json", type=Path, help="also write the figures there")
     parser.add_argument("--peak", nargs=3, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.peak:
         path, rows, strokes = options.peak
-        print_peak(path, int(rows), int(strokes))
+        print_peak(path, int(rows), int(strokes), options.dense)
         return
     torch.set_num_threads(1)
     start = time.perf_counter()
     forward_backward(scanline.composite, workload(32, 2))
     first_call = time.perf_counter() - start
-    figures = [one for rows, strokes in options.case for one in measure(rows, strokes, options.repeats)]
+    figures = [one for rows, strokes in options.case for one in measure(rows, strokes, options.repeats, options.dense)]
     versions = {"torch": torch.__version__, "numba": numba.__version__, "python": platform.python_version()}
     console = Console(width=110)
-    console.print(table(figures))
+    console.print(table(figures, options.dense))
     console.print(f"{processor()}; " + ", ".join(f"{name} {version}" for name, version in versions.items()))
     console.print(f"First scanline call {first_call:.1f} s (compiles if nothing is cached).")
     if options.json:
-        record = {"processor": processor(), "versions": versions, "figures": [asdict(one) for one in figures]}
+        record = {
+            "processor": processor(),
+            "versions": versions,
+            "dense": options.dense,
+            "figures": [asdict(one) for one in figures],
+        }
         options.json.write_text(json.dumps(record, indent=2))
 
 

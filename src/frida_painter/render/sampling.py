@@ -66,16 +66,20 @@ class Batch:
         self.boxes = [boxes[i] for i in strokes]
         self.rows = max(bottom - top for top, bottom, _, _ in self.boxes)
         self.columns = max(right - left for _, _, left, right in self.boxes)
-        self.cells = h, w = magnitude.shape[1:]
-        sides = [2 ** max(1, math.ceil(math.log2(max(cells - 1, 1)))) for cells in (w, h)]
-        picked = slice(strokes[0], strokes[-1] + 1) if len(strokes) == strokes[-1] + 1 - strokes[0] else self.strokes
-        self.half = affine.new_tensor(sides)[:, None] / 2  # [2, 1]
-        self.place = affine[picked] / self.half  # [k, 2, 3]
-        self.maps = pad(magnitude[picked], (0, sides[0] + 1 - w, 0, sides[1] + 1 - h))[:, None]
+        self.magnitude = magnitude
+        h, w = magnitude.shape[1:]
+        self.sides = [2 ** max(1, math.ceil(math.log2(max(cells - 1, 1)))) for cells in (w, h)]
+        self.half = affine.new_tensor(self.sides)[:, None] / 2  # [2, 1]
+        self.place = affine[self.strokes] / self.half  # [k, 2, 3]
         corner = affine.new_tensor([(left, top) for top, _, left, _ in self.boxes])  # [k, 2]
         count = torch.arange(max(self.rows, self.columns), dtype=affine.dtype, device=affine.device)
         self.column = corner[:, 0:1] + count[: self.columns]  # [k, columns]
         self.row = corner[:, 1:2] + count[: self.rows]  # [k, rows]
+
+    def maps(self) -> Tensor:
+        """The strokes' maps, padded, [k, 1, 2^a + 1, 2^b + 1]."""
+        h, w = self.magnitude.shape[1:]
+        return pad(self.magnitude[self.strokes], (0, self.sides[0] + 1 - w, 0, self.sides[1] + 1 - h))[:, None]
 
     def grid(self) -> Tensor:
         """Where on the maps each pixel of the boxes lies, [k, rows, columns, 2]."""
@@ -86,25 +90,18 @@ class Batch:
 
     def alpha(self) -> Tensor:
         """Coverage over the boxes, [k, rows, columns]."""
-        return grid_sample(self.maps, self.grid(), padding_mode="zeros", align_corners=True)[:, 0]
+        return grid_sample(self.maps(), self.grid(), padding_mode="zeros", align_corners=True)[:, 0]
 
-    def slope_to_map(self, slope: Tensor) -> Tensor:
-        """Gradient to the maps [k, h, w], from that to the coverage [k, rows, columns]."""
-        h, w = self.cells
-        to_map, _ = torch.ops.aten.grid_sampler_2d_backward(
-            slope[:, None], self.maps, self.grid(), 0, 0, True, [True, False]
-        )
-        return to_map[:, 0, :h, :w]
-
-    def slope_to_affine(self, slope: Tensor) -> Tensor:
-        """Gradient to the affine maps [k, 2, 3], from that to the coverage [k, rows, columns]."""
-        _, to_grid = torch.ops.aten.grid_sampler_2d_backward(
-            slope[:, None], self.maps, self.grid(), 0, 0, True, [False, True]
+    def pull(self, slope: Tensor) -> tuple[Tensor, Tensor]:
+        """Gradients to maps [k, h, w] and affine maps [k, 2, 3], from that to the coverage [k, rows, columns]."""
+        to_map, to_grid = torch.ops.aten.grid_sampler_2d_backward(
+            slope[:, None], self.maps(), self.grid(), 0, 0, True, [True, True]
         )
         by_column, by_row = to_grid.sum(1), to_grid.sum(2)  # [k, columns, 2], [k, rows, 2]
         by_x = (by_column * self.column[..., None]).sum(1)
         by_y = (by_row * self.row[..., None]).sum(1)
-        return torch.stack((by_x, by_y, by_row.sum(1)), -1) / self.half
+        h, w = self.magnitude.shape[1:]
+        return to_map[:, 0, :h, :w], torch.stack((by_x, by_y, by_row.sum(1)), -1) / self.half
 
     def views(self, boxed: Tensor) -> Iterator[tuple[int, Tensor]]:
         """Each stroke with its own part of a tensor [k, rows, columns]."""
@@ -112,13 +109,18 @@ class Batch:
             yield i, one[: bottom - top, : right - left]
 
 
-def batches(boxes: list[Box], magnitude: Tensor, affine: Tensor) -> Iterator[Batch]:
-    """All strokes with a box, in order, as many at a time as sampling can hold in the cache."""
+def batches(boxes: list[Box], magnitude: Tensor, affine: Tensor, *, by_shape: bool = False) -> Iterator[Batch]:
+    """All strokes with a box, as many at a time as sampling can hold in the cache.
+
+    In order; or by_shape, strokes with boxes alike together, which wastes less.
+    """
+    visible = [i for i, (top, bottom, _, _) in enumerate(boxes) if top < bottom]
+    if by_shape:
+        visible.sort(key=lambda i: (boxes[i][1] - boxes[i][0]) / (boxes[i][3] - boxes[i][2]))
     picked: list[int] = []
     rows = columns = 0
-    for i, (top, bottom, left, right) in enumerate(boxes):
-        if top == bottom:
-            continue
+    for i in visible:
+        top, bottom, left, right = boxes[i]
         taller, wider = max(rows, bottom - top), max(columns, right - left)
         if picked and (len(picked) + 1) * taller * wider > BATCH_PIXELS:
             yield Batch(picked, boxes, magnitude, affine)

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from frida_painter.render.sampling import Batch, Box, batches, painted_boxes, pixel_boxes, whole_maps
+from frida_painter.render.sampling import Box, batches, painted_boxes, pixel_boxes, whole_maps
 
 
 def composite(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor) -> Tensor:
@@ -62,39 +62,24 @@ class _Slices(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
         magnitude, affine, color, canvas, *kept = ctx.saved_tensors
-        wants_map, wants_affine, wants_color, wants_canvas = ctx.needs_input_grad
+        wants_map, wants_affine, _, _ = ctx.needs_input_grad
         marks: list[Box] = ctx.marks
-        mark_batches = list(batches(marks, magnitude, affine))
-        alphas = _by_stroke(mark_batches, kept)
+        in_batches = zip(batches(marks, magnitude, affine), kept, strict=True)
+        alphas = {i: alpha for batch, boxed in in_batches for i, alpha in batch.views(boxed)}
         # Paint that is not there may still be wanted: the gradient to a zero cell is not zero.
         reach = pixel_boxes(affine, whole_maps(magnitude), canvas) if wants_map else marks
-        reach_batches = list(batches(reach, magnitude, affine)) if wants_map else mark_batches
+        asked = batches(reach, magnitude, affine, by_shape=True) if wants_map or wants_affine else ()
+        slopes = [(batch, canvas.new_zeros(len(batch.strokes), batch.rows, batch.columns)) for batch in asked]
+        rises = {i: rise for batch, slope in slopes for i, rise in batch.views(slope)}
         gradient = gradient.contiguous()
-        boxed: list[Tensor] = []
-        if wants_map or wants_affine:
-            boxed = [canvas.new_zeros(len(batch.strokes), batch.rows, batch.columns) for batch in reach_batches]
-        slopes = _by_stroke(reach_batches, boxed) if boxed else {}
-        if slopes:
-            _find_slopes(gradient, color, canvas, reach, marks, alphas, slopes)
-        to_color = torch.zeros_like(color) if wants_color else None
-        through = _pull_through(gradient, reach, marks, alphas, slopes, to_color)
-        to_map = torch.zeros_like(magnitude) if wants_map else None
-        if to_map is not None:
-            for batch, slope in zip(reach_batches, boxed, strict=True):
-                to_map[batch.strokes] = batch.slope_to_map(slope)
-        to_affine = torch.zeros_like(affine) if wants_affine else None
-        if to_affine is not None:
-            for batch in mark_batches:
-                slope = canvas.new_zeros(len(batch.strokes), batch.rows, batch.columns)
-                for i, part in batch.views(slope):
-                    part.copy_(slopes[i][_inside(marks[i], reach[i])])
-                to_affine[batch.strokes] = batch.slope_to_affine(slope)
-        return to_map, to_affine, to_color, gradient * through if wants_canvas else None
-
-
-def _by_stroke(every: list[Batch], boxed: list[Tensor]) -> dict[int, Tensor]:
-    """Each stroke's own part of tensors [k, rows, columns], one tensor per batch."""
-    return {i: part for batch, tensor in zip(every, boxed, strict=True) for i, part in batch.views(tensor)}
+        if rises:
+            _find_slopes(gradient, color, canvas, reach, marks, alphas, rises)
+        to_map, to_affine, to_color = torch.zeros_like(magnitude), torch.zeros_like(affine), torch.zeros_like(color)
+        through = _pull_through(gradient, reach, marks, alphas, rises, to_color)
+        for batch, slope in slopes:
+            to_map[batch.strokes], to_affine[batch.strokes] = batch.pull(slope)
+        every = to_map, to_affine, to_color, gradient * through
+        return tuple(part if wanted else None for part, wanted in zip(every, ctx.needs_input_grad, strict=True))
 
 
 def _inside(box: Box, around: Box) -> tuple[slice, slice]:
@@ -110,7 +95,7 @@ def _find_slopes(
     reach: list[Box],
     marks: list[Box],
     alphas: dict[int, Tensor],
-    slopes: dict[int, Tensor],
+    rises: dict[int, Tensor],
 ) -> None:
     """Fills in g . (c - C) over each stroke's reach, where C is the picture just below the stroke.
 
@@ -118,15 +103,15 @@ def _find_slopes(
     """
     below = (gradient * canvas).sum(0)  # [H, W]
     paints = color.tolist()
-    for i, slope in slopes.items():
+    for i in sorted(rises):
         top, bottom, left, right = reach[i]
         red, green, blue = gradient[:, top:bottom, left:right].unbind()
         under = below[top:bottom, left:right]
-        torch.sub(red * paints[i][0], under, out=slope)
-        slope.add_(green, alpha=paints[i][1]).add_(blue, alpha=paints[i][2])
+        rise = torch.sub(red * paints[i][0], under, out=rises[i])
+        rise.add_(green, alpha=paints[i][1]).add_(blue, alpha=paints[i][2])
         if i in alphas:
             inside = _inside(marks[i], reach[i])
-            under[inside].addcmul_(alphas[i], slope[inside])
+            under[inside].addcmul_(alphas[i], rise[inside])
 
 
 def _pull_through(
@@ -134,8 +119,8 @@ def _pull_through(
     reach: list[Box],
     marks: list[Box],
     alphas: dict[int, Tensor],
-    slopes: dict[int, Tensor],
-    to_color: Tensor | None,
+    rises: dict[int, Tensor],
+    to_color: Tensor,
 ) -> Tensor:
     """Goes down through the strokes; returns what all of them let through to the canvas, [H, W].
 
@@ -143,14 +128,13 @@ def _pull_through(
     """
     through = torch.ones_like(gradient[0])
     for i in range(len(reach) - 1, -1, -1):
-        if i in slopes:
+        if i in rises:
             top, bottom, left, right = reach[i]
-            slopes[i].mul_(through[top:bottom, left:right])
+            rises[i].mul_(through[top:bottom, left:right])
         if i in alphas:
             top, bottom, left, right = marks[i]
             seen = through[top:bottom, left:right]
             share = seen * alphas[i]
-            if to_color is not None:
-                torch.sum(gradient[:, top:bottom, left:right] * share, (1, 2), out=to_color[i])
+            torch.sum(gradient[:, top:bottom, left:right] * share, (1, 2), out=to_color[i])
             seen.sub_(share)
     return through
