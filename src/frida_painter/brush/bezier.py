@@ -10,12 +10,16 @@ import torch
 from torch import Tensor, nn
 
 from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.trajectory import END_THICKNESS
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 
 _SEGMENTS = 24
 _MM = 1000.0
+_BATCH = 24
+_RATE = 0.2
+_RANGES = {"lightest": (0.0, 100.0), "hardest": (0.0, 100.0), "softness": (0.05, 50.0), "opacity": (0.0, 1.0)}
 
 
 @dataclass(frozen=True)
@@ -35,9 +39,9 @@ class RibbonShape:
     opacity: float = 0.95
 
     @classmethod
-    def typical(cls, kind: BrushKind) -> "RibbonShape":
-        """A plausible ribbon for a brush that has not painted yet."""
-        half = kind.width * _MM / 2
+    def typical(cls, width: float) -> "RibbonShape":
+        """A plausible ribbon for a brush whose widest mark is `width` metres."""
+        half = width * _MM / 2
         return cls(lightest=0.2 * half, hardest=0.9 * half, softness=0.25 * half)
 
 
@@ -58,12 +62,12 @@ class BezierStroke(nn.Module):
     @classmethod
     def typical(cls, kind: BrushKind) -> "BezierStroke":
         """The model of a brush that has not painted yet."""
-        return cls(kind.name, kind.frame, kind.limits, RibbonShape.typical(kind))
+        return cls(kind.name, kind.frame, kind.limits, RibbonShape.typical(kind.width))
 
     @property
     def ribbon(self) -> RibbonShape:
         """The shape of the ribbon as plain numbers."""
-        return RibbonShape(**{name: float(value) for name, value in self.shape.items()})
+        return RibbonShape(**{name: float(value.detach()) for name, value in self.shape.items()})
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
         """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns]."""
@@ -98,3 +102,31 @@ def _beyond_segment(
     off_x, off_y = from_x - nearest * run, from_y - nearest * rise
     # The tiny number keeps the slope of the root finite on the path itself.
     return torch.sqrt(off_x * off_x + off_y * off_y + 1e-9) - wide - nearest * widening
+
+
+def fit_bezier(model: BezierStroke, library: StrokeLibrary, *, seed: int = 0, steps: int = 150) -> float:
+    """Fits the ribbon's six numbers to a library, in place, by Adam on the mean absolute error.
+
+    Returns the error over the whole library, on the model's frame.
+    """
+    thickness, length, bend = library.shapes()
+    wanted = library.maps(model.frame)
+    optimizer = torch.optim.Adam(model.parameters(), lr=_RATE)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, max_lr=_RATE, total_steps=steps)
+    chance = torch.Generator().manual_seed(seed)
+    for _ in range(steps):
+        some = torch.randperm(len(library), generator=chance)[:_BATCH]
+        error = (model(thickness[some], length[some], bend[some]) - wanted[some]).abs().mean()
+        optimizer.zero_grad()
+        error.backward()
+        optimizer.step()
+        schedule.step()
+        with torch.no_grad():
+            for name, (least, most) in _RANGES.items():
+                model.shape[name].clamp_(least, most)
+    with torch.no_grad():
+        parts = torch.split(torch.arange(len(library)), _BATCH)
+        return (
+            sum(float((model(thickness[p], length[p], bend[p]) - wanted[p]).abs().sum()) for p in parts)
+            / wanted.numel()
+        )

@@ -20,6 +20,7 @@ VERSION = 1
 HIDDEN = 96
 CHANNELS = 12
 _UPSCALE = 2
+_SPREAD = 3.0
 _LARGEST_MAP = 4096
 
 
@@ -52,7 +53,11 @@ class Param2Stroke(nn.Module):
         """An untrained model for a brush, the same for the same seed."""
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            return cls(kind.name, kind.frame, kind.limits)
+            model = cls(kind.name, kind.frame, kind.limits)
+        with torch.no_grad():  # Larger first weights let a small network draw edges that move with its inputs.
+            model.widen.weight.mul_(_SPREAD)
+            model.widen.bias.mul_(_SPREAD)
+        return model
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
         """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""

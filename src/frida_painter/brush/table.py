@@ -21,6 +21,7 @@ from frida_painter.strokes import StrokeLimits
 
 _BATCH = 256
 _NOTHING = -20.0
+_DEEPER = 0.5
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,7 @@ class StrokeTable(nn.Module):
         samples, grids = _sample(model, detail, torch.zeros(()) if like is None else like)
         touched = samples.amax(0) > detail.faint
         logits = unsquash(samples[:, touched])
+        logits -= _DEEPER * (samples[:, touched] == 0)  # so that small errors of the fit stay below the cut
         mean = logits.mean(0)
         logits -= mean
         basis = _best_basis(logits, detail.rank)

@@ -1,4 +1,10 @@
-"""Training param2stroke on a stroke library: from photographs of strokes to a model of the brush."""
+"""Training param2stroke on a stroke library: from photographs of strokes to a model of the brush.
+
+A few hundred photographs do not say what is known anyway: that a mark lies along a Bezier and is as
+wide as the brush is pressed. So the analytic model is fitted to the library first, the network
+rehearses on strokes of that model without number, and only then the photographs teach it how the
+real brush differs.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from frida_painter.brush.bezier import BezierStroke, RibbonShape, fit_bezier
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.squash import stretched
@@ -16,12 +23,17 @@ from frida_painter.errors import LibraryError
 FEWEST_STROKES = 5
 VALIDATION_SHARE = 0.2
 _BATCH = 32
-_RATE = 1.2e-2
+_REHEARSED = 3000
+_REHEARSAL_RATE = 1e-2
+_RATE = 3e-3
 
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """How far training has come: after `epoch` of at most `epochs`, mean absolute errors of the magnitude."""
+    """How far training has come: after `epoch` of at most `epochs`, mean absolute errors of the magnitude.
+
+    The first epochs are rehearsal; their training error is that against the analytic model.
+    """
 
     epoch: int
     epochs: int
@@ -66,17 +78,18 @@ def train(
     library: StrokeLibrary,
     *,
     seed: int = 0,
-    epochs: int = 200,
-    patience: int = 80,
+    rehearsals: int = 20,
+    epochs: int = 60,
+    patience: int = 30,
     notify: Callable[[TrainingProgress], None] | None = None,
 ) -> TrainingReport:
     """Trains `model` in place on the library's strokes and leaves it with the weights of its best epoch.
 
-    A fifth of the strokes is held out for validation (paper, "Brush Stroke Model"); training ends
-    after `epochs`, or when the validation error has not fallen for `patience` of them. The loss is
-    L1: its median leaves the paper clean where only now and then a bristle goes astray. The same
-    seed gives the same weights. Raises
-    LibraryError where there are fewer than 5 strokes.
+    A fifth of the strokes is held out for validation (paper, "Brush Stroke Model"). After
+    `rehearsals` epochs of rehearsal (0: none, as in the paper), training ends after `epochs`, or
+    when the validation error has not fallen for `patience` of them. The loss is L1: its median
+    leaves the paper clean where only now and then a bristle goes astray. The same seed gives the
+    same weights. Raises LibraryError where there are fewer than 5 strokes.
     """
     if len(library) < FEWEST_STROKES:
         raise LibraryError(
@@ -89,23 +102,44 @@ def train(
     examples = _Examples(*library.shapes(), library.maps(model.frame))
     training, validation = examples[order[len(held_out) :]], examples[held_out]
 
-    optimizer = torch.optim.Adam(model.parameters(), lr=_RATE)
-    steps = epochs * -(-len(training) // _BATCH)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, max_lr=_RATE, total_steps=steps, pct_start=0.1)
+    lessons = [(training, _RATE, epochs)]
+    if rehearsals > 0:
+        imagined = _imagined(model, library[order[len(held_out) :].numpy()], seed, chance)
+        lessons.insert(0, (imagined, _REHEARSAL_RATE, rehearsals))
+
     curve: list[TrainingProgress] = []
     best, best_error, best_epoch = _copy(model), float("inf"), 0
-    for epoch in range(1, epochs + 1):
-        training_error = _epoch(model, training, optimizer, schedule, chance)
-        validation_error = _error(model, validation)
-        if validation_error < best_error:
-            best, best_error, best_epoch = _copy(model), validation_error, epoch
-        curve.append(TrainingProgress(epoch, epochs, training_error, validation_error, best_error))
-        if notify is not None:
-            notify(curve[-1])
-        if epoch - best_epoch >= patience:
-            break
+    for part, rate, rounds in lessons:
+        optimizer = torch.optim.Adam(model.parameters(), lr=rate)
+        steps = rounds * -(-len(part) // _BATCH)
+        schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, max_lr=rate, total_steps=steps, pct_start=0.1)
+        for _ in range(rounds):
+            training_error = _epoch(model, part, optimizer, schedule, chance)
+            validation_error = _error(model, validation)
+            if validation_error < best_error:
+                best, best_error, best_epoch = _copy(model), validation_error, len(curve) + 1
+            curve.append(
+                TrainingProgress(len(curve) + 1, rehearsals + epochs, training_error, validation_error, best_error)
+            )
+            if notify is not None:
+                notify(curve[-1])
+            if len(curve) - max(best_epoch, rehearsals) >= patience:
+                break
     model.load_state_dict(best)
     return TrainingReport(best_epoch, best_error, held_out.numpy(), tuple(curve))
+
+
+def _imagined(model: Param2Stroke, library: StrokeLibrary, seed: int, chance: torch.Generator) -> _Examples:
+    """Strokes of all shapes as the analytic model, fitted to the library, would paint them."""
+    frame, limits = model.frame, model.limits
+    ribbon = BezierStroke(model.brush, frame, limits, RibbonShape.typical(0.25 * (frame.top - frame.bottom)))
+    fit_bezier(ribbon, library, seed=seed)
+    thickness, along, aside = torch.rand(3, _REHEARSED, generator=chance)
+    length = limits.length[0] + along * (limits.length[1] - limits.length[0])
+    bend = limits.bend[0] + aside * (limits.bend[1] - limits.bend[0])
+    with torch.no_grad():
+        parts = zip(*(torch.split(part, _BATCH) for part in (thickness, length, bend)), strict=True)
+        return _Examples(thickness, length, bend, torch.cat([ribbon(*part) for part in parts]))
 
 
 def _epoch(

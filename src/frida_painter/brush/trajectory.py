@@ -10,7 +10,7 @@ from frida_painter.strokes import Strokes
 
 END_THICKNESS = 0.2
 """How hard the brush is pressed where a stroke starts and ends (thickness, 0 to 1)."""
-_SAMPLES = 129
+_SAMPLES = 513
 
 
 def pressure(fraction: NDArray[np.float64], thickness: float) -> NDArray[np.float64]:

@@ -1,0 +1,143 @@
+import io
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from frida_painter.brush.library import StrokeLibrary
+from frida_painter.errors import LibraryError
+from marks import ribbon, shapes, small_frame, small_library
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Path:
+    small_library(4).save(tmp_path / "library.npz")
+    return tmp_path / "library.npz"
+
+
+def arrays(path: Path) -> dict[str, np.ndarray]:
+    with np.load(path, allow_pickle=False) as stored:
+        return dict(stored)
+
+
+def test_it_comes_back_as_it_was(saved):
+    library, again = small_library(4), StrokeLibrary.load(saved)
+    assert len(again) == 4
+    assert again.metres_per_pixel == library.metres_per_pixel
+    assert again.origin_px == pytest.approx(library.origin_px)
+    for name in ("magnitude", "length_m", "bend_m", "thickness", "recorded_index"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(library, name))
+
+
+def test_a_file_has_exactly_the_keys_of_the_format(saved):
+    assert set(arrays(saved)) == {
+        "magnitude", "length_m", "bend_m", "thickness", "metres_per_pixel", "origin_px", "recorded_index",
+    }  # fmt: skip
+
+
+def test_crops_on_a_models_frame_lie_where_the_model_paints():
+    library = small_library(8)
+    painted = ribbon()(*shapes(8))
+    maps = library.maps(small_frame())
+    assert maps.shape == painted.shape
+    assert (maps - painted).abs().mean() < 0.02
+    shifted = (maps.roll(1, 2) - painted).abs().mean()
+    assert (maps - painted).abs().mean() < 0.3 * shifted
+
+
+def test_some_strokes_can_be_picked(saved):
+    library = StrokeLibrary.load(saved)
+    picked = library[np.array([2, 0])]
+    assert picked.length_m.tolist() == [library.length_m[2], library.length_m[0]]
+    torch.testing.assert_close(picked.shapes()[0], library.shapes()[0][[2, 0]])
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"magnitude": np.zeros((4, 72, 126), np.float32)},
+        {"magnitude": np.zeros((3, 72, 126), np.uint8)},
+        {"magnitude": np.zeros((4, 60), np.uint8)},
+        {"magnitude": np.zeros((0, 72, 126), np.uint8)},
+        {"length_m": np.array([0.1, np.nan, 0.1, 0.1])},
+        {"length_m": np.array([0.1, -0.1, 0.1, 0.1])},
+        {"bend_m": np.array([0.1, np.inf, 0.1, 0.1])},
+        {"bend_m": np.array(["a", "b", "c", "d"])},
+        {"thickness": np.array([0.1, 1.5, 0.1, 0.1])},
+        {"thickness": np.zeros((4, 1))},
+        {"metres_per_pixel": np.array(0.0)},
+        {"metres_per_pixel": np.array([0.1, 0.1])},
+        {"metres_per_pixel": np.array(np.nan)},
+        {"origin_px": np.array([np.nan, 0])},
+        {"origin_px": np.array([1.0])},
+        {"recorded_index": np.arange(3)},
+        {"recorded_index": np.zeros(4)},
+        {"length_m": np.zeros(4, dtype=[("a", float)])},
+    ],
+)
+def test_parts_that_cannot_be_true_are_refused(saved, changes):
+    np.savez(saved, **{**arrays(saved), **changes})
+    with pytest.raises(LibraryError):
+        StrokeLibrary.load(saved)
+
+
+def test_a_missing_part_is_named(saved):
+    rest = arrays(saved)
+    del rest["bend_m"], rest["origin_px"]
+    np.savez(saved, **rest)
+    with pytest.raises(LibraryError, match="bend_m, origin_px"):
+        StrokeLibrary.load(saved)
+
+
+class _Bomb:
+    def __reduce__(self):
+        return (pytest.fail, ("a pickle was run",))
+
+
+def test_a_pickle_is_never_run(saved):
+    np.savez(saved, **{**arrays(saved), "thickness": np.array([_Bomb()] * 4, dtype=object)})
+    with pytest.raises(LibraryError):
+        StrokeLibrary.load(saved)
+
+
+@pytest.mark.parametrize("keep", [0, 1, 30, 200, -30, -1])
+def test_a_file_that_was_cut_is_refused(saved, keep):
+    saved.write_bytes(saved.read_bytes()[:keep])
+    with pytest.raises(LibraryError):
+        StrokeLibrary.load(saved)
+
+
+def test_flipped_bytes_are_refused_or_harmless(saved):
+    content = saved.read_bytes()
+    for place in range(0, len(content), max(1, len(content) // 60)):
+        flipped = bytearray(content)
+        flipped[place] ^= 0xFF
+        saved.write_bytes(flipped)
+        try:
+            StrokeLibrary.load(saved)
+        except LibraryError:
+            continue
+
+
+def test_an_array_that_claims_to_be_huge_is_refused(saved):
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        header, {"descr": "|u1", "fortran_order": False, "shape": (2000, 100_000, 100_000)}
+    )
+    rest = arrays(saved)
+    del rest["magnitude"]
+    np.savez(saved, **rest)
+    with zipfile.ZipFile(saved, "a") as archive:
+        archive.writestr("magnitude.npy", header.getvalue())
+    with pytest.raises(LibraryError):
+        StrokeLibrary.load(saved)
+
+
+def test_a_folder_a_missing_file_and_another_kind_of_file_are_refused(tmp_path):
+    (tmp_path / "text.npz").write_text("strokes")
+    np.save(tmp_path / "single.npy", np.zeros(3))
+    for path in (tmp_path, tmp_path / "nowhere.npz", tmp_path / "text.npz", tmp_path / "single.npy"):
+        with pytest.raises(LibraryError):
+            StrokeLibrary.load(path)

@@ -1,0 +1,48 @@
+"""Small brushes, stroke models and libraries for tests."""
+
+import numpy as np
+import torch
+
+from frida_painter.brush.bezier import BezierStroke, RibbonShape
+from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.library import StrokeLibrary
+from frida_painter.frames import MapFrame
+from frida_painter.strokes import StrokeLimits
+
+SMALL = BrushKind("small", StrokeLimits((0.010, 0.030), (-0.008, 0.008)), 0.008)
+
+
+def small_frame(rows: int = 24, columns: int = 42) -> MapFrame:
+    """Cells of 1 mm, as they come."""
+    return MapFrame(-0.006, 0.036, -0.012, 0.012, rows, columns)
+
+
+def ribbon(rows: int = 24, columns: int = 42) -> BezierStroke:
+    return BezierStroke("small", small_frame(rows, columns), SMALL.limits, RibbonShape(1.0, 4.0, 1.5)).requires_grad_(
+        False
+    )
+
+
+def shapes(count: int, seed: int = 0, dtype: torch.dtype = torch.float32) -> tuple[torch.Tensor, ...]:
+    chance = torch.Generator().manual_seed(seed)
+    thickness, along, aside = torch.rand(3, count, generator=chance, dtype=torch.float64).to(dtype)
+    return thickness, 0.010 + 0.020 * along, -0.008 + 0.016 * aside
+
+
+def small_library(count: int = 12, seed: int = 0) -> StrokeLibrary:
+    """Photographs of the ribbon on a finer frame, as a camera would have taken them."""
+    thickness, length, bend = shapes(count, seed)
+    finer = small_frame(72, 126)
+    painted = BezierStroke("small", finer, SMALL.limits, RibbonShape(1.0, 4.0, 1.5))
+    with torch.no_grad():
+        magnitude = painted(thickness, length, bend)
+    pitch = finer.pitch[0]
+    return StrokeLibrary(
+        magnitude=(255 * magnitude).round().numpy().astype(np.uint8),
+        length_m=length.numpy(),
+        bend_m=bend.numpy(),
+        thickness=thickness.numpy(),
+        metres_per_pixel=pitch,
+        origin_px=(finer.top / pitch - 0.5, -finer.left / pitch - 0.5),
+        recorded_index=np.arange(count, dtype=np.int32),
+    )
