@@ -59,14 +59,17 @@ class Palette:
     def cluster(cls, color: Tensor, weight: Tensor, count: int, seed: int) -> "Palette":
         """`count` colours that stand for many (paper, "Paint Colors and Mixing": k-means, here in Lab).
 
-        color [n, 3] sRGB, weight [n] how much each matters (painted area). Where the colours are
-        fewer than `count`, the lightest is repeated, so that there are always `count` paints.
+        color [n, 3] sRGB, weight [n] how much each matters (painted area). The clusters found in
+        Lab are settled in sRGB, in which pictures are compared. Where the colours are fewer than
+        `count`, the lightest is repeated, so that there are always `count` paints.
         """
-        lab = to_lab(color).cpu().double().numpy()
-        distinct = len(np.unique(lab, axis=0))
-        means = KMeans(n_clusters=min(count, distinct), n_init=4, random_state=seed)
-        means.fit(lab, sample_weight=weight.detach().cpu().double().numpy() + 1e-9)
-        found = cls.ordered(from_lab(torch.from_numpy(means.cluster_centers_).to(color)))
+        points, lab = (tensor.detach().cpu().double().numpy() for tensor in (color, to_lab(color)))
+        weights = weight.detach().cpu().double().numpy() + 1e-9
+        clusters = min(count, len(np.unique(lab, axis=0)))
+        seen = KMeans(n_clusters=clusters, n_init=4, random_state=seed).fit(lab, sample_weight=weights)
+        start = from_lab(torch.from_numpy(seen.cluster_centers_)).double().numpy()
+        settled = KMeans(n_clusters=clusters, init=start, n_init=1).fit(points, sample_weight=weights)
+        found = cls.ordered(torch.from_numpy(settled.cluster_centers_).to(color).clamp(0, 1))
         missing = count - len(found)
         return cls(torch.cat([found.color[:1].expand(missing, 3), found.color])) if missing else found
 

@@ -40,7 +40,8 @@ def optimize(
     With `paints` every colour is one of the palette's, throughout; `vary_colors` says whether the
     palette (or, without one, each stroke's colour) may change. `pace` scales the steps. The best
     strokes seen are returned, never worse than those given. A step that is not finite is
-    discarded; the third raises PlanningDiverged.
+    discarded, and steps are halved from then on; the third raises PlanningDiverged, and so does a
+    loss that was never finite.
     """
     if len(strokes) == 0:
         return strokes, paints
@@ -61,8 +62,8 @@ def optimize(
             failures += 1
             if failures == _MOST_FAILURES or best.shape is None:
                 raise PlanningDiverged(
-                    f"The loss was {value} in iteration {iteration}, for the {failures}. time; "
-                    "the last good plan is kept. Try another seed or a smaller pace."
+                    f"The loss or its slope was not finite in iteration {iteration}, for the {failures}. time "
+                    f"(the loss was {value:g}); try another seed (--seed), or look whether the goal is a usable picture."
                 )
             best.restore(variables)
             adam = torch.optim.Adam(variables.leaves, lr=pace * 0.5**failures, betas=(0.9, 0.98), foreach=True)

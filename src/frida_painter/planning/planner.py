@@ -9,6 +9,7 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal
 from frida_painter.objectives.base import Objective, prepare
@@ -22,6 +23,7 @@ from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
 
 _MOVED = 0.15  # share of the strokes that may move at a time
+_POLISHING_PACE = 0.5
 _PROPOSALS = 24  # weighed for each stroke that moves
 
 
@@ -30,7 +32,7 @@ class Effort:
     """How many iterations are spent on what.
 
     growth: on the start; refining: joint steps after each of `relocations` rounds in which weak
-    strokes move, before and again after colours become paints; binding: steps right after that;
+    strokes move; binding: steps after each of two rounds in which colours become fewer paints;
     polishing: last steps at full resolution; replanning: steps after each look.
     """
 
@@ -89,14 +91,24 @@ class Planner:
             generator=generator,
             notify=steps.begin(self._growing(strokes)),
         )
-        found, _ = self._refine(found, None, coarse, generator, steps)
-        found, first_paints = discretize(found, coarse, colors, self.seed)
+        for _ in range(self.effort.relocations):
+            found, _ = relocate(found, None, coarse, target, share=_MOVED, proposals=_PROPOSALS, generator=generator)
+            found, _ = optimize(
+                found, coarse, iterations=self.effort.refining, notify=steps.begin(self.effort.refining)
+            )
+        paints = None
+        for count in (2 * colors, colors):  # in two steps, so that shapes can follow
+            found, paints = discretize(found, coarse, min(count, strokes), self.seed)
+            found, paints = optimize(
+                found, coarse, iterations=self.effort.binding, paints=paints, notify=steps.begin(self.effort.binding)
+            )
         found, paints = optimize(
-            found, coarse, iterations=self.effort.binding, paints=first_paints, notify=steps.begin(self.effort.binding)
-        )
-        found, paints = self._refine(found, paints, coarse, generator, steps)
-        found, paints = optimize(
-            found, fine, iterations=self.effort.polishing, paints=paints, notify=steps.begin(self.effort.polishing)
+            found,
+            fine,
+            iterations=self.effort.polishing,
+            paints=paints,
+            pace=_POLISHING_PACE,
+            notify=steps.begin(self.effort.polishing),
         )
         assert paints is not None
         ordered, palette, paint = as_palette(found, paints)
@@ -105,10 +117,18 @@ class Planner:
     def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None]) -> Plan:
         """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their palette stays.
 
-        The work is in proportion to the number of strokes that are left.
+        The work is in proportion to the number of strokes that are left. Where the optimiser
+        diverges, or finds nothing better, `rest` stays as it is.
         """
         if len(rest) == 0:
             return rest
+        try:
+            again = self._again(rest, canvas, notify)
+        except PlanningDiverged:
+            return rest
+        return min((rest, again), key=lambda plan: self.judge(self.expected(plan, canvas)))
+
+    def _again(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None]) -> Plan:
         generator = torch.Generator().manual_seed(self.seed + len(rest))
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
         steps = _Progress(notify, self.effort.refining + self.effort.replanning)
@@ -127,8 +147,7 @@ class Planner:
                 found, scene, iterations=iterations, paints=paints, vary_colors=False, notify=steps.begin(iterations)
             )
         assert paints is not None
-        again = self._as_plan(found, rest.palette, paints.paint)
-        return min((rest, again), key=lambda plan: self.judge(self.expected(plan, canvas)))
+        return self._as_plan(found, rest.palette, paints.paint)
 
     def expected(self, plan: Plan, canvas: Tensor) -> Tensor:
         """The canvas [3, H, W] as it would look after the plan."""
@@ -139,20 +158,6 @@ class Planner:
         """The objective of a picture [3, H, W] of the canvas: the less, the nearer to the goal."""
         with torch.no_grad():
             return float(self._objectives[self.fine](images.fit(picture, self.fine.rows, self.fine.columns)))
-
-    def _refine(
-        self, strokes: Strokes, paints: Paints | None, scene: Scene, generator: torch.Generator, steps: "_Progress"
-    ) -> tuple[Strokes, Paints | None]:
-        """Rounds in which weak strokes move to better places and all settle again."""
-        target, iterations = self._guide(PixelGrid(self.size, *scene.canvas.shape[1:])), self.effort.refining
-        for _ in range(self.effort.relocations):
-            strokes, paints = relocate(
-                strokes, paints, scene, target, share=_MOVED, proposals=_PROPOSALS, generator=generator
-            )
-            strokes, paints = optimize(
-                strokes, scene, iterations=iterations, paints=paints, notify=steps.begin(iterations)
-            )
-        return strokes, paints
 
     def _as_plan(self, strokes: Strokes, palette: Palette, paint: Tensor) -> Plan:
         limits = self.model.limits.within(self.size)
@@ -175,8 +180,8 @@ class Planner:
         """How many iterations a plan of so many strokes takes."""
         return (
             self._growing(strokes)
-            + 2 * self.effort.relocations * self.effort.refining
-            + self.effort.binding
+            + self.effort.relocations * self.effort.refining
+            + 2 * self.effort.binding
             + self.effort.polishing
         )
 

@@ -57,7 +57,7 @@ def discretize(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[
     area in which it is seen: by the area alone, small accents would drown.
     """
     palette = Palette.cluster(strokes.color, visible_area(strokes, scene).clamp(min=0).sqrt(), colors, seed)
-    paint = palette.nearest(strokes.color)
+    paint = torch.cdist(strokes.color, palette.color).argmin(1)
     order = torch.argsort(paint, stable=True)
     return strokes[order].with_groups(color=palette.color[paint[order]]), Paints(palette.color, paint[order])
 
