@@ -4,10 +4,10 @@
 
 Speed is CPU time of one thread, the median of runs that are interleaved with the reference's.
 Memory is how far the resident set of a fresh process rises above what it was before the call,
-gradients included, the median of three processes. Both are of the whole call: picture, and gradients to maps, affine maps,
-colours and canvas. Where the full reference would not fit into memory it is measured on fewer
-strokes and scaled: it does the same work for every stroke. --dense paints every cell of the maps, so
-that nothing is gained from empty cells around a mark.
+gradients included, the median of three processes. Both are of the whole call: picture, and
+gradients to maps, affine maps, colours and canvas. Where the full reference would not fit into
+memory it is measured on fewer strokes and scaled: it does the same work for every stroke. --dense
+paints every cell of the maps, so that nothing is gained from empty cells around a mark.
 """
 
 import argparse
