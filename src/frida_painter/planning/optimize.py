@@ -13,6 +13,7 @@ from frida_painter.planning.variables import Paints, Variables
 from frida_painter.strokes import Strokes
 
 _MOST_FAILURES = 3
+_WARMING = 6
 
 
 @dataclass(frozen=True)
@@ -63,13 +64,13 @@ def optimize(
             if failures == _MOST_FAILURES or best.shape is None:
                 raise PlanningDiverged(
                     f"The loss or its slope was not finite in iteration {iteration}, for the {failures}. time "
-                    f"(the loss was {value:g}); try another seed (--seed), or look whether the goal is a usable picture."
+                    f"(the loss was {value:g}); try another seed (--seed), or another picture."
                 )
             best.restore(variables)
             adam = torch.optim.Adam(variables.leaves, lr=pace * 0.5**failures, betas=(0.9, 0.98), foreach=True)
             continue
         for group in adam.param_groups:
-            group["lr"] = pace * 0.5**failures * _fading(iteration / iterations)
+            group["lr"] = pace * 0.5**failures * _rhythm(iteration, iterations)
         adam.step()
         variables.set_(variables.strokes().detach().project(scene.limits, scene.size))
         notify(Step(iteration + 1, iterations, value))
@@ -81,9 +82,14 @@ def optimize(
     return variables.strokes().detach()[order], found
 
 
-def _fading(progress: float) -> float:
-    """Steps shrink along a half cosine to a tenth of the first."""
-    return 0.1 + 0.45 * (1 + math.cos(math.pi * progress))
+def _rhythm(iteration: int, iterations: int) -> float:
+    """Steps grow over the first iterations and then shrink along a half cosine to a tenth.
+
+    Adam's first steps have the same size however small the slope is: taken in full, they would
+    throw a settled plan back.
+    """
+    warm = min(1.0, (iteration + 1) / _WARMING)
+    return warm * (0.1 + 0.45 * (1 + math.cos(math.pi * iteration / iterations)))
 
 
 def _finite(leaves: list[Tensor]) -> bool:
