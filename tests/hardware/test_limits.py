@@ -1,0 +1,63 @@
+import math
+
+import numpy as np
+import pytest
+
+from easels import WORKSPACE
+from frida_painter.errors import WorkspaceViolation
+from frida_painter.hardware import limits
+from frida_painter.hardware.robot import Waypoints
+
+INSIDE = np.array([[0.0, 0.0, 0.1], [0.1, 0.1, 0.2], [0.2, 0.1, 0.1]])
+
+
+def motion(position=INSIDE, speed=0.1, label="stroke 7"):
+    return Waypoints(label, np.array(position), speed)
+
+
+def with_one(value, axis, point=1):
+    position = INSIDE.copy()
+    position[point, axis] = value
+    return position
+
+
+def test_what_lies_inside_may_be_sent_to_the_very_edge():
+    limits.check([], WORKSPACE)
+    limits.check([motion(), motion(np.array([WORKSPACE.lower, WORKSPACE.upper]))], WORKSPACE)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 0.1 * 1000, -0.4, 0.6])
+def test_one_number_that_is_not_allowed_refuses_the_motion_and_names_it(axis, value):
+    with pytest.raises(WorkspaceViolation) as refused:
+        limits.check([motion(with_one(value, axis))], WORKSPACE)
+    message = str(refused.value)
+    assert message.startswith(f"stroke 7: {'xyz'[axis]} = {value:.4f} m at waypoint 1; ")
+    assert f"from {WORKSPACE.lower[axis]:.4f} to {WORKSPACE.upper[axis]:.4f} m" in message
+    assert "Nothing was sent" in message
+
+
+def test_millimetres_taken_for_metres_are_refused_on_every_waypoint():
+    for point in range(len(INSIDE)):
+        position = INSIDE.copy()
+        position[point] *= 1000
+        with pytest.raises(WorkspaceViolation, match=f"at waypoint {point}"):
+            limits.check([motion(position)], WORKSPACE)
+
+
+def test_the_last_of_many_motions_counts_like_the_first():
+    batch = [*(motion(label=f"stroke {number}") for number in range(20)), motion(with_one(9, 2), label="dip")]
+    with pytest.raises(WorkspaceViolation, match="dip: z = 9"):
+        limits.check(iter(batch), WORKSPACE)
+
+
+@pytest.mark.parametrize("speed", [0.0, -0.1, math.nan, math.inf, 60.0])
+def test_speeds_that_no_painter_needs_are_refused(speed):
+    with pytest.raises(WorkspaceViolation, match=r"stroke 7: a speed of .* allowed is above 0 to 1"):
+        limits.check([motion(speed=speed)], WORKSPACE)
+
+
+@pytest.mark.parametrize("position", [np.zeros((0, 3)), np.zeros((4, 2)), np.zeros(3)])
+def test_what_is_no_path_is_refused(position):
+    with pytest.raises(WorkspaceViolation, match=r"waypoints of shape"):
+        limits.check([motion(position)], WORKSPACE)

@@ -1,0 +1,125 @@
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+from torch import Tensor
+
+from frida_painter.errors import PlanningDiverged
+from frida_painter.palette import to_lab
+from frida_painter.planning.optimize import Step, optimize
+from frida_painter.planning.scene import Scene
+from frida_painter.planning.variables import Paints
+from frida_painter.strokes import GROUPS, Strokes
+from scenes import CANVAS, scene, some_strokes
+
+SCENE = scene(48)
+
+
+def judged(strokes: Strokes, on: Scene = SCENE) -> float:
+    with torch.no_grad():
+        return float(on.objective(on.render(strokes)))
+
+
+def turning_nan(after: int, for_good: bool = True) -> Scene:
+    """The scene whose objective is NaN from its `after`-th call, or only in that one."""
+    calls = 0
+
+    def objective(picture: Tensor) -> Tensor:
+        nonlocal calls
+        calls += 1
+        fails = calls > after if for_good else calls == after + 1
+        return SCENE.objective(picture) * (math.nan if fails else 1)
+
+    return replace(SCENE, objective=objective)
+
+
+def test_strokes_get_better_and_stay_inside_their_limits() -> None:
+    strokes = some_strokes(20)
+    found, _ = optimize(strokes, SCENE, iterations=25)
+    assert judged(found) < 0.8 * judged(strokes)
+    assert len(found) == 20
+    found.check(SCENE.limits, CANVAS)
+    lightness = to_lab(found.color)[:, 0]
+    assert bool((lightness.diff() <= 1e-4).all())
+
+
+@pytest.mark.parametrize("pace", [1.0, 50.0])
+@pytest.mark.parametrize("iterations", [0, 1, 8])
+def test_what_comes_back_is_never_worse_however_wild_the_steps(pace: float, iterations: int) -> None:
+    for seed in range(3):
+        strokes = some_strokes(12, seed)
+        found, _ = optimize(strokes, SCENE, iterations=iterations, pace=pace)
+        assert judged(found) <= judged(strokes) + 1e-7
+        found.check(SCENE.limits, CANVAS)
+
+
+def test_without_iterations_strokes_stay_as_they_are() -> None:
+    strokes = some_strokes(9)
+    found, _ = optimize(strokes, SCENE, iterations=0)
+    for name in GROUPS:
+        assert torch.allclose(getattr(found, name), getattr(strokes, name), atol=1e-5)
+
+
+def test_no_strokes_are_no_trouble() -> None:
+    assert len(optimize(Strokes.empty(), SCENE, iterations=5)[0]) == 0
+
+
+def test_every_colour_is_of_the_palette_and_the_palette_may_move_or_not() -> None:
+    palette = torch.tensor([[0.9, 0.85, 0.8], [0.7, 0.3, 0.2], [0.1, 0.1, 0.2]])
+    paints = Paints(palette, torch.arange(15) // 5)
+    for vary in (True, False):
+        found, kept = optimize(some_strokes(15), SCENE, iterations=10, paints=paints, vary_colors=vary)
+        assert kept is not None and torch.allclose(found.color, kept.color[kept.paint], atol=1e-6)
+        assert bool(((kept.color >= 0) & (kept.color <= 1)).all())
+        assert torch.allclose(kept.color, palette, atol=1e-6) != vary
+        assert sorted(kept.paint.tolist()) == sorted(paints.paint.tolist())
+
+
+def test_any_order_may_be_kept() -> None:
+    strokes = some_strokes(8)[torch.arange(7, -1, -1)]
+    found, _ = optimize(strokes, SCENE, iterations=3, light_to_dark=False)
+    assert (to_lab(found.color)[:, 0].diff() >= -3).all()
+
+
+def test_the_third_step_that_is_not_finite_ends_it() -> None:
+    steps: list[Step] = []
+    with pytest.raises(PlanningDiverged, match=r"not finite in iteration 6, for the 3\. time.*another seed"):
+        optimize(some_strokes(10), turning_nan(after=4), iterations=30, notify=steps.append)
+    assert len(steps) == 4 and all(math.isfinite(step.loss) for step in steps)
+
+
+def test_a_loss_that_was_never_finite_ends_at_once() -> None:
+    with pytest.raises(PlanningDiverged, match="iteration 0"):
+        optimize(some_strokes(10), turning_nan(after=0), iterations=30)
+
+
+def test_one_step_that_is_not_finite_is_discarded_and_the_best_is_kept() -> None:
+    strokes = some_strokes(10)
+    found, _ = optimize(strokes, turning_nan(after=6, for_good=False), iterations=20)
+    assert judged(found) < 0.95 * judged(strokes)
+    found.check(SCENE.limits, CANVAS)
+    assert all(bool(torch.isfinite(part).all()) for part in found.arrays().values())
+
+
+def test_gradients_that_are_not_finite_never_reach_the_strokes() -> None:
+    def objective(picture: Tensor) -> Tensor:  # its slope at 0 is 0 x infinity
+        return SCENE.objective(picture) + 0 * (picture - picture.detach()).sqrt().mean()
+
+    with pytest.raises(PlanningDiverged):
+        optimize(some_strokes(10), replace(SCENE, objective=objective), iterations=10)
+
+
+def test_steps_are_told_one_by_one() -> None:
+    steps: list[Step] = []
+    strokes = some_strokes(5)
+    optimize(strokes, SCENE, iterations=6, notify=steps.append)
+    assert [(step.iteration, step.of) for step in steps] == [(number, 6) for number in range(1, 7)]
+    assert steps[0].loss == pytest.approx(judged(strokes), rel=1e-4)
+
+
+def test_strokes_given_are_not_touched() -> None:
+    strokes = some_strokes(6)
+    before = {name: part.clone() for name, part in strokes.arrays().items()}
+    optimize(strokes, SCENE, iterations=3)
+    assert all(torch.equal(before[name], part) for name, part in strokes.arrays().items())

@@ -1,0 +1,138 @@
+import math
+import time
+
+import pytest
+import torch
+
+from frida_painter.errors import PlanningDiverged
+from frida_painter.frames import PixelGrid
+from frida_painter.goal import Goal, ImageTerm
+from frida_painter.palette import to_lab
+from frida_painter.plan import Plan
+from frida_painter.planning.optimize import Step
+from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.scene import Scene
+from scenes import CANVAS, goal, small_table
+
+QUICK = Effort().scaled(0.1)
+BARE = torch.ones(3, 64, 85)
+
+
+def planner(seed: int = 0, effort: Effort = QUICK, wanted: Goal | None = None) -> Planner:
+    return Planner(wanted or goal(), CANVAS, small_table(), rows=64, effort=effort, seed=seed)
+
+
+def planned(count: int = 24, colors: int = 4, seed: int = 0, effort: Effort = QUICK) -> Plan:
+    return planner(seed, effort).plan(BARE, count, colors, lambda step: None)
+
+
+def test_a_plan_comes_near_its_goal_under_everything_that_it_was_asked_to_keep() -> None:
+    plan = planned()
+    by = planner()
+    assert by.judge(by.expected(plan, BARE)) < 0.4 * by.judge(BARE)
+    assert len(plan) == 24 and len(plan.palette) == 4
+    assert torch.equal(plan.strokes.color, plan.palette.color[plan.paint])
+    assert bool((plan.paint.diff() >= 0).all()), "from the lightest paint to the darkest"
+    assert bool((to_lab(plan.palette.color)[:, 0].diff() <= 0).all())
+    plan.strokes.check(plan.limits, CANVAS)
+    assert plan.brush == "small" and plan.canvas == CANVAS
+
+
+@pytest.mark.parametrize(("strokes", "colors"), [(1, 1), (2, 2), (3, 1), (3, 3), (32, 5)])
+def test_exactly_so_many_strokes_and_paints(strokes: int, colors: int) -> None:
+    plan = planned(strokes, colors, effort=Effort().scaled(0.02))
+    assert len(plan) == strokes and len(plan.palette) == colors
+
+
+def test_the_same_seed_makes_the_same_plan_bit_for_bit() -> None:
+    one, same, other = (planned(12, seed=seed) for seed in (5, 5, 6))
+    assert one.digest == same.digest != other.digest
+
+
+def test_the_plan_does_not_follow_the_state_of_the_world() -> None:
+    torch.manual_seed(1)
+    one = planned(8)
+    torch.manual_seed(2)
+    assert planned(8).digest == one.digest
+
+
+def test_iterations_are_told_in_one_count_to_the_last() -> None:
+    steps: list[Step] = []
+    by = planner()
+    by.plan(BARE, 10, 3, steps.append)
+    assert [step.iteration for step in steps] == list(range(1, by.iterations(10) + 1))
+    assert {step.of for step in steps} == {by.iterations(10)}
+
+
+def test_planning_again_keeps_the_palette_and_the_count_and_helps() -> None:
+    """Measured with three seeds: the goal comes nearer by 4, 6 and 13 %."""
+    by = planner(effort=Effort().scaled(0.3))
+    plan = by.plan(BARE, 24, 4, lambda step: None)
+    rest = plan.part(slice(12, None))
+    # A canvas on which something else happened than was planned: the first strokes lie 6 mm off.
+    painted = plan.part(slice(12)).strokes
+    moved = painted.with_groups(position=painted.position + 0.006).project(plan.limits, CANVAS)
+    canvas = by.expected(
+        Plan.of(moved, plan.palette, plan.paint[:12], canvas=CANVAS, brush="small", limits=plan.limits), BARE
+    )
+    again = by.replan(rest, canvas, lambda step: None)
+    assert len(again) == 12 and torch.equal(again.palette.color, plan.palette.color)
+    assert torch.equal(again.strokes.color, plan.palette.color[again.paint])
+    assert bool((again.paint.diff() >= 0).all())
+    assert by.judge(by.expected(again, canvas)) < 0.98 * by.judge(by.expected(rest, canvas))
+    again.strokes.check(plan.limits, CANVAS)
+
+
+def test_planning_again_is_never_worse_and_takes_photographs_of_any_size() -> None:
+    by, plan = planner(), planned(12)
+    photograph = torch.rand(3, 200, 266, generator=torch.Generator().manual_seed(0))
+    again = by.replan(plan, photograph, lambda step: None)
+    assert by.judge(by.expected(again, photograph)) <= by.judge(by.expected(plan, photograph))
+    assert len(by.replan(plan.part(slice(0, 0)), photograph, lambda step: None)) == 0
+
+
+def test_planning_again_the_same_gives_the_same() -> None:
+    by, plan = planner(), planned(12)
+    digests = {by.replan(plan, BARE * 0.9, lambda step: None).digest for _ in range(2)}
+    assert len(digests) == 1
+
+
+def test_planning_a_quarter_again_takes_a_small_part_of_the_work() -> None:
+    by = planner(effort=Effort().scaled(0.3))
+    plan = by.plan(BARE, 64, 6, lambda step: None)  # warm
+    started = time.process_time()
+    by.plan(BARE, 64, 6, lambda step: None)
+    whole, started = time.process_time() - started, time.process_time()
+    by.replan(plan.part(slice(48, None)), BARE, lambda step: None)
+    assert time.process_time() - started < whole / 3
+
+
+def test_where_planning_again_diverges_the_plan_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    by, plan = planner(), planned(8)
+    calls = 0
+
+    def broken(picture: torch.Tensor) -> torch.Tensor:
+        nonlocal calls
+        calls += 1
+        return (picture * (math.nan if calls > 3 else 1)).mean()
+
+    monkeypatch.setattr(
+        by, "_scene", lambda canvas, grid: Scene(torch.ones(3, grid.rows, grid.columns), CANVAS, by.model, broken)
+    )
+    assert by.replan(plan, BARE, lambda step: None) is plan
+    assert calls > 3
+
+
+def test_a_picture_that_is_not_finite_makes_no_plan() -> None:
+    image = torch.ones(3, 60, 80)
+    image[:, 20:30] = math.nan
+    with pytest.raises((PlanningDiverged, RuntimeError)):
+        planner(wanted=Goal((ImageTerm(image),))).plan(BARE, 8, 3, lambda step: None)
+
+
+def test_more_effort_is_more_iterations() -> None:
+    assert planner(effort=Effort().scaled(2)).iterations(50) == pytest.approx(
+        2 * planner(effort=Effort()).iterations(50), rel=0.05
+    )
+    assert planner(effort=Effort().scaled(0.001)).iterations(50) >= 10
+    assert planner().fine == PixelGrid.of_height(CANVAS, 64)

@@ -1,0 +1,92 @@
+import torch
+
+from frida_painter.planning.proposals import layers, pick, propose, weigh
+from frida_painter.planning.variables import Paints
+from frida_painter.strokes import Strokes
+from scenes import CANVAS, scene, some_strokes, target
+
+SCENE = scene(96)
+TARGET = target(SCENE)
+
+
+def squared_error(strokes: Strokes) -> float:
+    with torch.no_grad():
+        return float((TARGET - SCENE.render(strokes)).square().sum())
+
+
+def proposals(count: int, seed: int = 0) -> Strokes:
+    error = (TARGET - SCENE.canvas).square().sum(0)
+    return propose(error, count, SCENE.limits, CANVAS, torch.Generator().manual_seed(seed))
+
+
+def test_proposals_may_be_painted_and_lie_where_the_error_is() -> None:
+    found = proposals(500)
+    found.check(SCENE.limits, CANVAS)
+    middle = found.path(torch.tensor([0.5]))[:, 0] / torch.tensor([CANVAS.width, CANVAS.height])
+    on_disc = ((middle - torch.tensor([0.3, 0.6])).norm(dim=1) < 0.25).float().mean()
+    assert on_disc > 0.35, "a third of the error is in the dark disc, which is an eighth of the picture"
+
+
+def test_the_gain_of_a_stroke_on_a_blank_canvas_is_the_fall_of_the_squared_error() -> None:
+    """The gain is summed over a coarse mark, which costs a few per cent."""
+    under = layers(Strokes.empty(), SCENE, light_to_dark=True)
+    gain, colored, _ = weigh(proposals(60), under, TARGET, None, SCENE)
+    bare = squared_error(Strokes.empty())
+    fall = torch.tensor([bare - squared_error(colored[[number]]) for number in range(len(colored))])
+    assert (gain - fall).abs().mean() < 0.05 * fall.abs().mean()
+    assert abs(gain.sum() - fall.sum()) < 0.04 * fall.sum()
+
+
+def test_a_stroke_that_covers_takes_the_colour_that_gains_most() -> None:
+    under = layers(Strokes.empty(), SCENE, light_to_dark=True)
+    pressed = proposals(10, seed=2).with_groups(thickness=torch.full((10,), 0.9))
+    _, colored, _ = weigh(pressed, under, TARGET, None, SCENE)
+    for number in range(10):
+        mine = colored[[number]]
+        for change in (0.3, -0.3):
+            other = mine.with_groups(color=mine.color + change)
+            assert squared_error(mine) <= squared_error(other)
+
+
+def test_the_gain_of_a_stroke_among_others_is_foreseen_where_it_will_lie_in_the_order() -> None:
+    painted = some_strokes(12, seed=3)
+    under = layers(painted, SCENE, light_to_dark=True)
+    gain, colored, _ = weigh(proposals(60, seed=1), under, TARGET, None, SCENE)
+    place = under.place_of(colored.color)
+    before = squared_error(painted)
+    fall = torch.tensor(
+        [
+            before - squared_error(Strokes.join(painted[:at], colored[[number]], painted[at:]))
+            for number, at in enumerate(place.tolist())
+        ]
+    )
+    assert set(place.tolist()) > {0, 12}
+    assert (gain - fall).abs().mean() < 0.06 * fall.abs().mean()
+
+
+def test_with_paints_every_proposal_takes_one_of_them() -> None:
+    palette = torch.tensor([[0.9, 0.9, 0.8], [0.8, 0.2, 0.1], [0.1, 0.1, 0.3]])
+    under = layers(Strokes.empty(), SCENE, light_to_dark=True)
+    _, colored, paint = weigh(proposals(40), under, TARGET, Paints(palette, torch.zeros(0).long()), SCENE)
+    assert paint is not None and torch.equal(colored.color, palette[paint])
+    assert set(paint.tolist()) == {0, 1, 2}
+
+
+def test_layers_know_what_lies_below_and_how_much_shines_through_from_above() -> None:
+    painted = some_strokes(6)
+    under = layers(painted, SCENE, light_to_dark=True)
+    assert torch.equal(under.below[0], SCENE.canvas)
+    assert torch.allclose(under.below[-1], under.picture) and torch.allclose(under.picture, SCENE.render(painted))
+    assert bool((under.open[-1] == 1).all())
+    assert bool((under.open.diff(dim=0) >= -1e-6).all()), "the higher a layer, the more of it is seen"
+    top = layers(painted, SCENE, light_to_dark=False)
+    assert len(top.below) == 1 and bool((top.open == 1).all())
+
+
+def test_picked_strokes_gain_most_and_keep_clear_of_each_other() -> None:
+    found = proposals(80)
+    gain = torch.rand(80, generator=torch.Generator().manual_seed(0)) - 0.3
+    chosen = pick(found, gain, 6, SCENE.model)
+    assert 1 <= len(chosen) <= 6 and len(set(chosen.tolist())) == len(chosen)
+    assert chosen[0] == gain.argmax() and bool((gain[chosen] > 0).all()) and bool((gain[chosen].diff() <= 0).all())
+    assert len(pick(found, -gain.abs(), 6, SCENE.model)) == 0

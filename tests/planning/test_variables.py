@@ -1,0 +1,110 @@
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from frida_painter.palette import Palette, to_lab
+from frida_painter.planning.variables import Paints, Variables, as_palette
+from frida_painter.strokes import GROUPS
+from scenes import some_strokes
+
+F64 = torch.float64
+
+
+def random_paints(strokes: int, colors: int, seed: int) -> Paints:
+    chance = torch.Generator().manual_seed(seed)
+    color = torch.rand(colors, 3, generator=chance, dtype=F64)
+    return Paints(color, torch.randint(colors, (strokes,), generator=chance))
+
+
+@given(st.integers(1, 20), st.integers(0, 2**31), st.booleans())
+def test_strokes_come_back_from_the_variables_as_they_went_in(count: int, seed: int, ordered: bool) -> None:
+    strokes = some_strokes(count, seed, F64)
+    back = Variables(strokes, None, vary_colors=True, light_to_dark=ordered).strokes()
+    for name in GROUPS:
+        assert torch.allclose(getattr(back, name), getattr(strokes, name), rtol=0, atol=1e-12), name
+
+
+@given(st.integers(1, 20), st.integers(1, 5), st.integers(0, 2**31))
+def test_with_paints_every_stroke_has_the_colour_of_its_paint(count: int, colors: int, seed: int) -> None:
+    strokes, paints = some_strokes(count, seed, F64), random_paints(count, colors, seed)
+    variables = Variables(strokes, paints, vary_colors=True, light_to_dark=True)
+    assert torch.allclose(variables.strokes().color, paints.color[paints.paint], rtol=0, atol=1e-12)
+    kept = variables.paints()
+    assert kept is not None and torch.equal(kept.paint, paints.paint)
+    assert torch.allclose(kept.color, paints.color, rtol=0, atol=1e-12)
+
+
+@given(st.integers(1, 20), st.integers(0, 2**31), st.booleans())
+def test_the_order_goes_from_light_to_dark_and_keeps_equals_as_they_were(
+    count: int, seed: int, with_paints: bool
+) -> None:
+    strokes = some_strokes(count, seed)[torch.randperm(count, generator=torch.Generator().manual_seed(seed))]
+    chosen = random_paints(count, 3, seed)
+    paints = Paints(chosen.color.float(), chosen.paint) if with_paints else None
+    variables = Variables(strokes, paints, vary_colors=True, light_to_dark=True)
+    order = variables.order()
+    assert sorted(order.tolist()) == list(range(count))
+    # What the planner sorts by is the lightness of each paint, which float32 gives to a few millionths.
+    lightness = to_lab(variables.strokes().detach().color)[order, 0]
+    assert bool((lightness.diff() <= 1e-4).all())
+    if with_paints:
+        for paint in range(3):
+            mine = order[chosen.paint[order] == paint]
+            assert bool((mine.diff() > 0).all())
+
+
+def test_any_other_order_is_the_one_given() -> None:
+    variables = Variables(some_strokes(7), None, vary_colors=True, light_to_dark=False)
+    assert variables.order().tolist() == list(range(7))
+
+
+def test_colours_that_are_not_to_vary_are_no_leaves() -> None:
+    fixed = Variables(some_strokes(3), None, vary_colors=False, light_to_dark=True)
+    assert len(fixed.leaves) == 1 and fixed.leaves[0].shape == (3, 6)
+    assert len(Variables(some_strokes(3), None, vary_colors=True, light_to_dark=True).leaves) == 2
+
+
+def test_gradients_arrive_in_every_variable() -> None:
+    variables = Variables(some_strokes(4, dtype=F64), None, vary_colors=True, light_to_dark=True)
+
+    def everything(shape: torch.Tensor, color: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        variables.shape, variables.color = shape, color
+        return tuple(variables.strokes().arrays().values())
+
+    leaves = [leaf.detach().clone().requires_grad_() for leaf in variables.leaves]
+    assert torch.autograd.gradcheck(everything, tuple(leaves))
+
+
+def test_turning_a_stroke_leaves_its_middle_where_it_is() -> None:
+    strokes = some_strokes(6, dtype=F64)
+    variables = Variables(strokes, None, vary_colors=True, light_to_dark=True)
+    with torch.no_grad():
+        variables.shape[:, 2] += 5
+        variables.shape[:, 3] += 2
+    half = torch.tensor([0.5], dtype=F64)
+
+    def middle(of):  # half of the bend, where the variables hold a stroke, and not three quarters, where its path is
+        aside = torch.stack((-of.angle.sin(), of.angle.cos()), -1)
+        return of.path(half)[:, 0] - aside * of.bend[:, None] / 4
+
+    assert torch.allclose(middle(variables.strokes()), middle(strokes), rtol=0, atol=1e-12)
+
+
+@given(st.integers(1, 30), st.integers(1, 6), st.integers(0, 2**31))
+def test_as_palette_renumbers_paints_from_light_to_dark_and_loses_no_stroke(count: int, colors: int, seed: int) -> None:
+    strokes, chosen = some_strokes(count, seed), random_paints(count, colors, seed)
+    paints = Paints(chosen.color.float(), chosen.paint)
+    ordered, palette, paint = as_palette(strokes, paints)
+    lightness = palette.lab()[:, 0]
+    assert bool((lightness.diff() <= 0).all()) and bool((paint.diff() >= 0).all())
+    assert torch.equal(ordered.color, palette.color[paint])
+    before = sorted(zip(strokes.length.tolist(), paints.color[paints.paint].tolist(), strict=True))
+    after = sorted(zip(ordered.length.tolist(), ordered.color.tolist(), strict=True))
+    assert before == after
+
+
+def test_a_palette_that_left_srgb_is_brought_back() -> None:
+    paints = Paints(torch.tensor([[1.02, 0.5, -0.01]]), torch.zeros(2, dtype=torch.long))
+    assert as_palette(some_strokes(2), paints)[1].color[0].tolist() == pytest.approx([1.0, 0.5, 0.0])
+    assert isinstance(as_palette(some_strokes(2), paints)[1], Palette)
