@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationError, model_validator
+from pydantic.fields import FieldInfo
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError
@@ -51,9 +52,10 @@ class PaintingSettings(BaseModel):
 
     @model_validator(mode="after")
     def _fit_together(self) -> Self:
-        if self.colors > self.strokes:
+        given = self.model_fields_set
+        if "colors" in given and self.colors > self.strokes:
             raise ValueError(f"{self.colors} colors for {self.strokes} strokes; give at most as many colors as strokes")
-        if self.replans >= self.strokes:
+        if "replans" in given and self.replans >= self.strokes:
             raise ValueError(
                 f"{self.replans} replans for {self.strokes} strokes; "
                 f"there is a look between strokes only, so give at most {self.strokes - 1}"
@@ -62,11 +64,16 @@ class PaintingSettings(BaseModel):
 
     @classmethod
     def of(cls, **values: Any) -> Self:
-        """Checked settings. Raises ConfigError naming every fault."""
+        """Checked settings; of few strokes, as few colors and replans as fit where none were asked for.
+
+        Raises ConfigError naming every fault.
+        """
         try:
-            return cls(**values)
+            chosen = cls(**values)
         except ValidationError as error:
             raise ConfigError("; ".join(_sentence(fault) for fault in error.errors()) + ".") from error
+        fitting = {"colors": min(chosen.colors, chosen.strokes), "replans": min(chosen.replans, chosen.strokes - 1)}
+        return chosen.model_copy(update={name: value for name, value in fitting.items() if name not in values})
 
     @classmethod
     def from_toml(cls, path: Path, **overrides: Any) -> Self:
@@ -81,13 +88,30 @@ class PaintingSettings(BaseModel):
 
 def _sentence(fault: Any) -> str:
     """One fault of pydantic's in the words of the command line."""
-    name = "--" + "-".join(str(part) for part in fault["loc"]).replace("_", "-") if fault["loc"] else ""
-    message = fault["msg"].removeprefix("Value error, ")
+    message = fault["msg"].removeprefix("Value error, ").removesuffix(".")
+    if not fault["loc"]:
+        return message
+    field = str(fault["loc"][0])
     if fault["type"] == "extra_forbidden":
         known = ", ".join(sorted(PaintingSettings.model_fields))
-        return f"{fault['loc'][0]!r} is not a setting; there are {known}"
-    if not name:
-        return message
+        return f"{field[:40]!r} is not a setting; there are {known}"
+    name = f"--{field.replace('_', '-')}"
     if fault["type"] == "value_error":
-        return f"{name}: {message.removesuffix('.')}"
-    return f"{name} was given {fault['input']!r}: {message[0].lower()}{message[1:]}"
+        return f"{name}: {message}"
+    return f"{name} was given {_shortly(fault['input'])}; it is {_allowed(PaintingSettings.model_fields[field])}"
+
+
+def _allowed(field: FieldInfo) -> str:
+    """The values that a setting may have, in words."""
+    bounds = {name: getattr(part, name) for part in field.metadata for name in ("ge", "le") if hasattr(part, name)}
+    if not bounds:
+        return "a name or a path"
+    kind = "a whole number" if field.annotation is int else "a number"
+    if "le" not in bounds:
+        return f"{kind} of at least {bounds['ge']}"
+    return f"{kind} from {bounds['ge']} to {bounds['le']}"
+
+
+def _shortly(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."

@@ -1,6 +1,7 @@
 """The command line: parse, call, show. One module for each group of commands."""
 
 import sys
+from typing import Any
 
 import typer
 from rich.console import Console
@@ -9,6 +10,9 @@ from frida_painter.cli.painting import register
 from frida_painter.cli.strokes import build as strokes
 from frida_painter.errors import FridaError
 
+# Typer keeps the class of all errors of usage to itself; this one of its children is public.
+_UsageError: type[Exception] = typer.BadParameter.__bases__[0]
+
 
 def build() -> typer.Typer:
     """The command `frida-painter` with all that it can do."""
@@ -16,6 +20,7 @@ def build() -> typer.Typer:
         name="frida-painter",
         help="A robot that paints with you: it plans brush strokes, paints some, looks at the canvas, and plans again.",
         no_args_is_help=True,
+        add_completion=False,
         pretty_exceptions_enable=False,
         rich_markup_mode="rich",
         context_settings={"help_option_names": ["-h", "--help"]},
@@ -26,12 +31,32 @@ def build() -> typer.Typer:
 
 
 def main() -> None:
-    """Runs the command line: exit status 0 when done, 2 with one sentence when something has to be mended."""
+    """Runs the command line.
+
+    Exit status 0 when done, 2 with one sentence when something has to be mended, 130 when stopped.
+    """
     try:
-        build()()
+        status = build()(prog_name="frida-painter", standalone_mode=False)
     except FridaError as error:
-        Console(stderr=True, highlight=False, soft_wrap=True).print(f"[bold red]frida-painter:[/] {_plain(str(error))}")
-        sys.exit(2)
+        _complain(str(error))
+        status = 2
+    except _UsageError as error:
+        _complain(_advice(error))
+        status = 2
+    sys.exit(status)
+
+
+def _complain(message: str) -> None:
+    if message:
+        Console(stderr=True, highlight=False, soft_wrap=True).print(f"[bold red]frida-painter:[/] {_plain(message)}")
+
+
+def _advice(error: Any) -> str:
+    """What is wrong with the command itself, and where help is; nothing where the help was just shown."""
+    message = error.format_message().strip().rstrip(".")
+    if not message:
+        return ""
+    return f"{message}; `{error.ctx.command_path if error.ctx else 'frida-painter'} --help` tells what can be given."
 
 
 def _plain(message: str) -> str:

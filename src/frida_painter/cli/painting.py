@@ -17,6 +17,7 @@ from rich.console import Console
 
 from frida_painter import images, storage
 from frida_painter.brush.weights import load_stroke_model
+from frida_painter.cli.numbers import number, whole_number
 from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress, duration
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, Interrupted
@@ -48,34 +49,63 @@ Photo = Annotated[
 PlanFile = Annotated[
     Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
 ]
-Strokes = Annotated[int | None, typer.Option(help="How many brush strokes; exactly so many are painted. [dim]300[/]")]
-Colors = Annotated[int | None, typer.Option(help="How many paints to mix. [dim]12[/]")]
+Strokes = Annotated[
+    int | None,
+    typer.Option(
+        parser=whole_number, metavar="N", help="How many brush strokes; exactly so many are painted. [dim]300[/]"
+    ),
+]
+Colors = Annotated[
+    int | None, typer.Option(parser=whole_number, metavar="N", help="How many paints to mix. [dim]12[/]")
+]
 Canvas = Annotated[
     str | None,
     typer.Option(
+        metavar="SIZE",
         help="Width x height of the canvas in in, cm or mm, like 14x11in or 297x210mm. "
-        "[dim]14x11in, turned upright for an upright picture[/]"
+        "[dim]14x11in, turned upright for an upright picture[/]",
     ),
 ]
 Brush = Annotated[
     str | None,
-    typer.Option(help="The brush: fine, medium or broad, or a file of weights that you trained. [dim]broad[/]"),
+    typer.Option(
+        metavar="NAME", help="The brush: fine, medium or broad, or a file of weights that you trained. [dim]broad[/]"
+    ),
 ]
 RenderHeight = Annotated[
-    int | None, typer.Option(help="Rows of the picture in which is planned: more is finer and slower. [dim]256[/]")
+    int | None,
+    typer.Option(
+        parser=whole_number,
+        metavar="ROWS",
+        help="Rows of the picture in which is planned: more is finer and slower. [dim]256[/]",
+    ),
 ]
-Replans = Annotated[int | None, typer.Option(help="How often to look at the canvas and plan the rest again. [dim]4[/]")]
+Replans = Annotated[
+    int | None,
+    typer.Option(
+        parser=whole_number, metavar="N", help="How often to look at the canvas and plan the rest again. [dim]4[/]"
+    ),
+]
 EffortOption = Annotated[
-    float | None, typer.Option("--effort", help="How long to think: 2 plans twice as long, 0.5 half. [dim]1[/]")
+    float | None,
+    typer.Option(
+        "--effort", parser=number, metavar="X", help="How long to think: 2 plans twice as long, 0.5 half. [dim]1[/]"
+    ),
 ]
 Seed = Annotated[
-    int | None, typer.Option(help="Another seed gives another painting; the same gives the same. [dim]0[/]")
+    int | None,
+    typer.Option(
+        parser=whole_number,
+        metavar="N",
+        help="Another seed gives another painting; the same gives the same. [dim]0[/]",
+    ),
 ]
 SettingsFile = Annotated[
-    Path | None, typer.Option("--settings", help="A TOML file with these settings, like: strokes = 300")
+    Path | None, typer.Option("--settings", metavar="FILE", help="A TOML file with these settings, like: strokes = 300")
 ]
 Out = Annotated[
-    Path | None, typer.Option(help="The folder for everything that is made. [dim]paintings/NAME-DATE-TIME[/]")
+    Path | None,
+    typer.Option(metavar="FOLDER", help="The folder for everything that is made. [dim]paintings/NAME-DATE-TIME[/]"),
 ]
 
 
@@ -107,13 +137,14 @@ def paint(
     tells the story. Ctrl-C stops after the current stroke and keeps what was made.
     """
     target, chosen = _prepare(photo, settings, locals())
-    folder = _new_folder(out, photo, needed=200 * 2**20)
     console = Console(stderr=True, highlight=False)
     glimpses = min(chosen.strokes, 120) if film else 0
     with ExitStack() as stack:
         stop = stack.enter_context(_stopping())
         started = time.monotonic()
         planner = open_planner(chosen, Goal((ImageTerm(target),)))
+        easel = open_studio(chosen.canvas, planner.model.brush, seed=chosen.seed).easel
+        folder = _new_folder(out, photo, needed=200 * 2**20)
         rhythm = Rhythm(chosen.replans, glimpses)
         effort_per_replan = planner.effort.refining + planner.effort.replanning
         forecast = Forecast(
@@ -122,7 +153,6 @@ def paint(
         bar = stack.enter_context(PaintingProgress(console, forecast))
         occasion = _occasion(photo, target, chosen)
         recorder = stack.enter_context(Recorder(folder, occasion, planner.model, glimpses))
-        easel = open_studio(chosen.canvas, planner.model.brush, seed=chosen.seed).easel
         stack.callback(easel.robot.close)
         easel.robot.connect()
         stack.callback(easel.camera.close)
@@ -157,10 +187,10 @@ def plan(
 ) -> None:
     """Plan the strokes for a photograph without painting: the plan, a picture of it, and the palette to mix."""
     target, chosen = _prepare(photo, settings, {**locals(), "replans": 0})
-    folder = _new_folder(out, photo, needed=20 * 2**20)
     with ExitStack() as stack:
         stop = stack.enter_context(_stopping())
         planner = open_planner(chosen, Goal((ImageTerm(target),)))
+        folder = _new_folder(out, photo, needed=20 * 2**20)
         bar = stack.enter_context(PlanningProgress(Console(stderr=True, highlight=False)))
 
         def hear(step: Step) -> None:
@@ -182,8 +212,13 @@ def plan(
 
 def render(
     plan: PlanFile,
-    height: Annotated[int, typer.Option(help="Rows of the picture: any size, from a stamp to a poster.")] = 1080,
-    out: Annotated[Path, typer.Option(help="The picture to write, .png or .jpg.")] = Path("render.png"),
+    height: Annotated[
+        int,
+        typer.Option(
+            parser=whole_number, metavar="ROWS", help="Rows of the picture: any size, from a stamp to a poster."
+        ),
+    ] = 1080,
+    out: Annotated[Path, typer.Option(metavar="FILE", help="The picture to write, .png or .jpg.")] = Path("render.png"),
 ) -> None:
     """Draw a plan as a picture of any size, as the simulation of the brush sees it."""
     if not 16 <= height <= 10_000:
@@ -203,17 +238,21 @@ def render(
 def export(
     plan: PlanFile,
     to: Annotated[
-        ExportFormat, typer.Option("--to", help="svg: for Inkscape and plotters; csv: a table.")
+        ExportFormat, typer.Option("--to", metavar="KIND", help="svg: for Inkscape and plotters; csv: a table.")
     ] = ExportFormat.svg,
-    out: Annotated[Path | None, typer.Option(help="The file to write. [dim]strokes.svg or strokes.csv[/]")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The file to write. [dim]strokes.svg or strokes.csv[/]")
+    ] = None,
     regroup: Annotated[
         bool,
         typer.Option(help="One layer per paint even where paints come back later (changes what lies on top)."),
     ] = False,
 ) -> None:
     """Write the strokes of a plan in millimetres: SVG with a layer per paint, or CSV with a row per stroke."""
-    loaded = Plan.load(plan)
     path = out or Path(f"strokes.{to.value}")
+    if path.suffix.lower() != f".{to.value}":
+        raise ConfigError(f"--out was given {str(path)!r}; with --to {to.value} the file ends in .{to.value}.")
+    loaded = Plan.load(plan)
     if to is ExportFormat.svg:
         widths = mark_widths(loaded.strokes, load_stroke_model(loaded.brush))
         storage.write_text(path, svg(loaded, widths, keep_order=not regroup))

@@ -11,12 +11,13 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.train import TrainingProgress, train
+from frida_painter.cli.numbers import whole_number
 from frida_painter.errors import ConfigError
 from frida_painter.session.opening import blank_papers
 from frida_painter.session.paint_library import LibraryProgress, paint_library
 
-BrushName = Annotated[str, typer.Option(help="The brush: fine, medium or broad.")]
-SeedOption = Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Of every random choice.")]
+BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
+SeedOption = Annotated[int, typer.Option(min=0, max=2**31 - 1, metavar="N", help="Of every random choice.")]
 
 
 def build() -> typer.Typer:
@@ -29,9 +30,13 @@ def build() -> typer.Typer:
 
 def paint(
     brush: BrushName = "broad",
-    count: Annotated[int, typer.Option(help="How many strokes; about 200 are enough.")] = 200,
+    count: Annotated[
+        int, typer.Option(parser=whole_number, metavar="N", help="How many strokes; about 200 are enough.")
+    ] = 200,
     seed: SeedOption = 0,
-    out: Annotated[Path, typer.Option(help="The stroke library to write (.npz).")] = Path("library.npz"),
+    out: Annotated[Path, typer.Option(metavar="FILE", help="The stroke library to write (.npz).")] = Path(
+        "library.npz"
+    ),
 ) -> None:
     """Paint single strokes of all shapes in the virtual studio, photograph each, and keep them as a library."""
     kind = brush_kind(brush)
@@ -50,7 +55,9 @@ def train_model(
     library: Annotated[Path, typer.Argument(metavar="LIBRARY", help="A stroke library (.npz).")],
     brush: BrushName = "broad",
     seed: SeedOption = 0,
-    out: Annotated[Path, typer.Option(help="The weights to write.")] = Path("weights.safetensors"),
+    out: Annotated[Path, typer.Option(metavar="FILE", help="The weights to write (.safetensors).")] = Path(
+        "weights.safetensors"
+    ),
 ) -> None:
     """Train the stroke model on a library: which mark a stroke of given thickness, length and bend leaves."""
     if out.suffix != ".safetensors":

@@ -22,11 +22,12 @@ from frida_painter.report.story import Comparison, Download, Look, Phase, Story,
 from frida_painter.session.events import Dipped, Event, Glimpsed, Looked, Planned, PlanningStep, Stopped
 from frida_painter.session.loop import Painting
 
+_RESULT = "result.json"
 _DOWNLOADS = (
     Download("plan.json", "the plan, to render or export again (belongs with its .safetensors file)"),
     Download("strokes.svg", "the strokes in millimetres, one layer per paint"),
     Download("strokes.csv", "the strokes as a table"),
-    Download("result.json", "all figures, for programs"),
+    Download(_RESULT, "all figures, for programs"),
 )
 
 
@@ -106,8 +107,9 @@ class Recorder:
         images.save(painting.photograph, self.folder / "painting.png")
         comparisons = self._compare(painting.photograph, self._first_expected)
         story = self._story(self._plan, painting.painted, comparisons)
+        page = write_page(story, self.folder)
         self._write_result(self._plan, painting.painted, comparisons)
-        return write_page(story, self.folder)
+        return page
 
     def _keep_plan(self, event: Planned) -> None:
         """The plan on disk is always the whole one: the strokes painted, then those still to come."""
@@ -187,7 +189,7 @@ class Recorder:
 
     def _write_result(self, plan: Plan, painted: int, comparisons: tuple[Comparison, ...]) -> None:
         storage.write_json(
-            self.folder / "result.json",
+            self.folder / _RESULT,
             {
                 "format": "frida-painter result",
                 "version": 1,
@@ -209,6 +211,6 @@ class Recorder:
                     {"strokes": look.strokes, "loss_before": look.loss_before, "loss_after": look.loss_after}
                     for look in self._looks
                 ],
-                "files": sorted(path.name for path in self.folder.iterdir() if not path.name.startswith(".")),
+                "files": sorted({path.name for path in self.folder.iterdir() if path.name[0] != "."} | {_RESULT}),
             },
         )

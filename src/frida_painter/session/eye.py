@@ -41,11 +41,14 @@ class Eye:
     def _fresh(self, last_motion: float) -> Frame:
         """A photograph taken after the last motion, never one that was seen before; tried three times."""
         for _ in range(_ATTEMPTS):
-            frame = self.easel.camera.capture(last_motion)
+            try:
+                frame = self.easel.camera.capture(last_motion)
+            except StaleFrame:
+                continue
             if frame.captured_at > last_motion and frame.sequence > self._last_sequence:
                 self._last_sequence = frame.sequence
                 return frame
         raise StaleFrame(
-            f"The camera gave photograph {frame.sequence} of {frame.captured_at:.1f} s {_ATTEMPTS} times; the arm "
-            f"moved until {last_motion:.1f} s. Look whether the camera is still connected, and start again."
+            f"The camera was asked {_ATTEMPTS} times and gave no new photograph taken after the arm's last motion "
+            f"(at {last_motion:.1f} s). Look whether the camera is still connected, and start again."
         )
