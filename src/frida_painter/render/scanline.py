@@ -1,7 +1,8 @@
 """The renderer on the CPU: compiled scanlines that touch only the pixels which strokes cover.
 
 Equals `reference.composite`. The geometry is in spans.py, the loops are in kernels.py, and
-docs/renderer.md tells why the gradients are what they are.
+docs/renderer.md tells why the gradients are what they are. Nothing in here computes with torch,
+whose own threads spin for a while after each operation and would take the cores from the scanlines'.
 """
 
 from collections.abc import Callable, Iterator
@@ -82,7 +83,7 @@ class _Scanline(torch.autograd.Function):
             None if to_map is None else torch.from_numpy(to_map),
             None if to_affine is None else torch.from_numpy(to_affine),
             torch.from_numpy(color_parts.sum(0)) if wants_color else None,
-            gradient * torch.from_numpy(through) if wants_canvas else None,
+            torch.from_numpy(g * through) if wants_canvas else None,
         )
 
 
@@ -91,7 +92,7 @@ def _lay(
 ) -> tuple[Tensor, Tensor, Spans]:
     """The picture, the packed coverages (all of them if they are to be kept), and where they lie."""
     maps, places, paints = _array(magnitude), _array(affine), _array(color)
-    picture = canvas.detach().clone(memory_format=torch.contiguous_format)
+    picture = _array(canvas).copy()
     _, height, width = canvas.shape
     marks = find_spans(places, painted_boxes(maps), range(height), width)
     pixels = marks.offset[marks.segment]  # [n + 1], where each stroke's packed pixels begin
@@ -103,11 +104,11 @@ def _lay(
         for first, last in batches:
             base = 0 if keep else int(pixels[first])
             team.share(range(first, last), kernels.sample, maps, places, columns, marks, base, alpha)
-            team.share(range(bands), kernels.blend, (first, last), marks, base, alpha, paints, picture.numpy())
+            team.share(range(bands), kernels.blend, (first, last), marks, base, alpha, paints, picture)
     # The reference lays 0 times the paint everywhere, so what is not finite spoils the whole picture.
     if not (np.isfinite(places).all() and np.isfinite(paints).all()):
-        picture.fill_(torch.nan)
-    return picture, kept, marks
+        picture.fill(np.nan)
+    return torch.from_numpy(picture), kept, marks
 
 
 def _strips(affine: Array, boxes: Array, shape: tuple[int, ...]) -> Iterator[tuple[range, Spans]]:
