@@ -17,6 +17,7 @@ from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.initialize import Growth, progressive
 from frida_painter.planning.optimize import Step, optimize
+from frida_painter.planning.placement import Placement, locate
 from frida_painter.planning.refine import discretize, relocate
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints, as_palette
@@ -132,7 +133,8 @@ class Planner:
         generator = torch.Generator().manual_seed(self.seed + len(rest))
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
         steps = _Progress(notify, self.effort.refining + self.effort.replanning)
-        paints: Paints | None = Paints(rest.palette.color, rest.paint)
+        # Never back to a lighter paint: it would pick up the dark paint that is still wet.
+        paints: Paints | None = Paints(rest.palette.color, rest.paint, first=int(rest.paint.min()))
         found, paints = relocate(
             rest.strokes,
             paints,
@@ -148,6 +150,11 @@ class Planner:
             )
         assert paints is not None
         return self._as_plan(found, rest.palette, paints.paint)
+
+    def locate(self, painted: Plan, known: Placement, before: Tensor, seen: Tensor) -> Placement:
+        """Where strokes really land, from those just painted and the canvas [3, H, W] before and after them."""
+        scene = self._scene(before, self.coarse)
+        return locate(painted.strokes, known, scene, images.fit(seen, *scene.canvas.shape[1:]))
 
     def expected(self, plan: Plan, canvas: Tensor) -> Tensor:
         """The canvas [3, H, W] as it would look after the plan."""

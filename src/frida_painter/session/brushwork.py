@@ -13,6 +13,7 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.plan import Plan
+from frida_painter.planning.placement import Placement
 from frida_painter.session.events import Dipped, StrokePainted
 
 _ARRIVED = 0.002
@@ -33,11 +34,13 @@ class Brushwork:
     """Paints plans on an easel, stroke by stroke.
 
     The brush is refilled before it runs out, by the area it has painted, and rinsed, wiped and
-    dipped anew where the colour changes (paper, "Robot Setup Details").
+    dipped anew where the colour changes (paper, "Robot Setup Details"). The robot is sent beside
+    where a stroke is meant to be by as much as `placement` says that strokes land beside it.
     """
 
     easel: Easel
     brush: BrushKind
+    placement: Placement = field(default_factory=Placement.unknown)
     last_motion: float = field(default=0.0, init=False)
     _paint: int | None = field(default=None, init=False)
     _left: float = field(default=0.0, init=False)
@@ -77,7 +80,7 @@ class Brushwork:
         self._paint = None
 
     def _actions(self, plan: Plan, already_done: int, of: int) -> Iterator[Action]:
-        motion = Motion(self.easel.workspace, self.easel.calibration)
+        motion = Motion(self.easel.workspace, self.placement.corrected(self.easel.calibration, self.easel.canvas))
         strokes = plan.strokes.detach().to(torch.float64)
         areas = strokes.length * self.brush.width * (0.25 + 0.75 * strokes.thickness)
         on_brush, left = self._paint, self._left

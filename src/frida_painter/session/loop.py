@@ -88,10 +88,11 @@ class PaintingSession:
             self._rest = self._plan(canvas, strokes, colors)
             self._mix(self._rest)
             for batch_size in self.rhythm.batches(strokes):
-                expected = self.planner.expected(self._rest.part(slice(batch_size)), canvas)
+                batch, before = self._rest.part(slice(batch_size)), canvas
                 self._rest = self._paint(self._rest, batch_size, strokes)
                 canvas = self._look()
-                self._notify(Looked(canvas, expected, self._painted))
+                self._notify(Looked(canvas, self.planner.expected(batch, before), self._painted))
+                self._aim(batch, before, canvas)
                 self._rest = self._replan(self._rest, canvas)
         except _StopAsked:
             self._notify(Stopped(self._painted))
@@ -127,6 +128,10 @@ class PaintingSession:
                     self._notify(Glimpsed(self._look(GLIMPSE_ROWS), self._painted, of, action.done.color))
                 self._heed_stop()
         return rest.part(slice(count, None))
+
+    def _aim(self, painted: Plan, before: Tensor, canvas: Tensor) -> None:
+        """Sees where the strokes landed, so that the next ones land where they are meant to."""
+        self.brushwork.placement = self.planner.locate(painted, self.brushwork.placement, before, canvas)
 
     def _replan(self, rest: Plan, canvas: Tensor) -> Plan:
         if len(rest) == 0:

@@ -1,0 +1,143 @@
+from dataclasses import replace
+
+import pytest
+import torch
+
+from easels import CALIBRATION, CANVAS, NotingRobot, PatientCamera, stub_easel
+from frida_painter.brush.kinds import BrushKind
+from frida_painter.errors import PoseMismatch, WorkspaceViolation
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.events import Dipped, StrokePainted
+from frida_painter.strokes import StrokeLimits, Strokes
+
+LIMITS = StrokeLimits((0.01, 0.03), (-0.008, 0.008))
+BRUSH = BrushKind("small", LIMITS, 0.008)
+
+
+def plan(paint: list[int], length: float = 0.02, thickness: float = 0.5) -> Plan:
+    n = len(paint)
+    strokes = Strokes(
+        torch.tensor([[0.03, 0.04]]).expand(n, 2),
+        torch.zeros(n),
+        torch.full((n,), length),
+        torch.zeros(n),
+        torch.full((n,), thickness),
+        torch.zeros(n, 3),
+    )
+    palette = Palette(torch.tensor([[0.9, 0.9, 0.9], [0.5, 0.5, 0.5], [0.1, 0.1, 0.1]]))
+    return Plan.of(strokes, palette, torch.tensor(paint), canvas=CANVAS, brush="small", limits=LIMITS)
+
+
+def painted(brushwork: Brushwork, which: Plan, done: int = 0) -> list[str]:
+    """What the robot was told, after the plan has been painted."""
+    for action in brushwork.prepare(which, done, done + len(which)):
+        brushwork.perform(action)
+    return brushwork.easel.robot.labels()
+
+
+def dipped(brushwork: Brushwork, which: Plan) -> list[Dipped]:
+    actions = brushwork.prepare(which, 0, len(which))
+    return [action.done for action in actions if isinstance(action.done, Dipped)]
+
+
+def test_a_clean_brush_dips_before_the_first_stroke_and_is_not_cleaned() -> None:
+    told = painted(Brushwork(stub_easel(), BRUSH), plan([1]))
+    assert told == ["dip into well 2", "stroke 1"]
+
+
+def test_the_brush_is_rinsed_wiped_and_dipped_where_the_colour_changes() -> None:
+    brushwork = Brushwork(stub_easel(), BRUSH)
+    told = painted(brushwork, plan([0, 1, 1, 2], length=0.01, thickness=0.0))
+    clean = 2 * ["rinse", "wipe"]
+    assert told == [
+        *("dip into well 1", "stroke 1"),
+        *(*clean, "dip into well 2", "stroke 2", "stroke 3"),
+        *(*clean, "dip into well 3", "stroke 4"),
+    ]
+    cleaned = [done.cleaned for done in dipped(Brushwork(stub_easel(), BRUSH), plan([0, 1, 1, 2]))]
+    assert cleaned[0] is False and cleaned.count(True) == 2
+
+
+def test_a_batch_goes_on_with_what_the_batch_before_left_on_the_brush() -> None:
+    brushwork = Brushwork(stub_easel(), BRUSH)
+    painted(brushwork, plan([0], length=0.01, thickness=0.0))
+    told = painted(brushwork, plan([0, 1], length=0.01, thickness=0.0), done=1)
+    assert told[2] == "stroke 2"
+    assert told[3:] == ["rinse", "wipe", "rinse", "wipe", "dip into well 2", "stroke 3"]
+
+
+def test_the_brush_is_refilled_by_the_area_it_has_painted() -> None:
+    def dips(length: float, thickness: float) -> int:
+        return len(dipped(Brushwork(stub_easel(), BRUSH), plan(12 * [0], length, thickness)))
+
+    assert dips(0.03, 1.0) == 12, "the largest mark takes a dip of its own"
+    assert dips(0.01, 0.0) < dips(0.012, 0.3) < dips(0.03, 1.0)
+    assert dips(0.01, 0.0) <= 3, "small marks, of a twelfth of the largest, share one"
+
+
+def test_between_two_dips_no_more_is_painted_than_a_dip_holds_unless_by_one_stroke() -> None:
+    actions = Brushwork(stub_easel(), BRUSH).prepare(plan(30 * [0], 0.017, 0.3), 0, 30)
+    since, strokes = 0.0, 0
+    for action in actions:
+        if isinstance(action.done, Dipped):
+            since, strokes = 0.0, 0
+        else:
+            since, strokes = since + action.area, strokes + 1
+            assert strokes == 1 or since <= 0.6 * 0.03 * 0.008 + 1e-12
+
+
+def test_strokes_are_told_by_their_number_and_colour() -> None:
+    done = [action.done for action in Brushwork(stub_easel(), BRUSH).prepare(plan([0, 2]), 7, 20)]
+    strokes = [one for one in done if isinstance(one, StrokePainted)]
+    assert [(one.done, one.of) for one in strokes] == [(8, 20), (9, 20)]
+    assert strokes[1].color == pytest.approx((0.1, 0.1, 0.1))
+
+
+def test_cleaning_leaves_no_paint_on_the_brush() -> None:
+    brushwork = Brushwork(stub_easel(), BRUSH)
+    painted(brushwork, plan([0], length=0.01))
+    brushwork.clean()
+    told = painted(brushwork, plan([0], length=0.01))
+    assert told == ["dip into well 1", "stroke 1", "rinse", "wipe", "dip into well 1", "stroke 1"]
+
+
+def test_a_robot_that_is_not_where_it_was_sent_stops_the_painting() -> None:
+    robot = NotingRobot(astray=0.005)
+    brushwork = Brushwork(stub_easel(robot), BRUSH)
+    actions = brushwork.prepare(plan([0, 1]), 0, 2)
+    with pytest.raises(PoseMismatch, match=r"dip into well 1: .* 5\.0 mm from where it was sent; allowed are 2 mm"):
+        brushwork.perform(actions[0])
+    assert len(robot.motions) == 1
+    robot.astray = float("nan")
+    with pytest.raises(PoseMismatch):
+        brushwork.perform(actions[1])
+
+
+def test_a_hair_s_breadth_is_forgiven() -> None:
+    painted(Brushwork(stub_easel(NotingRobot(astray=0.0015)), BRUSH), plan([0, 1]))
+
+
+def test_nothing_of_a_batch_is_sent_where_one_waypoint_lies_outside() -> None:
+    astray = replace(CALIBRATION, placement=((1.0, 0.0, 0.0), (0.0, 1.0, 0.9), (0.0, 0.0, 1.0)))
+    easel = replace(stub_easel(), calibration=astray)
+    with pytest.raises(WorkspaceViolation, match=r"stroke 1: y = .*Nothing was sent"):
+        Brushwork(easel, BRUSH).prepare(plan([0, 1, 2]), 0, 3)
+    assert easel.robot.motions == []
+
+
+def test_a_paint_without_a_well_is_refused_before_anything_moves() -> None:
+    easel = stub_easel()
+    fewer = replace(easel, workspace=replace(easel.workspace, wells=easel.workspace.wells[:2]))
+    with pytest.raises(WorkspaceViolation, match="2 wells"):
+        Brushwork(fewer, BRUSH).prepare(plan([0, 1, 2]), 0, 3)
+    assert fewer.robot.motions == []
+
+
+def test_the_time_of_the_last_motion_is_the_robot_s() -> None:
+    brushwork = Brushwork(stub_easel(NotingRobot(now=100.0), PatientCamera()), BRUSH)
+    brushwork.step_aside()
+    assert brushwork.last_motion == 101.0
+    painted(brushwork, plan([0]))
+    assert brushwork.last_motion == 103.0

@@ -1,0 +1,219 @@
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from torch import Tensor
+
+from easels import NotingRobot, stub_easel
+from frida_painter.brush.kinds import BrushKind
+from frida_painter.errors import PoseMismatch
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.planning.optimize import Step
+from frida_painter.planning.placement import Placement
+from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.events import (
+    Dipped,
+    Event,
+    Glimpsed,
+    Looked,
+    Planned,
+    PlanningStep,
+    Stopped,
+    StrokePainted,
+)
+from frida_painter.session.eye import Eye
+from frida_painter.session.loop import Painting, PaintingSession, Rhythm
+from marks import SMALL
+from scenes import CANVAS, some_strokes
+
+BRUSH = BrushKind("small", SMALL.limits, SMALL.width)
+
+
+@dataclass
+class NotingPlanner:
+    """Plans random strokes in two steps, plans again by turning them, and notes how many it was given."""
+
+    model = None
+    asked: list[int] = field(default_factory=list)
+    canvases: list[Tensor] = field(default_factory=list)
+    located: list[int] = field(default_factory=list)
+
+    def plan(self, canvas: Tensor, strokes: int, colors: int, notify: Callable[[Step], None]) -> Plan:
+        notify(Step(1, 2, 0.5))
+        notify(Step(2, 2, 0.4))
+        palette = Palette.ordered(torch.rand(colors, 3, generator=torch.Generator().manual_seed(1)))
+        paint = torch.arange(strokes) * colors // strokes
+        return Plan.of(some_strokes(strokes), palette, paint, canvas=CANVAS, brush="small", limits=SMALL.limits)
+
+    def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None]) -> Plan:
+        self.asked.append(len(rest))
+        self.canvases.append(canvas)
+        notify(Step(1, 1, 0.3))
+        return rest
+
+    def locate(self, painted: Plan, known: Placement, before: Tensor, seen: Tensor) -> Placement:
+        self.located.append(len(painted))
+        return replace(known, error=(0.001 * len(self.located), 0.0, 0.0))
+
+    def expected(self, plan: Plan, canvas: Tensor) -> Tensor:
+        return torch.full((3, 48, 64), len(plan) / 100)
+
+    def judge(self, picture: Tensor) -> float:
+        return float(picture.mean())
+
+
+@dataclass
+class Evening:
+    """One painting on the stub easel, and everything that was heard of it."""
+
+    strokes: int
+    replans: int = 1
+    glimpses: int = 0
+    colors: int = 1
+    stop_at: Callable[[Event], bool] = lambda event: False
+    robot: NotingRobot = field(default_factory=NotingRobot)
+    planner: NotingPlanner = field(default_factory=NotingPlanner)
+    heard: list[Event] = field(default_factory=list)
+    stopping: bool = False
+
+    def run(self) -> Painting:
+        self.easel = stub_easel(self.robot)
+        session = PaintingSession(
+            self.planner,  # type: ignore[arg-type]
+            Brushwork(self.easel, BRUSH),
+            Eye(self.easel, (1.0, 1.0, 1.0)),
+            Rhythm(self.replans, self.glimpses),
+            stop_asked=lambda: self.stopping,
+            notify=self._hear,
+        )
+        return session.run(self.strokes, self.colors)
+
+    def _hear(self, event: Event) -> None:
+        self.heard.append(event)
+        self.stopping = self.stopping or self.stop_at(event)
+
+    def kinds(self, *leaving_out: type) -> list[str]:
+        return [type(event).__name__ for event in self.heard if not isinstance(event, leaving_out)]
+
+    def painted(self) -> list[int]:
+        """The strokes that the robot painted, by number."""
+        return [int(label.split()[1]) for label in self.robot.labels() if label.startswith("stroke")]
+
+
+@given(st.integers(1, 2000), st.integers(0, 2500))
+def test_batches_sum_up_exactly_and_differ_by_one_at_most(strokes: int, replans: int) -> None:
+    batches = Rhythm(replans, 0).batches(strokes)
+    assert sum(batches) == strokes
+    assert len(batches) == min(replans + 1, strokes)
+    assert max(batches) - min(batches) <= 1 and min(batches) >= 1
+
+
+@given(st.integers(1, 500), st.integers(0, 150))
+def test_the_film_gets_as_many_glimpses_as_it_asked_for_and_the_last_stroke_is_one(strokes: int, wanted: int) -> None:
+    rhythm = Rhythm(0, min(wanted, strokes))
+    seen = [done for done in range(1, strokes + 1) if rhythm.wants_glimpse(done, strokes)]
+    assert len(seen) == min(wanted, strokes)
+    assert not seen or seen[-1] == strokes
+
+
+@pytest.mark.parametrize(("strokes", "replans"), [(1, 0), (1, 4), (3, 1), (7, 3), (5, 50), (12, 11)])
+def test_exactly_so_many_strokes_are_painted(strokes: int, replans: int) -> None:
+    evening = Evening(strokes, replans)
+    painting = evening.run()
+    assert painting.painted == strokes and painting.rest is not None and len(painting.rest) == 0
+    assert evening.painted() == list(range(1, strokes + 1))
+
+
+def test_events_come_in_the_order_in_which_things_happen() -> None:
+    evening = Evening(4, replans=1, colors=2)
+    evening.run()
+    assert evening.kinds(PlanningStep, Dipped) == [
+        *("Planned", "PaintsWanted", "StrokePainted", "StrokePainted", "Looked", "Planned"),
+        *("StrokePainted", "StrokePainted", "Looked"),
+    ]
+    assert [event.paint for event in evening.heard if isinstance(event, Dipped)][:1] == [0]
+    phases = [(event.phase, event.iteration) for event in evening.heard if isinstance(event, PlanningStep)]
+    assert phases == [("plan", 1), ("plan", 2), ("replan", 1)]
+    assert [event.done for event in evening.heard if isinstance(event, Looked | Planned)] == [0, 2, 2, 4]
+    assert evening.heard[-1].expected.mean() == pytest.approx(0.02), "what the last two strokes were to make of it"
+
+
+def test_what_is_left_is_planned_again_from_what_was_seen_after_each_batch() -> None:
+    evening = Evening(10, replans=4)
+    evening.run()
+    assert evening.planner.asked == [8, 6, 4, 2]
+    looks = [event.photograph for event in evening.heard if isinstance(event, Looked)]
+    assert all(seen is canvas for seen, canvas in zip(looks, evening.planner.canvases, strict=False))
+
+
+def test_after_each_batch_the_robot_is_sent_where_strokes_land_as_they_are_meant_to() -> None:
+    aimed = Evening(6, replans=2)
+    aimed.run()
+    assert aimed.planner.located == [2, 2, 2]
+    straight = Evening(6, replans=0)
+    straight.run()
+    starts = [
+        [motion.position[0] for motion in evening.robot.motions if motion.label.startswith("stroke")]
+        for evening in (aimed, straight)
+    ]
+    moved = [math.dist(one, other) for one, other in zip(*starts, strict=True)]
+    assert moved == pytest.approx([0.0, 0.0, 0.001, 0.001, 0.002, 0.002])
+
+
+def test_the_arm_steps_aside_before_every_look_and_the_brush_ends_clean() -> None:
+    evening = Evening(6, replans=2, glimpses=6)
+    evening.run()
+    labels = evening.robot.labels()
+    glimpses = sum(isinstance(event, Glimpsed) for event in evening.heard)
+    assert glimpses == 6
+    assert labels.count("home") == 1 + 6 + 3 + 1, "the bare canvas, six glimpses, three looks, the last photograph"
+    assert labels[-3:] == ["rinse", "wipe", "home"]
+
+
+def test_wells_are_filled_once_before_the_first_dip() -> None:
+    evening = Evening(5, replans=3, colors=3)
+    evening.run()
+    assert len(evening.easel.attendant.palettes) == 1 and len(evening.easel.attendant.palettes[0]) == 3
+    assert evening.kinds(PlanningStep).index("PaintsWanted") < evening.kinds(PlanningStep).index("Dipped")
+
+
+@pytest.mark.parametrize("stroke", [1, 4, 5, 9])
+def test_a_stop_is_heeded_after_the_stroke_and_everything_is_kept(stroke: int) -> None:
+    evening = Evening(9, replans=2, stop_at=lambda event: isinstance(event, StrokePainted) and event.done == stroke)
+    painting = evening.run()
+    assert painting.painted == stroke and evening.painted() == list(range(1, stroke + 1))
+    assert painting.rest is not None and len(painting.rest) == 9 - stroke
+    assert painting.photograph.shape[0] == 3
+    assert evening.heard[-1] == Stopped(stroke)
+    assert evening.robot.labels()[-3:] == ["rinse", "wipe", "home"]
+
+
+def test_what_is_kept_after_a_stop_are_the_strokes_that_were_still_to_come() -> None:
+    evening = Evening(9, replans=1, stop_at=lambda event: isinstance(event, StrokePainted) and event.done == 3)
+    painting = evening.run()
+    first = next(event.plan for event in evening.heard if isinstance(event, Planned))
+    assert painting.rest is not None
+    assert torch.equal(painting.rest.strokes.position, first.strokes.position[3:])
+
+
+def test_a_stop_while_planning_paints_nothing() -> None:
+    evening = Evening(9, stop_at=lambda event: isinstance(event, PlanningStep))
+    painting = evening.run()
+    assert painting.painted == 0 and painting.rest is None and evening.painted() == []
+    assert evening.kinds() == ["PlanningStep", "Stopped"]
+
+
+def test_a_stop_while_planning_again_keeps_the_plan_as_it_was() -> None:
+    evening = Evening(9, stop_at=lambda event: isinstance(event, PlanningStep) and event.phase == "replan")
+    painting = evening.run()
+    assert painting.painted == 4 and painting.rest is not None and len(painting.rest) == 5
+
+
+def test_a_robot_that_lies_ends_the_painting() -> None:
+    with pytest.raises(PoseMismatch):
+        Evening(4, robot=NotingRobot(astray=0.01)).run()
