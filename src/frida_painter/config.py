@@ -39,7 +39,7 @@ class PaintingSettings(BaseModel):
     the default amount of planning, 2 twice as much; seed: of every random choice.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
 
     strokes: int = Field(300, ge=1, le=20_000)
     colors: int = Field(12, ge=1, le=24)

@@ -1,0 +1,109 @@
+import re
+from pathlib import Path
+
+import pytest
+
+from frida_painter.config import PaintingSettings
+from frida_painter.errors import ConfigError
+from frida_painter.frames import CanvasSize
+
+
+def fault(**values: object) -> str:
+    with pytest.raises(ConfigError) as refused:
+        PaintingSettings.of(**values)
+    return str(refused.value)
+
+
+def test_without_a_wish_everything_has_its_default() -> None:
+    chosen = PaintingSettings.of()
+    assert (chosen.strokes, chosen.colors, chosen.replans, chosen.brush) == (300, 12, 4, "broad")
+    assert str(chosen.canvas) == "356 x 279 mm"
+
+
+def test_few_strokes_bring_their_own_colors_and_replans() -> None:
+    assert PaintingSettings.of(strokes=3).colors == 3
+    assert [PaintingSettings.of(strokes=count).replans for count in (1, 2, 5, 300)] == [0, 1, 4, 4]
+    assert PaintingSettings.of(strokes=3, colors=2, replans=1).colors == 2
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"strokes": 0}, "--strokes was given 0; it is a whole number from 1 to 20000"),
+        ({"strokes": 10_000_000}, "from 1 to 20000"),
+        ({"strokes": 3.5}, "--strokes was given 3.5; it is a whole number"),
+        ({"strokes": "many"}, "--strokes was given 'many'"),
+        ({"colors": 0}, "--colors was given 0; it is a whole number from 1 to 24"),
+        ({"replans": -1}, "--replans was given -1; it is a whole number of at least 0"),
+        ({"seed": -1}, "--seed was given -1; it is a whole number from 0 to 2147483647"),
+        ({"effort": float("nan")}, "--effort was given nan; it is a number from 0.05 to 20"),
+        ({"effort": float("inf")}, "--effort was given inf"),
+        ({"render_height": 0}, "--render-height was given 0; it is a whole number from 64 to 2048"),
+        ({"canvas": "0x0mm"}, "--canvas: A canvas 0 mm wide was given; each side is from 30 to 3000 mm"),
+        ({"canvas": "100x100m"}, "100000 mm wide"),
+        ({"canvas": "nanxnanmm"}, "'nanxnanmm' is not understood; give width x height with a unit"),
+        ({"canvas": float("nan")}, "'nan' is not understood"),
+        ({"brush": ""}, "--brush was given ''; it is a name or a path"),
+        ({"colour": 3}, "'colour' is not a setting; there are brush, canvas, colors"),
+        ({"strokes": 5, "colors": 6}, "6 colors for 5 strokes; give at most as many colors as strokes"),
+        ({"strokes": 5, "colors": 5, "replans": 5}, "5 replans for 5 strokes; .* at most 4"),
+        ({"strokes": "x" * 10_000}, r"--strokes was given 'x{36}\.\.\.; it is"),
+    ],
+)
+def test_what_is_not_allowed_is_named_with_what_is(values: dict[str, object], says: str) -> None:
+    message = fault(**values)
+    assert re.search(says, message), message
+    assert message.endswith(".") and len(message) < 300 and "\n" not in message
+
+
+def test_all_faults_are_named_at_once() -> None:
+    message = fault(strokes=0, colors=99, effort=-1.0)
+    assert all(name in message for name in ("--strokes", "--colors", "--effort"))
+
+
+def toml(tmp_path: Path, content: str | bytes) -> Path:
+    path = tmp_path / "settings.toml"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def test_a_file_is_read_and_the_command_line_goes_before_it(tmp_path: Path) -> None:
+    path = toml(tmp_path, 'strokes = 50\ncolors = 5\ncanvas = "30x20cm"\neffort = 0.5\n')
+    chosen = PaintingSettings.from_toml(path, colors=7)
+    assert (chosen.strokes, chosen.colors, chosen.effort) == (50, 7, 0.5)
+    assert chosen.canvas == CanvasSize.parse("300x200mm")
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("strokes = ", "is not TOML"),
+        ("strokes = 5\nstrokes = 6", "is not TOML"),
+        (b"strokes = \xff", "is not TOML"),
+        ("strokes = nan", "--strokes was given nan"),
+        ("effort = nan", "--effort was given nan"),
+        ("stroks = 5", "'stroks' is not a setting"),
+        ("[strokes]\nmany = 1", "--strokes was given"),
+        ("strokes = true\ncolors = 5", "--strokes was given True"),
+        ("x = " + "[" * 10_000, "is not TOML"),
+    ],
+)
+def test_a_file_with_faults_is_refused_in_a_sentence(tmp_path: Path, content: str | bytes, says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        PaintingSettings.from_toml(toml(tmp_path, content))
+
+
+def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="does not exist"):
+        PaintingSettings.from_toml(tmp_path / "settings.toml")
+    with pytest.raises(ConfigError, match="cannot be read"):
+        PaintingSettings.from_toml(tmp_path)
+    with pytest.raises(ConfigError, match="at most"):
+        PaintingSettings.from_toml(toml(tmp_path, "#" * (2**20 + 1)))
+
+
+def test_settings_become_plain_values_and_come_back() -> None:
+    chosen = PaintingSettings.of(canvas="297x210mm", strokes=20)
+    plain = chosen.model_dump(mode="json")
+    assert plain["canvas"] == "297x210mm"
+    assert PaintingSettings.of(**plain) == chosen
