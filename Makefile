@@ -2,7 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PHOTO ?= examples/photographs/cat.jpg
+PHOTO ?= examples/photographs/coffee.jpg
 
 .PHONY: paint test quick lint install clean
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -78,7 +78,7 @@ def optimize(
     order = variables.order()
     found = variables.paints()
     if found is not None:
-        found = Paints(found.color, found.paint[order])
+        found = replace(found, paint=found.paint[order])
     return variables.strokes().detach()[order], found
 
 

@@ -107,7 +107,7 @@ def weigh(
     color = (alpha * wanted).sum(2) / alpha.sum(2).clamp(min=1e-6)
     paint = None
     if paints is not None:
-        paint = torch.cdist(to_lab(color), to_lab(paints.color)).argmin(1)
+        paint = paints.first + torch.cdist(to_lab(color), to_lab(paints.color[paints.first :])).argmin(1)
         color = paints.color[paint]
     layer = under.place_of(color)
     gain = torch.empty(len(proposals))

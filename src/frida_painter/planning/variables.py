@@ -7,7 +7,7 @@ index computed from their lightness; the variables themselves never change place
 optimiser's memory stays with its stroke.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -22,10 +22,14 @@ _COLOR_UNIT = 0.03
 
 @dataclass(frozen=True)
 class Paints:
-    """Colours bound to a palette: stroke i is painted in color[paint[i]]; color [k, 3] sRGB, paint [n]."""
+    """Colours bound to a palette: stroke i is painted in color[paint[i]]; color [k, 3] sRGB, paint [n].
+
+    No stroke that is placed anew takes a paint numbered below `first`.
+    """
 
     color: Tensor
     paint: Tensor
+    first: int = 0
 
 
 class Variables:
@@ -41,6 +45,7 @@ class Variables:
         self.shape = self._shape_of(strokes).requires_grad_()  # [n, 6]
         free = strokes.color if paints is None else paints.color
         self.color = (free.detach().clone() / _COLOR_UNIT).requires_grad_(vary_colors)  # [n or k, 3]
+        self._paints = paints
         self.paint = None if paints is None else paints.paint
         self.light_to_dark = light_to_dark
 
@@ -71,7 +76,7 @@ class Variables:
 
     def paints(self) -> Paints | None:
         """The palette's colours and each stroke's paint, as they stand."""
-        return None if self.paint is None else Paints(self.color.detach() * _COLOR_UNIT, self.paint)
+        return None if self._paints is None else replace(self._paints, color=self.color.detach() * _COLOR_UNIT)
 
     def set_(self, strokes: Strokes) -> None:
         """Takes over the strokes' shapes (and, where colours are free, their colours)."""
