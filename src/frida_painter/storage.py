@@ -140,9 +140,12 @@ def read_tensors(
 def require_space(folder: Path, needed: int) -> None:
     """Raises StorageError unless the disk of `folder` (which may not exist yet) has `needed` bytes free."""
     existing = folder
-    while not existing.exists():
-        existing = existing.parent
-    free = shutil.disk_usage(existing).free
+    try:
+        while not existing.exists():
+            existing = existing.parent
+        free = shutil.disk_usage(existing).free
+    except OSError as error:
+        raise _cannot_write(folder, error) from error
     if free < needed:
         raise StorageError(
             f"{folder} is on a disk with {free // 2**20} MB free; this painting needs {needed // 2**20} MB; "

@@ -1,6 +1,20 @@
 """Numbers as a person types them: what is not one is told so in a sentence."""
 
+from collections.abc import Callable
+
 import typer
+
+
+def whole_number_within(least: int, most: int) -> Callable[[str], int]:
+    """Reads whole numbers from `least` to `most`. What it makes raises typer.BadParameter."""
+
+    def read(text: str) -> int:
+        value = whole_number(text)
+        if not least <= value <= most:
+            raise typer.BadParameter(f"{value} is not from {least} to {most}")
+        return value
+
+    return read
 
 
 def whole_number(text: str) -> int:

@@ -11,13 +11,15 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.train import TrainingProgress, train
-from frida_painter.cli.numbers import whole_number
+from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
 from frida_painter.session.opening import blank_papers
-from frida_painter.session.paint_library import LibraryProgress, paint_library
+from frida_painter.session.paint_library import MOST_STROKES, LibraryProgress, paint_library
 
 BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
-SeedOption = Annotated[int, typer.Option(min=0, max=2**31 - 1, metavar="N", help="Of every random choice.")]
+SeedOption = Annotated[
+    int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Of every random choice.")
+]
 
 
 def build() -> typer.Typer:
@@ -31,7 +33,10 @@ def build() -> typer.Typer:
 def paint(
     brush: BrushName = "broad",
     count: Annotated[
-        int, typer.Option(parser=whole_number, metavar="N", help="How many strokes; about 200 are enough.")
+        int,
+        typer.Option(
+            parser=whole_number_within(1, MOST_STROKES), metavar="N", help="How many strokes; about 200 are enough."
+        ),
     ] = 200,
     seed: SeedOption = 0,
     out: Annotated[Path, typer.Option(metavar="FILE", help="The stroke library to write (.npz).")] = Path(

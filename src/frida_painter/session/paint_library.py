@@ -27,6 +27,7 @@ from frida_painter.strokes import Strokes
 
 BLACK = 0.04
 PAPER = 1.0
+MOST_STROKES = 10_000
 _FINER = 3
 _NOISE_FLOOR = 0.04
 
@@ -55,8 +56,10 @@ def paint_library(
     brush. The brush is refilled before every stroke. Raises ConfigError where the paper is too
     small for one stroke, RobotError, CameraError and their kinds.
     """
-    if not 1 <= count <= 10_000:
-        raise ConfigError(f"{count} strokes were asked for the library; it takes 1 to 10000, and about 200 are enough.")
+    if not 1 <= count <= MOST_STROKES:
+        raise ConfigError(
+            f"{count} strokes were asked for the library; it takes 1 to {MOST_STROKES}, and about 200 are enough."
+        )
     shapes = _sample_shapes(kind, count, seed)
     crops: list[NDArray[np.uint8]] = []
     sheet = _Sheet(next_sheet(0), kind)

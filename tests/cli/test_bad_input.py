@@ -1,0 +1,252 @@
+"""Whatever is wrong with what a person gives is said in one sentence, and nothing is made or changed."""
+
+import hashlib
+import json
+import shutil
+from collections import namedtuple
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+from safetensors.torch import load_file, save
+
+from frida_painter import cli, storage
+from frida_painter.brush.table import StrokeTable, TableDetail
+from plans import made_up_plan
+
+MOST_WIDE = 40_000
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
+    """Runs the command in this process, and returns its exit status."""
+    monkeypatch.setattr("sys.argv", ["frida-painter", *words])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    return int(end.value.code or 0)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path): path.read_bytes() if path.is_file() else b"" for path in sorted(folder.rglob("*"))}
+
+
+@pytest.fixture
+def refuse(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """refuse(word, ...): the one sentence that the command answers with; fails if anything was made or changed."""
+    monkeypatch.chdir(tmp_path)
+    # Some faults are found when the brush is already in the hand; a coarse one is there sooner.
+    coarse = SimpleNamespace(of=lambda model: StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8)))
+    monkeypatch.setattr("frida_painter.session.opening.StrokeTable", coarse)
+
+    def refused(*words: str) -> str:
+        before = contents(tmp_path)
+        status = run(monkeypatch, *words)
+        told = capsys.readouterr()
+        assert status == 2, (told.out, told.err)
+        assert told.out == ""
+        assert told.err.startswith("frida-painter: ") and told.err.endswith("\n")
+        message = told.err.removeprefix("frida-painter: ").rstrip("\n")
+        assert message and "\n" not in message and "Traceback" not in message and len(message) < 450
+        assert contents(tmp_path) == before
+        return message
+
+    return refused
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> str:
+    path = tmp_path / "photo.png"
+    shade = np.linspace(0, 255, 40 * 30, dtype=np.uint8).reshape(30, 40)
+    Image.fromarray(shade).convert("RGB").save(path)
+    return str(path)
+
+
+@pytest.mark.parametrize("command", ["paint", "plan"])
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--strokes", "0"), ("--strokes was given 0", "from 1 to 20000")),
+        (("--strokes", "10000000"), ("10000000", "from 1 to 20000")),
+        (("--strokes", "many"), ("'--strokes'", "'many' is not a whole number")),
+        (("--strokes",), ("--strokes", "requires an argument")),
+        (("--colors", "0"), ("--colors was given 0", "from 1 to 24")),
+        (("--strokes", "5", "--colors", "6"), ("6 colors for 5 strokes",)),
+        (("--canvas", "0x0mm"), ("canvas 0 mm wide", "from 30 to 3000 mm")),
+        (("--canvas", "100x100m"), ("100000 mm wide", "from 30 to 3000 mm")),
+        (("--canvas", "nanxnanmm"), ("'nanxnanmm'", "give width x height with a unit")),
+        (("--canvas", "14x11"), ("'14x11'", "unit")),
+        (("--effort", "nan"), ("--effort was given nan", "from 0.05 to 20")),
+        (("--effort", "much"), ("'much' is not a number",)),
+        (("--seed", "-1"), ("--seed was given -1", "from 0 to 2147483647")),
+        (("--render-height", "0"), ("--render-height was given 0", "from 64 to 2048")),
+        (("--brush", "hairy"), ("hairy",)),
+        (("--brush", "photo.png"), ("photo.png",)),
+        (("--brush", "pickle.pt"), ("pickle.pt", "not safetensors")),
+        (("--settings", "nowhere.toml"), ("nowhere.toml does not exist",)),
+        (("--settings", "odd.toml"), ("'stroks' is not a setting", "there are brush")),
+        (("--settings", "nan.toml"), ("--effort was given nan",)),
+        (("--settings", "twice.toml"), ("twice.toml is not TOML",)),
+        (("--out", "photo.png"), ("photo.png",)),
+        (("--out", "photo.png/inside"), ("cannot be written", "--out")),
+        (("--out", "/proc/painting"), ("/proc/painting",)),
+        (("--out", "full"), ("full is not empty", "nothing there is overwritten")),
+        (("--out", "x" * 300), ("cannot be written",)),
+        (("--colour", "3"), ("--colour",)),
+    ],
+)  # fmt: skip
+def test_wishes_that_cannot_be_fulfilled(
+    command: str, words: tuple[str, ...], says: tuple[str, ...], refuse: Callable[..., str], photo: str, tmp_path: Path
+) -> None:
+    (tmp_path / "odd.toml").write_text("stroks = 300")
+    (tmp_path / "nan.toml").write_text("effort = nan")
+    (tmp_path / "twice.toml").write_text("seed = 1\nseed = 2")
+    torch.save({"weights": torch.zeros(3)}, tmp_path / "pickle.pt")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "letter.txt").write_text("dear")
+    message = refuse(command, photo, *words)
+    assert all(part in message for part in says), message
+
+
+@pytest.mark.parametrize("replans", ["5", "6", "10000000"])
+def test_more_replans_than_there_are_looks(replans: str, refuse: Callable[..., str], photo: str) -> None:
+    message = refuse("paint", photo, "--strokes", "5", "--colors", "2", "--replans", replans)
+    assert f"{replans} replans for 5 strokes" in message and "at most 4" in message
+
+
+@pytest.mark.parametrize("command", ["paint", "plan"])
+def test_photographs_that_are_none(command: str, refuse: Callable[..., str], tmp_path: Path, photo: str) -> None:
+    whole = tmp_path / "whole.jpg"
+    Image.effect_noise((200, 150), 80).convert("RGB").save(whole)
+    (tmp_path / "cut.jpg").write_bytes(whole.read_bytes()[:2000])
+    (tmp_path / "text.jpg").write_text("This is a letter and no photograph.\n")
+    Image.new("1", (MOST_WIDE, 16)).save(tmp_path / "wide.png")
+    (tmp_path / "empty.png").write_bytes(b"")
+    says = {
+        "nowhere.jpg": "does not exist",
+        "text.jpg": "is a text, not a picture",
+        "cut.jpg": "is a damaged picture",
+        "wide.png": f"is {MOST_WIDE} x 16 pixels; a picture has at most 30000",
+        "empty.png": "is empty",
+        ".": "is a folder",
+    }
+    for name, part in says.items():
+        assert part in refuse(command, name), name
+    assert "PHOTO" in refuse(command)
+
+
+@pytest.mark.parametrize("command", ["paint", "plan"])
+def test_a_full_disk(command: str, refuse: Callable[..., str], photo: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage(2**40, 2**40 - 2**20, 2**20))
+    message = refuse(command, photo, "--out", "new", "--strokes", "5")
+    assert "1 MB free" in message and "needs" in message and "--out" in message
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Path:
+    made_up_plan(12, 3).save(tmp_path / "kept" / "plan.json")
+    return tmp_path / "kept" / "plan.json"
+
+
+def mended(path: Path, **changes: object) -> None:
+    """Changes a plan and mends its checksum."""
+    storage.write_json(path, {**json.loads(path.read_text()), **changes})
+
+
+def with_tensors(path: Path, change: Callable[[dict[str, torch.Tensor]], None]) -> None:
+    """Changes a plan's tensors and mends every hash there is."""
+    beside = next(path.parent.glob("*.safetensors"))
+    tensors = load_file(beside)
+    change(tensors)
+    content = save(tensors)
+    beside.write_bytes(content)
+    mended(path, tensors_sha256=hashlib.sha256(content).hexdigest())
+
+
+def half(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def one_digit(path: Path) -> None:
+    path.write_text(path.read_text().replace('"strokes": 12', '"strokes": 13'))
+
+
+def swapped(path: Path) -> None:
+    def swap(tensors: dict[str, torch.Tensor]) -> None:
+        tensors["length"], tensors["bend"] = tensors["bend"], tensors["length"]
+
+    with_tensors(path, swap)
+
+
+def not_numbers(path: Path) -> None:
+    with_tensors(path, lambda tensors: tensors["angle"].fill_(float("nan")))
+
+
+def another_s(path: Path) -> None:
+    made_up_plan(12, 3, seed=9).save(path.parent / "other.json")
+    other = next(path.parent.glob("other-*.safetensors"))
+    shutil.move(other, next(path.parent.glob("plan-*.safetensors")))
+
+
+@pytest.mark.parametrize("command", ["render", "export"])
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (half, "cut off or not JSON"),
+        (one_digit, "was changed after it was written"),
+        (lambda path: mended(path, version=2), "of version 2; this program reads version 1"),
+        (lambda path: mended(path, strokes=10_000_000), "at most 100000"),
+        (lambda path: half(next(path.parent.glob("*.safetensors"))), "sha256 differs"),
+        (another_s, "sha256 differs"),
+        (swapped, "Stroke 0 has length"),
+        (not_numbers, "not finite in 'angle'"),
+        (lambda path: mended(path, canvas_m=[100.0, 100.0]), "out of range"),
+        (lambda path: path.write_text("{}"), "it has no checksum"),
+        (lambda path: path.write_bytes(b"\x80\x04\x95"), "plan.json"),
+        (lambda path: path.unlink(), "does not exist"),
+        (lambda path: mended(path, brush="hairy"), "does not belong to the strokes"),
+    ],
+)  # fmt: skip
+def test_plans_that_are_damaged_edited_or_of_the_future(
+    command: str, damage: Callable[[Path], None], says: str, refuse: Callable[..., str], plan: Path
+) -> None:
+    damage(plan)
+    assert says in refuse(command, str(plan.parent))
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("render", "kept", "--height", "0"), "--height was given 0; it is from 16 to 10000"),
+        (("render", "kept", "--height", "20000"), "from 16 to 10000"),
+        (("render", "kept", "--height", "nan"), "'nan' is not a whole number"),
+        (("render", "kept", "--out", "picture"), "'picture'; the picture ends in .png or .jpg"),
+        (("render", "kept", "--out", "picture.gif"), "ends in .png or .jpg"),
+        (("render", "kept", "--height", "32", "--out", "kept/plan.json/p.png"), "cannot be written"),
+        (("render", "kept", "--height", "32", "--out", "/proc/p.png"), "cannot be written"),
+        (("export", "kept", "--to", "pdf"), "'pdf' is not one of"),
+        (("export", "kept", "--out", "strokes"), "with --to svg the file ends in .svg"),
+        (("export", "kept", "--to", "csv", "--out", "strokes.svg"), "the file ends in .csv"),
+        (("export", "kept", "--out", "kept/plan.json/s.svg"), "cannot be written"),
+        (("render",), "PLAN"),
+        (("nothing",), "No such command 'nothing'"),
+        (("strokes", "nothing"), "No such command 'nothing'"),
+        (("strokes", "paint", "--count", "0"), "0 is not from 1 to 10000"),
+        (("strokes", "paint", "--count", "some"), "'some' is not a whole number"),
+        (("strokes", "paint", "--brush", "hairy"), "brushes are fine, medium, broad"),
+        (("strokes", "paint", "--seed", "-1"), "-1 is not from 0 to 2147483647"),
+        (("strokes", "train", "kept/plan.json"), "plan.json"),
+        (("strokes", "train", "kept/plan.json", "--out", "weights"), "end in .safetensors"),
+    ],
+)  # fmt: skip
+def test_other_commands(words: tuple[str, ...], says: str, refuse: Callable[..., str], plan: Path) -> None:
+    message = refuse(*words)
+    assert says in message, message
+
+
+def test_control_characters_in_names_do_not_reach_the_terminal(refuse: Callable[..., str]) -> None:
+    assert "\x1b" not in refuse("paint", "bad\x1b[31mname.jpg")
+    assert "[red]name.jpg" in refuse("paint", "[red]name.jpg")
