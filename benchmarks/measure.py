@@ -1,0 +1,128 @@
+"""What the benchmarks share: clocks, what was measured on, and tables for the terminal and for the docs."""
+
+import argparse
+import json
+import os
+import platform
+import re
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import skimage.data
+import torch
+from rich.console import Console
+from rich.table import Table as TerminalTable
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.goal import Goal, ImageTerm
+from frida_painter.objectives.base import prepare
+from frida_painter.planning.scene import Scene
+
+CANVAS_HEIGHT = 0.2794
+LIBRARIES = ("torch", "numpy", "numba", "scikit-learn", "opencv-python-headless")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Figures as they are shown: a title, columns, rows of text, and what has to be said about them."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    notes: Sequence[str] = ()
+
+    def markdown(self) -> str:
+        lines = [" | ".join(row) for row in (self.columns, ["---"] * len(self.columns), *self.rows)]
+        return "\n".join(["**" + self.title + "**", "", *(f"| {line} |" for line in lines), "", *self.notes])
+
+
+def cpu_seconds(work: Callable[[], object]) -> float:
+    """CPU seconds that this process spends on the work, in all its threads."""
+    start = time.process_time()
+    work()
+    return time.process_time() - start
+
+
+def wall_seconds(work: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def hardware() -> str:
+    """Processor, cores and memory of this machine, in one line."""
+    names = re.findall(r"model name\s*:\s*(.+)", _read("/proc/cpuinfo"))
+    memory = re.search(r"MemTotal:\s+(\d+) kB", _read("/proc/meminfo"))
+    parts = [names[0] if names else platform.machine(), f"{os.cpu_count()} cores"]
+    if memory:
+        parts.append(f"{int(memory[1]) / 2**20:.0f} GB")
+    return ", ".join(parts)
+
+
+def versions() -> dict[str, str]:
+    return {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}}
+
+
+def _read(path: str) -> str:
+    return Path(path).read_text() if Path(path).exists() else ""
+
+
+def arguments(description: str | None) -> argparse.ArgumentParser:
+    """What every benchmark understands."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", type=Path, help="also write the tables and figures there")
+    parser.add_argument("--quick", action="store_true", help="a tiny run that only shows that everything works")
+    return parser
+
+
+def publish(tables: Sequence[Table], figures: object, options: argparse.Namespace) -> None:
+    """Shows the tables and what they were measured on, and writes them if that was asked for."""
+    console = Console(width=130, highlight=False)
+    for table in tables:
+        shown = TerminalTable(*table.columns, title=table.title)
+        for row in table.rows:
+            shown.add_row(*row)
+        console.print(shown, *table.notes, sep="\n")
+    record = {"hardware": hardware(), "versions": versions()}
+    console.print(record["hardware"], ", ".join(f"{name} {number}" for name, number in versions().items()), sep="; ")
+    if options.json:
+        content = {**record, "tables": [asdict(table) for table in tables], "figures": figures}
+        options.json.write_text(json.dumps(content, indent=2))
+
+
+def photograph(name: str) -> Tensor:
+    """One of scikit-image's photographs as sRGB [3, H, W] in [0, 1]."""
+    pixels: np.ndarray = getattr(skimage.data, name)()
+    return torch.from_numpy(np.ascontiguousarray(pixels[..., :3])).permute(2, 0, 1).float() / 255
+
+
+def canvas_like(picture: Tensor) -> CanvasSize:
+    """A canvas 11 inches high with the proportions of a picture."""
+    return CanvasSize(CANVAS_HEIGHT * picture.shape[2] / picture.shape[1], CANVAS_HEIGHT)
+
+
+def blank_scene(picture: Tensor, size: CanvasSize, rows: int, model: StrokeTable) -> tuple[Scene, Tensor]:
+    """A bare white canvas of that many rows on which the picture is wanted, and the picture fitted to it."""
+    grid = PixelGrid.of_height(size, rows)
+    objective = prepare(Goal((ImageTerm(picture),)), grid)
+    return Scene(torch.ones(3, grid.rows, grid.columns), size, model, objective), images.fit(
+        picture, grid.rows, grid.columns
+    )
+
+
+def broad_brush() -> StrokeTable:
+    """The stroke model of the shipped broad brush, as the planner uses it."""
+    return StrokeTable.of(load_stroke_model("broad"))
+
+
+def psnr(loss: float) -> float:
+    """Peak signal to noise of a mean squared error, in dB."""
+    return -10 * float(np.log10(loss))
