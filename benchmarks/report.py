@@ -1,0 +1,142 @@
+"""Runs all benchmarks, one after another, and writes docs/benchmarks.md from what they find.
+
+    python benchmarks/report.py [--only iteration planning ...] [--keep]
+
+Every benchmark leaves its figures in .benchmarks/NAME.json; those that are not run are taken from
+there. --keep runs none. Leave the machine alone meanwhile: wall time suffers from everything else.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from measure import Table
+
+ROOT = Path(__file__).parent.parent
+FIGURES = ROOT / ".benchmarks"
+PAGE = ROOT / "docs" / "benchmarks.md"
+OPENING = """# Benchmarks
+
+What the painter is measured by. `make benchmarks` repeats everything here and writes this page; each section names the
+command that prints its table alone. CPU time is that of one thread unless a table says otherwise.
+"""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A benchmark, and what its part of the page says beside the tables."""
+
+    name: str
+    heading: str
+    text: str
+    options: tuple[str, ...] = ()
+
+    @property
+    def command(self) -> str:
+        return " ".join(["python", f"benchmarks/{self.name}.py", *self.options])
+
+    @property
+    def file(self) -> Path:
+        return FIGURES / f"{self.name}.json"
+
+    def run(self) -> None:
+        command = [sys.executable, str(ROOT / "benchmarks" / f"{self.name}.py"), *self.options]
+        subprocess.run([*command, "--json", str(self.file)], check=True, cwd=ROOT)
+
+    def markdown(self) -> str:
+        head = f"## {self.heading}\n\n`{self.command}`\n\n{self.text}\n"
+        if not self.file.exists():
+            return f"{head}\n*Not measured yet.*\n"
+        record = json.loads(self.file.read_text())
+        tables = [Table(**table) for table in record["tables"]] if "tables" in record else [rendering(record)]
+        return "\n".join([head, *(f"{table.markdown()}\n" for table in tables)])
+
+
+SECTIONS = (
+    Section(
+        "render",
+        "Rendering",
+        "Forward and backward, with gradients to everything, of the fast renderers against the full-canvas reference.\n"
+        "Wanted of the scanlines: at least 100x and 1/50 of the memory, better 200x and 1/150; of the slices in plain\n"
+        "PyTorch: at least 20x, better 40x. [The renderer](renderer.md) tells how it works.",
+    ),
+    Section(
+        "iteration",
+        "One iteration of the planner",
+        "`optimize()`, divided by the number of its iterations, against an iteration as the paper describes it\n"
+        "(`benchmarks/original.py`): a module per stroke, the network in a batch of one, its map padded to the full\n"
+        "canvas, warped, made RGBA, and laid down, stroke after stroke; L2, backward, Adam. It is leaner than the\n"
+        "original program, which took 10.1 s for the same on a machine of this kind.",
+    ),
+    Section(
+        "planning",
+        "How good a plan becomes",
+        "Photographs of scikit-image, seen as a picture of 256 rows on a canvas 279.4 mm high.",
+        ("--workers", "2"),
+    ),
+    Section(
+        "replanning",
+        "Planning the rest again",
+        "What is left of a plan is planned again on the picture that the strokes before would leave.",
+    ),
+    Section(
+        "painting",
+        "A whole painting",
+        "From the photograph to the finished film and page, in the virtual studio, on all cores.",
+    ),
+)
+
+
+def rendering(record: dict[str, Any]) -> Table:
+    """The figures of benchmarks/render.py as a table."""
+    rows = [
+        (
+            f"{one['rows']} x {one['columns']}", str(one["strokes"]), one["path"], f"{one['cpu_seconds']:.3f} s",
+            f"{one['speedup']:.0f}x", f"{one['extra_megabytes']:.0f} MB", f"1/{one['memory_ratio']:.0f}",
+        )
+        for one in record["figures"]
+    ]  # fmt: skip
+    return Table(
+        "Rendering, forward and backward, one thread, float32",
+        ("canvas", "strokes", "path", "CPU", "faster", "extra memory", "of the reference's"),
+        rows,
+        ["The reference is timed on some of the strokes and scaled where all would not fit into memory."],
+    )
+
+
+def machines() -> str:
+    """What the figures were measured on: one line for each machine and set of versions."""
+    found: dict[str, list[str]] = {}
+    for section in SECTIONS:
+        if section.file.exists():
+            record = json.loads(section.file.read_text())
+            if "hardware" in record:
+                libraries = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
+                found.setdefault(f"{record['hardware']}; {libraries}", []).append(section.name)
+    if len(found) == 1:
+        return f"Measured on: {next(iter(found))}.\n"
+    return "\n".join(f"- {', '.join(names)}: {machine}." for machine, names in found.items()) + "\n"
+
+
+def main() -> None:
+    names = [section.name for section in SECTIONS]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="+", choices=names, default=names, help="benchmarks that are to be run")
+    parser.add_argument("--keep", action="store_true", help="run nothing; write the page from what was found before")
+    parser.add_argument("--page", type=Path, default=PAGE, help="where to write the page")
+    options = parser.parse_args()
+    FIGURES.mkdir(exist_ok=True)
+    for section in SECTIONS:
+        if section.name in options.only and not options.keep:
+            print(f"== {section.command}", flush=True)
+            section.run()
+    options.page.write_text("\n".join([OPENING, machines(), *(section.markdown() for section in SECTIONS)]))
+    print(f"Written: {options.page}")
+
+
+if __name__ == "__main__":
+    main()

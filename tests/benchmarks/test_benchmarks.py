@@ -1,0 +1,57 @@
+"""The benchmarks still run, and the comparator of the planner's iteration still draws what the renderer draws."""
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.frames import CanvasSize
+from frida_painter.planning.initialize import uniform
+from frida_painter.render import render
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+def original():
+    specification = importlib.util.spec_from_file_location("original", BENCHMARKS / "original.py")
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+def test_the_comparator_paints_what_the_renderer_paints():
+    size, network = CanvasSize(0.3556, 0.2794), load_stroke_model("broad")
+    strokes = uniform(12, network.limits, size, torch.Generator().manual_seed(0))
+    canvas = torch.ones(3, 256, 326)
+    with torch.no_grad():
+        theirs = original().OriginalPlan(strokes, network)(canvas, size)
+        ours = render(strokes, network, canvas, size)
+    assert (ours - canvas).abs().mean() > 0.02
+    # The comparator places padded maps to the nearest pixel, and samples them twice.
+    assert (theirs - ours).abs().mean() < 0.002
+
+
+def test_an_iteration_of_the_comparator_lowers_the_loss():
+    module = original()
+    size, network = CanvasSize(0.2, 0.15), load_stroke_model("broad")
+    strokes = uniform(3, network.limits, size, torch.Generator().manual_seed(1))
+    canvas, target = torch.ones(3, 64, 85), torch.zeros(3, 64, 85)
+    plan = module.OriginalPlan(strokes, module.PaperNetwork(network.frame, weight_gradients=False))
+    losses = [plan.iterate(canvas, size, target) for _ in range(5)]
+    assert losses[-1] < losses[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["iteration", "planning", "replanning"])
+def test_a_quick_run_prints_and_writes_tables(name, tmp_path):
+    figures = tmp_path / "figures.json"
+    command = [sys.executable, str(BENCHMARKS / f"{name}.py"), "--quick", "--json", str(figures)]
+    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    record = json.loads(figures.read_text())
+    assert record["figures"] and record["tables"]
+    assert all(len(row) == len(table["columns"]) for table in record["tables"] for row in table["rows"])
