@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PHOTO ?= examples/photographs/coffee.jpg
 
-.PHONY: paint test quick lint install clean
+.PHONY: paint test quick lint benchmarks install clean
 
 install: $(VENV)/installed
 
@@ -27,6 +27,9 @@ test: lint
 
 quick: install
 	$(BIN)/pytest -n 2 -m "not slow"
+
+benchmarks: install
+	$(BIN)/python benchmarks/report.py
 
 clean:
 	rm -rf $(VENV) build *.egg-info
