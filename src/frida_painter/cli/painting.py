@@ -32,7 +32,7 @@ from frida_painter.render import render as render_strokes
 from frida_painter.report.palette_sheet import palette_sheet
 from frida_painter.report.recorder import Occasion, Recorder
 from frida_painter.session.loop import PHOTOGRAPH_ROWS, Rhythm
-from frida_painter.session.opening import open_planner, open_session
+from frida_painter.session.opening import open_planner, open_session, settle_threads
 from frida_painter.virtual.studio import open_studio
 
 
@@ -142,6 +142,7 @@ def paint(
     with ExitStack() as stack:
         stop = stack.enter_context(_stopping())
         started = time.monotonic()
+        settle_threads()
         planner = open_planner(chosen, Goal((ImageTerm(target),)))
         easel = open_studio(chosen.canvas, planner.model.brush, seed=chosen.seed).easel
         folder = _new_folder(out, photo, needed=200 * 2**20)
@@ -189,6 +190,7 @@ def plan(
     target, chosen = _prepare(photo, settings, {**locals(), "replans": 0})
     with ExitStack() as stack:
         stop = stack.enter_context(_stopping())
+        settle_threads()
         planner = open_planner(chosen, Goal((ImageTerm(target),)))
         folder = _new_folder(out, photo, needed=20 * 2**20)
         bar = stack.enter_context(PlanningProgress(Console(stderr=True, highlight=False)))
