@@ -19,7 +19,8 @@ LAYERS = (
 )
 # The virtual studio is reality: what judges or predicts it must not be inside it.
 REALITY = {"virtual": {"brush", "render", "perception", "objectives", "planning", "session"}}
-FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "joblib", "yaml", "shelve", "marshal"}
+# Pickles run what they hold, and torchvision does not import beside the build of torch that is pinned.
+FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "joblib", "yaml", "shelve", "marshal", "torchvision"}
 MOST_LINES = 450
 
 

@@ -1,0 +1,148 @@
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from PIL import Image
+from skimage import data
+
+from frida_painter import cli
+from frida_painter.frames import CanvasSize
+from frida_painter.plan import Plan
+
+Run = Callable[..., str]
+SMALL = ("--canvas", "120x90mm", "--render-height", "64", "--effort", "0.05", "--brush", "fine")
+
+
+@pytest.fixture(scope="module")
+def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("photos") / "a_cup-of coffee.jpg"
+    Image.fromarray(data.coffee()).resize((300, 200)).save(path)
+    return path
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """run(word, ...): what the command says when all goes well."""
+    monkeypatch.chdir(tmp_path)
+
+    def running(*words: object) -> str:
+        monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        told = capsys.readouterr()
+        assert not end.value.code, told.err
+        return told.out
+
+    return running
+
+
+def test_a_plan_becomes_pictures_of_any_size_and_files_for_machines(run: Run, photo: Path, tmp_path: Path) -> None:
+    out = run("plan", photo, "--strokes", 14, "--colors", 3, *SMALL, "--out", "planned")
+    plan = Plan.load(tmp_path / "planned")
+    assert len(plan) == 14 and len(plan.palette) == 3 and plan.canvas == CanvasSize(0.12, 0.09)
+    names = {path.name for path in (tmp_path / "planned").iterdir()}
+    assert {"plan.json", "plan.png", "palette.png"} < names and len(names) == 4
+    assert all(str(Path("planned") / name) in out for name in ("plan.json", "plan.png", "palette.png"))
+
+    pictures = []
+    for height, name in ((64, "small.png"), (300, "large.jpg")):
+        said = run("render", "planned", "--height", height, "--out", name)
+        assert f"14 strokes at {round(height * 4 / 3)} x {height} pixels: {name}" in said
+        with Image.open(tmp_path / name) as picture:
+            assert picture.size == (round(height * 4 / 3), height)
+            pictures.append(np.asarray(picture.convert("RGB").resize((85, 64), Image.Resampling.BOX), float))
+    assert np.abs(pictures[0] - pictures[1]).mean() < 6, "the same picture, whatever its size"
+    with Image.open(tmp_path / "planned" / "plan.png") as planned:
+        assert np.abs(np.asarray(planned.convert("RGB").resize((85, 64)), float) - pictures[0]).mean() < 6
+
+    assert "14 strokes in 3 paints: strokes.svg" in run("export", tmp_path / "planned" / "plan.json")
+    drawing = ElementTree.parse(tmp_path / "strokes.svg").getroot()
+    assert (drawing.get("width"), drawing.get("height")) == ("120mm", "90mm")
+    assert len(drawing.findall(".//{http://www.w3.org/2000/svg}path")) == 14
+    run("export", "planned", "--to", "csv", "--out", "list.csv")
+    with (tmp_path / "list.csv").open() as file:
+        assert len(list(csv.reader(file))) == 15
+
+
+def test_the_same_seed_makes_the_same_plan(run: Run, photo: Path, tmp_path: Path) -> None:
+    for name, seed in (("one", 4), ("same", 4), ("other", 5)):
+        run("plan", photo, "--strokes", 5, "--colors", 2, *SMALL, "--seed", seed, "--out", name)
+    one, same, other = (Plan.load(tmp_path / name).digest for name in ("one", "same", "other"))
+    assert one == same != other
+
+
+def test_settings_come_from_a_file_and_the_canvas_turns_with_the_picture(run: Run, photo: Path, tmp_path: Path) -> None:
+    (tmp_path / "my.toml").write_text('strokes = 4\ncolors = 2\neffort = 0.05\nrender_height = 64\nbrush = "fine"\n')
+    upright = tmp_path / "upright.png"
+    with Image.open(photo) as picture:
+        picture.rotate(90, expand=True).save(upright)
+    out = run("plan", upright, "--settings", "my.toml", "--strokes", 3)
+    plan = Plan.load(next((tmp_path / "paintings").iterdir()))
+    assert len(plan) == 3 and len(plan.palette) == 2
+    assert plan.canvas == CanvasSize(11 * 0.0254, 14 * 0.0254)
+    assert "paintings/upright-" in out
+
+
+def test_a_painting_from_the_command_line_leaves_everything_in_its_folder(
+    run: Run, photo: Path, tmp_path: Path
+) -> None:
+    out = run("paint", photo, "--strokes", 9, "--colors", 2, "--replans", 1, *SMALL, "--out", "painted")
+    folder = tmp_path / "painted"
+    assert out.startswith("9 strokes in ") and str(Path("painted") / "film.mp4") in out
+    result = json.loads((folder / "result.json").read_text())
+    assert result["strokes_painted"] == 9 and result["stopped"] is False and len(result["looks"]) == 1
+    assert set(result["files"]) == {path.name for path in folder.iterdir()}
+    wanted = {"painting.png", "film.mp4", "index.html", "plan.json", "palette.png", "strokes.svg", "strokes.csv"}
+    assert wanted <= set(result["files"])
+    assert result["settings"]["photo"] == photo.name and result["title"] == "A cup of coffee"
+    assert len(Plan.load(folder)) == 9
+    with Image.open(folder / "painting.png") as painting:
+        assert painting.size == (1152, 864)
+
+
+def test_help_is_written_for_painters(run: Run) -> None:
+    for command in ((), ("paint",), ("plan",), ("render",), ("export",), ("strokes",), ("strokes", "paint")):
+        text = run(*command, "--help")
+        assert len(text) > 300
+        words = set(text.lower().replace("-", " ").replace("[", " ").replace("]", " ").split())
+        jargon = {"tensor", "tensors", "none", "callable", "int", "integer", "float", "<str>", "<path>", "text", "null"}
+        assert not words & (jargon - {"<path>"}), words & jargon
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="signals are sent otherwise there")
+def test_ctrl_c_stops_after_the_stroke_and_keeps_what_was_made(photo: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "painted"
+    words = ("paint", str(photo), "--strokes", "300", "--replans", "1", *SMALL, "--out", str(folder), "--no-film")
+    painter = subprocess.Popen(
+        [sys.executable, "-m", "frida_painter", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        deadline = time.monotonic() + 120
+        while not (folder / "plan.json").exists():  # from then on it paints
+            assert painter.poll() is None and time.monotonic() < deadline
+            time.sleep(0.05)
+        time.sleep(0.5)
+        painter.send_signal(signal.SIGINT)
+        out, err = painter.communicate(timeout=60)
+    finally:
+        painter.kill()
+    assert painter.returncode == 130, err
+    result = json.loads((folder / "result.json").read_text())
+    painted = result["strokes_painted"]
+    assert result["stopped"] is True and 0 < painted < 300 and result["strokes_planned"] == 300
+    assert f"Stopped after {painted} of 300 strokes; what was made is kept" in out
+    assert "Stopping after this stroke" in err and "Traceback" not in err
+    assert all((folder / name).exists() for name in ("painting.png", "index.html", "plan.json", "strokes.svg"))
+    assert len(Plan.load(folder)) == 300
+    with (folder / "strokes.csv").open() as file:
+        assert len(list(csv.reader(file))) == painted + 1

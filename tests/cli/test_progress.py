@@ -1,0 +1,121 @@
+import io
+
+import pytest
+import torch
+from rich.console import Console
+
+from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress, duration
+from frida_painter.palette import Palette
+from frida_painter.planning.optimize import Step
+from frida_painter.session.events import Event, Looked, PaintsWanted, Planned, PlanningStep, StrokePainted
+from frida_painter.session.loop import Rhythm
+from plans import made_up_plan
+
+STROKES, REPLANS, PLANNING, REPLANNING = 60, 3, 40, 10
+PER_ITERATION, PER_STROKE, PER_LOOK = 0.0004, 0.12, 0.3  # seconds: of each stroke planned, painted, of each look
+PICTURE = torch.zeros(3, 4, 4)
+
+
+def evening(strokes: int = STROKES, replans: int = REPLANS) -> list[tuple[float, Event]]:
+    """What happens when, in seconds, where everything goes at a constant speed."""
+    events: list[tuple[float, Event]] = []
+    now = 0.0
+
+    def then(seconds: float, event: Event) -> None:
+        nonlocal now
+        now += seconds
+        events.append((now, event))
+
+    plan = made_up_plan(strokes)
+    for iteration in range(1, PLANNING + 1):
+        then(PER_ITERATION * strokes, PlanningStep("plan", iteration, PLANNING, 0.1))
+    then(0.0, Planned(plan, 0, PICTURE, 1.0, 0.5))
+    then(0.0, PaintsWanted(plan.palette))
+    done = 0
+    for size in Rhythm(replans, 0).batches(strokes):
+        for _ in range(size):
+            done += 1
+            then(PER_STROKE, StrokePainted(done, strokes, (0.0, 0.0, 0.0)))
+        then(PER_LOOK, Looked(PICTURE, PICTURE, done))
+        if done < strokes:
+            for iteration in range(1, REPLANNING + 1):
+                then(PER_ITERATION * (strokes - done), PlanningStep("replan", iteration, REPLANNING, 0.1))
+            then(0.0, Planned(plan.part(slice(done, None)), done, PICTURE, 1.0, 0.5))
+    return events
+
+
+def forecast(strokes: int = STROKES, replans: int = REPLANS) -> Forecast:
+    return Forecast(strokes, Rhythm(replans, 0), 0.0, planning=PLANNING, replanning=REPLANNING)
+
+
+@pytest.mark.parametrize("replans", [0, 3, 9])
+def test_from_the_middle_on_the_time_left_can_be_believed(replans: int) -> None:
+    """To a fifth, or to the one look that comes after the last stroke."""
+    events, expecting = evening(replans=replans), forecast(replans=replans)
+    end = events[-1][0]
+    for now, event in events:
+        expecting.hear(event, now)
+        left = end - now
+        if 0.5 * end < now < 0.95 * end:
+            assert expecting.remaining == pytest.approx(left, rel=0.2, abs=1.2 * PER_LOOK), now / end
+
+
+def test_the_time_left_is_nothing_at_the_end_and_never_negative_or_endless() -> None:
+    expecting = forecast()
+    assert 0 < expecting.remaining < 3600
+    for now, event in evening():
+        expecting.hear(event, now)
+        assert 0 <= expecting.remaining < 3600
+    assert expecting.remaining == pytest.approx(0, abs=1e-6)
+
+
+def test_a_slower_machine_takes_longer_as_soon_as_it_is_known() -> None:
+    quick, slow = forecast(), forecast()
+    for now, event in evening()[: PLANNING // 2]:
+        quick.hear(event, now)
+        slow.hear(event, 10 * now)
+    assert slow.remaining > 1.5 * quick.remaining
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (0, "0 s"),
+        (-3, "0 s"),
+        (0.4, "0 s"),
+        (59.4, "59 s"),
+        (59.6, "1 min 00 s"),
+        (125, "2 min 05 s"),
+        (3599.7, "1 h 00 min"),
+        (3 * 3600 + 7 * 60, "3 h 07 min"),
+    ],
+)
+def test_durations_are_said_as_people_say_them(seconds: float, words: str) -> None:
+    assert duration(seconds) == words
+
+
+def shown(*events: Event) -> str:
+    out = io.StringIO()
+    console = Console(file=out, width=100, force_terminal=False)
+    with PaintingProgress(console, forecast()) as bar:
+        for event in events:
+            bar.hear(event)
+        bar.say("finishing the film")
+    return out.getvalue()
+
+
+def test_the_line_says_what_is_going_on() -> None:
+    out = shown(
+        PlanningStep("plan", 10, PLANNING, 0.1),
+        PaintsWanted(Palette(torch.ones(2, 3))),
+        StrokePainted(3, STROKES, (0.0, 0.0, 0.0)),
+    )
+    assert "finishing the film" in out and "left" in out
+
+
+def test_planning_alone_has_a_line_too() -> None:
+    out = io.StringIO()
+    with PlanningProgress(Console(file=out, width=100, force_terminal=False)) as bar:
+        bar.hear(Step(1, 4, 0.5))
+        bar.hear(Step(4, 4, 0.1))
+    assert "planning 100 %" in out.getvalue()

@@ -1,0 +1,152 @@
+import json
+import re
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor
+
+from frida_painter.plan import Plan
+from frida_painter.report.recorder import Occasion, Recorder
+from frida_painter.session.events import Dipped, Event, Glimpsed, Looked, Planned, PlanningStep, Stopped, StrokePainted
+from frida_painter.session.loop import Painting
+from plans import CANVAS, LIMITS, made_up_plan
+from scenes import small_table
+
+OCCASION = Occasion(
+    "A cup <of> coffee", torch.full((3, 60, 90), 0.4), (("Seed", "7"),), {"photo": "cup.jpg", "strokes": 12}
+)
+BLACK = (0.0, 0.0, 0.0)
+
+
+def picture(shade: float, rows: int = 40, columns: int = 60) -> Tensor:
+    return torch.full((3, rows, columns), shade)
+
+
+def moved(plan: Plan) -> Plan:
+    """The plan made again: the same paints, other places."""
+    strokes = plan.strokes.with_groups(position=plan.strokes.position * 0.9 + 0.01).project(LIMITS, CANVAS)
+    return Plan.of(strokes, plan.palette, plan.paint, canvas=CANVAS, brush=plan.brush, limits=LIMITS)
+
+
+FIRST = made_up_plan(12, 3)
+SECOND = moved(FIRST.part(slice(6, None)))
+
+
+def an_evening() -> list[Event]:
+    """12 strokes, planned again after 6; two dips, one with a cleaning; four glimpses."""
+    events: list[Event] = [PlanningStep("plan", 1, 2, 0.5), PlanningStep("plan", 2, 2, 0.4)]
+    events += [Planned(FIRST, 0, picture(0.5), 0.6, 0.3), Dipped(0, False)]
+    for done in range(1, 7):
+        events.append(StrokePainted(done, 12, BLACK))
+        if done % 3 == 0:
+            events.append(Glimpsed(picture(0.9 - 0.05 * done, 54, 80), done, 12, BLACK))
+    events += [Looked(picture(0.7, 80, 120), picture(0.6), 6), PlanningStep("replan", 1, 1, 0.35)]
+    events += [Planned(SECOND, 6, picture(0.5), 0.4, 0.3), Dipped(1, True)]
+    for done in range(7, 13):
+        events.append(StrokePainted(done, 12, BLACK))
+        if done % 3 == 0:
+            events.append(Glimpsed(picture(0.9 - 0.05 * done, 54, 80), done, 12, BLACK))
+    return [*events, Looked(picture(0.4, 80, 120), picture(0.45), 12)]
+
+
+def recorded(
+    folder: Path, events: list[Event], painting: Painting, glimpses: int = 4
+) -> tuple[Path | None, dict[str, object]]:
+    with Recorder(folder, OCCASION, small_table(), glimpses) as recorder:
+        for event in events:
+            recorder.hear(event)
+        page = recorder.finish(painting)
+    result = folder / "result.json"
+    return page, json.loads(result.read_text()) if result.exists() else {}
+
+
+def whole() -> Painting:
+    return Painting(picture(0.42, 80, 120), 12, SECOND.part(slice(6, None)))
+
+
+def named(page: str) -> set[str]:
+    """The files that a page names."""
+    return {name for name in re.findall(r'(?:src|href|poster)="([^"]+)"', page) if not name.startswith(("#", "data:"))}
+
+
+def test_everything_that_was_promised_is_in_the_folder_and_the_page_names_only_what_is_there(tmp_path: Path) -> None:
+    page, result = recorded(tmp_path, an_evening(), whole())
+    assert page == tmp_path / "index.html"
+    there = {path.name for path in tmp_path.iterdir()}
+    looks = {f"look-1-{name}.jpg" for name in ("photograph", "expected", "difference", "plan")}
+    promised = {"target.jpg", "plan.png", "palette.png", "painting.png", "film.mp4", "plan.json", "index.html"}
+    assert there == promised | looks | {"strokes.svg", "strokes.csv", "result.json"} | {
+        path.name for path in tmp_path.glob("plan-*.safetensors")
+    }
+    names = named(page.read_text())
+    assert names <= there and {"painting.png", "target.jpg", "film.mp4", "palette.png", *looks} <= names
+    assert set(result["files"]) == there  # type: ignore[call-overload]
+    assert "A cup &lt;of&gt; coffee" in page.read_text() and "300 x 200 mm" in page.read_text()
+    assert all(path.stat().st_size > 50 for path in tmp_path.iterdir())
+
+
+def test_the_figures_are_those_of_the_evening(tmp_path: Path) -> None:
+    _, result = recorded(tmp_path, an_evening(), whole())
+    wanted = {
+        "format": "frida-painter result",
+        "stopped": False,
+        "strokes_planned": 12,
+        "strokes_painted": 12,
+        "dips": 2,
+        "cleanings": 1,
+        "settings": {"photo": "cup.jpg", "strokes": 12},
+        "looks": [{"strokes": 6, "loss_before": 0.4, "loss_after": 0.3}],
+    }
+    assert {name: result[name] for name in wanted} == wanted
+    plan, painting, between = result["comparisons"]  # type: ignore[misc]
+    assert plan["psnr_db"] == pytest.approx(20, abs=0.1), "0.5 against 0.4"
+    assert painting["psnr_db"] == pytest.approx(34, abs=0.3), "0.42 against 0.4, in a picture of 8 bits"
+    assert between["psnr_db"] == pytest.approx(21.9, abs=0.1), "0.42 against 0.5"
+
+
+def test_the_plan_on_disk_is_what_was_painted(tmp_path: Path) -> None:
+    _, result = recorded(tmp_path, an_evening(), whole())
+    plan = Plan.load(tmp_path)
+    executed = FIRST.part(slice(6)).followed_by(SECOND)
+    assert plan.digest == executed.digest == result["plan_digest"]
+    assert len(list(tmp_path.glob("*.safetensors"))) == 1
+
+
+def test_a_painting_that_was_stopped_tells_what_there_is(tmp_path: Path) -> None:
+    events = [*an_evening()[:8], Stopped(4)]
+    page, result = recorded(tmp_path, events, Painting(picture(0.8, 80, 120), 4, FIRST.part(slice(4, None))))
+    assert page is not None and result["stopped"] is True
+    assert (result["strokes_painted"], result["strokes_planned"], result["looks"]) == (4, 12, [])
+    assert named(page.read_text()) <= {path.name for path in tmp_path.iterdir()}
+    assert len((tmp_path / "strokes.csv").read_text().splitlines()) == 5
+    assert Plan.load(tmp_path).digest == FIRST.digest
+
+
+def test_without_a_plan_there_is_nothing_to_tell(tmp_path: Path) -> None:
+    page, result = recorded(tmp_path, [PlanningStep("plan", 1, 2, 0.5), Stopped(0)], Painting(picture(1.0), 0, None))
+    assert page is None and result == {}
+    assert {path.name for path in tmp_path.iterdir()} <= {"target.jpg"}
+
+
+def test_without_glimpses_there_is_no_film_and_the_page_does_not_name_one(tmp_path: Path) -> None:
+    events = [event for event in an_evening() if not isinstance(event, Glimpsed)]
+    page, _ = recorded(tmp_path, events, whole(), glimpses=0)
+    assert page is not None and not (tmp_path / "film.mp4").exists()
+    assert "film.mp4" not in page.read_text()
+
+
+def test_an_evening_that_ends_in_an_error_leaves_the_plan_and_the_film_so_far(tmp_path: Path) -> None:
+    def until_it_fails() -> None:
+        with Recorder(tmp_path, OCCASION, small_table(), 4) as recorder:
+            for event in an_evening()[:8]:
+                recorder.hear(event)
+            raise RuntimeError("the robot caught fire")
+
+    with pytest.raises(RuntimeError, match="caught fire"):
+        until_it_fails()
+    assert Plan.load(tmp_path).digest == FIRST.digest
+    assert {path.name for path in tmp_path.iterdir()} == {
+        *("target.jpg", "plan.png", "palette.png", "plan.json", "film.mp4"),
+        next(tmp_path.glob("plan-*.safetensors")).name,
+    }

@@ -1,0 +1,116 @@
+import math
+from collections.abc import Callable
+from functools import cache
+
+import pytest
+import torch
+from skimage import data
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.frames import CanvasSize
+from frida_painter.goal import Goal, ImageTerm
+from frida_painter.planning.planner import Effort, Planner
+from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.events import Event, Planned, StrokePainted
+from frida_painter.session.eye import Eye
+from frida_painter.session.loop import Painting, PaintingSession, Rhythm
+from frida_painter.virtual.faults import Faults
+from frida_painter.virtual.studio import VirtualStudio, open_studio
+from frida_painter.virtual.table import PlacementError
+
+CANVAS = CanvasSize(0.20, 0.16)
+ROWS = 128
+# 4 millimetres to the upper right, and 2 degrees.
+OFF = PlacementError((0.004 * math.cos(1), 0.004 * math.sin(1)), math.radians(2))
+
+
+@cache
+def broad() -> StrokeTable:
+    return StrokeTable.of(load_stroke_model("broad"))
+
+
+@cache
+def coffee() -> Tensor:
+    return torch.from_numpy(data.coffee().copy()).permute(2, 0, 1).float() / 255
+
+
+def evening(
+    seed: int,
+    replans: int,
+    *,
+    strokes: int = 80,
+    effort: float = 0.2,
+    faults: Faults | None = None,
+    notify: Callable[[Event], None] = lambda event: None,
+) -> tuple[Painting, VirtualStudio, Planner]:
+    """The cup of coffee, painted in the virtual studio by a robot that stands off."""
+    planner = Planner(
+        Goal((ImageTerm(coffee()),)), CANVAS, broad(), rows=ROWS, effort=Effort().scaled(effort), seed=seed
+    )
+    studio = open_studio(CANVAS, "broad", seed=seed, placement_error=OFF, faults=faults)
+    easel = studio.easel
+    easel.robot.connect()
+    easel.camera.connect()
+    session = PaintingSession(
+        planner,
+        Brushwork(easel, brush_kind("broad")),
+        Eye(easel, (1.0, 1.0, 1.0)),
+        Rhythm(replans, 0),
+        stop_asked=lambda: False,
+        notify=notify,
+    )
+    return session.run(strokes, 8), studio, planner
+
+
+def error(studio: VirtualStudio, planner: Planner) -> float:
+    """How far the canvas, as it really is, is from the goal: mean squared difference at the plan's resolution."""
+    grid = planner.fine
+    truth = images.fit(studio.truth(grid.rows), grid.rows, grid.columns)
+    return float((truth - images.fit(coffee(), grid.rows, grid.columns)).square().mean())
+
+
+@pytest.mark.slow
+def test_looking_beats_painting_blindly_where_the_robot_stands_off() -> None:
+    """The same plan, painted blindly and with four looks, by a robot that stands 4 mm and 2 degrees off.
+
+    Measured here with five seeds: 0.0187 to 0.0228 of squared error blindly, 0.0099 to 0.0113 with
+    looks; the ratio is 0.46 to 0.54, and 0.50 on average. With astronaut and chelsea as well, at
+    effort 0.3 and three seeds each, it is 0.35 to 0.51. Most of it comes from learning where strokes
+    land: with looks that plan again but do not correct the robot the ratio is 0.84 to 1.08 (0.94 on
+    average), because the dark strokes of the end cannot repair what the ones before have smeared.
+    """
+    ratios = []
+    for seed in (0, 1):
+        first: list[str] = []
+
+        def hear(event: Event, plans: list[str] = first) -> None:
+            if isinstance(event, Planned) and event.done == 0:
+                plans.append(event.plan.digest)
+
+        blind, looking = (error(*evening(seed, replans, notify=hear)[1:]) for replans in (0, 4))
+        assert first[0] == first[1], "both begin with the same plan"
+        ratios.append(looking / blind)
+    assert max(ratios) < 0.75
+    assert sum(ratios) / len(ratios) < 0.65
+
+
+@pytest.mark.slow
+def test_a_painting_from_end_to_end_shows_what_was_wanted_and_survives_faults() -> None:
+    """30 strokes, of which one does not touch the canvas, while one photograph is stale."""
+    numbers: list[int] = []
+
+    def hear(event: Event) -> None:
+        if isinstance(event, StrokePainted):
+            numbers.append(event.done)
+
+    faults = Faults(dropped_touches=frozenset({5}), stale_photographs=frozenset({2}))
+    painting, studio, planner = evening(0, 2, strokes=30, effort=0.1, faults=faults, notify=hear)
+    assert numbers == list(range(1, 31)) and painting.painted == 30
+    assert painting.rest is not None and len(painting.rest) == 0
+    bare = float((1 - images.fit(coffee(), planner.fine.rows, planner.fine.columns)).square().mean())
+    assert error(studio, planner) < 0.25 * bare
+    assert planner.judge(painting.photograph) == pytest.approx(error(studio, planner), rel=0.15)

@@ -1,0 +1,66 @@
+"""What the package imports is what it declares: nothing comes in because something else happened to bring it."""
+
+import ast
+import re
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+import frida_painter
+
+ROOT = Path(frida_painter.__file__).parent
+PYPROJECT = Path(__file__).parents[1] / "pyproject.toml"
+
+
+def plain(name: str) -> str:
+    return re.split(r"[<>=!~;\[ ]", name)[0].lower().replace("_", "-")
+
+
+def declared() -> set[str]:
+    return {plain(name) for name in tomllib.loads(PYPROJECT.read_text())["project"]["dependencies"]}
+
+
+def imported() -> dict[str, set[str]]:
+    """Modules that are neither Python's nor ours, by name, with the files that import them."""
+    found: dict[str, set[str]] = {}
+    for path in ROOT.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom):
+                names = [node.module or ""]
+            for name in names:
+                top = name.partition(".")[0]
+                if top not in sys.stdlib_module_names and top != "frida_painter":
+                    found.setdefault(top, set()).add(str(path.relative_to(ROOT)))
+    return found
+
+
+def test_everything_that_is_imported_is_declared() -> None:
+    known = packages_distributions()
+    for module, files in imported().items():
+        distributions = {plain(name) for name in known.get(module, [module])}
+        assert distributions & declared(), f"{module}, imported by {sorted(files)}, is not in pyproject.toml"
+
+
+def test_everything_that_is_declared_is_imported() -> None:
+    known = packages_distributions()
+    used = {plain(name) for module in imported() for name in known.get(module, [])}
+    assert declared() <= used, f"{sorted(declared() - used)} are installed for nothing"
+
+
+@pytest.mark.slow
+def test_the_command_line_does_not_load_what_only_tests_need() -> None:
+    """In a process of its own: what was loaded before by other tests does not count."""
+    program = (
+        "import sys; from frida_painter import cli; cli.build(); "
+        "print(*{name.partition('.')[0] for name in sys.modules})"
+    )
+    loaded = set(
+        subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
+    )
+    assert "frida_painter" in loaded
+    assert not loaded & {"torchvision", "skimage", "pytest", "hypothesis", "matplotlib", "pandas", "transformers"}
