@@ -7,9 +7,9 @@ into an RGBA image, and then the stroke is applied to a given existing canvas." 
 "Differentiable Simulated Painting Environment".)
 
 Every stroke is a module of its own and passes the network by itself, in a batch of one. The network
-has the paper's layers. The paper does not say how wide they are; here they have the widths that the
-authors published later: 20 hidden numbers, a drawing of 64 x 128 cells, 20 channels. Speed does not
-depend on the weights, so they are random. All else is written anew.
+has the paper's layers. The paper does not say how wide they are; here they have widths that occur in
+public versions of the original program: 20 hidden numbers, a drawing of 64 x 128 cells, 20 channels.
+Speed does not depend on the weights, so they are random.
 """
 
 from typing import Protocol
