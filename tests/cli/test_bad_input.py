@@ -6,7 +6,6 @@ import shutil
 from collections import namedtuple
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from PIL import Image
 from safetensors.torch import load_file, save
 
 from frida_painter import cli, storage
-from frida_painter.brush.table import StrokeTable, TableDetail
 from plans import made_up_plan
 
 MOST_WIDE = 40_000
@@ -34,12 +32,11 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture
-def refuse(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+def refuse(
+    coarse_brush: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., str]:
     """refuse(word, ...): the one sentence that the command answers with; fails if anything was made or changed."""
     monkeypatch.chdir(tmp_path)
-    # Some faults are found when the brush is already in the hand; a coarse one is there sooner.
-    coarse = SimpleNamespace(of=lambda model: StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8)))
-    monkeypatch.setattr("frida_painter.session.opening.StrokeTable", coarse)
 
     def refused(*words: str) -> str:
         before = contents(tmp_path)
