@@ -55,32 +55,49 @@ def test_weights_come_back_as_they_were(saved):
     assert not any(parameter.requires_grad for parameter in again.parameters())
 
 
-def spoil(path: Path, **changes: str) -> None:
+def spoil(path: Path, **changes: object) -> None:
     tensors, metadata = storage.read_tensors(path, "weights")
-    storage.write_tensors(path, tensors, {**metadata, **changes})
+    about = {**json.loads(metadata["stroke_model"]), **changes}
+    storage.write_tensors(path, tensors, {"stroke_model": json.dumps(about)})
 
 
 @pytest.mark.parametrize(
     "changes",
     [
         {"format": "something else"},
-        {"version": "99"},
-        {"cells": json.dumps([20, 34])},
-        {"cells": json.dumps([10**6, 10**6])},
-        {"cells": json.dumps([20, 33])},
-        {"cells": json.dumps(["20", "32"])},
-        {"cells": json.dumps([-20, 32])},
-        {"cells": "7"},
-        {"frame": "[NaN, 1, -1, 1]"},
-        {"frame": json.dumps([1, 2])},
-        {"limits": json.dumps([0.03, 0.01, -1, 1])},
-        {"limits": "["},
+        {"version": 99},
+        {"cells": [20, 34]},
+        {"cells": [10**6, 10**6]},
+        {"cells": [20, 33]},
+        {"cells": ["20", "32"]},
+        {"cells": [-20, 32]},
+        {"cells": 7},
+        {"frame": [float("nan"), 1, -1, 1]},
+        {"frame": [1, 2]},
+        {"frame": None},
+        {"limits": [0.03, 0.01, -1, 1]},
+        {"limits": {}},
     ],
 )
 def test_weights_that_do_not_fit_are_refused(saved, changes):
     spoil(saved, **changes)
     with pytest.raises(WeightsError):
         Param2Stroke.load(saved)
+
+
+@pytest.mark.parametrize(
+    "metadata", [{}, {"stroke_model": "{"}, {"stroke_model": "[" * 100_000}, {"stroke_model": "7"}]
+)
+def test_tensors_that_do_not_say_what_they_are_are_refused(saved, metadata):
+    tensors, _ = storage.read_tensors(saved, "weights")
+    storage.write_tensors(saved, tensors, metadata)
+    with pytest.raises(WeightsError, match="strokes train"):
+        Param2Stroke.load(saved)
+
+
+def test_the_same_model_gives_the_same_file_byte_for_byte(tmp_path):
+    hashes = {Param2Stroke.fresh(SMALL).save(tmp_path / f"{number}.safetensors") for number in range(4)}
+    assert len(hashes) == 1
 
 
 def test_weights_of_another_shape_missing_or_nan_are_refused(saved):

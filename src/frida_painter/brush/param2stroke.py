@@ -3,7 +3,7 @@
 import json
 import math
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import torch
 from torch import Tensor, nn
@@ -19,8 +19,10 @@ FORMAT = "frida-painter param2stroke"
 VERSION = 1
 HIDDEN = 96
 CHANNELS = 12
+_ABOUT = "stroke_model"
 _UPSCALE = 2
-_SPREAD = 3.0
+_SPREAD = 6.0
+_BARE = 3.0
 _LARGEST_MAP = 4096
 
 
@@ -47,17 +49,19 @@ class Param2Stroke(nn.Module):
         self.draw = nn.Linear(HIDDEN, self.coarse[0] * self.coarse[1])
         self.refine = nn.Conv2d(1, CHANNELS, 3, padding=1)
         self.gather = nn.Conv2d(CHANNELS, 1, 3, padding=1)
+        with torch.no_grad():
+            # Larger first weights let a small network draw edges that move with its inputs; and it begins
+            # with bare paper, because on the way there it might come to rest on bare paper for good.
+            self.widen.weight.mul_(_SPREAD)
+            self.widen.bias.mul_(_SPREAD)
+            self.gather.bias = nn.Parameter(torch.tensor([-_BARE]))
 
     @classmethod
     def fresh(cls, kind: BrushKind, seed: int = 0) -> Self:
         """An untrained model for a brush, the same for the same seed."""
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            model = cls(kind.name, kind.frame, kind.limits)
-        with torch.no_grad():  # Larger first weights let a small network draw edges that move with its inputs.
-            model.widen.weight.mul_(_SPREAD)
-            model.widen.bias.mul_(_SPREAD)
-        return model
+            return cls(kind.name, kind.frame, kind.limits)
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
         """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""
@@ -73,27 +77,29 @@ class Param2Stroke(nn.Module):
 
     def save(self, path: Path) -> str:
         """Writes the weights with all that belongs to them; returns the file's sha256. Raises StorageError."""
-        metadata = {
+        about = {
             "format": FORMAT,
-            "version": str(VERSION),
+            "version": VERSION,
             "brush": self.brush,
-            "frame": json.dumps([self.frame.left, self.frame.right, self.frame.bottom, self.frame.top]),
-            "cells": json.dumps([self.frame.rows, self.frame.columns]),
-            "limits": json.dumps([*self.limits.length, *self.limits.bend]),
+            "frame": [self.frame.left, self.frame.right, self.frame.bottom, self.frame.top],
+            "cells": [self.frame.rows, self.frame.columns],
+            "limits": [*self.limits.length, *self.limits.bend],
         }
-        return storage.write_tensors(path, self.state_dict(), metadata)
+        # One entry only: several would be written in an order that changes from run to run.
+        return storage.write_tensors(path, self.state_dict(), {_ABOUT: json.dumps(about)})
 
     @classmethod
     def load(cls, path: Path) -> Self:
         """Reads weights that `save` wrote. Raises WeightsError where they are missing, damaged or do not fit."""
         tensors, metadata = storage.read_tensors(path, "weights of a stroke model", WeightsError)
-        if metadata.get("format") != FORMAT or metadata.get("version") != str(VERSION):
+        about = _about(metadata)
+        if about.get("format") != FORMAT or about.get("version") != VERSION:
             raise WeightsError(
                 f"{path} does not hold weights of a stroke model of version {VERSION}; "
                 "give a file that `frida-painter strokes train` wrote."
             )
         try:
-            model = cls(metadata["brush"], *_geometry(metadata))
+            model = cls(str(about["brush"]), *_geometry(about))
             model.load_state_dict(tensors)
         except (KeyError, TypeError, ValueError, RuntimeError) as cause:
             raise WeightsError(
@@ -108,11 +114,20 @@ def _normal(value: Tensor, bounds: tuple[float, float]) -> Tensor:
     return (value - bounds[0]) / (bounds[1] - bounds[0])
 
 
-def _geometry(metadata: dict[str, str]) -> tuple[MapFrame, StrokeLimits]:
-    """The frame and the limits in a file's metadata. Raises KeyError, TypeError or ValueError."""
-    left, right, bottom, top = (float(number) for number in json.loads(metadata["frame"]))
-    rows, columns = json.loads(metadata["cells"])
-    shortest, longest, least, most = (float(number) for number in json.loads(metadata["limits"]))
+def _about(metadata: dict[str, str]) -> dict[str, Any]:
+    """What a file of weights says of itself; empty where it says nothing that can be read."""
+    try:
+        about = json.loads(metadata.get(_ABOUT, ""))
+    except (ValueError, RecursionError):
+        return {}
+    return about if isinstance(about, dict) else {}
+
+
+def _geometry(about: dict[str, Any]) -> tuple[MapFrame, StrokeLimits]:
+    """The frame and the limits of a file of weights. Raises KeyError, TypeError or ValueError."""
+    left, right, bottom, top = (float(number) for number in about["frame"])
+    rows, columns = about["cells"]
+    shortest, longest, least, most = (float(number) for number in about["limits"])
     metres = (left, right, bottom, top, shortest, longest, least, most)
     if not all(math.isfinite(number) and abs(number) < 10 for number in metres):
         raise ValueError("a measure that is not finite or above 10 m")

@@ -13,7 +13,7 @@ from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.train import TrainingProgress, train
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
-from frida_painter.session.opening import blank_papers
+from frida_painter.session.opening import blank_papers, settle_threads
 from frida_painter.session.paint_library import MOST_STROKES, LibraryProgress, paint_library
 
 BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
@@ -69,6 +69,7 @@ def train_model(
         raise ConfigError(f"--out was given {str(out)!r}; weights end in .safetensors.")
     kind = brush_kind(brush)
     strokes = StrokeLibrary.load(library)
+    settle_threads()  # as fast as several here, and the same weights whatever the number of cores
     model = Param2Stroke.fresh(kind, seed)
     with _bar() as bar:
         task = bar.add_task("training", total=None)
