@@ -1,0 +1,1 @@
+"""The calibration procedures: each a conversation with whoever stands at the easel."""

@@ -1,0 +1,80 @@
+"""Calibration as a conversation: a procedure asks, whoever leads it answers; the terminal now, a page later."""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import TypeVar
+
+from torch import Tensor
+
+Finding = TypeVar("Finding")
+Corners = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Confirm:
+    """Is something so, or done? Answered with True or False.
+
+    text: the question in plain words; picture [3, h, w]: what to look at, or None; proposal: what the
+    procedure would answer itself.
+    """
+
+    text: str
+    picture: Tensor | None = None
+    proposal: bool = True
+
+
+@dataclass(frozen=True)
+class PointCorners:
+    """Where are the four corners of something in this photograph? Answered with (column, row) pixels.
+
+    They go round clockwise from the top left as it would be read. proposal: the corners that were
+    found, or None.
+    """
+
+    text: str
+    picture: Tensor
+    proposal: Corners | None
+
+
+@dataclass(frozen=True)
+class Jog:
+    """Up or down? Answered with a `JogMove`, until one says that the height is right.
+
+    height: robot z in metres now; lowest, highest: what the workspace allows; proposal: the move
+    that the procedure would make, or None where only a person can tell.
+    """
+
+    text: str
+    height: float
+    lowest: float
+    highest: float
+    picture: Tensor | None = None
+    proposal: "JogMove | None" = None
+
+
+@dataclass(frozen=True)
+class JogMove:
+    """One press of a jog key: step in metres, up positive; settled: the height is right as it is now."""
+
+    step: float = 0.0
+    settled: bool = False
+
+
+Question = Confirm | PointCorners | Jog
+Answer = bool | Corners | JogMove
+Procedure = Generator[Question, Answer, Finding]
+
+
+def lead(procedure: Procedure[Finding], answer: Callable[[Question], Answer]) -> Finding:
+    """Leads a procedure to its end by answering all that it asks, and returns what it found.
+
+    Raises whatever the procedure or the answers raise; the procedure is closed then.
+    """
+    try:
+        question = next(procedure)
+        while True:
+            question = procedure.send(answer(question))
+    except StopIteration as end:
+        return end.value
+    finally:
+        procedure.close()
