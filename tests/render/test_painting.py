@@ -5,7 +5,8 @@ from torch import Tensor
 from composites import assert_same, scene, with_gradients
 from frida_painter.brush.bezier import BezierStroke
 from frida_painter.brush.kinds import MEDIUM
-from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.brush.table import StrokeTable
+from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
 from frida_painter.render import composite, painting, reference, render, scanline, slices
 from frida_painter.strokes import Strokes
 
@@ -89,3 +90,38 @@ def test_a_larger_picture_shows_the_same_painting(brush: BezierStroke) -> None:
     shrunk = torch.nn.functional.avg_pool2d(large, 4)
     assert (shrunk - small).abs().mean() < 2e-3
     assert (shrunk - small).abs().max() < 0.2
+
+
+def test_leaving_out_the_gradient_to_bare_cells_changes_none_of_a_table(brush: BezierStroke) -> None:
+    table = StrokeTable.of(brush)
+    some, canvas = strokes(), torch.full((3, 100, 150), 0.7)
+    grid = PixelGrid(SIZE, 100, 150)
+
+    def gradients(whole: bool) -> list[Tensor]:
+        leaves = {name: tensor.clone().requires_grad_() for name, tensor in some.arrays().items()}
+        copy = Strokes(**leaves)
+        if whole:
+            magnitude = table(copy.thickness, copy.length, copy.bend)
+            affine = pixel_to_map(copy.position, copy.angle, grid, table.frame)
+            picture = composite(magnitude, affine, copy.color, canvas)
+        else:
+            picture = render(copy, table, canvas, SIZE)
+        (picture - 0.3).square().sum().backward()
+        return [leaf.grad for leaf in leaves.values()]
+
+    for lean, whole in zip(gradients(False), gradients(True), strict=True):
+        torch.testing.assert_close(lean, whole, rtol=1e-4, atol=1e-4 * float(whole.abs().max()))
+
+
+def test_gradients_to_painted_boxes_are_those_of_the_reference() -> None:
+    magnitude, *others = scene(4, (8, 8), (20, 24))
+    magnitude = magnitude.double().clone()
+    magnitude[:, :, 5:] = 0
+    tensors = (magnitude, *(part.double() for part in others))
+    lean = with_gradients(lambda *parts: scanline.composite(*parts, bare_cells_answer=False), tensors)
+    whole = with_gradients(reference.composite, tensors)
+    painted = whole[1] * (magnitude != 0)
+    torch.testing.assert_close(lean[1] * (magnitude != 0), painted, rtol=0, atol=1e-9)
+    assert (lean[1][:, :, 6:] == 0).all()
+    for one, other in zip((lean[0], *lean[2:]), (whole[0], *whole[2:]), strict=True):
+        torch.testing.assert_close(one, other, rtol=0, atol=1e-9)

@@ -30,7 +30,7 @@ def loss_without(strokes: Strokes, scene: Scene, target: Tensor, generator: torc
             strokes.position, strokes.angle, PixelGrid(scene.size, *scene.canvas.shape[1:]), scene.model.frame
         )
     magnitude.requires_grad_()
-    picture = composite(magnitude, affine, strokes.color, scene.canvas)
+    picture = composite(magnitude, affine, strokes.color, scene.canvas, bare_cells_answer=False)
 
     def along(direction: Tensor) -> Tensor:
         """direction . D_i for every stroke."""
@@ -53,10 +53,10 @@ def visible_area(strokes: Strokes, scene: Scene) -> Tensor:
 def discretize(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[Strokes, Paints]:
     """The strokes in `colors` paints, light to dark (paper, "Paint Colors and Mixing").
 
-    The paints are clustered from the strokes' colours. A colour counts by the square root of the
+    The paints are clustered from the strokes' colours. A colour counts by the fourth root of the
     area in which it is seen: by the area alone, small accents would drown.
     """
-    palette = Palette.cluster(strokes.color, visible_area(strokes, scene).clamp(min=0).sqrt(), colors, seed)
+    palette = Palette.cluster(strokes.color, visible_area(strokes, scene).clamp(min=0).pow(0.25), colors, seed)
     paint = torch.cdist(strokes.color, palette.color).argmin(1)
     order = torch.argsort(paint, stable=True)
     return strokes[order].with_groups(color=palette.color[paint[order]]), Paints(palette.color, paint[order])

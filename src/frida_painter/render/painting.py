@@ -5,17 +5,22 @@ from importlib.util import find_spec
 from torch import Tensor
 
 from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.brush.table import StrokeTable
 from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
 from frida_painter.strokes import Strokes
 
 
-def composite(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor) -> Tensor:
+def composite(
+    magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, *, bare_cells_answer: bool = True
+) -> Tensor:
     """Lays strokes over a canvas in order, by the fastest path for these tensors.
 
     magnitude: the strokes' magnitude maps [n, h, w] in [0, 1], zero outside
     affine:    from canvas pixels (column, row, 1) to map cells (column, row), [n, 2, 3]
     color:     sRGB [n, 3] in [0, 1]
     canvas:    what is there before, [3, H, W]
+    bare_cells_answer: False where the maps come from a model whose bare cells stay bare, and so has
+               no use for the gradient to them; the compiled path then leaves part of it out
     returns    the picture [3, H, W]; differentiable in all four.
 
     Tensors on the CPU go to compiled scanlines if numba is installed; all others go to plain
@@ -25,7 +30,7 @@ def composite(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor) 
         # Imported here because loading the compiler takes a second that a CUDA user need not pay.
         from frida_painter.render import scanline
 
-        return scanline.composite(magnitude, affine, color, canvas)
+        return scanline.composite(magnitude, affine, color, canvas, bare_cells_answer=bare_cells_answer)
     from frida_painter.render import slices
 
     return slices.composite(magnitude, affine, color, canvas)
@@ -41,4 +46,6 @@ def render(strokes: Strokes, stroke_model: StrokeModel, canvas: Tensor, size: Ca
     grid = PixelGrid(size, *canvas.shape[1:])
     magnitude = stroke_model(strokes.thickness, strokes.length, strokes.bend)
     affine = pixel_to_map(strokes.position, strokes.angle, grid, stroke_model.frame)
-    return composite(magnitude, affine, strokes.color, canvas)
+    # A table's maps are cut off at zero, where their slope is zero as well.
+    answers = not isinstance(stroke_model, StrokeTable)
+    return composite(magnitude, affine, strokes.color, canvas, bare_cells_answer=answers)
