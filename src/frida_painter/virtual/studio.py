@@ -18,6 +18,7 @@ from frida_painter.virtual.bristles import Tuft
 from frida_painter.virtual.brushes import BristleBrush, brush_named
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
 from frida_painter.virtual.canvas import Canvas
+from frida_painter.virtual.checker import Checker
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.paint import absorption_and_scattering, to_linear, to_srgb
 from frida_painter.virtual.robot import Clock, VirtualRobot
@@ -81,8 +82,8 @@ class VirtualStudio:
     """A studio that is open. The painter gets `easel` and nothing else; the rest is for tests and films."""
 
     def __init__(self, canvas: CanvasSize, brush: BristleBrush, settings: StudioSettings, seed: int) -> None:
-        for_canvas, for_brush, for_hand, for_camera, for_error = (
-            np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(5)
+        for_canvas, for_brush, for_hand, for_camera, for_error, for_checker = (
+            np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(6)
         )
         area = canvas.width * canvas.height * _MM**2
         self.settings, self.brush = settings, brush
@@ -103,18 +104,31 @@ class VirtualStudio:
         self.camera = VirtualCamera(settings.camera, self.table, self.clock, for_camera)
         self.break_things(settings.faults)
         calibration = Calibration(
-            easel="virtual studio",
+            easel=f"virtual studio {seed}",
             brush=brush.name,
             corners=self.camera.corners,
             photograph=settings.camera.photograph,
             touch_height=touch_height,
             press_height=touch_height - brush.press_depth / _MM,
+            camera="virtual camera",
+            canvas=canvas,
         )
-        self.easel = Easel(self.robot, self.camera, _Attendant(self.table), workspace, calibration, canvas)
+        self._checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
+        attendant = _Attendant(self.table, self._checker)
+        self.easel = Easel(self.robot, self.camera, attendant, workspace, calibration, canvas)
 
     def break_things(self, faults: Faults) -> None:
         """From now on these faults happen."""
         self.robot.faults = self.camera.faults = faults
+
+    def lay_checker(self, center: tuple[float, float], turn: float, width: float | None = None) -> None:
+        """Lays the colour checker down before the attendant does, who then leaves it as it is.
+
+        center: canvas metres; turn: radians counter-clockwise; width: metres of its longer side.
+        """
+        self.table.checker = self._checker.laid(
+            (center[0] * _MM, center[1] * _MM), turn, None if width is None else width * _MM
+        )
 
     def wait(self, seconds: float) -> None:
         """Lets time pass and paint dry."""
@@ -161,11 +175,23 @@ def open_studio(
 @dataclass(frozen=True)
 class _Attendant:
     table: Table
+    checker: Checker
 
     def fill_wells(self, palette: Palette) -> None:
         """Empties all wells and fills well i with paint i."""
         color = palette.color.detach().cpu().double().numpy()
         self.table.paints = tuple(absorption_and_scattering(color))
+
+    def lay_checker(self) -> bool:
+        """Lays the colour checker on the canvas, unless it lies somewhere already."""
+        if self.table.checker is None:
+            self.table.checker = self.checker
+        return True
+
+    def take_checker_away(self) -> bool:
+        """Takes it off again."""
+        self.table.checker = None
+        return True
 
 
 def _stand(canvas: CanvasSize, brush: BristleBrush) -> tuple[Workspace, Point]:
