@@ -1,0 +1,44 @@
+"""A plan painted as it is by the virtual robot, from the first stroke to the last, without looking in between."""
+
+from collections.abc import Callable
+
+from torch import Tensor
+
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.frames import CanvasSize
+from frida_painter.hardware.easel import Easel
+from frida_painter.plan import Plan
+from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.events import StrokePainted
+from frida_painter.session.eye import Eye
+from frida_painter.virtual.studio import StudioSettings, open_studio
+from frida_painter.virtual.table import PlacementError
+
+EXACT = PlacementError((0.0, 0.0), 0.0)
+"""A robot that has been calibrated perfectly."""
+
+
+def open_easel(canvas: CanvasSize, brush: str, seed: int, *, error: PlacementError | None = None) -> Easel:
+    """The connected easel of a new virtual studio; `error` None: one is drawn from the seed."""
+    settings = StudioSettings(placement_error=error)
+    easel = open_studio(canvas, brush, seed=seed, settings=settings).easel
+    easel.robot.connect()
+    easel.camera.connect()
+    return easel
+
+
+def execute(plan: Plan, easel: Easel, rows: int, notify: Callable[[int], None] = lambda done: None) -> Tensor:
+    """Paints the plan on a bare easel and returns the photograph of the canvas, [3, rows, columns].
+
+    notify: is told how many strokes are on the canvas. Raises RobotError, CameraError and their kinds.
+    """
+    brushwork, eye = Brushwork(easel, brush_kind(plan.brush)), Eye(easel, plan.ground)
+    brushwork.step_aside()
+    eye.look(brushwork.last_motion, rows)  # at the bare canvas: learns the light of the room
+    easel.attendant.fill_wells(plan.palette)
+    for action in brushwork.prepare(plan, 0, len(plan)):
+        brushwork.perform(action)
+        if isinstance(action.done, StrokePainted):
+            notify(action.done.done)
+    brushwork.step_aside()
+    return eye.look(brushwork.last_motion, rows)
