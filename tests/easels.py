@@ -100,6 +100,12 @@ class NotingAttendant:
     def fill_wells(self, palette: Palette) -> None:
         self.palettes.append(palette)
 
+    def lay_checker(self) -> bool:
+        return False
+
+    def take_checker_away(self) -> bool:
+        return False
+
 
 def stub_easel(robot: NotingRobot | None = None, camera: PatientCamera | None = None) -> Easel:
     return Easel(robot or NotingRobot(), camera or PatientCamera(), NotingAttendant(), WORKSPACE, CALIBRATION, CANVAS)

@@ -1,10 +1,12 @@
+import cv2
 import numpy as np
 import pytest
 
 from frida_painter.errors import RobotError, StaleFrame
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.virtual.camera import CameraSpec
-from frida_painter.virtual.faults import Bump, Faults
+from frida_painter.virtual.faults import Bump, Faults, LightChange, LostFocus
+from frida_painter.virtual.paint import to_linear
 
 from .hand import Hand
 
@@ -74,3 +76,43 @@ def test_faults_may_be_set_and_mended_while_painting():
         hand.easel.robot.home()
     hand.studio.break_things(Faults())
     hand.easel.robot.home()
+
+
+def sharpness(image: np.ndarray) -> float:
+    """Steepest step between two pixels, once the noise has been smoothed away."""
+    return float(np.abs(np.diff(cv2.GaussianBlur(image, (0, 0), 1.0).astype(float), axis=1)).max())
+
+
+def test_the_focus_is_lost_in_the_photographs_named_and_found_again():
+    lost = Faults(lost_focus=(LostFocus(1, 2), LostFocus(4)))
+    hand = Hand(BLACK, camera=SMALL, faults=lost)
+    hand.dip(0)
+    hand.stroke(0.02, 0.05, 0.06)
+    hand.easel.robot.home()
+    steepest = [sharpness(hand.easel.camera.capture(0.0).image) for _ in range(6)]
+    sharp = [value > 0.7 * max(steepest) for value in steepest]
+    assert sharp == [True, False, False, True, False, False]
+
+
+def test_the_light_changes_in_strength_colour_and_direction_until_it_changes_again():
+    evening, lamp = LightChange(1, (0.8, 0.6, 0.4)), LightChange(3, (0.7, 0.7, 0.7), lean=(0.3, 0.0))
+    hand = Hand(BLACK, camera=SMALL, faults=Faults(light_changes=(lamp, evening)))
+    hand.easel.robot.home()
+    seen = [to_linear(hand.easel.camera.capture(0.0).image / 255) for _ in range(4)]
+    whole = [picture.mean((0, 1)) for picture in seen]
+    assert whole[1] / whole[0] == pytest.approx((0.8, 0.6, 0.4), abs=0.01)
+    assert whole[2] / whole[0] == pytest.approx((0.8, 0.6, 0.4), abs=0.01)
+    right, left = (seen[3][:, side].mean() / seen[0][:, side].mean() for side in (np.s_[480:], np.s_[:160]))
+    assert right == pytest.approx(0.7 * 1.225, abs=0.02)
+    assert left == pytest.approx(0.7 * 0.775, abs=0.02)
+
+
+def test_an_empty_well_gives_no_paint_until_it_is_filled_again():
+    hand = Hand(BLACK, faults=Faults(dry_dips=frozenset({0, 2})))
+    taken = []
+    for _ in range(4):
+        before = hand.studio.balance().drawn
+        hand.dip(0)
+        taken.append(hand.studio.balance().drawn > before)
+        hand.clean()
+    assert taken == [False, True, False, True]

@@ -12,10 +12,16 @@ from frida_painter.palette import Palette
 
 
 class Attendant(Protocol):
-    """Whoever prepares the paints: a person at a real easel, the virtual studio for itself."""
+    """Whoever prepares what is needed: a person at a real easel, the virtual studio for itself."""
 
     def fill_wells(self, palette: Palette) -> None:
         """Returns when well i holds paint i of the palette."""
+
+    def lay_checker(self) -> bool:
+        """Whether the colour checker lies in the camera's sight now; False where a person is to be asked for it."""
+
+    def take_checker_away(self) -> bool:
+        """Whether the colour checker is gone again; False where a person is to be asked to take it away."""
 
 
 @dataclass(frozen=True)

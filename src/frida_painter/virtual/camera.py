@@ -88,7 +88,7 @@ class VirtualCamera:
         frame = self._last
         if frame is None or number not in self.faults.stale_photographs:
             self._clock.now += self._spec.exposure
-            frame = Frame(self._expose(), self._clock.now, number)
+            frame = Frame(self._expose(number), self._clock.now, number)
         self._last = frame
         if not frame.captured_at > newer_than:
             raise StaleFrame(
@@ -97,24 +97,33 @@ class VirtualCamera:
             )
         return frame
 
-    def _expose(self) -> NDArray[np.uint8]:
-        canvas = self._table.canvas
-        seen = canvas.reflectance()
-        image = np.empty((*self._spec.photograph, 3), np.uint8)
-        offset = int(self._random.integers(_NOISE_BANK))
-        # Where the canvas lies now: photograph -> table (mm) -> cells.
-        knock = self._table.knock
+    def _expose(self, number: int) -> NDArray[np.uint8]:
+        scene = self._scene()
+        blur = self.faults.blur_of(number) * scene.shape[1]
+        if blur > 0:
+            scene = np.asarray(cv2.GaussianBlur(scene, (0, 0), blur), np.float32)
+        change = self.faults.light_of(number)
+        light = self._light * _leaning(self._light.shape, change.lean) if any(change.lean) else self._light
+        mix = (self._mix * np.array(change.gain)[:, None]).astype(np.float32)
+        image = np.empty(scene.shape, np.uint8)
+        _develop(scene, light, mix, self._tones, self._noise, int(self._random.integers(_NOISE_BANK)), image)
+        self._show_arm(image)
+        return image
+
+    def _scene(self) -> NDArray[np.float32]:
+        """What reflects the light towards each pixel: linear reflectance [rows, columns, 3]."""
+        canvas, knock, checker = self._table.canvas, self._table.knock, self._table.checker
+        scene = np.empty((*self._spec.photograph, 3), np.float32)
+        scene[:] = to_linear(np.array(_TABLE_SRGB))
+        # Where the canvas lies now: table (mm) -> cells.
         cos, sin = math.cos(knock.turn), math.sin(knock.turn)
         center = np.array([canvas.width, canvas.height]) / 2
         back = np.array([[cos, sin], [-sin, cos]]) / canvas.cell
         shift = center / canvas.cell - back @ (center + 1000 * np.array(knock.shift)) - 0.5
-        backdrop = to_linear(np.array(_TABLE_SRGB)).astype(np.float32)
-        _photograph(
-            seen, self._to_canvas, self._light, np.c_[back, shift].astype(np.float32),
-            self._mix.astype(np.float32), backdrop, self._tones, self._noise, offset, image,
-        )  # fmt: skip
-        self._show_arm(image)
-        return image
+        _lay(canvas.reflectance(), self._to_canvas, np.c_[back, shift].astype(np.float32), scene)
+        if checker is not None:
+            _lay(checker.looks, self._to_canvas, checker.cells().astype(np.float32), scene)
+        return scene
 
     def _show_arm(self, image: NDArray[np.uint8]) -> None:
         """The robot stands in the picture where it was not sent home."""
@@ -178,27 +187,39 @@ def _light(spec: CameraSpec, random: np.random.Generator) -> NDArray[np.float32]
     return (0.97 * (1 - spec.falloff * (0.6 * (1 - lamp) / 2 + 0.7 * vignette))).astype(np.float32)
 
 
+def _leaning(shape: tuple[int, ...], lean: tuple[float, float]) -> NDArray[np.float32]:
+    """How much brighter each pixel becomes [rows, columns] when the light comes more from the (right, lower) side."""
+    down, across = np.linspace(-1, 1, shape[0])[:, None], np.linspace(-1, 1, shape[1])[None]
+    return np.maximum(0, 1 + lean[0] * across + lean[1] * down).astype(np.float32)
+
+
 @numba.njit(cache=True, nogil=True)
-def _photograph(seen, view, light, to_cell, mix, backdrop, tones, noise, offset, image):  # type: ignore[no-untyped-def]
-    rows, columns = light.shape
-    high, wide = seen.shape[0], seen.shape[1]
-    bank, last = noise.shape[0], tones.shape[0] - 1
-    position = offset
-    for r in range(rows):
-        for c in range(columns):
+def _lay(looks, view, to_cell, scene):  # type: ignore[no-untyped-def]
+    """Something flat with looks [high, wide, 3] comes into the scene wherever a pixel looks at it."""
+    high, wide = looks.shape[0], looks.shape[1]
+    for r in range(scene.shape[0]):
+        for c in range(scene.shape[1]):
             x = to_cell[0, 0] * view[r, c, 0] + to_cell[0, 1] * view[r, c, 1] + to_cell[0, 2]
             y = to_cell[1, 0] * view[r, c, 0] + to_cell[1, 1] * view[r, c, 1] + to_cell[1, 2]
-            red, green, blue = backdrop[0], backdrop[1], backdrop[2]
             if -0.5 <= x <= wide - 0.5 and -0.5 <= y <= high - 0.5:
                 x, y = min(max(x, 0.0), wide - 1.0), min(max(y, 0.0), high - 1.0)
-                left, below = min(int(x), wide - 2), min(int(y), high - 2)
-                u, v = x - left, y - below
+                left, above = min(int(x), wide - 2), min(int(y), high - 2)
+                u, v = x - left, y - above
                 p, q, s, t = (1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v
-                a, b = seen[below, left], seen[below, left + 1]
-                d, e = seen[below + 1, left], seen[below + 1, left + 1]
-                red = p * a[0] + q * b[0] + s * d[0] + t * e[0]
-                green = p * a[1] + q * b[1] + s * d[1] + t * e[1]
-                blue = p * a[2] + q * b[2] + s * d[2] + t * e[2]
+                a, b = looks[above, left], looks[above, left + 1]
+                d, e = looks[above + 1, left], looks[above + 1, left + 1]
+                for band in range(3):
+                    scene[r, c, band] = p * a[band] + q * b[band] + s * d[band] + t * e[band]
+
+
+@numba.njit(cache=True, nogil=True)
+def _develop(scene, light, mix, tones, noise, offset, image):  # type: ignore[no-untyped-def]
+    """The light that comes from the scene, as the sensor's bands see it, with noise, in eight bits."""
+    bank, last = noise.shape[0], tones.shape[0] - 1
+    position = offset
+    for r in range(image.shape[0]):
+        for c in range(image.shape[1]):
+            red, green, blue = scene[r, c, 0], scene[r, c, 1], scene[r, c, 2]
             for band in range(3):
                 value = light[r, c] * (mix[band, 0] * red + mix[band, 1] * green + mix[band, 2] * blue)
                 # Photon noise: its variance grows with the light.

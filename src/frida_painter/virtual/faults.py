@@ -16,13 +16,45 @@ class Bump:
 
 
 @dataclass(frozen=True)
+class LostFocus:
+    """The camera is out of focus in the photographs `first` to `last` (None: for good).
+
+    blur: standard deviation of what a point becomes, share of the photograph's width; 0.005 are 8 of
+    1600 pixels.
+    """
+
+    first: int
+    last: int | None = None
+    blur: float = 0.005
+
+    def concerns(self, photograph: int) -> bool:
+        """Whether that photograph is out of focus."""
+        return self.first <= photograph and (self.last is None or photograph <= self.last)
+
+
+@dataclass(frozen=True)
+class LightChange:
+    """The light is another one from the photograph `first` on, until the next change.
+
+    gain: of the three bands, against the light that the studio was opened with (a cloud: all below
+    1; the evening's lamp: less blue); lean: how much brighter than the middle the photograph's
+    (right, lower) edge is, share of the light there.
+    """
+
+    first: int
+    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    lean: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
 class Faults:
     """Faults by number, counted from 0 since the studio was opened.
 
     dropped_touches: contacts with the canvas in which the brush does not quite reach it;
     bumps: knocks against the canvas; stale_photographs: captures in which the camera hands out
     the photograph before; stuck_motions: motions that end half way, as the pose tells;
-    dead_from_motion: the robot is lost from that motion on (RobotError).
+    dead_from_motion: the robot is lost from that motion on (RobotError); dry_dips: dips into a well
+    that is empty then; lost_focus, light_changes: what happens to the camera and to the lamps.
     """
 
     dropped_touches: frozenset[int] = frozenset()
@@ -30,6 +62,18 @@ class Faults:
     stale_photographs: frozenset[int] = frozenset()
     stuck_motions: frozenset[int] = frozenset()
     dead_from_motion: int | None = None
+    dry_dips: frozenset[int] = frozenset()
+    lost_focus: tuple[LostFocus, ...] = ()
+    light_changes: tuple[LightChange, ...] = ()
+
+    def blur_of(self, photograph: int) -> float:
+        """How much that photograph is blurred, share of its width; 0 where it is in focus."""
+        return max((lost.blur for lost in self.lost_focus if lost.concerns(photograph)), default=0.0)
+
+    def light_of(self, photograph: int) -> LightChange:
+        """The light in which that photograph is taken."""
+        so_far = [change for change in self.light_changes if change.first <= photograph]
+        return max(so_far, key=lambda change: change.first, default=LightChange(0))
 
 
 NO_FAULTS = Faults()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from frida_painter.hardware.workspace import Point, Workspace
 from frida_painter.virtual.bristles import Tuft
 from frida_painter.virtual.canvas import Canvas
+from frida_painter.virtual.checker import Checker
 from frida_painter.virtual.faults import Bump, Faults
 
 _MM = 1000.0
@@ -68,8 +69,10 @@ class HandNoise:
 class Table:
     """Everything that the brush can touch.
 
-    drawn, in_water, on_rag: microlitres drawn from the wells, in the water, on the rag; knock: how far
-    the canvas was moved by accident; tip, base: where the brush and the robot's foot are, mm on the canvas.
+    drawn, in_water, on_rag: microlitres drawn from the wells, in the water, on the rag; touches, dips:
+    contacts with the canvas and with a well so far; knock: how far the canvas was moved by accident;
+    tip, base: where the brush and the robot's foot are, mm on the canvas; checker: the colour checker,
+    where one lies there.
     """
 
     def __init__(
@@ -79,8 +82,9 @@ class Table:
         self.canvas, self.tuft = canvas, tuft
         self.paints: tuple[NDArray[np.float64], ...] = ()
         self.drawn = self.in_water = self.on_rag = 0.0
-        self.touches = 0
+        self.touches = self.dips = 0
         self.knock = PlacementError((0.0, 0.0), 0.0)
+        self.checker: Checker | None = None
         self._felt: list[Bump] = []
         self._workspace, self._touch_height = workspace, touch_height
         self._error, self._noise, self._random = error, noise, random
@@ -97,7 +101,7 @@ class Table:
         if (near[1:] | near[:-1]).any():
             self._over_canvas(on_canvas, now, faults)
         if len(path) > 1:
-            self._among_vessels(_resampled(path, _LOOK))
+            self._among_vessels(_resampled(path, _LOOK), faults)
 
     def _feel(self, bumps: tuple[Bump, ...]) -> None:
         for bump in bumps:
@@ -134,11 +138,13 @@ class Table:
                 self.tuft.settle()
             self.touches += 1
 
-    def _among_vessels(self, path: NDArray[np.float64]) -> None:
+    def _among_vessels(self, path: NDArray[np.float64], faults: Faults) -> None:
         workspace = self._workspace
         for well, paint in zip(workspace.wells, self.paints, strict=False):
             if _inside(path, well).any():
-                self.drawn += self.tuft.fill(paint)
+                if self.dips not in faults.dry_dips:
+                    self.drawn += self.tuft.fill(paint)
+                self.dips += 1
         stirred = _length_within(path, _inside(path, workspace.water))
         if stirred > 0:
             self.in_water += self.tuft.keep(_KEPT_IN_WATER * math.exp(-stirred / _STIRRING_LENGTH))
