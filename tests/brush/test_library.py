@@ -1,5 +1,6 @@
 import io
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,22 @@ def test_a_file_has_exactly_the_keys_of_the_format(saved):
     assert set(arrays(saved)) == {
         "magnitude", "length_m", "bend_m", "thickness", "metres_per_pixel", "origin_px", "recorded_index",
     }  # fmt: skip
+
+
+def test_a_judgement_is_kept_and_goes_with_its_strokes(saved):
+    assert StrokeLibrary.load(saved).flaws is None
+    judged = replace(small_library(4), flaws=np.array([0, 3, 0, 1], np.uint8))
+    judged.save(saved)
+    again = StrokeLibrary.load(saved)
+    assert again.flaws.tolist() == [0, 3, 0, 1]
+    assert again[np.array([3, 0])].flaws.tolist() == [1, 0]
+
+
+@pytest.mark.parametrize("flaws", [np.zeros(3, np.uint8), np.full(4, 99, np.uint8), np.zeros((4, 1), np.uint8)])
+def test_a_judgement_that_cannot_be_is_refused(saved, flaws):
+    np.savez(saved, **{**arrays(saved), "flaws": flaws})
+    with pytest.raises(LibraryError, match="flaws"):
+        StrokeLibrary.load(saved)
 
 
 def test_crops_on_a_models_frame_lie_where_the_model_paints():

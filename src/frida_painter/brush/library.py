@@ -4,6 +4,7 @@ import zipfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter import storage
+from frida_painter.brush.flaw import Flaw
 from frida_painter.brush.resample import resample
 from frida_painter.errors import LibraryError
 from frida_painter.frames import MapFrame
@@ -18,6 +20,7 @@ from frida_painter.frames import MapFrame
 MOST_STROKES = 20_000
 MOST_BYTES = 2**31
 _KEYS = ("magnitude", "length_m", "bend_m", "thickness", "metres_per_pixel", "origin_px", "recorded_index")
+_OPTIONAL_KEYS = ("flaws",)
 _DAMAGED = (
     OSError,
     EOFError,
@@ -41,7 +44,8 @@ class StrokeLibrary:
     length_m, bend_m [n] metres and thickness [n] in [0, 1]: what the robot was asked to paint, bends
     above 0 towards smaller rows; metres_per_pixel: scale of both axes; origin_px: (row, column) of
     the crop where each stroke was asked to start, heading towards larger columns;
-    recorded_index [n]: order of recording. Raises LibraryError where the parts cannot be true.
+    recorded_index [n]: order of recording; flaws [n] of `Flaw`: what is wrong with each stroke, None
+    where nobody has judged them. Raises LibraryError where the parts cannot be true.
     """
 
     magnitude: NDArray[np.uint8]
@@ -51,6 +55,7 @@ class StrokeLibrary:
     metres_per_pixel: float
     origin_px: tuple[float, float]
     recorded_index: NDArray[np.int32]
+    flaws: NDArray[np.uint8] | None = None
 
     def __post_init__(self) -> None:
         if self.magnitude.ndim != 3 or self.magnitude.dtype != np.uint8 or 0 in self.magnitude.shape:
@@ -63,6 +68,11 @@ class StrokeLibrary:
             raise LibraryError(f"A stroke library has {n} strokes; it has at most {MOST_STROKES}.")
         if self.recorded_index.shape != (n,):
             raise LibraryError(f"A stroke library has {len(self.recorded_index)} recorded_index for {n} strokes.")
+        if self.flaws is not None and (self.flaws.shape != (n,) or not (self.flaws <= max(Flaw)).all()):
+            raise LibraryError(
+                f"A stroke library has flaws that are not {n} numbers from 0 to {max(Flaw):d}; "
+                "give a library that this version of `frida-painter strokes paint` wrote."
+            )
         ranges = {"length_m": (0.0, 1.0), "bend_m": (-1.0, 1.0), "thickness": (0.0, 1.0)}
         for name, (least, most) in ranges.items():
             values = getattr(self, name)
@@ -91,6 +101,7 @@ class StrokeLibrary:
             self.metres_per_pixel,
             self.origin_px,
             self.recorded_index[index],
+            None if self.flaws is None else self.flaws[index],
         )
 
     @property
@@ -115,6 +126,7 @@ class StrokeLibrary:
 
     def save(self, path: Path) -> None:
         """Writes an .npz, atomically. Raises StorageError."""
+        judgement: dict[str, Any] = {} if self.flaws is None else {"flaws": self.flaws}
         with storage.replacing(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(
                 file,
@@ -125,6 +137,7 @@ class StrokeLibrary:
                 metres_per_pixel=np.float64(self.metres_per_pixel),
                 origin_px=np.array(self.origin_px, np.float32),
                 recorded_index=self.recorded_index,
+                **judgement,
             )
 
     @classmethod
@@ -132,7 +145,8 @@ class StrokeLibrary:
         """Reads an .npz and checks all of it; a pickle inside is never run. Raises LibraryError."""
         arrays = _read(path)
         kinds = {name: array.dtype.kind for name, array in arrays.items()}
-        if not set(kinds.values()) <= set("fiu") or kinds["recorded_index"] not in "iu":
+        whole = {kinds.get(name, "u") for name in ("recorded_index", "flaws")}
+        if not set(kinds.values()) <= set("fiu") or not whole <= set("iu"):
             raise LibraryError(f"{path} is not a stroke library: it holds something else than numbers.")
         if arrays["metres_per_pixel"].size != 1 or arrays["origin_px"].size != 2:
             raise LibraryError(f"{path} is not a stroke library: metres_per_pixel is 1 number and origin_px are 2.")
@@ -148,6 +162,7 @@ class StrokeLibrary:
                 metres_per_pixel=float(arrays["metres_per_pixel"].ravel()[0]),
                 origin_px=(row, column),
                 recorded_index=arrays["recorded_index"].astype(np.int32),
+                flaws=arrays["flaws"].astype(np.uint8) if "flaws" in arrays else None,
             )
         except LibraryError as cause:
             raise LibraryError(f"{path}: {cause}") from cause
@@ -164,7 +179,7 @@ def _read(path: Path) -> dict[str, NDArray[np.generic]]:
             missing = [name for name in _KEYS if name not in stored]
             if missing:
                 raise LibraryError(f"{path} is not a stroke library: it has no {', '.join(missing)}.")
-            return {name: stored[name] for name in _KEYS}
+            return {name: stored[name] for name in (*_KEYS, *_OPTIONAL_KEYS) if name in stored}
     except FileNotFoundError as cause:
         raise LibraryError(f"{path} does not exist; give the path of a stroke library (.npz).") from cause
     except _DAMAGED as cause:
