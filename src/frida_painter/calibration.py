@@ -57,7 +57,7 @@ class Calibration:
     bottom-right and bottom-left corner in the camera's photograph, (column, row) pixels as seen
     through the lens; photograph: its (rows, columns); lens: its distortion, None where it has none
     or it is not known; placement: homography from where a stroke is meant to be to where the robot
-    must be sent, canvas metres; color: affine 3 x 4 map from perceived to true sRGB; touch_height,
+    must be sent, canvas metres; color: affine 3 x 4 map from perceived to true linear light; touch_height,
     press_height: robot z in metres of the lightest touch and the hardest press; protrusion: how far
     the brush protrudes from its holder, metres; library, weights: the strokes that were painted and
     what was learned from them; done: the procedures that were done, by name. Parts whose procedure

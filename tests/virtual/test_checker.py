@@ -11,7 +11,7 @@ from frida_painter.virtual.faults import Bump, Faults
 from .hand import Hand
 
 IDEAL = CameraSpec.ideal(480, 640)
-YELLOW, BLUE_GREEN, BLACK = (231, 199, 31), (103, 189, 170), (52, 52, 52)
+YELLOW, BLUE_GREEN, BLACK = (240, 200, 22), (94, 190, 172), (50, 50, 51)
 
 
 def photograph(hand):
@@ -47,7 +47,7 @@ def test_a_card_lies_where_it_was_laid_and_turned_as_it_was_turned(turn):
         assert np.abs(seen - color).max() < 9
 
 
-def test_the_attendant_lays_it_on_the_canvas_and_takes_it_away_and_leaves_one_that_lies_there():
+def test_the_attendant_lays_it_on_the_canvas_and_takes_it_away_and_lays_it_where_it_was_put_before():
     hand = Hand(camera=IDEAL)
     bare = photograph(hand)
     assert hand.easel.attendant.lay_checker()
@@ -57,6 +57,7 @@ def test_the_attendant_lays_it_on_the_canvas_and_takes_it_away_and_leaves_one_th
     assert np.abs(photograph(hand) - bare).max() < 30
     hand.studio.lay_checker((0.05, 0.04), math.pi)
     there = photograph(hand)
+    hand.easel.attendant.take_checker_away()
     hand.easel.attendant.lay_checker()
     assert np.abs(photograph(hand) - there).max() < 30
 

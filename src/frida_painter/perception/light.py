@@ -1,6 +1,8 @@
 """Between sRGB and linear light, in which light adds up, averages and multiplies (IEC 61966-2-1)."""
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 
@@ -13,3 +15,9 @@ def to_srgb(linear: Tensor) -> Tensor:
     """Linear light to sRGB, any shape; what lies outside [0, 1] is brought to its nearest side."""
     linear = linear.clamp(0, 1)
     return torch.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clamp(min=0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def light_of_bytes(photograph: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """The linear light in [0, 1] of a photograph in sRGB bytes, any shape."""
+    tones: NDArray[np.float32] = to_linear(torch.linspace(0, 1, 256)).numpy()
+    return tones[photograph]

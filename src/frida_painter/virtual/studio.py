@@ -1,7 +1,9 @@
 """Opens a virtual studio: a table, a robot and a camera as one easel, all from one seed."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -71,11 +73,12 @@ class Balance:
     dry: float
     water: float
     rag: float
+    carried_away: float = 0.0
 
     @property
     def missing(self) -> float:
         """Drawn from the wells and found nowhere; 0 but for rounding."""
-        return self.drawn - (self.brush + self.wet + self.dry + self.water + self.rag)
+        return self.drawn - (self.brush + self.wet + self.dry + self.water + self.rag + self.carried_away)
 
 
 class VirtualStudio:
@@ -88,8 +91,8 @@ class VirtualStudio:
         area = canvas.width * canvas.height * _MM**2
         self.settings, self.brush = settings, brush
         self.clock = Clock()
-        self.canvas = Canvas(
-            canvas.width * _MM, canvas.height * _MM,
+        self._fresh_canvas = partial(
+            Canvas, canvas.width * _MM, canvas.height * _MM,
             cell=settings.cell or max(0.4, math.sqrt(area / _MOST_CELLS)),
             ground=to_linear(np.array(settings.ground)), drying_rate=_FILM / settings.drying_time, random=for_canvas,
         )  # fmt: skip
@@ -98,7 +101,7 @@ class VirtualStudio:
         touch_height = _CANVAS_ORIGIN[2]
         tuft = Tuft(brush, for_brush)
         self.table = Table(
-            self.canvas, tuft, workspace, touch_height, self.placement_error, settings.noise, for_hand
+            self._fresh_canvas(), tuft, workspace, touch_height, self.placement_error, settings.noise, for_hand
         )  # fmt: skip
         self.robot = VirtualRobot(self.table, workspace, home, self.clock)
         self.camera = VirtualCamera(settings.camera, self.table, self.clock, for_camera)
@@ -113,20 +116,26 @@ class VirtualStudio:
             camera="virtual camera",
             canvas=canvas,
         )
-        self._checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
-        attendant = _Attendant(self.table, self._checker)
-        self.easel = Easel(self.robot, self.camera, attendant, workspace, calibration, canvas)
+        checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
+        self._attendant = _Attendant(self.table, checker, self._fresh_canvas)
+        self.easel = Easel(self.robot, self.camera, self._attendant, workspace, calibration, canvas)
+
+    @property
+    def canvas(self) -> Canvas:
+        """The canvas that lies on the easel now."""
+        return self.table.canvas
 
     def break_things(self, faults: Faults) -> None:
         """From now on these faults happen."""
         self.robot.faults = self.camera.faults = faults
 
     def lay_checker(self, center: tuple[float, float], turn: float, width: float | None = None) -> None:
-        """Lays the colour checker down before the attendant does, who then leaves it as it is.
+        """Lays the colour checker down; from now on the attendant lays it there as well.
 
         center: canvas metres; turn: radians counter-clockwise; width: metres of its longer side.
         """
-        self.table.checker = self._checker.laid(
+        attendant = self._attendant
+        attendant.checker = self.table.checker = attendant.checker.laid(
             (center[0] * _MM, center[1] * _MM), turn, None if width is None else width * _MM
         )
 
@@ -147,8 +156,9 @@ class VirtualStudio:
         """Where the paint is that was drawn from the wells."""
         table = self.table
         return Balance(
-            table.drawn, table.tuft.volume, self.canvas.wet_volume, self.canvas.dry_volume, table.in_water, table.on_rag
-        )
+            table.drawn, table.tuft.volume, self.canvas.wet_volume, self.canvas.dry_volume, table.in_water,
+            table.on_rag, table.carried_away,
+        )  # fmt: skip
 
 
 def open_studio(
@@ -172,20 +182,25 @@ def open_studio(
     return VirtualStudio(canvas, brush_named(brush), settings, seed)
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Attendant:
     table: Table
     checker: Checker
+    fresh_canvas: Callable[[], Canvas]
 
     def fill_wells(self, palette: Palette) -> None:
         """Empties all wells and fills well i with paint i."""
         color = palette.color.detach().cpu().double().numpy()
         self.table.paints = tuple(absorption_and_scattering(color))
 
+    def lay_paper(self) -> bool:
+        """Puts a fresh canvas where the first one lay."""
+        self.table.lay(self.fresh_canvas())
+        return True
+
     def lay_checker(self) -> bool:
-        """Lays the colour checker on the canvas, unless it lies somewhere already."""
-        if self.table.checker is None:
-            self.table.checker = self.checker
+        """Lays the colour checker on the canvas."""
+        self.table.checker = self.checker
         return True
 
     def take_checker_away(self) -> bool:
