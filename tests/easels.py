@@ -100,6 +100,9 @@ class NotingAttendant:
     def fill_wells(self, palette: Palette) -> None:
         self.palettes.append(palette)
 
+    def lay_paper(self) -> bool:
+        return False
+
     def lay_checker(self) -> bool:
         return False
 

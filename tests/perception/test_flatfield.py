@@ -59,3 +59,23 @@ def test_too_little_and_too_much_light_are_refused():
         FlatField.learn(flat((0.1, 0.1, 0.1)), (1.0, 1.0, 1.0))
     with pytest.raises(FrameRejected, match="overexposed"):
         FlatField.learn(flat((1.0, 1.0, 1.0)), (1.0, 1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("gain", "lean"), [((0.7, 0.7, 0.7), (0.0, 0.0)), ((1.0, 0.9, 0.6), (0.0, 0.0)), ((0.9, 0.9, 0.9), (0.3, -0.2))]
+)
+def test_another_light_is_followed_by_what_is_still_bare(gain, lean):
+    down, across = torch.meshgrid(torch.linspace(-1, 1, 90), torch.linspace(-1, 1, 120), indexing="ij")
+    first = (0.7 - 0.1 * across - 0.05 * down**2) * torch.tensor([0.95, 0.9, 0.8])[:, None, None]
+    field = FlatField.learn(to_srgb(first), (1.0, 1.0, 1.0))
+    later = first * torch.tensor(gain)[:, None, None] * (1 + lean[0] * across + lean[1] * down)
+    painted = torch.rand(90, 120, generator=torch.Generator().manual_seed(0)) < 0.3
+    light = torch.where(painted, 0.05 * later, later)
+    renewed = field.renewed(light, ~painted, (1.0, 1.0, 1.0)).light(90, 120)
+    assert (renewed / later - 1).abs().max() < 0.02
+
+
+def test_where_nothing_is_bare_the_light_stays_as_it_was():
+    field = FlatField.learn(torch.full((3, 90, 120), 0.8), (1.0, 1.0, 1.0))
+    again = field.renewed(torch.full((3, 90, 120), 0.1), torch.zeros(90, 120, dtype=torch.bool), (1.0, 1.0, 1.0))
+    assert again is field

@@ -9,6 +9,7 @@ import frida_painter.virtual
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.virtual.camera import CameraSpec
+from frida_painter.virtual.faults import Bump, Faults
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter.virtual.table import HandNoise, PlacementError
 
@@ -129,3 +130,20 @@ def test_reality_shares_no_code_with_the_renderer_that_it_judges():
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             ours = {name.split(".")[1] for name in names if name.startswith("frida_painter.")}
             assert ours <= allowed, f"{module.name} imports {ours - allowed}"
+
+
+def test_a_fresh_canvas_is_bare_and_lies_where_the_first_one_did():
+    hand = Hand(BLACK, faults=Faults(bumps=(Bump(0, (0.003, 0.0)),)))
+    hand.dip(0)
+    hand.stroke(0.03, 0.045, 0.04)
+    assert hand.studio.truth(60).min() < 0.3
+    assert hand.studio.table.knock.shift == (0.003, 0.0)
+    assert hand.easel.attendant.lay_paper()
+    assert hand.studio.truth(60).min() > 0.9
+    assert hand.studio.table.knock.shift == (0.0, 0.0)
+    balance = hand.studio.balance()
+    assert balance.wet + balance.dry == 0 < balance.carried_away
+    assert abs(balance.missing) < 1e-3 * balance.drawn
+    hand.dip(0)
+    hand.stroke(0.03, 0.045, 0.04)
+    assert hand.studio.truth(60).min() < 0.3

@@ -17,6 +17,9 @@ class Attendant(Protocol):
     def fill_wells(self, palette: Palette) -> None:
         """Returns when well i holds paint i of the palette."""
 
+    def lay_paper(self) -> bool:
+        """Whether a fresh, bare canvas lies on the easel now; False where a person is to be asked for one."""
+
     def lay_checker(self) -> bool:
         """Whether the colour checker lies in the camera's sight now; False where a person is to be asked for it."""
 

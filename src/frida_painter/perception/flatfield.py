@@ -15,6 +15,9 @@ _DIMMEST = 0.05
 _MOST_CLIPPED = 0.2
 _MOST_RESIDUAL = 0.06
 _SAMPLES = 128
+_RENEWING_SAMPLES = 40
+_RENEWING_DEGREE = 3
+_LEAST_BARE = 0.05
 
 
 @dataclass(frozen=True)
@@ -43,14 +46,7 @@ class FlatField:
             raise FrameRejected("The photograph of the bare canvas is overexposed; bring less light or expose shorter.")
         seen = pooled.flatten(1).clamp(min=1e-4).log()  # [3, samples]
         terms = _terms(*pooled.shape[1:]).to(seen)  # [samples, terms]
-        weight = torch.ones_like(seen)
-        for _ in range(_ROUNDS):  # least squares, in which what does not fit counts less and less
-            root = weight.sqrt()[..., None]
-            logarithm = torch.linalg.lstsq(root * terms, root * seen[..., None]).solution[..., 0]  # [3, terms]
-            off = (logarithm @ terms.T - seen).abs()
-            usual = off.median(1, keepdim=True).values + 1e-3
-            weight = 1 / (1 + (off / (3 * usual)) ** 2) ** 2
-        residual = float(off.mean())
+        logarithm, residual = _fitted(terms, seen)
         if not residual <= _MOST_RESIDUAL:
             raise FrameRejected(
                 f"The canvas does not look bare: {100 * residual:.0f} % of its light does not fit a smooth surface, "
@@ -58,6 +54,27 @@ class FlatField:
             )
         logarithm[:, 0] -= to_linear(torch.tensor(ground, dtype=seen.dtype)).clamp(min=1e-3).log()
         return cls(logarithm.float())
+
+    def renewed(self, light: Tensor, bare: Tensor, ground: tuple[float, float, float]) -> Self:
+        """The field as it is in a later photograph of the same canvas, of which only parts are still bare.
+
+        light [3, H, W]: the later photograph, rectified, linear; bare [H, W]: where it shows the
+        ground, of colour `ground` (sRGB). Only broad changes are followed: another brightness, another
+        colour, light from another side. Where less than a twentieth is bare, all stays as it was.
+        """
+        step = [max(1, side // _RENEWING_SAMPLES) for side in bare.shape]
+        share = torch.nn.functional.avg_pool2d(bare[None].to(light), step)[0]  # [h, w]
+        known = (share > 0.5).flatten()
+        if not float(known.double().mean()) >= _LEAST_BARE:
+            return self
+        white = self.light(*bare.shape).to(light) * to_linear(torch.tensor(ground).to(light))[:, None, None]
+        ratio = torch.nn.functional.avg_pool2d(light / white * bare, step) / share.clamp(min=1e-3)
+        seen = ratio.flatten(1)[:, known].double().clamp(min=1e-4).log()  # [3, samples]
+        broad = torch.tensor([i + j <= _RENEWING_DEGREE for i, j in _pairs()])
+        terms = _terms(*share.shape).to(seen)[known][:, broad]  # [samples, terms]
+        logarithm = self.logarithm.clone()
+        logarithm[:, broad] += _fitted(terms, seen)[0].to(logarithm)
+        return type(self)(logarithm)
 
     def light(self, rows: int, columns: int) -> Tensor:
         """What the camera sees of a white canvas, linear light, [3, rows, columns]."""
@@ -70,6 +87,21 @@ class FlatField:
     def correct(self, picture: Tensor) -> Tensor:
         """The rectified photograph [3, H, W] as it would look in even, white light, sRGB in [0, 1]."""
         return to_srgb(to_linear(picture) / self.light(*picture.shape[1:]).to(picture))
+
+
+def _fitted(terms: Tensor, seen: Tensor) -> tuple[Tensor, float]:
+    """Coefficients [3, terms] of what is seen [3, samples], and the mean residual.
+
+    Least squares, in which what does not fit counts less and less.
+    """
+    weight = torch.ones_like(seen)
+    for _ in range(_ROUNDS):
+        root = weight.sqrt()[..., None]
+        coefficients = torch.linalg.lstsq(root * terms, root * seen[..., None]).solution[..., 0]
+        off = (coefficients @ terms.T - seen).abs()
+        usual = off.median(1, keepdim=True).values + 1e-3
+        weight = 1 / (1 + (off / (3 * usual)) ** 2) ** 2
+    return coefficients, float(off.mean())
 
 
 def _terms(rows: int, columns: int) -> Tensor:

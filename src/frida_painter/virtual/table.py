@@ -69,7 +69,8 @@ class HandNoise:
 class Table:
     """Everything that the brush can touch.
 
-    drawn, in_water, on_rag: microlitres drawn from the wells, in the water, on the rag; touches, dips:
+    drawn, in_water, on_rag, carried_away: microlitres drawn from the wells, in the water, on the rag,
+    on canvases that were taken away; touches, dips:
     contacts with the canvas and with a well so far; knock: how far the canvas was moved by accident;
     tip, base: where the brush and the robot's foot are, mm on the canvas; checker: the colour checker,
     where one lies there.
@@ -81,7 +82,7 @@ class Table:
     ) -> None:  # fmt: skip
         self.canvas, self.tuft = canvas, tuft
         self.paints: tuple[NDArray[np.float64], ...] = ()
-        self.drawn = self.in_water = self.on_rag = 0.0
+        self.drawn = self.in_water = self.on_rag = self.carried_away = 0.0
         self.touches = self.dips = 0
         self.knock = PlacementError((0.0, 0.0), 0.0)
         self.checker: Checker | None = None
@@ -91,6 +92,12 @@ class Table:
         self._center = np.array([canvas.width, canvas.height]) / 2 / _MM
         self.tip = np.full(2, -np.inf)
         self.base = self._depth_on_canvas(np.zeros((1, 3)))[0, :2]
+
+    def lay(self, canvas: Canvas) -> None:
+        """Takes the canvas away and lays this one where the first lay before anybody knocked against it."""
+        self.carried_away += self.canvas.wet_volume + self.canvas.dry_volume
+        self.canvas = canvas
+        self.knock = PlacementError((0.0, 0.0), 0.0)
 
     def move(self, path: NDArray[np.float64], now: float, faults: Faults) -> None:
         """The tip goes along a polyline [k, 3] (metres, robot frame), arriving at time `now` (s)."""
