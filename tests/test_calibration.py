@@ -96,6 +96,7 @@ def test_placement_is_a_homography() -> None:
         ({"touch_height": math.inf}, "not below"),
         ({"press_height": -math.inf}, "not below"),
         ({"corners": ((0.0, 0.0), (100.0, 0.0), (30.0, 30.0), (0.0, 100.0))}, "clockwise"),
+        ({"lens": Lens((300.0, 300.0), (511.5, 379.5), (-0.9, 0.0, 0.0, 0.0, 0.0))}, "Through the lens"),
         ({"protrusion": -0.01}, "protrudes"),
         ({"protrusion": math.nan}, "protrudes"),
         ({"done": {"canvas": Done("2026-11-21", 1, math.nan)}}, "'canvas'"),

@@ -24,6 +24,12 @@ def test_a_barrel_draws_the_corner_inwards_and_leaves_the_middle() -> None:
     assert middle.tolist() == [799.5, 599.5]
 
 
+def test_where_the_lens_shows_nothing_there_is_no_number() -> None:
+    lens = Lens((200.0, 200.0), (159.5, 119.5), (-0.3, 0.0, 0.0, 0.0, 0.0))
+    far, near = lens.straightened(np.array([(0.0, 0.0), (100.0, 100.0)]))
+    assert np.isnan(far).all() and np.isfinite(near).all()
+
+
 @pytest.mark.parametrize(
     ("focal", "coefficients"),
     [

@@ -89,6 +89,11 @@ class Calibration:
                 f"Canvas corners {self.corners} do not go round the canvas clockwise from the top left; "
                 "repeat the canvas calibration."
             )
+        if self.lens is not None and not np.isfinite(self.lens.straightened(corners)).all():
+            raise CalibrationError(
+                f"Through the lens {self.lens.coefficients} no canvas is seen at {self.corners}; "
+                "repeat the canvas calibration."
+            )
         if placement.shape != (3, 3) or not np.isfinite(placement).all() or not np.linalg.det(placement) > 1e-6:
             raise CalibrationError("The placement homography is singular or mirrored; repeat the robot calibration.")
         if color.shape != (3, 4) or not np.isfinite(color).all():

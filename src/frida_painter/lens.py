@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from frida_painter.errors import CalibrationError
 
 _STRONGEST = 1.0
-_ROUNDS = 40
+_ROUNDS = 60
+_EXACT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -34,10 +35,16 @@ class Lens:
             )
 
     def straightened(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where things seen at `pixels` [n, 2] (column, row) would be seen without distortion."""
+        """Where things seen at `pixels` [n, 2] (column, row) would be seen without distortion.
+
+        Not a number where this lens shows nothing there.
+        """
         straight = np.array(pixels, np.float64)
-        for _ in range(_ROUNDS):
-            straight += pixels - self.bent(straight)
+        with np.errstate(all="ignore"):
+            for _ in range(_ROUNDS):
+                straight += pixels - self.bent(straight)
+            unseen = ~(np.abs(self.bent(straight) - pixels).max(-1) < _EXACT)
+        straight[unseen] = np.nan
         return straight
 
     def bent(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:

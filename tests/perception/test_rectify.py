@@ -1,11 +1,13 @@
+import cv2
 import numpy as np
 import pytest
 import torch
 
 from frida_painter.errors import FrameRejected
 from frida_painter.frames import PixelGrid
+from frida_painter.lens import Lens
 from frida_painter.perception.rectify import rectify
-from photographs import CORNERS, SIZE, across_and_down, calibration
+from photographs import COLUMNS, CORNERS, ROWS, SIZE, across_and_down, calibration
 
 
 def photograph(paint) -> np.ndarray:
@@ -75,3 +77,17 @@ def test_a_canvas_beyond_the_photograph_is_refused():
     corners = ((-40.0, 30.0), *CORNERS[1:])
     with pytest.raises(FrameRejected, match="40 pixels beyond"):
         rectify(np.full((240, 320, 3), 200, np.uint8), calibration(corners), PixelGrid.of_height(SIZE, 30))
+
+
+def test_what_the_lens_has_bent_is_straightened():
+    lens = Lens((200.0, 200.0), (159.5, 119.5), (-0.12, 0.0, 0.0, 0.0, 0.0))
+    straight = photograph(bands)
+    pixels = np.stack(np.meshgrid(np.arange(COLUMNS), np.arange(ROWS)), -1).reshape(-1, 2)
+    places = lens.straightened(pixels).reshape(ROWS, COLUMNS, 2).astype(np.float32)
+    bent = cv2.remap(straight, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    seen = tuple(map(tuple, lens.bent(np.array(CORNERS)).tolist()))
+    grid = PixelGrid.of_height(SIZE, 90)
+    inside = np.s_[:, 2:-2, 2:-2]
+    wanted = rectify(straight, calibration(), grid)[inside]
+    assert (rectify(bent, calibration(seen, lens=lens), grid)[inside] - wanted).abs().max() < 0.02
+    assert (rectify(bent, calibration(seen), grid)[inside] - wanted).abs().max() > 0.025, "it is needed"

@@ -120,9 +120,12 @@ class VirtualCamera:
         center = np.array([canvas.width, canvas.height]) / 2
         back = np.array([[cos, sin], [-sin, cos]]) / canvas.cell
         shift = center / canvas.cell - back @ (center + 1000 * np.array(knock.shift)) - 0.5
-        _lay(canvas.reflectance(), self._to_canvas, np.c_[back, shift].astype(np.float32), scene)
+        # The last cells of a canvas may reach beyond its edge.
+        whole = (canvas.height / canvas.cell, canvas.width / canvas.cell)
+        _lay(canvas.reflectance(), whole, self._to_canvas, np.c_[back, shift].astype(np.float32), scene)
         if checker is not None:
-            _lay(checker.looks, self._to_canvas, checker.cells().astype(np.float32), scene)
+            shape = (float(checker.looks.shape[0]), float(checker.looks.shape[1]))
+            _lay(checker.looks, shape, self._to_canvas, checker.cells().astype(np.float32), scene)
         return scene
 
     def _show_arm(self, image: NDArray[np.uint8]) -> None:
@@ -194,14 +197,14 @@ def _leaning(shape: tuple[int, ...], lean: tuple[float, float]) -> NDArray[np.fl
 
 
 @numba.njit(cache=True, nogil=True)
-def _lay(looks, view, to_cell, scene):  # type: ignore[no-untyped-def]
-    """Something flat with looks [high, wide, 3] comes into the scene wherever a pixel looks at it."""
+def _lay(looks, shape, view, to_cell, scene):  # type: ignore[no-untyped-def]
+    """Something flat with looks [high, wide, 3], of `shape` (rows, columns), comes in wherever a pixel looks at it."""
     high, wide = looks.shape[0], looks.shape[1]
     for r in range(scene.shape[0]):
         for c in range(scene.shape[1]):
             x = to_cell[0, 0] * view[r, c, 0] + to_cell[0, 1] * view[r, c, 1] + to_cell[0, 2]
             y = to_cell[1, 0] * view[r, c, 0] + to_cell[1, 1] * view[r, c, 1] + to_cell[1, 2]
-            if -0.5 <= x <= wide - 0.5 and -0.5 <= y <= high - 0.5:
+            if -0.5 <= x <= shape[1] - 0.5 and -0.5 <= y <= shape[0] - 0.5:
                 x, y = min(max(x, 0.0), wide - 1.0), min(max(y, 0.0), high - 1.0)
                 left, above = min(int(x), wide - 2), min(int(y), high - 2)
                 u, v = x - left, y - above
