@@ -1,6 +1,7 @@
 """The commands that print the paper's figures and tables: experiments NAME, experiments list."""
 
 import math
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +13,22 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.cli.progress import duration
-from frida_painter.experiments import continuous_strokes, outcome
+from frida_painter.experiments import continuous_strokes, outcome, sim2real, targets
 from frida_painter.experiments.outcome import Outcome
 from frida_painter.session.opening import settle_threads
 
 BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
 Seed = Annotated[
     int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Of every random choice.")
+]
+Seeds = Annotated[
+    str, typer.Option(metavar="N,N,...", help="Everything is done once with each of these seeds.", show_default=True)
+]
+Targets = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--target", metavar="PHOTO", help="A picture to paint; may be given again. [dim]five of the project's[/]"
+    ),
 ]
 Quick = Annotated[
     bool, typer.Option("--quick", help="Do only as much as shows that it runs; the figures mean nothing then.")
@@ -36,6 +46,7 @@ def build() -> typer.Typer:
     )
     app.command("list")(list_all)
     app.command(continuous_strokes.NAME)(sweep)
+    app.command(sim2real.NAME)(gap)
     return app
 
 
@@ -53,8 +64,34 @@ def sweep(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out:
     _conduct(out, lambda notify: continuous_strokes.run(brush=brush, seed=seed, scale=scale, notify=notify))
 
 
-def _conduct(out: Path, experiment: Callable[[outcome.Notify], Outcome]) -> None:
-    """Runs an experiment under a progress bar, writes what comes out, and says where it is."""
+def gap(
+    brush: BrushName = "broad", seeds: Seeds = "0,1,2", target: Targets = None, quick: Quick = False, out: Out = HERE
+) -> None:
+    """How far paintings are from their simulation: our planner, and two in the manner of earlier work."""
+    scale = sim2real.QUICK if quick else sim2real.FULL
+    pictures = targets.given(target) if target else targets.shipped()
+    chosen, keep = seeds_of(seeds), out / sim2real.NAME / "unfinished"
+    _conduct(
+        out,
+        lambda notify: sim2real.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
+        unfinished=keep,
+    )
+
+
+def seeds_of(text: str) -> tuple[int, ...]:
+    """ "0,1,2" as numbers. Raises typer.BadParameter."""
+    read = whole_number_within(0, 2**31 - 1)
+    seeds = tuple(read(part) for part in text.split(","))
+    if len(set(seeds)) < len(seeds):
+        raise typer.BadParameter(f"{text[:40]!r} names a seed twice")
+    return seeds
+
+
+def _conduct(out: Path, experiment: Callable[[outcome.Notify], Outcome], *, unfinished: Path | None = None) -> None:
+    """Runs an experiment under a progress bar, writes what comes out, and says where it is.
+
+    unfinished: a folder that is no longer needed when the experiment is done.
+    """
     settle_threads()
     started = time.monotonic()
     console = Console(stderr=True, highlight=False)
@@ -74,6 +111,8 @@ def _conduct(out: Path, experiment: Callable[[outcome.Notify], Outcome]) -> None
         bar.update(task, description="done", completed=1.0, left="")
     folder = out / found.name
     found.save(folder)
+    if unfinished is not None:
+        shutil.rmtree(unfinished, ignore_errors=True)
     print("\n".join([found.title, *(f"  {note}" for note in found.notes)]))
     print(f"In {duration(time.monotonic() - started)}: {folder / 'table.md'}, table.json and", end=" ")
     print(f"{len(found.pictures)} picture{'s' if len(found.pictures) != 1 else ''}.")

@@ -1,0 +1,29 @@
+"""The pictures that experiments paint: those that come with the project, or a person's own."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from torch import Tensor
+
+from frida_painter import images
+
+SHIPPED = ("astronaut", "cat", "coffee", "retina", "rocket")
+
+
+@dataclass(frozen=True)
+class Target:
+    """A picture to paint, sRGB [3, H, W] in [0, 1], and what it is called."""
+
+    name: str
+    picture: Tensor
+
+
+def shipped(names: Sequence[str] = SHIPPED) -> tuple[Target, ...]:
+    """The project's own pictures of these names."""
+    return tuple(Target(name, images.load(Path(__file__).with_name(f"{name}.jpg"))) for name in names)
+
+
+def given(paths: Sequence[Path]) -> tuple[Target, ...]:
+    """A person's pictures. Raises ImageError."""
+    return tuple(Target(path.stem, images.load(path)) for path in paths)
