@@ -18,13 +18,14 @@ from frida_painter.plan import Plan
 from frida_painter.planning.initialize import Growth, progressive
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement, locate
-from frida_painter.planning.refine import discretize, relocate
+from frida_painter.planning.refine import discretize, draw_together, relocate
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
 
 _MOVED = 0.15  # share of the strokes that may move at a time
 _POLISHING_PACE = 0.5
+_KEEPING = (0.7, 0.45, 0.2, 0.1)  # of the way from a stroke's colour to its paint, round after round
 _PROPOSALS = 24  # weighed for each stroke that moves
 
 
@@ -33,13 +34,15 @@ class Effort:
     """How many iterations are spent on what.
 
     growth: on the start; refining: joint steps after each of `relocations` rounds in which weak
-    strokes move; binding: steps after each of two rounds in which colours become fewer paints;
-    polishing: last steps at full resolution; replanning: steps after each look.
+    strokes move; drawing: steps after each round in which colours are drawn towards the paints;
+    binding: steps once they are paints; polishing: last steps at full resolution; replanning:
+    steps after each look.
     """
 
     growth: Growth = field(default_factory=Growth)
     relocations: int = 3
     refining: int = 25
+    drawing: int = 20
     binding: int = 40
     polishing: int = 80
     replanning: int = 40
@@ -51,6 +54,7 @@ class Effort:
             growth,
             self.relocations,
             math.ceil(self.refining * factor),
+            math.ceil(self.drawing * factor),
             math.ceil(self.binding * factor),
             math.ceil(self.polishing * factor),
             math.ceil(self.replanning * factor),
@@ -79,6 +83,7 @@ class Planner:
     def plan(self, canvas: Tensor, strokes: int, colors: int, notify: Callable[[Step], None]) -> Plan:
         """A plan of `strokes` strokes in `colors` paints for a canvas picture [3, H, W] of the fine grid."""
         generator = torch.Generator().manual_seed(self.seed)
+        colors = min(colors, strokes)
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
         target = self._guide(self.coarse)
         steps = _Progress(notify, self.iterations(strokes))
@@ -97,12 +102,13 @@ class Planner:
             found, _ = optimize(
                 found, coarse, iterations=self.effort.refining, notify=steps.begin(self.effort.refining)
             )
-        paints = None
-        for count in (2 * colors, colors):  # in two steps, so that shapes can follow
-            found, paints = discretize(found, coarse, min(count, strokes), self.seed)
-            found, paints = optimize(
-                found, coarse, iterations=self.effort.binding, paints=paints, notify=steps.begin(self.effort.binding)
-            )
+        for keeping in _KEEPING:
+            found = draw_together(found, coarse, colors, keeping, self.seed)
+            found, _ = optimize(found, coarse, iterations=self.effort.drawing, notify=steps.begin(self.effort.drawing))
+        found, chosen = discretize(found, coarse, colors, self.seed)
+        found, paints = optimize(
+            found, coarse, iterations=self.effort.binding, paints=chosen, notify=steps.begin(self.effort.binding)
+        )
         found, paints = optimize(
             found,
             fine,
@@ -188,7 +194,8 @@ class Planner:
         return (
             self._growing(strokes)
             + self.effort.relocations * self.effort.refining
-            + 2 * self.effort.binding
+            + len(_KEEPING) * self.effort.drawing
+            + self.effort.binding
             + self.effort.polishing
         )
 

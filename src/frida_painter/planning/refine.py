@@ -50,16 +50,32 @@ def visible_area(strokes: Strokes, scene: Scene) -> Tensor:
     return share[:, 0]
 
 
-def discretize(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[Strokes, Paints]:
-    """The strokes in `colors` paints, light to dark (paper, "Paint Colors and Mixing").
+def draw_together(strokes: Strokes, scene: Scene, colors: int, keeping: float, seed: int) -> Strokes:
+    """The strokes, still in colours of their own, but nearer to `colors` paints: `keeping` of the way is left.
 
-    The paints are clustered from the strokes' colours. A colour counts by the fourth root of the
-    area in which it is seen: by the area alone, small accents would drown.
+    Done again and again with gradient descent in between, shapes and colours grow used to the
+    paints, and lose less when at last they get them.
     """
-    palette = Palette.cluster(strokes.color, visible_area(strokes, scene).clamp(min=0).pow(0.25), colors, seed)
-    paint = torch.cdist(strokes.color, palette.color).argmin(1)
+    palette, paint = _cluster(strokes, scene, colors, seed)
+    nearest = palette.color[paint]
+    return strokes.with_groups(color=nearest + keeping * (strokes.color - nearest))
+
+
+def discretize(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[Strokes, Paints]:
+    """The strokes in `colors` paints, light to dark (paper, "Paint Colors and Mixing")."""
+    palette, paint = _cluster(strokes, scene, colors, seed)
     order = torch.argsort(paint, stable=True)
     return strokes[order].with_groups(color=palette.color[paint[order]]), Paints(palette.color, paint[order])
+
+
+def _cluster(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[Palette, Tensor]:
+    """Paints for the strokes' colours, and which one is nearest to each stroke's, [n].
+
+    A colour counts by the fourth root of the area in which it is seen: by the area alone, small
+    accents would drown.
+    """
+    palette = Palette.cluster(strokes.color, visible_area(strokes, scene).clamp(min=0).pow(0.25), colors, seed)
+    return palette, torch.cdist(strokes.color, palette.color).argmin(1)
 
 
 def relocate(
