@@ -35,6 +35,12 @@ _LAB = {
     ),
 }  # fmt: skip
 EDITIONS = tuple(_LAB)
+NAMES = (
+    "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
+    "orange", "purplish blue", "moderate red", "purple", "yellow green", "orange yellow",
+    "blue", "green", "red", "yellow", "magenta", "cyan",
+    "white", "neutral 8", "neutral 6.5", "neutral 5", "neutral 3.5", "black",
+)  # fmt: skip
 # D50 white of the ICC; from D50 to D65 by K. M. Lam's transform ("Bradford"), and on to linear sRGB.
 _D50 = (0.9642, 1.0, 0.8249)
 _TO_D65 = (
@@ -105,8 +111,8 @@ def read_checker(photograph: NDArray[np.uint8], corners: Corners) -> PatchReadin
     looked_at = _lattice()[:, None, None] + np.stack(np.meshgrid(fine, fine), -1)  # [24, side, side, 2]
     place = _seen(view, looked_at).astype(np.float32).reshape(PATCHES, -1, 2)
     column, row = place[..., 0], place[..., 1]
-    light = cv2.remap(light_of_bytes(photograph), column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    nearest = cv2.remap(photograph, column, row, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
+    seen = cv2.remap(photograph, column, row, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)  # [24, k, 3]
+    light = light_of_bytes(np.asarray(seen, np.uint8))
     mean = light.mean(1)  # [24, 3]
     cells = light.reshape(PATCHES, _CELLS, _SAMPLES, _CELLS, _SAMPLES, 3).mean((2, 4, 5)).reshape(PATCHES, -1)
     return PatchReadings(
@@ -114,7 +120,7 @@ def read_checker(photograph: NDArray[np.uint8], corners: Corners) -> PatchReadin
         place=torch.from_numpy(_seen(view, _lattice())),
         outline=torch.from_numpy(_seen(view, outline)),
         unevenness=torch.from_numpy(cells.std(1) / (cells.mean(1) + _FAINT)),
-        blown_out=torch.from_numpy((nearest >= _BLOWN_OUT).any(-1).mean(1)),
+        blown_out=torch.from_numpy((seen >= _BLOWN_OUT).any(-1).mean(1)),
     )
 
 

@@ -1,0 +1,241 @@
+"""Color: what the camera makes of the 24 known colours of a checker, and the map that brings them back."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from frida_painter.calibration import Calibration
+from frida_painter.errors import CalibrationError
+from frida_painter.frames import PixelGrid
+from frida_painter.hardware.easel import Easel
+from frida_painter.images import from_uint8
+from frida_painter.perception.checker import (
+    EDITIONS,
+    NAMES,
+    Corners,
+    PatchReadings,
+    find_checker,
+    read_checker,
+    true_colors,
+)
+from frida_painter.perception.color import ColorFit, fit_color
+from frida_painter.perception.difference import difference
+from frida_painter.perception.flatfield import FlatField
+from frida_painter.perception.light import to_linear, to_srgb
+from frida_painter.perception.rectify import rectify
+from frida_painter.session.procedures.at_the_easel import photograph
+from frida_painter.session.procedures.checker_sheet import checker_sheet
+from frida_painter.session.procedures.dialogue import Confirm, PointCorners, Procedure
+
+WORST_MEAN = 3.0
+"""CIEDE2000 of held-out patches, on average, above which a map is refused."""
+WHITE = (1.0, 1.0, 1.0)
+_MOST_BLOWN_OUT = 0.05
+_MOST_UNEVEN = 0.12
+_DIMMEST_WHITE = 0.08
+_ROWS = 240
+_LEAST_BARE = 0.1
+_MOST_OFF_WHITE = 0.05
+_NOTABLE_CHANGE = 0.05
+# How much larger than the block of its patches' middles a card is at most, with its rim and a shadow.
+_CARD = 1.75
+
+
+@dataclass(frozen=True)
+class ColorFinding:
+    """What the color procedure found.
+
+    affine [3, 4]: from perceived to true linear light; held_out [24]: CIEDE2000 of each patch as
+    mapped by a fit to the 23 others; fit, photographed [24]: the same as fitted and in even light,
+    and as photographed; edition: which chart it is; change: by how much the light was another one
+    than on the bare canvas, share of it; picture [3, h, w]: every patch as seen, mapped and true.
+    """
+
+    affine: tuple[tuple[float, ...], ...]
+    held_out: Tensor
+    fit: ColorFit
+    photographed: Tensor
+    edition: str
+    change: float
+    picture: Tensor | None
+
+    @property
+    def sentence(self) -> str:
+        """What was found, in plain words."""
+        worst = int(self.held_out.argmax())
+        changed = f" The light changed by {self.change:.0%} meanwhile; that was taken out." * (
+            self.change > _NOTABLE_CHANGE
+        )
+        return (
+            f"Colours are seen to {self.held_out.mean():.1f} CIEDE2000 on average (patches that the fit did not see; "
+            f"at worst {self.held_out[worst]:.1f}, {NAMES[worst]}); as photographed they were "
+            f"{self.photographed.mean():.1f} off, in even light {self.fit.before.mean():.1f}.{changed}"
+        )
+
+    def enter(self, record: Calibration) -> Calibration:
+        """The record with this correction of colours."""
+        return record.with_color(self.affine, residual=float(self.held_out.mean()))
+
+
+def color(easel: Easel, *, ground: tuple[float, float, float] = WHITE) -> Procedure[ColorFinding]:
+    """Photographs the bare canvas, then a 24-patch colour checker on it, and fits the map between the two.
+
+    ground: the canvas's own colour (sRGB). Raises CalibrationError where no chart is there or the
+    map would be wrong, FrameRejected where the canvas is not bare, CameraError.
+    """
+    if not easel.attendant.take_checker_away():
+        yield Confirm("Is the canvas bare, with nothing lying on it?")
+    grid = PixelGrid.of_height(easel.canvas, _ROWS)
+    field = FlatField.learn(rectify(photograph(easel).image, easel.calibration, grid), ground)
+    if not easel.attendant.lay_checker():
+        there = yield Confirm(
+            "Lay the colour checker (24 patches) flat on the canvas, in any direction, so that some bare canvas "
+            "shows on all sides. Does it lie there, without a shadow or a reflection on it?"
+        )
+        if there is not True:
+            raise CalibrationError("Without a colour checker colours stay as the camera sees them; repeat with one.")
+    frame = photograph(easel).image
+    gone = easel.attendant.take_checker_away()
+    corners = yield PointCorners(
+        "Are these the middles of the dark brown, turquoise, black and white corner patches?",
+        from_uint8(frame),
+        find_checker(frame),
+    )
+    finding = _found(easel.calibration, grid, field, ground, frame, _four(corners))
+    if not gone:
+        yield Confirm("Take the colour checker away again. Is the canvas free?")
+    return finding
+
+
+def _found(
+    record: Calibration,
+    grid: PixelGrid,
+    field: FlatField,
+    ground: tuple[float, float, float],
+    frame: NDArray[np.uint8],
+    corners: Corners,
+) -> ColorFinding:
+    """What the photograph of the checker says. Raises CalibrationError."""
+    readings = _in_order(frame, corners)
+    _check(readings)
+    renewed = _in_this_light(field, ground, rectify(frame, record, grid), _canvas_pixels(corners, record, grid))
+    place = torch.from_numpy(_canvas_pixels(tuple(map(tuple, readings.place.tolist())), record, grid))
+    before, now = (_light_at(known, grid, place) for known in (field, renewed))
+    even = readings.light / now
+    fits = {edition: fit_color(even, true_colors(edition)) for edition in EDITIONS}
+    edition = min(fits, key=lambda name: float(fits[name].held_out.mean()))
+    fit, affine = fits[edition], fits[edition].affine
+    held_out = fit.held_out
+    if not float(held_out.mean()) < float(fit.before.mean()):
+        held_out, affine = fit.before, torch.eye(3, 4, dtype=affine.dtype)  # The camera is as true as the chart.
+    if not float(held_out.mean()) <= WORST_MEAN:
+        raise CalibrationError(
+            f"The patches are {held_out.mean():.1f} CIEDE2000 off on average after the correction; at most "
+            f"{WORST_MEAN:g} are allowed (worst: {NAMES[int(held_out.argmax())]}). Is it a chart of the 24 classic "
+            "colours, clean and flat, in the light of the painting alone? Repeat the color calibration."
+        )
+    return ColorFinding(
+        affine=tuple(map(tuple, affine.tolist())),
+        held_out=held_out,
+        fit=fit,
+        photographed=difference(to_srgb(readings.light), to_srgb(true_colors(edition))),
+        edition=edition,
+        change=float((now / before - 1).abs().mean()),
+        picture=checker_sheet(frame, readings, affine, even, true_colors(edition), held_out),
+    )
+
+
+def _four(corners: object) -> Corners:
+    """The answer as four corners that go round clockwise. Raises CalibrationError."""
+    points = np.array(corners if isinstance(corners, tuple) else (), np.float64)
+    if points.shape != (4, 2) or not np.isfinite(points).all():
+        raise CalibrationError(
+            "No colour checker was found in the photograph. Lay a chart of the 24 classic colours flat on the canvas, "
+            "look whether the camera is in focus and the light is on, and repeat the color calibration."
+        )
+    offset = points - points.mean(0)
+    clockwise = points[np.argsort(np.arctan2(offset[:, 1], offset[:, 0]))]
+    return tuple((float(column), float(row)) for column, row in clockwise)
+
+
+def _in_order(frame: NDArray[np.uint8], corners: Corners) -> PatchReadings:
+    """The readings that begin at that corner from which the patches look most like the chart's."""
+    turned = [read_checker(frame, corners[first:] + corners[:first]) for first in range(4)]
+    known = to_srgb(true_colors(EDITIONS[0]))
+    return min(turned, key=lambda readings: float(difference(to_srgb(readings.light), known).mean()))
+
+
+def _check(readings: PatchReadings) -> None:
+    """Raises CalibrationError where the patches cannot be read."""
+    blown_out = [NAMES[i] for i in torch.nonzero(readings.blown_out > _MOST_BLOWN_OUT).flatten().tolist()]
+    if blown_out:
+        raise CalibrationError(
+            f"The photograph is overexposed: the camera sees no difference any more above {_list(blown_out)}. Expose "
+            "shorter or bring less light, and repeat the color calibration."
+        )
+    brightest = float(readings.light.max())
+    if not brightest >= _DIMMEST_WHITE:
+        raise CalibrationError(
+            f"The photograph is too dark: the brightest patch reflects {brightest:.1%} of full exposure, and "
+            f"{_DIMMEST_WHITE:.0%} is needed. Bring more light and repeat the color calibration."
+        )
+    uneven = [NAMES[i] for i in torch.nonzero(~(readings.unevenness <= _MOST_UNEVEN)).flatten().tolist()]
+    if uneven:
+        raise CalibrationError(
+            f"The patches are not of one colour each: {_list(uneven)}. Either the camera is out of focus, or there is "
+            "a reflection, a shadow or dirt on the checker, or its corners are not where they were pointed at. Mend "
+            "that and repeat the color calibration."
+        )
+
+
+def _in_this_light(
+    field: FlatField, ground: tuple[float, float, float], picture: Tensor, chart: NDArray[np.float64]
+) -> FlatField:
+    """The light in which the checker was photographed, as the canvas around it tells. Raises CalibrationError.
+
+    picture [3, h, w]: the rectified photograph; chart [4, 2]: the corner patches' middles in it.
+    """
+    rows, columns = picture.shape[1:]
+    outline = chart.mean(0) + _CARD * (chart - chart.mean(0))
+    covered = cv2.fillConvexPoly(np.zeros((rows, columns), np.uint8), outline.round().astype(np.int32), 1)
+    bare = torch.from_numpy(covered == 0)
+    if not float(bare.double().mean()) >= _LEAST_BARE:
+        raise CalibrationError(
+            f"The checker covers all but {float(bare.double().mean()):.0%} of the canvas, and {_LEAST_BARE:.0%} must "
+            "show, for the light is judged by it. Lay it further aside or take a smaller one, and repeat the color "
+            "calibration."
+        )
+    light = to_linear(picture)
+    renewed = field.renewed(light, bare, ground)
+    wanted = renewed.light(rows, columns) * to_linear(torch.tensor(ground))[:, None, None]
+    off = float((light / wanted - 1).abs()[:, bare].median())
+    if not off <= _MOST_OFF_WHITE:
+        raise CalibrationError(
+            f"The canvas around the checker looks {off:.0%} different from the bare canvas in any even light; "
+            f"{_MOST_OFF_WHITE:.0%} is allowed. Leave camera and canvas as they are, and repeat the color calibration."
+        )
+    return renewed
+
+
+def _canvas_pixels(place: Corners, record: Calibration, grid: PixelGrid) -> NDArray[np.float64]:
+    """Where places of the photograph lie in a rectified picture, (column, row) [n, 2]."""
+    right, lower = grid.columns - 0.5, grid.rows - 0.5
+    canvas = np.array([(-0.5, -0.5), (right, -0.5), (right, lower), (-0.5, lower)], np.float32)
+    view = cv2.getPerspectiveTransform(np.array(record.corners, np.float32), canvas)
+    return np.asarray(cv2.perspectiveTransform(np.array([place], np.float64), view)[0], np.float64)
+
+
+def _light_at(field: FlatField, grid: PixelGrid, place: Tensor) -> Tensor:
+    """The light at places of the rectified picture [n, 2], beside the canvas that at its edge: [n, 3] float64."""
+    light = field.light(grid.rows, grid.columns).double()
+    column, row = place.round().long().unbind(-1)
+    return light[:, row.clamp(0, grid.rows - 1), column.clamp(0, grid.columns - 1)].T
+
+
+def _list(names: list[str]) -> str:
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return ", ".join(names[:3]) + more
