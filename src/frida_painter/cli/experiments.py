@@ -13,7 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.cli.progress import duration
-from frida_painter.experiments import continuous_strokes, outcome, sim2real, targets
+from frida_painter.experiments import continuous_strokes, outcome, replanning, sim2real, targets
 from frida_painter.experiments.outcome import Outcome
 from frida_painter.session.opening import settle_threads
 
@@ -47,6 +47,7 @@ def build() -> typer.Typer:
     app.command("list")(list_all)
     app.command(continuous_strokes.NAME)(sweep)
     app.command(sim2real.NAME)(gap)
+    app.command(replanning.NAME)(looking)
     return app
 
 
@@ -76,6 +77,22 @@ def gap(
         lambda notify: sim2real.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
         unfinished=keep,
     )
+
+
+def looking(
+    brush: BrushName = "broad",
+    seeds: Seeds = "0,1,2",
+    target: Annotated[
+        Path | None, typer.Option(metavar="PHOTO", help="The picture to paint. [dim]a cup of coffee[/]")
+    ] = None,
+    quick: Quick = False,
+    out: Out = HERE,
+) -> None:
+    """With and without looking: how far a painting strays from its first plan and from its target."""
+    scale = replanning.QUICK if quick else replanning.FULL
+    (picture,) = targets.given([target]) if target else targets.shipped(["coffee"])
+    chosen = seeds_of(seeds)
+    _conduct(out, lambda notify: replanning.run(picture, brush=brush, seeds=chosen, scale=scale, notify=notify))
 
 
 def seeds_of(text: str) -> tuple[int, ...]:

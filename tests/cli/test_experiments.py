@@ -1,0 +1,76 @@
+import json
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from frida_painter import cli
+from frida_painter.brush.table import StrokeTable, TableDetail
+from frida_painter.experiments import replanning, sim2real
+
+Said = tuple[int, str, str]
+Run = Callable[..., Said]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """run(word, ...): the exit status, and what was said on both channels."""
+    monkeypatch.chdir(tmp_path)
+    coarse = SimpleNamespace(of=lambda model: StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8)))
+    for module in (sim2real, replanning):
+        monkeypatch.setattr(module, "StrokeTable", coarse)
+
+    def running(*words: object) -> Said:
+        monkeypatch.setattr("sys.argv", ["frida-painter", "experiments", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        told = capsys.readouterr()
+        return int(end.value.code or 0), told.out, told.err
+
+    return running
+
+
+def test_all_experiments_are_listed_with_what_they_are_for(run: Run) -> None:
+    status, out, _ = run("list")
+    assert status == 0
+    for name in ("continuous-strokes", "sim2real", "replanning"):
+        (line,) = (line for line in out.splitlines() if line.startswith(name))
+        assert len(line.split()) > 5
+
+
+def test_an_experiment_leaves_its_table_and_pictures(run: Run, tmp_path: Path) -> None:
+    status, out, _ = run("continuous-strokes", "--brush", "fine", "--seed", 3, "--quick", "--out", "found")
+    folder = tmp_path / "found" / "continuous-strokes"
+    assert status == 0 and str(Path("found/continuous-strokes/table.md")) in out
+    record = json.loads((folder / "table.json").read_text())
+    assert record["settings"]["brush"] == "fine" and record["settings"]["seed"] == 3
+    assert {path.name for path in folder.iterdir()} == {"table.json", "table.md", *record["pictures"]}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["sim2real", "replanning"])
+def test_paintings_of_ones_own_picture_and_nothing_unfinished_is_left(run: Run, tmp_path: Path, name: str) -> None:
+    photo = Path(sim2real.__file__).with_name("targets") / "cat.jpg"
+    status, _, _ = run(name, "--target", photo, "--seeds", "5", "--quick", "--brush", "fine", "--out", "found")
+    assert status == 0
+    record = json.loads((tmp_path / "found" / name / "table.json").read_text())
+    assert record["settings"]["seeds"] == [5]
+    assert not (tmp_path / "found" / name / "unfinished").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("sim2real", "--seeds", "1,x"), "'x' is not a whole number"),
+        (("sim2real", "--seeds", "1,1"), "twice"),
+        (("replanning", "--seeds", "-1"), "-1 is not from 0"),
+        (("continuous-strokes", "--brush", "mop"), "'mop' is not known"),
+        (("sim2real", "--target", "nowhere.jpg"), "nowhere.jpg does not exist"),
+        (("alchemy",), "alchemy"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_a_sentence(run: Run, tmp_path: Path, words: tuple[str, ...], says: str) -> None:
+    status, _, err = run(*words)
+    assert status == 2 and says in err and "Traceback" not in err
+    assert list(tmp_path.iterdir()) == []
