@@ -1,0 +1,129 @@
+"""How many strokes a model needs (paper, Fig. "param2stroke error", there tested on 42 strokes).
+
+For every number of strokes the model is trained five times, each time on other strokes and with
+another fifth of them for validation, and tested on the same strokes held out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from frida_painter.brush.library import StrokeLibrary
+from frida_painter.brush.train import FEWEST_STROKES
+from frida_painter.errors import LibraryError
+from frida_painter.experiments.chart import Series, chart
+from frida_painter.experiments.ledger import Finding, Ledger
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent
+from frida_painter.experiments.rivals import BEZIER, LEARNED, errors, fingerprint, learn
+
+NAME = "strokes-needed"
+
+
+@dataclass(frozen=True)
+class Scale:
+    """sizes: numbers of strokes for training and validation; folds: trainings of each; held_out: for the test."""
+
+    sizes: tuple[int, ...]
+    folds: int
+    held_out: int
+    quick: bool
+
+
+FULL = Scale(sizes=(10, 25, 50, 100, 150), folds=5, held_out=42, quick=False)
+QUICK = Scale(sizes=(6, 10), folds=2, held_out=4, quick=True)
+
+
+def run(
+    library: StrokeLibrary,
+    name: str,
+    *,
+    seed: int = 0,
+    scale: Scale = FULL,
+    keep: Path | None = None,
+    notify: Notify = silent,
+) -> Outcome:
+    """Trains on parts of a library called `name`.
+
+    keep: a folder in which finished trainings wait in case the rest is interrupted. Raises
+    LibraryError where the library is too small for two of the sizes.
+    """
+    order = np.random.default_rng(seed).permutation(len(library))
+    test, pool = library[order[: scale.held_out]], order[scale.held_out :]
+    sizes = tuple(size for size in scale.sizes if FEWEST_STROKES <= size <= len(pool))
+    if len(sizes) < 2:
+        raise LibraryError(
+            f"The stroke library has {len(library)} strokes, {scale.held_out} of which are held out for the test; "
+            f"give one of at least {scale.held_out + sorted(scale.sizes)[1]}."
+        )
+    ledger = Ledger(keep, {"library": fingerprint(library), "seed": seed, "scale": repr(scale)})
+    models = (*LEARNED, BEZIER)
+    tasks = [(model, size, fold) for model in models for size in sizes for fold in range(scale.folds)]
+    error: dict[tuple[str, int, int], float] = {}
+    for number, (model, size, fold) in enumerate(tasks):
+        notify(Progress(number / len(tasks), f"{model} from {size} strokes, {fold + 1} of {scale.folds}"))
+        chosen = np.random.default_rng((seed, fold)).permutation(pool)[:size]
+
+        def measure(model: str = model, part: NDArray[np.int64] = chosen, fold: int = fold) -> Finding:
+            predict = learn(model, library[part], seed=seed + fold, quick=scale.quick)
+            return Finding({"error": float(errors(predict, test).mean())}, {})
+
+        finding = ledger.recall(f"{model.replace(' ', '-')}-{size}-{fold}", measure)
+        error[model, size, fold] = finding.numbers["error"]
+    notify(Progress(1.0, "drawing"))
+    rows = [
+        _row(model, size, [error[model, size, fold] for fold in range(scale.folds)])
+        for model in models
+        for size in sizes
+    ]
+    return Outcome(
+        NAME,
+        f"Error against the number of strokes: {name}",
+        {
+            "library": name, "strokes": len(library), "sizes": sizes, "folds": scale.folds,
+            "held out": scale.held_out, "seed": seed,
+        },
+        (Table(f"Mean absolute error on {scale.held_out} strokes held out", tuple(rows)),),
+        tuple(_note(model, rows) for model in LEARNED),
+        {NAME: _curve(name, models, rows)},
+    )  # fmt: skip
+
+
+def _row(model: str, size: int, error: Sequence[float]) -> Row:
+    log = np.log(error)
+    return {
+        "model": model,
+        "strokes": size,
+        "error": float(np.exp(log.mean())),
+        "log error": float(log.mean()),
+        "log error, standard deviation": float(log.std(ddof=1)),
+        "best": min(error),
+        "worst": max(error),
+    }
+
+
+def _note(model: str, rows: Sequence[Row]) -> str:
+    mine = [(int(row["strokes"] or 0), float(row["error"] or 0)) for row in rows if row["model"] == model]
+    steps = ", ".join(f"{100 * (1 - b / a):.0f} % from {m} to {n}" for (m, a), (n, b) in pairwise(mine))
+    return f"With more strokes the error of {model} falls by {steps} strokes."
+
+
+def _curve(name: str, models: Sequence[str], rows: Sequence[Row]) -> Tensor:
+    lines = []
+    for model in models:
+        mine = [row for row in rows if row["model"] == model]
+        center = np.array([float(row["log error"] or 0) for row in mine])
+        spread = np.array([float(row["log error, standard deviation"] or 0) for row in mine])
+        low, mean, high = (np.exp(center + sign * spread).tolist() for sign in (-1, 0, 1))
+        lines.append(Series(model, [float(row["strokes"] or 0) for row in mine], mean, low, high, band=False))
+    return chart(
+        f"Strokes needed: {name}",
+        "strokes for training and validation",
+        "mean absolute error on strokes held out (logarithmic); bars: one standard deviation of five trainings",
+        lines,
+        logarithmic=True,
+    )

@@ -1,0 +1,92 @@
+"""stroke-model, strokes-needed and real-strokes: what is compared, on what, and what is said of it."""
+
+import numpy as np
+import pytest
+import torch
+
+from frida_painter.errors import LibraryError
+from frida_painter.experiments import real_strokes, stroke_model, strokes_needed
+from frida_painter.experiments.rivals import BEZIER, LEARNED, RIVALS
+from marks import small_library as library
+
+
+@pytest.fixture(scope="module")
+def strokes():
+    return library(30)
+
+
+def test_models_are_compared_on_strokes_held_out_stroke_by_stroke(strokes):
+    outcome = stroke_model.run(strokes, "drawn", seed=1, scale=stroke_model.QUICK)
+    means, tests = (table.rows for table in outcome.tables)
+    assert [row["model"] for row in means] == [*LEARNED, BEZIER]
+    assert outcome.settings["held out"] == stroke_model.QUICK.held_out
+    by_model = {row["model"]: row["mean L1"] for row in means}
+    for row in tests:
+        assert row["mean difference"] == pytest.approx(by_model[row["model"]] - by_model[BEZIER])
+        assert 0 <= row["p, paired t-test"] <= 1 and 0 < row["p, Wilcoxon"] <= 1
+    assert len(outcome.notes) == len(LEARNED) and "p = " in outcome.notes[0]
+    assert "stroke-model" in outcome.pictures
+
+
+def test_no_model_learns_from_the_strokes_that_test_it(strokes, monkeypatch):
+    learned, tested = [], []
+
+    def learn(rival, part, **rest):
+        learned.append(set(part.recorded_index.tolist()))
+        return lambda other: tested.append(set(other.recorded_index.tolist())) or _bare(other)
+
+    for module in (stroke_model, strokes_needed, real_strokes):
+        monkeypatch.setattr(module, "learn", learn)
+        learned.clear()
+        tested.clear()
+        module.run(strokes, "drawn", scale=module.QUICK)
+        assert learned and len(tested) >= len(learned)
+        if module is real_strokes:  # every split has its own strokes for the test
+            assert all(not part & other for part, other in zip(learned, tested, strict=True))
+        else:
+            assert all(not part & set.union(*tested) for part in learned)
+
+
+def _bare(other):
+    return torch.zeros(other.magnitude.shape)
+
+
+def test_the_numbers_of_strokes_needed_are_those_asked_for(strokes, monkeypatch):
+    sizes = []
+
+    def learn(rival, part, **rest):
+        sizes.append((rival, len(part)))
+        return _bare
+
+    monkeypatch.setattr(strokes_needed, "learn", learn)
+    scale = strokes_needed.Scale(sizes=(6, 12, 500), folds=3, held_out=10, quick=True)
+    outcome = strokes_needed.run(strokes, "drawn", scale=scale)
+    assert sizes == [(model, size) for model in (*LEARNED, BEZIER) for size in (6, 12) for _ in range(3)]
+    assert outcome.settings["sizes"] == (6, 12)
+    for row in outcome.tables[0].rows:
+        assert row["log error"] == pytest.approx(np.log(row["error"]))
+        assert row["log error, standard deviation"] == 0  # the same test strokes, the same empty answer
+
+
+def test_trainings_that_are_done_are_not_done_again(strokes, tmp_path, monkeypatch):
+    first = strokes_needed.run(strokes, "drawn", scale=strokes_needed.QUICK, keep=tmp_path)
+    monkeypatch.setattr(strokes_needed, "learn", None)
+    assert strokes_needed.run(strokes, "drawn", scale=strokes_needed.QUICK, keep=tmp_path).tables == first.tables
+    with pytest.raises(TypeError):
+        strokes_needed.run(strokes[:29], "drawn", scale=strokes_needed.QUICK, keep=tmp_path)
+
+
+def test_every_rival_is_in_the_table_of_all_splits(strokes):
+    outcome = real_strokes.run(strokes, "drawn", seeds=(0, 1), scale=real_strokes.QUICK)
+    whole, fewer = (table.rows for table in outcome.tables)
+    assert [row["model"] for row in whole] == list(RIVALS)
+    assert {row["strokes"] for row in whole} == {26} and {row["strokes"] for row in fewer} == {6}
+    for row in (*whole, *fewer):
+        assert 0 < row["least"] <= row["error"] <= row["most"] < 1
+    assert min(whole, key=lambda row: row["error"])["model"] in outcome.notes[0]
+
+
+@pytest.mark.parametrize("module", [stroke_model, strokes_needed, real_strokes])
+def test_too_small_a_library_is_refused_in_a_sentence(strokes, module):
+    with pytest.raises(LibraryError, match="has 7 strokes"):
+        module.run(strokes[:7], "drawn", scale=module.QUICK)
