@@ -34,7 +34,7 @@ class Flaw(IntEnum):
 _REASONS = {
     Flaw.NONE: ("clean", "nothing is wrong with it"),
     Flaw.EMPTY: ("nearly empty", "it has far less paint than strokes of its shape: the brush ran out or did not touch"),
-    Flaw.TOUCHED: ("touches another", "there is paint of something else in its picture"),
+    Flaw.TOUCHED: ("touching", "there is paint of something else in its picture"),
     Flaw.TORN: ("torn", "much of its inside is bare: dry paint, or paint that was there before it"),
     Flaw.SKIPPED: ("skipped", "it breaks off on its way"),
     Flaw.ASTRAY: ("astray", "it lies elsewhere than other strokes: the robot, the paper or the camera moved"),

@@ -52,14 +52,15 @@ def judge_marks(library: StrokeLibrary) -> NDArray[np.uint8]:
     width = float(np.median([look.width for look in seen]))
     wide = max(2, round(_WIDE_GAP * width))
     torn = np.array([look.torn(wide) for look in seen])
-    covered = np.array([look.covered for look in seen])
+    # Of a stroke that is hardly longer than wide, the way says nothing.
+    covered = np.array([look.covered if look.way >= 2 * width else 1.0 for look in seen])
     flaws = np.zeros(len(library), np.uint8)
     # The gravest reason is named, hence written last.
     flaws[_astray(np.array([look.offset for look in seen]), own, width)] = Flaw.ASTRAY
     flaws[1 - covered > _MOST_SKIPPED] = Flaw.SKIPPED
     flaws[torn > _MOST_TORN] = Flaw.TORN
     flaws[np.array([look.foreign for look in seen]) > _MOST_FOREIGN * usual] = Flaw.TOUCHED
-    flaws[(own < _LEAST_PAINT * _expected(library, own)) | (covered < _LEAST_COVERED)] = Flaw.EMPTY
+    flaws[(own < _LEAST_PAINT * _expected(library, own)) | (own == 0) | (covered < _LEAST_COVERED)] = Flaw.EMPTY
     return flaws
 
 
@@ -100,13 +101,14 @@ class _Look:
     """What is seen of one mark.
 
     inked [rows, columns]: where the stroke itself left paint; own, foreign: paint of the stroke and of
-    something else, in pixels of full paint; covered: share of the way that has paint; width: pixels
-    across; offset (column, row): of the paint's centre from the path's.
+    something else, in pixels of full paint; way: pixels from start to end; covered: share of the way
+    that has paint; width: pixels across; offset (column, row): of the paint's centre from the path's.
     """
 
     inked: NDArray[np.bool_]
     own: float
     foreign: float
+    way: float
     covered: float
     width: float
     offset: tuple[float, float]
@@ -131,9 +133,9 @@ class _Look:
             float((weight * rows).sum() - mark.path[:, 1].mean()),
         )
         foreign = float(mark.paint.sum()) - own
-        covered = float((across > 0).mean()) if len(across) else float(inked.any())
+        covered = float((across > 0).mean()) if len(across) else 0.0
         width = float(np.median(across[across > 0])) if across.any() else 0.0
-        return cls(inked, own, foreign, covered, width, offset)
+        return cls(inked, own, foreign, last - first, covered, width, offset)
 
     def torn(self, wide: int) -> float:
         """Area of gaps of at least `wide` pixels across the stroke, as a share of what is painted.

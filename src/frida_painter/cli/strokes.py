@@ -1,4 +1,4 @@
-"""The commands that teach the painter its brush: strokes paint, strokes train."""
+"""The commands that teach the painter its brush: strokes paint, inspect, train."""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,10 +11,10 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.train import TrainingProgress, train
+from frida_painter.cli.library import inspect, paint
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
-from frida_painter.session.opening import blank_papers, settle_threads
-from frida_painter.session.paint_library import MOST_STROKES, LibraryProgress, paint_library
+from frida_painter.session.opening import settle_threads
 
 BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
 SeedOption = Annotated[
@@ -26,34 +26,9 @@ def build() -> typer.Typer:
     """The group of commands."""
     app = typer.Typer(no_args_is_help=True, help="Teach the painter its brush from strokes that it has painted.")
     app.command("paint")(paint)
+    app.command("inspect")(inspect)
     app.command("train")(train_model)
     return app
-
-
-def paint(
-    brush: BrushName = "broad",
-    count: Annotated[
-        int,
-        typer.Option(
-            parser=whole_number_within(1, MOST_STROKES), metavar="N", help="How many strokes; about 200 are enough."
-        ),
-    ] = 200,
-    seed: SeedOption = 0,
-    out: Annotated[Path, typer.Option(metavar="FILE", help="The stroke library to write (.npz).")] = Path(
-        "library.npz"
-    ),
-) -> None:
-    """Paint single strokes of all shapes in the virtual studio, photograph each, and keep them as a library."""
-    kind = brush_kind(brush)
-    with _bar() as bar:
-        task = bar.add_task("painting strokes", total=count)
-
-        def hear(progress: LibraryProgress) -> None:
-            bar.update(task, completed=progress.done, description=f"painting strokes, paper {progress.sheet}")
-
-        library = paint_library(blank_papers(brush, seed), kind, count=count, seed=seed, notify=hear)
-    library.save(out)
-    print(f"{len(library)} strokes of brush {brush}: {out}")
 
 
 def train_model(

@@ -67,9 +67,9 @@ class FlatField:
         known = (share > 0.5).flatten()
         if not float(known.double().mean()) >= _LEAST_BARE:
             return self
-        white = self.light(*bare.shape).to(light) * to_linear(torch.tensor(ground).to(light))[:, None, None]
-        ratio = torch.nn.functional.avg_pool2d(light / white * bare, step) / share.clamp(min=1e-3)
-        seen = ratio.flatten(1)[:, known].double().clamp(min=1e-4).log()  # [3, samples]
+        white = self.light(*share.shape).to(light) * to_linear(torch.tensor(ground).to(light))[:, None, None]
+        mean = torch.nn.functional.avg_pool2d(light * bare, step) / share.clamp(min=1e-3)
+        seen = (mean / white).flatten(1)[:, known].double().clamp(min=1e-4).log()  # [3, samples]
         broad = torch.tensor([i + j <= _RENEWING_DEGREE for i, j in _pairs()])
         terms = _terms(*share.shape).to(seen)[known][:, broad]  # [samples, terms]
         logarithm = self.logarithm.clone()

@@ -57,16 +57,9 @@ def open_session(
     return PaintingSession(planner, brushwork, eye, rhythm, stop_asked=stop_asked, notify=notify)
 
 
-def blank_papers(brush: str, seed: int) -> Callable[[int], Easel]:
-    """Fresh sheets of paper in a virtual studio for painting a stroke library, by number.
-
-    The robot there is calibrated: it paints where it means to.
-    """
-
-    def easel(number: int) -> Easel:
-        studio = open_studio(PAPER, brush, seed=seed * 1000 + number, placement_error=PlacementError((0.0, 0.0), 0.0))
-        studio.easel.robot.connect()
-        studio.easel.camera.connect()
-        return studio.easel
-
-    return easel
+def open_virtual_easel(brush: str, seed: int) -> Easel:
+    """A virtual studio for painting a stroke library: paper, and a calibrated robot that paints where it means to."""
+    studio = open_studio(PAPER, brush, seed=seed, placement_error=PlacementError((0.0, 0.0), 0.0))
+    studio.easel.robot.connect()
+    studio.easel.camera.connect()
+    return studio.easel

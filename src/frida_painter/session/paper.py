@@ -1,0 +1,272 @@
+"""One sheet of paper on which single strokes are painted, each photographed, and what may spoil a photograph.
+
+A stroke's mark is what changed between two photographs (paper, "Real Data to Simulation"). Whatever
+else changed is found here: it is taken out where that can be done, is a flaw of the stroke where
+not, and a photograph that shows nothing reliable is refused.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from frida_painter.brush.flaw import Flaw
+from frida_painter.brush.kinds import BrushKind
+from frida_painter.errors import CalibrationError, ConfigError, FrameRejected
+from frida_painter.frames import CanvasSize, MapFrame, PixelGrid
+from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.motion import Motion
+from frida_painter.palette import Palette
+from frida_painter.perception.color import true_color
+from frida_painter.perception.flatfield import FlatField
+from frida_painter.perception.light import to_linear, to_srgb
+from frida_painter.perception.paper_edge import PaperEdge
+from frida_painter.perception.rectify import rectify
+from frida_painter.session.procedures.at_the_easel import perform, photograph
+from frida_painter.strokes import Strokes
+
+BLACK = 0.04
+WHITE = (1.0, 1.0, 1.0)
+_FINER = 3  # pixels of a crop per cell of the stroke model, along each side
+_NOISE_FLOOR = 0.04
+_BORDER = 0.002  # m along the paper's edge, where a lens may show some table
+_ATTEMPTS = 3
+
+_SEARCHED = 0.008  # m around where the paper's edge should be
+_MOST_BESIDE = 0.004  # m between the paper and where the canvas was calibrated
+_MOST_MOVED = 0.0004  # m since the sheet's first photograph
+_SOFTEST, _SOFTEST_PIXELS = 0.05, 2.0  # of the brush's width over which the paper's edge may pass into the table
+_SOFTER = 1.8  # times the softness of the sheet's first photograph
+_BARE, _DARKER, _SHADED = 0.85, 0.3, 0.08  # of the paper's light: bare paper, and changes of it
+_MOST_DARK, _MOST_SHADE = 25e-6, 400e-6  # m2 of bare paper beside the stroke that may change so
+_DIMMEST, _MOST_CLIPPED = 0.05, 0.2  # light of bare paper; share of the photograph that is overexposed
+_MOST_INK = 3e-6  # m2 that need not be bare where a stroke is to be painted
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """What varies from stroke to stroke of a library, each [n]."""
+
+    thickness: Tensor
+    length: Tensor
+    bend: Tensor
+
+    @classmethod
+    def sampled(cls, kind: BrushKind, count: int, seed: int) -> "Shapes":
+        """Drawn uniformly from the brush's limits; of one seed, more strokes begin with the same ones."""
+        chance = torch.Generator().manual_seed(seed)
+        thickness, along, aside = torch.rand(count, 3, generator=chance).T.contiguous()
+        (shortest, longest), (least, most) = kind.limits.length, kind.limits.bend
+        return cls(thickness, shortest + along * (longest - shortest), least + aside * (most - least))
+
+    def __getitem__(self, index: int) -> "Shapes":
+        chosen = slice(index, index + 1)
+        return Shapes(self.thickness[chosen], self.length[chosen], self.bend[chosen])
+
+
+@dataclass(frozen=True)
+class Crop:
+    """How many pixels the picture of a stroke reaches from the pixel at which it starts; pitch: metres a pixel."""
+
+    left: int
+    right: int
+    above: int
+    below: int
+    pitch: float
+
+    @classmethod
+    def covering(cls, frame: MapFrame) -> "Crop":
+        """The crop that covers a stroke model's frame."""
+        pitch = frame.pitch[0] / _FINER
+        reaches = (-frame.left, frame.right, frame.top, -frame.bottom)
+        left, right, above, below = (math.ceil(reach / pitch) for reach in reaches)
+        return cls(left, right, above, below, pitch)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.above + self.below + 1, self.left + self.right + 1
+
+    def around(self, row: int, column: int) -> tuple[slice, slice]:
+        """Rows and columns of the crop of a stroke that starts at that pixel."""
+        return slice(row - self.above, row + self.below + 1), slice(column - self.left, column + self.right + 1)
+
+    def places(self, grid: PixelGrid) -> Iterator[tuple[int, int]]:
+        """Pixels (row, column) at which strokes may start so that their crops do not meet."""
+        rows, columns = self.shape
+        for row in range(self.above, grid.rows - self.below, rows):
+            for column in range(self.left, grid.columns - self.right, columns):
+                yield row, column
+
+
+@dataclass(frozen=True)
+class Print:
+    """What one stroke left: mark [rows, columns] uint8, 255 full paint; and what is wrong with it."""
+
+    mark: NDArray[np.uint8]
+    flaw: Flaw
+
+
+class Paper:
+    """A fresh sheet on the easel: free places for strokes, and what it looked like before the next one.
+
+    Raises ConfigError where it has no room for one stroke, CalibrationError where it is not bare or
+    lies elsewhere than the canvas was calibrated, FrameRejected where the camera cannot see it well.
+    """
+
+    def __init__(self, easel: Easel, kind: BrushKind) -> None:
+        self._easel = easel
+        self._motion = Motion(easel.workspace, easel.calibration)
+        self.crop = Crop.covering(kind.frame)
+        self._grid = _grid(easel.canvas, self.crop.pitch)
+        self._places = self.crop.places(self._grid)
+        self._place = next(self._places, None)
+        if self._place is None:
+            raise ConfigError(
+                f"A paper of {easel.canvas} has no room for one stroke of brush {kind.name!r}; "
+                f"take one of at least {kind.frame.right - kind.frame.left:.3f} x "
+                f"{kind.frame.top - kind.frame.bottom:.3f} m."
+            )
+        self._pixels, self._width = _pixels_per_metre(easel), kind.width
+        border = round(_BORDER / self.crop.pitch)
+        self._inner = np.zeros((self._grid.rows, self._grid.columns), np.bool_)
+        self._inner[border:-border, border:-border] = True
+        self.moved = 0.0
+        easel.attendant.fill_wells(Palette(torch.full((1, 3), BLACK)))
+        self._begin()
+
+    @property
+    def is_used_up(self) -> bool:
+        """Whether another sheet is needed: it is full, or it has moved (by `moved` metres)."""
+        return self._place is None or self.moved > 0
+
+    def paint(self, shape: Shapes, *, refill: bool) -> Print:
+        """Paints one stroke at the next free place. Raises RobotError, CameraError and their kinds."""
+        assert self._place is not None
+        row, column = self._place
+        here = self.crop.around(row, column)
+        occupied = self._area((self._before < _BARE) & self._inner, here) > _MOST_INK
+        position = self._grid.to_canvas(torch.tensor([[column, row]], dtype=torch.float64))
+        stroke = Strokes(
+            position, torch.zeros(1), shape.length, shape.bend, shape.thickness, torch.full((1, 3), BLACK)
+        )  # fmt: skip
+        stroking = self._motion.stroke(stroke, 0, "stroke for the library")
+        perform(self._easel, (self._motion.dip(0), stroking) if refill else (stroking,))
+        before = self._magnitude(here)
+        flaw = self._look_again(here)
+        # What is covered now, as a share of what was bare before.
+        mark = (self._magnitude(here) - before) / (1 - before).clip(0.2)
+        self._place = next(self._places, None)
+        if occupied and flaw is Flaw.NONE:
+            flaw = Flaw.TOUCHED
+        return Print(np.rint(255 * np.where(mark < _NOISE_FLOOR, 0, mark).clip(0, 1)).astype(np.uint8), flaw)
+
+    def _begin(self) -> None:
+        """The first photograph: of a bare sheet, in its place, in focus."""
+        frame = photograph(self._easel)
+        self._edge = self._read_edge(frame.image)
+        if self._edge.visible:
+            self._require_place(self._edge.beside / self._pixels)
+            self._require_focus(self._edge, max(_SOFTEST * self._width * self._pixels, _SOFTEST_PIXELS))
+        picture = rectify(frame.image, self._easel.calibration, self._grid)
+        self._field = FlatField.learn(picture, WHITE)
+        self._light = to_linear(picture) / self._field.light(*picture.shape[1:])
+        self._before = self._light.mean(0).numpy()
+        spots = self._area((cv2.blur(self._before, (3, 3)) < 1 - _DARKER) & self._inner)
+        if spots > _MOST_DARK:
+            raise CalibrationError(
+                f"The paper is not bare: {spots * 1e6:.0f} mm2 of it are dark; put a fresh white one on the easel, "
+                "and nothing else into the camera's sight."
+            )
+
+    def _look_again(self, here: tuple[slice, slice]) -> Flaw:
+        """Photographs the sheet after a stroke at `here`; what is wrong with that, when tried again and again."""
+        for attempt in range(_ATTEMPTS):
+            last = attempt == _ATTEMPTS - 1
+            frame = photograph(self._easel)
+            edge = self._read_edge(frame.image)
+            if edge.softness > self._softest:
+                if last:
+                    self._require_focus(edge, self._softest)
+                continue
+            light = to_linear(rectify(frame.image, self._easel.calibration, self._grid))
+            bare = torch.from_numpy(self._before > _BARE)
+            bare[here] = False
+            field = self._field.renewed(light, bare, WHITE)
+            white = field.light(*bare.shape)
+            even = light / white
+            exposed = float(white.median()) >= _DIMMEST and float((light >= 1).float().mean()) <= _MOST_CLIPPED
+            flaw = self._compared(edge, even, here) if exposed else Flaw.LIGHT
+            if flaw is Flaw.NONE or last:  # a hand may go away again
+                self._field = field
+                self._light, self._before = even, even.mean(0).numpy()
+                return flaw
+        raise AssertionError("the last attempt returns or raises")
+
+    @property
+    def _softest(self) -> float:
+        """How soft the paper's edge may be, pixels."""
+        first = self._edge.softness
+        return math.inf if math.isnan(first) else _SOFTER * first + 0.5
+
+    def _compared(self, edge: PaperEdge, light: Tensor, here: tuple[slice, slice]) -> Flaw:
+        """What else than the stroke at `here` changed since the photograph before; even light [3, rows, columns]."""
+        moved = min(edge.moved_since(self._edge) / self._pixels, _SEARCHED)
+        self.moved = moved if moved > _MOST_MOVED else 0.0
+        if self.moved:
+            return Flaw.MOVED
+        change = cv2.blur(light.mean(0).numpy() - self._before, (3, 3))
+        beside = (cv2.blur(self._before, (3, 3)) > _BARE) & self._inner
+        beside[here] = False
+        if self._area(beside & (change < -_DARKER)) > _MOST_DARK:
+            return Flaw.DISTURBED
+        if self._area(beside & (np.abs(change) > _SHADED)) > _MOST_SHADE:
+            return Flaw.LIGHT
+        return Flaw.NONE
+
+    def _area(self, chosen: NDArray[np.bool_], here: tuple[slice, slice] | None = None) -> float:
+        """Of the chosen pixels, there or all over the sheet, m2."""
+        return float(np.count_nonzero(chosen if here is None else chosen[here])) * self.crop.pitch**2
+
+    def _read_edge(self, picture: NDArray[np.uint8]) -> PaperEdge:
+        return PaperEdge.read(picture, self._easel.calibration.corners, _SEARCHED * self._pixels)
+
+    def _require_place(self, beside: float) -> None:
+        if not beside <= _MOST_BESIDE:
+            raise CalibrationError(
+                f"The paper lies {beside * 1000:.1f} mm beside where the canvas was calibrated; allowed are "
+                f"{_MOST_BESIDE * 1000:g} mm. Push it back into its place, or, where the camera was moved, repeat the "
+                "canvas and robot calibrations."
+            )
+
+    def _require_focus(self, edge: PaperEdge, softest: float) -> None:
+        if not edge.softness <= softest:
+            raise FrameRejected(
+                f"The camera is out of focus: the edge of the paper is blurred over {self._millimetres(edge.softness)} "
+                f"mm, and {self._millimetres(softest)} mm are allowed; focus the camera and keep its focus fixed."
+            )
+
+    def _millimetres(self, pixels: float) -> str:
+        return f"{1000 * pixels / self._pixels:.1f}"
+
+    def _magnitude(self, here: tuple[slice, slice]) -> NDArray[np.float32]:
+        """How much of the paper is covered at each pixel of a crop: 0 paper, 1 black paint."""
+        picture = true_color(to_srgb(self._light[:, *here]), self._easel.calibration)
+        covered: NDArray[np.float32] = ((1 - picture.mean(0)) / (1 - BLACK)).numpy()
+        return covered
+
+
+def _grid(canvas: CanvasSize, pitch: float) -> PixelGrid:
+    return PixelGrid(canvas, round(canvas.height / pitch), round(canvas.width / pitch))
+
+
+def _pixels_per_metre(easel: Easel) -> float:
+    """Of the photograph, on the mean of the canvas's four sides."""
+    corners = np.array(easel.calibration.corners)
+    around = float(np.linalg.norm(np.roll(corners, -1, 0) - corners, axis=1).sum())
+    return around / (2 * (easel.canvas.width + easel.canvas.height))

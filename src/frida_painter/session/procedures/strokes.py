@@ -1,0 +1,212 @@
+"""The strokes procedure: the robot paints single strokes, and the camera sees what they look like.
+
+Paper, "Real Data to Simulation": strokes of random thickness, length and bend, black on white paper,
+several to a sheet, from which the stroke model is learned. Dirty ones are kept and flagged.
+"""
+
+import hashlib
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from torch import Tensor
+
+from frida_painter.brush.bezier import BezierStroke, RibbonShape, fit_bezier
+from frida_painter.brush.flaw import Flaw
+from frida_painter.brush.judge import clean, judge_marks
+from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.library import StrokeLibrary
+from frida_painter.calibration import Calibration, LearnedFile
+from frida_painter.errors import CalibrationError, ConfigError, FrameRejected
+from frida_painter.hardware.easel import Easel
+from frida_painter.session.contact_sheet import contact_sheet
+from frida_painter.session.paper import Crop, Paper, Print, Shapes
+from frida_painter.session.procedures.dialogue import Confirm, Procedure
+from frida_painter.session.recording import Order, Recording
+
+MOST_STROKES = 10_000
+MOST_BETWEEN_REFILLS = 100
+_MOST_DIRTY_RUNNING = 8
+_LEAST_CLEAN = 0.5
+_LEAST_PAINT = 0.1  # of the length times the brush's width: what is less counts as no stroke at all
+_FIT_STEPS = 60
+_TRIES = 3
+
+
+@dataclass(frozen=True)
+class StrokesProgress:
+    """Stroke `done` of `of` is painted and photographed, on sheet number `sheet` (from 1) of this call."""
+
+    done: int
+    of: int
+    sheet: int
+    flaw: Flaw
+
+
+@dataclass(frozen=True)
+class StrokesFinding:
+    """A stroke library, judged; implements finding.Finding. file: where it was saved, None for nowhere."""
+
+    kind: BrushKind
+    library: StrokeLibrary
+    file: LearnedFile | None
+
+    @property
+    def sentence(self) -> str:
+        """How many strokes there are, and why some are left out."""
+        assert self.library.flaws is not None
+        counts = Counter(Flaw(flaw) for flaw in self.library.flaws if flaw)
+        dirty = sum(counts.values())
+        reasons = ", ".join(f"{count} {flaw.words}" for flaw, count in counts.most_common())
+        left_out = f"; {dirty} are left out ({reasons})" if dirty else ", all of them clean"
+        where = f": {self.file.path}" if self.file else ""
+        return f"{len(self.library)} strokes of brush {self.kind.name}{left_out}{where}"
+
+    @property
+    def picture(self) -> Tensor:
+        """The contact sheet."""
+        return contact_sheet(self.library, f"Strokes of the {self.kind.name} brush")
+
+    def residual(self) -> float:
+        """Mean absolute error of the magnitude map of the analytic stroke model fitted to the clean strokes.
+
+        It takes some seconds; a learned stroke model has to beat it.
+        """
+        kind, frame = self.kind, self.kind.frame.resized(self.kind.frame.rows // 2, self.kind.frame.columns // 2)
+        model = BezierStroke(kind.name, frame, kind.limits, RibbonShape.typical(kind.width))
+        return fit_bezier(model, clean(self.library), steps=_FIT_STEPS)
+
+    def enter(self, record: Calibration) -> Calibration:
+        """The record with this library. Raises CalibrationError where it was not saved."""
+        if self.file is None:
+            raise CalibrationError("The stroke library was not saved; give a file for it, and repeat strokes.")
+        return record.with_strokes(self.file, residual=self.residual())
+
+
+def strokes(
+    easel: Easel,
+    kind: BrushKind,
+    out: Path | None = None,
+    *,
+    count: int = 200,
+    seed: int = 0,
+    refill_every: int = 1,
+    notify: Callable[[StrokesProgress], None] | None = None,
+) -> Procedure[StrokesFinding]:
+    """Paints `count` strokes drawn uniformly from the brush's limits, and cuts out their marks.
+
+    easel: with its placement calibrated, or its error is learned with the brush; out: the library to
+    write (.npz), beside which the strokes are kept while it is unfinished, and from which a call with
+    the same arguments goes on; refill_every: strokes painted with one dip. Asks for a fresh paper
+    whenever one is used up. Raises ConfigError where an argument is out of range, the paper is too
+    small for one stroke, or another recording is unfinished there; CalibrationError where most
+    strokes are dirty; FrameRejected where the camera cannot see the paper; RobotError and
+    CameraError and their kinds. What was painted until then is kept.
+    """
+    _check(count, refill_every)
+    shapes = Shapes.sampled(kind, count, seed)
+    crop = Crop.covering(kind.frame)
+    order = Order(easel.calibration.easel, kind, count, seed, refill_every)
+    recording = Recording(unfinished(out) if out else None, order, crop.shape)
+    paper: Paper | None = None
+    sheets, on_brush = 0, 0
+    running: list[int] = []  # the last strokes, as far as they are dirty
+    for number in recording.missing:
+        if paper is None or paper.is_used_up:
+            paper = yield from _fresh_paper(easel, kind, paper, len(recording.prints))
+            sheets, on_brush = sheets + 1, 0
+        stroke = paper.paint(shapes[number], refill=on_brush == 0)
+        on_brush = (on_brush + 1) % refill_every
+        recording.keep(number, stroke)
+        flaw = stroke.flaw or _seems_empty(stroke, shapes[number], kind, crop.pitch)
+        running = [*running, number] if flaw and flaw is not Flaw.MOVED else []
+        if notify is not None:
+            notify(StrokesProgress(len(recording.prints), count, sheets, flaw))
+        if len(running) >= _MOST_DIRTY_RUNNING:
+            recording.discard(running)
+            raise CalibrationError(
+                f"The last {len(running)} strokes are all dirty; of the last one: {flaw.sentence}. Look at paint, "
+                f"brush, paper, camera and light, then repeat strokes; {len(recording.prints)} strokes are kept."
+            )
+    return _finding(kind, shapes, crop, recording, out)
+
+
+def unfinished(out: Path) -> Path:
+    """The folder in which the strokes of a library are kept until all are there."""
+    return out.with_name(out.name + ".unfinished")
+
+
+def _check(count: int, refill_every: int) -> None:
+    if not 1 <= count <= MOST_STROKES:
+        raise ConfigError(
+            f"{count} strokes were asked for the library; it takes 1 to {MOST_STROKES}, and about 200 are enough."
+        )
+    if not 1 <= refill_every <= MOST_BETWEEN_REFILLS:
+        raise ConfigError(
+            f"A refill every {refill_every} strokes was asked for; allowed is 1 to {MOST_BETWEEN_REFILLS}, and what "
+            "a brushful paints is learned best with 1."
+        )
+
+
+def _fresh_paper(easel: Easel, kind: BrushKind, last: Paper | None, kept: int) -> Procedure[Paper]:
+    """Asks for a bare sheet until one lies in its place."""
+    moved = last.moved * 1000 if last is not None else 0.0
+    why = f"The paper moved by {moved:.1f} mm, so it is given up. " if moved else ""
+    for attempt in range(_TRIES):
+        if not easel.attendant.lay_paper():
+            text = (
+                f"{why}Put a fresh white paper of {easel.canvas} on the easel, just where the canvas was calibrated, "
+                "and black paint into the first well. Is it there?"
+            )
+            if not (yield Confirm(text)):
+                raise CalibrationError(
+                    f"No fresh paper was put on the easel; {kept} strokes are kept, and strokes goes on from there "
+                    "when it is repeated."
+                )
+        try:
+            return Paper(easel, kind)
+        except (CalibrationError, FrameRejected) as trouble:
+            if attempt == _TRIES - 1:
+                raise
+            why = f"{trouble} "
+    raise AssertionError("the last try returns or raises")
+
+
+def _seems_empty(stroke: Print, shape: Shapes, kind: BrushKind, pitch: float) -> Flaw:
+    """EMPTY where there is next to no paint, as far as can be told without other strokes."""
+    area = float(stroke.mark.sum(dtype=np.int64)) / 255 * pitch**2
+    least = _LEAST_PAINT * kind.width * float(shape.length)
+    return Flaw.EMPTY if area < least * (0.2 + 0.8 * float(shape.thickness)) else Flaw.NONE
+
+
+def _finding(
+    kind: BrushKind, shapes: Shapes, crop: Crop, recording: Recording, out: Path | None
+) -> StrokesFinding:  # fmt: skip
+    count = recording.order.count
+    prints = [recording.prints[number] for number in range(count)]
+    library = StrokeLibrary(
+        magnitude=np.stack([stroke.mark for stroke in prints]),
+        length_m=shapes.length.numpy(),
+        bend_m=shapes.bend.numpy(),
+        thickness=shapes.thickness.numpy(),
+        metres_per_pixel=crop.pitch,
+        origin_px=(float(crop.above), float(crop.left)),
+        recorded_index=np.arange(count, dtype=np.int32),
+    )
+    seen = np.array([stroke.flaw for stroke in prints], np.uint8)
+    library = replace(library, flaws=np.where(seen > 0, seen, judge_marks(library)).astype(np.uint8))
+    file = None
+    if out is not None:
+        library.save(out)
+        file = LearnedFile(str(out), hashlib.sha256(out.read_bytes()).hexdigest())
+        recording.clear_away()
+    finding = StrokesFinding(kind, library, file)
+    share = float((library.flaws == Flaw.NONE).mean()) if library.flaws is not None else 0.0
+    if not share >= _LEAST_CLEAN:
+        raise CalibrationError(
+            f"Most strokes are dirty: {finding.sentence}. Nothing is learned from them; look at the contact sheet "
+            "(`frida-painter strokes inspect`), mend what spoils them, and repeat strokes."
+        )
+    return finding
