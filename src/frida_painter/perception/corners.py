@@ -21,6 +21,7 @@ _EVEN = 0.008  # of its outline, that a hull may differ from a polygon
 _MOST_SIDES = 6
 _FINELY = 6.0  # pixels within which the outline is traced once more
 _LEAST_SUPPORT = 0.5
+_PLAIN = 0.97  # share of its worst edge at which no better canvas is looked for
 _ODDEST_SHAPE = 1.4  # how much longer than it is a side may look against the other, by perspective
 _DARK = 0.01
 
@@ -46,6 +47,8 @@ def find_canvas(photograph: NDArray[np.uint8], size: CanvasSize) -> Outline:
             continue
         if best is None or outline.support > best.support + 0.02:
             best = outline
+        if best is not None and best.support >= _PLAIN:
+            break
     if best is None or not best.support >= _LEAST_SUPPORT:
         shown = "no quadrilateral shows" if best is None else f"only {100 * best.support:.0f} % of one edge shows"
         raise CalibrationError(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import CameraError, StaleFrame
 from frida_painter.hardware.camera import Frame
+from frida_painter.lens import Lens
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.paint import to_linear, to_srgb
 from frida_painter.virtual.robot import Clock
@@ -53,7 +54,10 @@ class CameraSpec:
 
 
 class VirtualCamera:
-    """Implements hardware.camera.Camera over a table. corners: of the canvas where it stood at first."""
+    """Implements hardware.camera.Camera over a table.
+
+    corners: of the canvas where it stood at first; lens: what it does to straight lines, None where nothing.
+    """
 
     def __init__(self, spec: CameraSpec, table: Table, clock: Clock, random: np.random.Generator) -> None:
         self.faults: Faults = NO_FAULTS
@@ -61,6 +65,7 @@ class VirtualCamera:
         self._spec, self._table, self._clock, self._random = spec, table, clock, random
         width, height = table.canvas.width, table.canvas.height
         self._to_canvas, self.corners = _optics(spec, width, height)
+        self.lens = _lens(spec)
         self._light = _light(spec, random)
         self._mix = (np.eye(3) * (1 - 3 * spec.bleed) + spec.bleed) * np.array(spec.cast)[:, None]
         self._tones = np.rint(255 * to_srgb(np.linspace(0, 1, _TONES))).astype(np.uint8)
@@ -178,6 +183,16 @@ def _optics(spec: CameraSpec, width: float, height: float) -> tuple[NDArray[np.f
     grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).astype(np.float64)
     view = cv2.perspectiveTransform(straightened(grid), np.linalg.inv(homography))
     return view.astype(np.float32), tuple((float(x), float(y)) for x, y in corners)
+
+
+def _lens(spec: CameraSpec) -> Lens | None:
+    """The lens as a calibration describes it: the series that undoes r (1 + lens r^2)."""
+    if spec.lens == 0:
+        return None
+    rows, columns = spec.photograph
+    middle = ((columns - 1) / 2, (rows - 1) / 2)
+    reach = math.hypot(*middle)
+    return Lens((reach, reach), middle, (-spec.lens, 3 * spec.lens**2, 0.0, 0.0, -12 * spec.lens**3))
 
 
 def _light(spec: CameraSpec, random: np.random.Generator) -> NDArray[np.float32]:

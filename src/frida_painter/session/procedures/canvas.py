@@ -1,0 +1,139 @@
+"""Canvas: where its four corners are in the camera's photograph, and what the lens does to straight lines."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from frida_painter.calibration import Calibration, Corners
+from frida_painter.errors import CalibrationError
+from frida_painter.frames import CanvasSize
+from frida_painter.hardware.easel import Easel
+from frida_painter.images import from_uint8
+from frida_painter.lens import Lens
+from frida_painter.perception.corners import find_canvas
+from frida_painter.perception.outline import Outline, trace_outline
+from frida_painter.session.procedures.at_the_easel import photograph
+from frida_painter.session.procedures.corner_sheet import corner_sheet
+from frida_painter.session.procedures.dialogue import PointCorners, Procedure
+
+POINTING = 2.0
+"""Pixels by which a person's corner is usually off; the residual where no edge tells it better."""
+_NEAR = 0.006  # of the photograph's diagonal: how far from pointed corners edges are looked for
+_WELL_SEEN = 0.5
+_BEYOND = 2.0
+_SMALLEST = 0.02
+
+
+@dataclass(frozen=True)
+class CanvasFinding:
+    """What the canvas procedure found.
+
+    corners: clockwise from the canvas's top left, (column, row) pixels; shape: the photograph's
+    (rows, columns); lens: None where its edges look straight; residual: pixels that the edges are
+    from straight, root mean square (of corners pointed at: that they are from where the edges
+    meet); support: share of the worst edge that was seen; pointed: whether a person gave them.
+    """
+
+    corners: Corners
+    shape: tuple[int, int]
+    lens: Lens | None
+    residual: float
+    support: float
+    pointed: bool
+    camera: str
+    canvas: CanvasSize
+    picture: Tensor | None
+
+    @property
+    def sentence(self) -> str:
+        """What was found, in plain words."""
+        how = (
+            "where you pointed"
+            if self.pointed
+            else f"by its edges (the least clear one shows over {self.support:.0%} of its length)"
+        )
+        if self.lens is None:
+            lens = "The lens shows no distortion."
+        else:
+            reach = float(np.hypot(*self.lens.middle))
+            bending = self.lens.coefficients[0] * (reach / self.lens.focal[0]) ** 2
+            kind = "barrel" if bending < 0 else "pincushion"
+            lens = f"The lens bends the photograph's corners by {abs(bending):.1%} ({kind}); that is undone."
+        return f"The canvas was found {how}, to {self.residual:.2f} pixels. {lens}"
+
+    def enter(self, record: Calibration) -> Calibration:
+        """The record with these corners, this lens, and the ids of this camera and canvas."""
+        return record.with_canvas(
+            self.corners, self.shape, camera=self.camera, canvas=self.canvas, residual=self.residual, lens=self.lens
+        )
+
+
+def canvas(easel: Easel) -> Procedure[CanvasFinding]:
+    """Photographs the easel, proposes the canvas's corners, and takes those that are answered.
+
+    Raises CalibrationError where no corners are found nor pointed at, or those pointed at cannot be
+    a canvas's; CameraError.
+    """
+    frame = photograph(easel).image
+    found: Outline | None = None
+    unseen = ""
+    try:
+        found = find_canvas(frame, easel.canvas)
+    except CalibrationError as reason:
+        unseen = f" {reason}"
+    answer = yield PointCorners(
+        f"Where are the canvas's corners? Top left, top right, bottom right, bottom left.{unseen}",
+        from_uint8(frame),
+        None if found is None else found.corners,
+    )
+    if found is not None and answer == found.corners:
+        outline, pointed = found, False
+    else:
+        outline, pointed = _as_pointed(frame, _four(answer, frame.shape, unseen)), True
+    return CanvasFinding(
+        corners=outline.corners,
+        shape=(frame.shape[0], frame.shape[1]),
+        lens=outline.lens,
+        residual=outline.residual,
+        support=outline.support,
+        pointed=pointed,
+        camera=easel.calibration.camera,
+        canvas=easel.canvas,
+        picture=corner_sheet(frame, outline),
+    )
+
+
+def _four(answer: object, shape: tuple[int, ...], unseen: str) -> Corners:
+    """The answer as four corners of a canvas. Raises CalibrationError."""
+    points = np.array(answer if isinstance(answer, tuple) else (), np.float64)
+    if points.shape != (4, 2) or not np.isfinite(points).all():
+        raise CalibrationError(
+            unseen.strip() or f"{len(points)} corners were given; a canvas has four, each as (column, row) pixels."
+        )
+    rows, columns = shape[:2]
+    inside = (points >= -_BEYOND).all() and (points <= np.array([columns, rows]) - 1 + _BEYOND).all()
+    side = np.roll(points, -1, axis=0) - points
+    after = np.roll(side, -1, axis=0)
+    turn = side[:, 0] * after[:, 1] - side[:, 1] * after[:, 0]
+    if not inside:
+        raise CalibrationError(
+            f"A corner lies outside the photograph of {columns} x {rows} pixels; move the camera until it sees "
+            "all four, and repeat the canvas calibration."
+        )
+    if not ((turn > 0).all() and np.linalg.norm(side, axis=1).min() >= _SMALLEST * rows):
+        raise CalibrationError(
+            "The corners do not go round the canvas clockwise from its top left (top left, top right, bottom right, "
+            "bottom left), or two of them nearly coincide; repeat the canvas calibration."
+        )
+    return tuple((float(column), float(row)) for column, row in points)
+
+
+def _as_pointed(frame: NDArray[np.uint8], corners: Corners) -> Outline:
+    """The corners as a person gave them, with the lens that the edges near them tell, where they can be seen."""
+    near = trace_outline(frame, corners, max(POINTING, _NEAR * float(np.hypot(*frame.shape[:2]))))
+    if near is None or not near.support >= _WELL_SEEN:
+        return Outline(corners, None, 0.0 if near is None else near.support, POINTING)
+    off = np.linalg.norm(np.array(near.corners) - np.array(corners), axis=1)
+    return Outline(corners, near.lens, near.support, float(np.sqrt(np.mean(off**2))))
