@@ -8,6 +8,7 @@ import pytest
 from frida_painter import cli
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.experiments import replanning, sim2real
+from marks import small_library
 
 Said = tuple[int, str, str]
 Run = Callable[..., Said]
@@ -34,7 +35,8 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
 def test_all_experiments_are_listed_with_what_they_are_for(run: Run) -> None:
     status, out, _ = run("list")
     assert status == 0
-    for name in ("continuous-strokes", "sim2real", "replanning"):
+    names = ("continuous-strokes", "stroke-model", "strokes-needed", "real-strokes", "sim2real", "replanning")
+    for name in names:
         (line,) = (line for line in out.splitlines() if line.startswith(name))
         assert len(line.split()) > 5
 
@@ -59,6 +61,24 @@ def test_paintings_of_ones_own_picture_and_nothing_unfinished_is_left(run: Run, 
     assert not (tmp_path / "found" / name / "unfinished").exists()
 
 
+@pytest.mark.parametrize("name", ["continuous-strokes", "stroke-model", "strokes-needed", "real-strokes"])
+def test_a_library_of_ones_own(run: Run, tmp_path: Path, name: str) -> None:
+    small_library(16).save(tmp_path / "mine.npz")
+    status, out, _ = run(name, "--library", "mine.npz", "--quick", "--out", "found")
+    assert status == 0 and "mine" in out
+    record = json.loads((tmp_path / "found" / name / "table.json").read_text())
+    assert record["settings"]["library"] == "mine"
+        "seed" if name != "real-strokes" else "held out"
+    ] in (0, 4)
+    assert not (tmp_path / "found" / name / "unfinished").exists()
+
+
+@pytest.mark.slow
+def test_without_a_library_one_is_painted(run: Run, tmp_path: Path) -> None:
+    status, out, _ = run("stroke-model", "--brush", "fine", "--quick", "--out", "found")
+    assert status == 0 and "virtual fine brush" in out
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -67,6 +87,7 @@ def test_paintings_of_ones_own_picture_and_nothing_unfinished_is_left(run: Run, 
         (("replanning", "--seeds", "-1"), "-1 is not from 0"),
         (("continuous-strokes", "--brush", "mop"), "'mop' is not known"),
         (("sim2real", "--target", "nowhere.jpg"), "nowhere.jpg does not exist"),
+        (("stroke-model", "--library", "nowhere.npz"), "nowhere.npz does not exist"),
         (("alchemy",), "alchemy"),
     ],
 )

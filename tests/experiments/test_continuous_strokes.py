@@ -4,8 +4,9 @@ import torch
 
 from frida_painter.errors import ConfigError
 from frida_painter.experiments import continuous_strokes
-from frida_painter.experiments.continuous_strokes import PARAMETERS, QUICK, Scale, sweep
+from frida_painter.experiments.continuous_strokes import PARAMETERS, QUICK, run_on_library, sweep
 from frida_painter.strokes import StrokeLimits
+from marks import small_library
 
 LIMITS = StrokeLimits((0.01, 0.05), (-0.02, 0.02))
 
@@ -30,14 +31,14 @@ def test_more_thickness_and_more_length_leave_more_paint(outcome):
     (table,) = outcome.tables
     assert len(table.rows) == len(PARAMETERS) * QUICK.steps
     for parameter in ("thickness", "length"):
-        for column in ("area modelled mm2", "area painted mm2"):
+        for column in ("area modelled mm2", "area below mm2"):
             areas = [row[column] for row in table.rows if row["swept"] == parameter]
             assert areas == sorted(areas) and areas[-1] > 1.2 * areas[0] > 0
 
 
 def test_the_robot_paints_about_what_the_model_says(outcome):
     for row in outcome.tables[0].rows:
-        assert row["area modelled mm2"] == pytest.approx(row["area painted mm2"], rel=0.35)
+        assert row["area modelled mm2"] == pytest.approx(row["area below mm2"], rel=0.35)
         assert 0 < row["mean abs. difference"] < 0.05
 
 
@@ -55,4 +56,15 @@ def test_the_same_seed_gives_the_same_figures(outcome):
 
 def test_a_brush_that_is_not_there_is_refused():
     with pytest.raises(ConfigError, match="'mop'"):
-        continuous_strokes.run(brush="mop", scale=Scale(3, 60))
+        continuous_strokes.run(brush="mop", scale=QUICK)
+
+
+def test_of_a_library_the_nearest_strokes_are_shown():
+    library = small_library(40, seed=1)
+    outcome = run_on_library(library, "small", scale=QUICK)
+    rows = outcome.tables[0].rows
+    assert [row["thickness"] for row in rows[:3]] == [pytest.approx(value, abs=1e-4) for value in (0, 0.5, 1)]
+    areas = [row["area below mm2"] for row in rows if row["swept"] == "thickness"]
+    real = library.magnitude.sum((1, 2)) / 255 * library.metres_per_pixel**2 * 1e6
+    assert all(min(abs(real - area)) < 0.1 for area in areas) and areas[0] < areas[-1]
+    assert outcome.settings["library"] == "small"

@@ -11,10 +11,21 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from frida_painter.brush.library import StrokeLibrary
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.cli.progress import duration
-from frida_painter.experiments import continuous_strokes, outcome, replanning, sim2real, targets
-from frida_painter.experiments.outcome import Outcome
+from frida_painter.experiments import (
+    continuous_strokes,
+    outcome,
+    real_strokes,
+    replanning,
+    sim2real,
+    stroke_model,
+    strokes_needed,
+    targets,
+)
+from frida_painter.experiments.outcome import Notify, Outcome, within
+from frida_painter.experiments.virtual_library import virtual_library
 from frida_painter.session.opening import settle_threads
 
 BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
@@ -36,7 +47,13 @@ Quick = Annotated[
 Out = Annotated[
     Path, typer.Option(metavar="FOLDER", help="Where FOLDER/NAME/table.json, table.md and the pictures go.")
 ]
+Library = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="A stroke library (.npz). [dim]200 strokes, painted in the virtual studio[/]"),
+]
 HERE = Path("experiments")
+_STROKES, _FEW_STROKES = 200, 16
+_PAINTING = 0.2  # share of the time that painting a library takes
 
 
 def build() -> typer.Typer:
@@ -46,6 +63,9 @@ def build() -> typer.Typer:
     )
     app.command("list")(list_all)
     app.command(continuous_strokes.NAME)(sweep)
+    app.command(stroke_model.NAME)(beside)
+    app.command(strokes_needed.NAME)(needed)
+    app.command(real_strokes.NAME)(splits)
     app.command(sim2real.NAME)(gap)
     app.command(replanning.NAME)(looking)
     return app
@@ -59,10 +79,81 @@ def list_all(context: typer.Context) -> None:
             print(f"{name:20} {command.get_short_help_str(100)}")
 
 
-def sweep(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE) -> None:
+def sweep(
+    library: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Learn from this stroke library, and show its strokes. [dim]the brush[/]"),
+    ] = None,
+    brush: BrushName = "broad",
+    seed: Seed = 0,
+    quick: Quick = False,
+    out: Out = HERE,
+) -> None:
     """Thickness, length and bend from one extreme to the other, as modelled and as painted."""
     scale = continuous_strokes.QUICK if quick else continuous_strokes.FULL
-    _conduct(out, lambda notify: continuous_strokes.run(brush=brush, seed=seed, scale=scale, notify=notify))
+
+    def experiment(notify: Notify) -> Outcome:
+        if library is None:
+            return continuous_strokes.run(brush=brush, seed=seed, scale=scale, notify=notify)
+        strokes = StrokeLibrary.load(library)
+        return continuous_strokes.run_on_library(strokes, library.stem, seed=seed, scale=scale, notify=notify)
+
+    _conduct(out, experiment)
+
+
+def beside(
+    library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
+) -> None:
+    """Strokes held out beside the modelled ones: learned models against the fitted Bezier, with paired tests."""
+    scale = stroke_model.QUICK if quick else stroke_model.FULL
+
+    def experiment(notify: Notify) -> Outcome:
+        strokes, name, rest = _library(library, brush, seed, quick, notify)
+        return stroke_model.run(strokes, name, seed=seed, scale=scale, notify=rest)
+
+    _conduct(out, experiment)
+
+
+def needed(
+    library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
+) -> None:
+    """How the error on strokes held out falls with the number of strokes learned from."""
+    scale, keep = strokes_needed.QUICK if quick else strokes_needed.FULL, out / strokes_needed.NAME / "unfinished"
+
+    def experiment(notify: Notify) -> Outcome:
+        strokes, name, rest = _library(library, brush, seed, quick, notify)
+        return strokes_needed.run(strokes, name, seed=seed, scale=scale, keep=keep, notify=rest)
+
+    _conduct(out, experiment, unfinished=keep)
+
+
+def splits(
+    library: Library = None,
+    brush: BrushName = "broad",
+    seeds: Seeds = "0,1,2,3,4",
+    quick: Quick = False,
+    out: Out = HERE,
+) -> None:
+    """The table of errors of all models, over several splits of a library."""
+    scale, keep = real_strokes.QUICK if quick else real_strokes.FULL, out / real_strokes.NAME / "unfinished"
+    chosen = seeds_of(seeds)
+
+    def experiment(notify: Notify) -> Outcome:
+        strokes, name, rest = _library(library, brush, 0, quick, notify)
+        return real_strokes.run(strokes, name, seeds=chosen, scale=scale, keep=keep, notify=rest)
+
+    _conduct(out, experiment, unfinished=keep)
+
+
+def _library(
+    path: Path | None, brush: str, seed: int, quick: bool, notify: Notify
+) -> tuple[StrokeLibrary, str, Notify]:
+    """The library to learn from, what it is called, and whom to tell the progress of the rest."""
+    if path is not None:
+        return StrokeLibrary.load(path), path.stem, notify
+    count = _FEW_STROKES if quick else _STROKES
+    painted = virtual_library(brush, count, seed, within(notify, 0.0, _PAINTING))
+    return painted, f"virtual {brush} brush", within(notify, _PAINTING, 1.0)
 
 
 def gap(
@@ -104,7 +195,7 @@ def seeds_of(text: str) -> tuple[int, ...]:
     return seeds
 
 
-def _conduct(out: Path, experiment: Callable[[outcome.Notify], Outcome], *, unfinished: Path | None = None) -> None:
+def _conduct(out: Path, experiment: Callable[[Notify], Outcome], *, unfinished: Path | None = None) -> None:
     """Runs an experiment under a progress bar, writes what comes out, and says where it is.
 
     unfinished: a folder that is no longer needed when the experiment is done.

@@ -1,20 +1,24 @@
 """Thickness, length and bend, each swept from one extreme to the other (paper, Fig. "continuous strokes").
 
-Above, what the learned stroke model says; below, what the robot of the virtual studio paints when it
-is asked for the same strokes.
+Above, what the learned stroke model says. Below, what the robot of the virtual studio paints when it
+is asked for the same strokes; or, for a stroke library, the real strokes that come nearest.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from frida_painter.brush.kinds import BrushKind, brush_kind
+from frida_painter.brush.library import StrokeLibrary
+from frida_painter.brush.resample import resample
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import EXACT, execute, open_easel
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent
 from frida_painter.experiments.page import Cell, Line, page
+from frida_painter.experiments.rivals import DEFAULT, learn_model
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
@@ -29,49 +33,116 @@ _ACROSS = 3  # strokes beside one another on a paper
 
 @dataclass(frozen=True)
 class Scale:
-    """steps: strokes in each sweep; rows: pixels of a stroke's picture from top to bottom."""
+    """steps: strokes in each sweep; rows: pixels of a painted stroke's picture; quick: hardly train."""
 
     steps: int
     rows: int
+    quick: bool
 
 
-FULL = Scale(steps=9, rows=240)
-QUICK = Scale(steps=3, rows=60)
+FULL = Scale(steps=9, rows=240, quick=False)
+QUICK = Scale(steps=3, rows=60, quick=True)
+
+
+@dataclass(frozen=True)
+class _Sweep:
+    """Strokes that were asked for and those below them, with their magnitudes [n, rows, columns] each.
+
+    pixel: area of a pixel, square metres.
+    """
+
+    asked: Strokes
+    modelled: Tensor
+    found: Strokes
+    real: Tensor
+    pixel: float
 
 
 def run(*, brush: str = "broad", seed: int = 0, scale: Scale = FULL, notify: Notify = silent) -> Outcome:
-    """Sweeps the strokes of a brush that ships with the project. Raises ConfigError where there is no such brush."""
+    """Sweeps the strokes of a brush that ships with the project, and has the virtual robot paint them.
+
+    Raises ConfigError where there is no such brush.
+    """
     kind, model = brush_kind(brush), load_stroke_model(brush)
-    lines: list[Line] = []
-    rows: list[Row] = []
-    for number, parameter in enumerate(PARAMETERS):
-        notify(Progress(number / len(PARAMETERS), f"painting strokes of all values of {parameter}"))
-        shapes = sweep(parameter, kind.limits, scale.steps)
+
+    def painted(parameter: str) -> _Sweep:
+        notify(Progress(PARAMETERS.index(parameter) / len(PARAMETERS), f"painting all values of {parameter}"))
+        asked = sweep(parameter, kind.limits, scale.steps)
         paper = _Paper(kind, scale)
-        plan = paper.plan(shapes)
-        photograph = execute(plan, open_easel(plan.canvas, brush, seed + number, error=EXACT), paper.grid.rows)
+        plan = paper.plan(asked)
+        easel = open_easel(plan.canvas, brush, seed + PARAMETERS.index(parameter), error=EXACT)
+        photograph = execute(plan, easel, paper.grid.rows)
         with torch.no_grad():
             drawn = render(plan.strokes, model, torch.ones(photograph.shape), plan.canvas)
-        modelled, painted = ([*paper.cut(picture, len(shapes))] for picture in (drawn, photograph))
-        captions = [_value(parameter, shapes, index) for index in range(len(shapes))]
-        lines.append(Line(f"{parameter}\nmodel", [Cell(picture) for picture in modelled]))
-        lines.append(Line("robot", [Cell(*each) for each in zip(painted, captions, strict=True)]))
-        rows += [
-            _row(parameter, shapes, index, ours, theirs, paper.pixel_area)
-            for index, (ours, theirs) in enumerate(zip(modelled, painted, strict=True))
-        ]
+        modelled, real = (torch.stack([*paper.cut(picture, len(asked))]) for picture in (drawn, photograph))
+        across, down = paper.grid.pitch
+        return _Sweep(asked, _magnitude(modelled), asked, _magnitude(real), across * down)
+
+    title = f"Strokes of the {brush} brush, from one extreme to the other"
+    return _outcome(title, "robot", {"brush": brush, "seed": seed, "steps": scale.steps, "rows": scale.rows}, painted)
+
+
+def run_on_library(
+    library: StrokeLibrary, name: str, *, seed: int = 0, scale: Scale = FULL, notify: Notify = silent
+) -> Outcome:
+    """Learns from a library called `name`, sweeps between its extremes, and shows the nearest strokes in it.
+
+    Raises LibraryError where the library is too small to learn from.
+    """
+    notify(Progress(0.0, "learning"))
+    model = learn_model(DEFAULT, library, seed=seed, quick=scale.quick)
+    notify(Progress(1.0, "drawing"))
+
+    @torch.no_grad()
+    def nearest(parameter: str) -> _Sweep:
+        asked = sweep(parameter, model.limits, scale.steps)
+        found, maps = _nearest(asked, library)
+        modelled = resample(model(asked.thickness, asked.length, asked.bend), model.frame, library.frame)
+        return _Sweep(asked, modelled, found, maps, library.metres_per_pixel**2)
+
+    title = f"Strokes of {name}, from one extreme to the other"
+    return _outcome(title, "nearest\nreal", {"library": name, "seed": seed, "steps": scale.steps}, nearest)
+
+
+def _outcome(title: str, below: str, settings: dict[str, str | int], find: Callable[[str], _Sweep]) -> Outcome:
+    lines: list[Line] = []
+    rows: list[Row] = []
+    for parameter in PARAMETERS:
+        found = find(parameter)
+        lines.append(Line(f"{parameter}\nmodel", _cells(found.modelled, parameter, found.asked)))
+        lines.append(Line(below, _cells(found.real, parameter, found.found)))
+        rows += [_row(parameter, found, index) for index in range(len(found.asked))]
     apart = [float(row["mean abs. difference"] or 0) for row in rows]
-    return Outcome(
-        NAME,
-        f"Continuous strokes of the {brush} brush",
-        {"brush": brush, "seed": seed, "steps": scale.steps, "rows": scale.rows},
-        (Table("Swept strokes, as modelled and as painted", tuple(rows)),),
-        (
-            f"Over {len(rows)} strokes the model and the robot differ by {sum(apart) / len(apart):.4f} in the mean "
-            f"over the whole map, and by {max(apart):.4f} for the worst stroke.",
-        ),
-        {NAME: page(f"Strokes of the {brush} brush, from one extreme to the other", (), lines, width=150)},
+    note = (
+        f"Over {len(rows)} strokes the upper and the lower ones differ by {sum(apart) / len(apart):.4f} in the mean "
+        f"over the whole map, and by {max(apart):.4f} in the worst pair."
     )
+    table = Table(f"Swept strokes: the model, and below it: {below.replace(chr(10), ' ')}", tuple(rows))
+    return Outcome(NAME, title, settings, (table,), (note,), {NAME: page(title, (), lines, width=150)})
+
+
+def _cells(magnitude: Tensor, parameter: str, strokes: Strokes) -> list[Cell]:
+    values = [_value(parameter, strokes, index) for index in range(len(strokes))]
+    return [
+        Cell((1 - (1 - _INK) * mark).clamp(0, 1).expand(3, -1, -1), value)
+        for mark, value in zip(magnitude, values, strict=True)
+    ]
+
+
+def _magnitude(pictures: Tensor) -> Tensor:
+    """Pictures [n, 3, rows, columns] of ink on white paper as magnitudes [n, rows, columns]."""
+    return ((1 - pictures.mean(1)) / (1 - _INK)).clamp(0, 1)
+
+
+def _nearest(asked: Strokes, library: StrokeLibrary) -> tuple[Strokes, Tensor]:
+    """The library's strokes that come nearest in all three parameters, and their marks [n, rows, columns]."""
+    there = torch.stack(library.shapes(), 1)
+    span = (there.amax(0) - there.amin(0)).clamp(min=1e-9)
+    wanted = torch.stack((asked.thickness, asked.length, asked.bend), 1)
+    chosen = torch.cdist(wanted / span, there / span).argmin(1)
+    thickness, length, bend = there[chosen].unbind(1)
+    maps = torch.from_numpy(library.magnitude[np.asarray(chosen)]).float() / 255
+    return asked.with_groups(thickness=thickness, length=length, bend=bend), maps
 
 
 def sweep(parameter: str, limits: StrokeLimits, steps: int) -> Strokes:
@@ -100,12 +171,6 @@ class _Paper:
         size = CanvasSize(_ACROSS * (frame.right - frame.left), self.down * (frame.top - frame.bottom))
         self.grid = PixelGrid.of_height(size, self.down * scale.rows)
 
-    @property
-    def pixel_area(self) -> float:
-        """In square millimetres."""
-        across, down = self.grid.pitch
-        return across * down * 1e6
-
     def plan(self, shapes: Strokes) -> Plan:
         """The strokes, each in the middle of its own place."""
         frame, size = self.kind.frame, self.grid.size
@@ -129,19 +194,19 @@ class _Paper:
             yield picture[:, top : top + rows, left : left + columns]
 
 
-def _value(parameter: str, shapes: Strokes, index: int) -> str:
-    value = float(getattr(shapes, parameter)[index])
-    return f"{value:.2f}" if parameter == "thickness" else f"{value * 1000:.0f} mm"
+def _value(parameter: str, strokes: Strokes, index: int) -> str:
+    value = float(getattr(strokes, parameter)[index])
+    return f"{value:.2f}" if parameter == "thickness" else f"{round(value * 1000, 1):g} mm"
 
 
-def _row(parameter: str, shapes: Strokes, index: int, modelled: Tensor, painted: Tensor, pixel_area: float) -> Row:
-    model, robot = (((1 - picture.mean(0)) / (1 - _INK)).clamp(0, 1) for picture in (modelled, painted))
+def _row(parameter: str, found: _Sweep, index: int) -> Row:
+    asked, model, real = found.asked, found.modelled[index], found.real[index]
     return {
         "swept": parameter,
-        "thickness": round(float(shapes.thickness[index]), 4),
-        "length mm": round(float(shapes.length[index]) * 1000, 2),
-        "bend mm": round(float(shapes.bend[index]) * 1000, 2),
-        "area modelled mm2": round(float(model.sum()) * pixel_area, 1),
-        "area painted mm2": round(float(robot.sum()) * pixel_area, 1),
-        "mean abs. difference": round(float((model - robot).abs().mean()), 5),
+        "thickness": round(float(asked.thickness[index]), 4),
+        "length mm": round(float(asked.length[index]) * 1000, 2),
+        "bend mm": round(float(asked.bend[index]) * 1000, 2),
+        "area modelled mm2": round(float(model.sum()) * found.pixel * 1e6, 1),
+        "area below mm2": round(float(real.sum()) * found.pixel * 1e6, 1),
+        "mean abs. difference": round(float((model - real).abs().mean()), 5),
     }

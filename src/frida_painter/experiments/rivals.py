@@ -24,6 +24,7 @@ from frida_painter.strokes import StrokeLimits
 ZEROS, MEAN, BEZIER, PARAM2STROKE = "all zeros", "mean stroke", "fitted Bezier", "param2stroke"
 RIVALS = (ZEROS, MEAN, BEZIER, PARAM2STROKE)
 LEARNED = (PARAM2STROKE,)
+DEFAULT = PARAM2STROKE
 Predict = Callable[[StrokeLibrary], Tensor]
 _BATCH = 32
 _COLUMNS = 80
@@ -36,11 +37,16 @@ def learn(rival: str, library: StrokeLibrary, *, seed: int, quick: bool = False)
     if rival == MEAN:
         mean = torch.from_numpy(library.magnitude.mean(0)).float() / 255
         return lambda other: mean.expand(len(other), -1, -1)
+    return drawn_by(learn_model(rival, library, seed=seed, quick=quick))
+
+
+def learn_model(rival: str, library: StrokeLibrary, *, seed: int, quick: bool = False) -> StrokeModel:
+    """The stroke model of a rival that has one, on the rectangle and within the limits of the library's strokes."""
     frame, limits = geometry(library)
     if rival == BEZIER:
         ribbon = BezierStroke("any", frame, limits, RibbonShape.typical(0.25 * (frame.top - frame.bottom)))
-        fit_bezier(ribbon, library, seed=seed, steps=10 if quick else 150)
-        return drawn_by(ribbon)
+        fit_bezier(ribbon, library, seed=seed, steps=4 if quick else 150)
+        return ribbon
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         network = Param2Stroke("any", frame, limits)
@@ -48,7 +54,7 @@ def learn(rival: str, library: StrokeLibrary, *, seed: int, quick: bool = False)
         train(network, library, seed=seed, rehearsals=0, epochs=11)
     else:
         train(network, library, seed=seed)
-    return drawn_by(network)
+    return network
 
 
 def geometry(library: StrokeLibrary) -> tuple[MapFrame, StrokeLimits]:
