@@ -19,6 +19,7 @@ from frida_painter.experiments import (
     outcome,
     real_strokes,
     replanning,
+    robustness,
     sim2real,
     stroke_model,
     strokes_needed,
@@ -68,6 +69,7 @@ def build() -> typer.Typer:
     app.command(real_strokes.NAME)(splits)
     app.command(sim2real.NAME)(gap)
     app.command(replanning.NAME)(looking)
+    app.command(robustness.NAME)(dirt)
     return app
 
 
@@ -184,6 +186,12 @@ def looking(
     (picture,) = targets.given([target]) if target else targets.shipped(["coffee"])
     chosen = seeds_of(seeds)
     _conduct(out, lambda notify: replanning.run(picture, brush=brush, seeds=chosen, scale=scale, notify=notify))
+
+
+def dirt(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE) -> None:
+    """What becomes of missing paint, lost focus, other light, moved paper, missing dots and a turned checker."""
+    scale = robustness.QUICK if quick else robustness.FULL
+    _conduct(out, lambda notify: robustness.run(brush=brush, seed=seed, scale=scale, notify=notify))
 
 
 def seeds_of(text: str) -> tuple[int, ...]:

@@ -84,7 +84,7 @@ def test_a_paper_that_was_moved_costs_one_stroke_and_is_given_up():
     finding = paint(easel, notify=progress.append)
     assert finding.library.flaws.tolist() == [0, Flaw.MOVED, 0, 0, 0, 0, 0]
     assert [step.sheet for step in progress] == [1, 1, 2, 2, 2, 2, 3]
-    assert "1 are left out (1 paper moved)" in finding.sentence
+    assert "1 is left out (1 paper moved)" in finding.sentence
 
 
 def test_strokes_without_paint_are_found():

@@ -60,7 +60,7 @@ class StrokesFinding:
         counts = Counter(Flaw(flaw) for flaw in self.library.flaws if flaw)
         dirty = sum(counts.values())
         reasons = ", ".join(f"{count} {flaw.words}" for flaw, count in counts.most_common())
-        left_out = f"; {dirty} are left out ({reasons})" if dirty else ", all of them clean"
+        left_out = f"; {dirty} {'is' if dirty == 1 else 'are'} left out ({reasons})" if dirty else ", all of them clean"
         where = f": {self.file.path}" if self.file else ""
         return f"{len(self.library)} strokes of brush {self.kind.name}{left_out}{where}"
 
