@@ -35,7 +35,15 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
 def test_all_experiments_are_listed_with_what_they_are_for(run: Run) -> None:
     status, out, _ = run("list")
     assert status == 0
-    names = ("continuous-strokes", "stroke-model", "strokes-needed", "real-strokes", "sim2real", "replanning")
+    names = (
+        "continuous-strokes",
+        "stroke-model",
+        "strokes-needed",
+        "real-strokes",
+        "sim2real",
+        "replanning",
+        "robustness",
+    )
     for name in names:
         (line,) = (line for line in out.splitlines() if line.startswith(name))
         assert len(line.split()) > 5
