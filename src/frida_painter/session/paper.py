@@ -21,7 +21,6 @@ from frida_painter.errors import CalibrationError, ConfigError, FrameRejected
 from frida_painter.frames import CanvasSize, MapFrame, PixelGrid
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.motion import Motion
-from frida_painter.palette import Palette
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.light import to_linear, to_srgb
@@ -137,7 +136,6 @@ class Paper:
         self._inner = np.zeros((self._grid.rows, self._grid.columns), np.bool_)
         self._inner[border:-border, border:-border] = True
         self.moved = 0.0
-        easel.attendant.fill_wells(Palette(torch.full((1, 3), BLACK)))
         self._begin()
 
     @property

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from frida_painter.brush.bezier import BezierStroke, RibbonShape, fit_bezier
@@ -21,8 +22,11 @@ from frida_painter.brush.library import StrokeLibrary
 from frida_painter.calibration import Calibration, LearnedFile
 from frida_painter.errors import CalibrationError, ConfigError, FrameRejected
 from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.motion import Motion
+from frida_painter.palette import Palette
 from frida_painter.session.contact_sheet import contact_sheet
-from frida_painter.session.paper import Crop, Paper, Print, Shapes
+from frida_painter.session.paper import BLACK, Crop, Paper, Print, Shapes
+from frida_painter.session.procedures.at_the_easel import perform
 from frida_painter.session.procedures.dialogue import Confirm, Procedure
 from frida_painter.session.recording import Order, Recording
 
@@ -114,6 +118,8 @@ def strokes(
     sheets, on_brush = 0, 0
     running: list[int] = []  # the last strokes, as far as they are dirty
     for number in recording.missing:
+        if paper is None:
+            easel.attendant.fill_wells(Palette(torch.full((1, 3), BLACK)))
         if paper is None or paper.is_used_up:
             paper = yield from _fresh_paper(easel, kind, paper, len(recording.prints))
             sheets, on_brush = sheets + 1, 0
@@ -130,6 +136,9 @@ def strokes(
                 f"The last {len(running)} strokes are all dirty; of the last one: {flaw.sentence}. Look at paint, "
                 f"brush, paper, camera and light, then repeat strokes; {len(recording.prints)} strokes are kept."
             )
+    if paper is not None:
+        motion = Motion(easel.workspace, easel.calibration)
+        perform(easel, (motion.rinse(), motion.wipe()))  # paint must not dry in the brush
     return _finding(kind, shapes, crop, recording, out)
 
 
