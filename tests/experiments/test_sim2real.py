@@ -5,6 +5,7 @@ import torch
 
 from frida_painter import images
 from frida_painter.brush.table import StrokeTable, TableDetail
+from frida_painter.errors import ConfigError
 from frida_painter.experiments import sim2real
 from frida_painter.experiments.sim2real import FULL, PLANNERS, QUICK
 from frida_painter.experiments.targets import SHIPPED, given, shipped
@@ -77,3 +78,5 @@ def test_there_are_five_targets_and_a_persons_own(tmp_path):
     images.save(torch.rand(3, 30, 40), tmp_path / "mine.png")
     (mine,) = given([tmp_path / "mine.png"])
     assert mine.name == "mine" and mine.picture.shape == (3, 30, 40)
+    with pytest.raises(ConfigError, match="'mine'"):
+        given([tmp_path / "mine.png", tmp_path / "elsewhere" / "mine.png"])

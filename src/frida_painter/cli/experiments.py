@@ -106,7 +106,7 @@ def sweep(
 def beside(
     library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
 ) -> None:
-    """Strokes held out beside the modelled ones: learned models against the fitted Bezier, with paired tests."""
+    """Strokes held out beside the modelled ones, with paired tests against the fitted Bezier."""
     scale = stroke_model.QUICK if quick else stroke_model.FULL
 
     def experiment(notify: Notify) -> Outcome:

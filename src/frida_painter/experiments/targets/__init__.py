@@ -7,6 +7,7 @@ from pathlib import Path
 from torch import Tensor
 
 from frida_painter import images
+from frida_painter.errors import ConfigError
 
 SHIPPED = ("astronaut", "cat", "coffee", "retina", "rocket")
 
@@ -25,5 +26,9 @@ def shipped(names: Sequence[str] = SHIPPED) -> tuple[Target, ...]:
 
 
 def given(paths: Sequence[Path]) -> tuple[Target, ...]:
-    """A person's pictures. Raises ImageError."""
-    return tuple(Target(path.stem, images.load(path)) for path in paths)
+    """A person's pictures, each called as its file. Raises ImageError; ConfigError where two are called the same."""
+    names = [path.stem for path in paths]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f"Two targets are called {name!r}; rename one of the files.")
+    return tuple(Target(name, images.load(path)) for name, path in zip(names, paths, strict=True))
