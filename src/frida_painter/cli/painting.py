@@ -19,6 +19,7 @@ from frida_painter import images, storage
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.cli.numbers import number, whole_number
 from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress, duration
+from frida_painter.cli.virtual import PlacementErrorOption, read_placement_error
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.export.bezier import mark_widths
@@ -32,7 +33,7 @@ from frida_painter.render import render as render_strokes
 from frida_painter.report.palette_sheet import palette_sheet
 from frida_painter.report.recorder import Occasion, Recorder
 from frida_painter.session.loop import PHOTOGRAPH_ROWS, Rhythm
-from frida_painter.session.opening import open_planner, open_session, settle_threads
+from frida_painter.session.opening import on_record, open_planner, open_session, settle_threads
 from frida_painter.virtual.studio import open_studio
 
 
@@ -109,6 +110,12 @@ Out = Annotated[
 ]
 
 
+CalibrationFile = Annotated[
+    Path | None,
+    typer.Option("--calibration", metavar="FILE", help="The easel's calibration record. [dim]the studio's own[/]"),
+]
+
+
 def register(app: typer.Typer) -> None:
     """Adds the commands."""
     app.command("paint")(paint)
@@ -128,6 +135,8 @@ def paint(
     effort: EffortOption = None,
     seed: Seed = None,
     settings: SettingsFile = None,
+    calibration: CalibrationFile = None,
+    placement_error: PlacementErrorOption = None,
     film: Annotated[bool, typer.Option("--film/--no-film", help="Film how the painting comes into being.")] = True,
     out: Out = None,
 ) -> None:
@@ -144,7 +153,10 @@ def paint(
         started = time.monotonic()
         settle_threads()
         planner = open_planner(chosen, Goal((ImageTerm(target),)))
-        easel = open_studio(chosen.canvas, planner.model.brush, seed=chosen.seed).easel
+        studio = open_studio(
+            chosen.canvas, planner.model.brush, seed=chosen.seed, placement_error=read_placement_error(placement_error)
+        )
+        easel = on_record(studio.easel, calibration)
         folder = _new_folder(out, photo, needed=200 * 2**20)
         rhythm = Rhythm(chosen.replans, glimpses)
         effort_per_replan = planner.effort.refining + planner.effort.replanning

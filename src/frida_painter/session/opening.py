@@ -1,13 +1,17 @@
 """Opening a session: goal, brush, easel and planner are put together here, and nowhere below."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import torch
 
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table import StrokeTable
 from frida_painter.brush.weights import load_stroke_model
+from frida_painter.calibration import Calibration
 from frida_painter.config import PaintingSettings
+from frida_painter.errors import CalibrationError
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.hardware.easel import Easel
@@ -16,6 +20,8 @@ from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.events import Notify
 from frida_painter.session.eye import Eye
 from frida_painter.session.loop import PaintingSession, Rhythm
+from frida_painter.session.procedures.standing import NEEDED, require
+from frida_painter.virtual.robot import VirtualRobot
 from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.table import PlacementError
 
@@ -55,6 +61,25 @@ def open_session(
     eye = Eye(easel, ground=(1.0, 1.0, 1.0))
     rhythm = Rhythm(settings.replans, glimpses)
     return PaintingSession(planner, brushwork, eye, rhythm, stop_asked=stop_asked, notify=notify)
+
+
+def on_record(easel: Easel, record: Path | None) -> Easel:
+    """The easel with its calibration record from a file; without one only the virtual studio is painted on.
+
+    Raises CalibrationError, saying which procedure to repeat, where the record is damaged, of another
+    easel, brush, camera or canvas, out of date, or missing.
+    """
+    virtual = isinstance(easel.robot, VirtualRobot)
+    if record is None:
+        if not virtual:
+            raise CalibrationError(
+                f"Easel {easel.calibration.easel!r} has no calibration record, and nothing is painted on a real easel "
+                "without one; calibrate it: frida-painter calibrate all"
+            )
+        return easel
+    known = Calibration.load(record)
+    require(known, easel.calibration, () if virtual else NEEDED)
+    return replace(easel, calibration=known)
 
 
 def open_virtual_easel(brush: str, seed: int) -> Easel:
