@@ -34,6 +34,7 @@ _CANVAS_ANGLE = math.radians(4)
 _WELL_PITCH, _WELL_COLUMNS = 0.045, 4
 _MARGIN = 0.06
 _HOVER = 0.03
+_MOST_RISE = 0.02
 # A film of the default thickness sets in this time; the rate is the same for thick and thin.
 _FILM = 0.06
 
@@ -44,7 +45,8 @@ class StudioSettings:
 
     cell: side of a cell of the canvas, mm (None: 0.4, coarser where the canvas would have more than
     3 million cells); drying_time: seconds until a full film has set; ground: sRGB of the primed
-    canvas; placement_error: None draws one from the seed; noise, camera, faults: as their records say.
+    canvas; placement_error: None draws one from the seed; rise: how much higher (m) the canvas lies
+    than the workspace says; noise, camera, faults: as their records say.
     Raises ConfigError.
     """
 
@@ -52,6 +54,7 @@ class StudioSettings:
     drying_time: float = 300.0
     ground: tuple[float, float, float] = (1.0, 1.0, 1.0)
     placement_error: PlacementError | None = None
+    rise: float = 0.0
     noise: HandNoise = field(default_factory=HandNoise)
     camera: CameraSpec = field(default_factory=CameraSpec)
     faults: Faults = NO_FAULTS
@@ -59,6 +62,10 @@ class StudioSettings:
     def __post_init__(self) -> None:
         if self.cell is not None and not 0.1 <= self.cell <= 5:
             raise ConfigError(f"A canvas cell of {self.cell} mm was given; allowed is 0.1 to 5 mm.")
+        if not abs(self.rise) <= _MOST_RISE:
+            raise ConfigError(
+                f"A canvas that lies {self.rise} m higher was given; allowed is {-_MOST_RISE:g} to {_MOST_RISE:g} m."
+            )
         if not 0 < self.drying_time < math.inf:
             raise ConfigError(f"A drying time of {self.drying_time} s was given; it is above 0 and finite.")
 
@@ -82,7 +89,10 @@ class Balance:
 
 
 class VirtualStudio:
-    """A studio that is open. The painter gets `easel` and nothing else; the rest is for tests and films."""
+    """A studio that is open. The painter gets `easel` and nothing else; the rest is for tests and films.
+
+    touch_height: robot z (m) at which the tip really meets the canvas.
+    """
 
     def __init__(self, canvas: CanvasSize, brush: BristleBrush, settings: StudioSettings, seed: int) -> None:
         for_canvas, for_brush, for_hand, for_camera, for_error, for_checker = (
@@ -98,10 +108,10 @@ class VirtualStudio:
         )  # fmt: skip
         self.placement_error = settings.placement_error or PlacementError.drawn_from(for_error)
         workspace, home = _stand(canvas, brush)
-        touch_height = _CANVAS_ORIGIN[2]
+        self.touch_height = _CANVAS_ORIGIN[2] + settings.rise
         tuft = Tuft(brush, for_brush)
         self.table = Table(
-            self._fresh_canvas(), tuft, workspace, touch_height, self.placement_error, settings.noise, for_hand
+            self._fresh_canvas(), tuft, workspace, self.touch_height, self.placement_error, settings.noise, for_hand
         )  # fmt: skip
         self.robot = VirtualRobot(self.table, workspace, home, self.clock)
         self.camera = VirtualCamera(settings.camera, self.table, self.clock, for_camera)
@@ -111,10 +121,12 @@ class VirtualStudio:
             brush=brush.name,
             corners=self.camera.corners,
             photograph=settings.camera.photograph,
-            touch_height=touch_height,
-            press_height=touch_height - brush.press_depth / _MM,
+            touch_height=_CANVAS_ORIGIN[2],
+            press_height=_CANVAS_ORIGIN[2] - brush.press_depth / _MM,
+            protrusion=0.0,  # The studio's robot moves the tip itself.
             camera="virtual camera",
             canvas=canvas,
+            lens=self.camera.lens,
         )
         checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
         self._attendant = _Attendant(self.table, checker, self._fresh_canvas)

@@ -60,8 +60,21 @@ class JogMove:
     settled: bool = False
 
 
-Question = Confirm | PointCorners | Jog
-Answer = bool | Corners | JogMove
+@dataclass(frozen=True)
+class Measure:
+    """How long is something? Answered with metres from lowest to highest.
+
+    proposal: what is known of it so far, or None.
+    """
+
+    text: str
+    lowest: float
+    highest: float
+    proposal: float | None = None
+
+
+Question = Confirm | PointCorners | Jog | Measure
+Answer = bool | Corners | JogMove | float
 Procedure = Generator[Question, Answer, Finding]
 
 
