@@ -6,6 +6,7 @@ from typing import Any
 import typer
 from rich.console import Console
 
+from frida_painter.cli.calibration import register as register_calibration
 from frida_painter.cli.experiments import build as experiments
 from frida_painter.cli.painting import register
 from frida_painter.cli.strokes import build as strokes
@@ -27,6 +28,7 @@ def build() -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     register(app)
+    register_calibration(app)
     app.add_typer(strokes(), name="strokes")
     app.add_typer(experiments(), name="experiments")
     return app

@@ -52,7 +52,7 @@ class CanvasFinding:
         how = (
             "where you pointed"
             if self.pointed
-            else f"by its edges (the least clear one shows over {self.support:.0%} of its length)"
+            else f"by its edges, each seen over at least {self.support:.0%} of its length"
         )
         if self.lens is None:
             lens = "The lens shows no distortion."

@@ -47,8 +47,9 @@ def dot_sheet(
         _line(picture, end, rest, _SEEN, 2)
     missing = (np.linalg.norm(meant[:, None] - found[None], axis=-1) > 1e-9).all(1)
     for place, lost in zip(at(meant), missing, strict=True):
-        for offset in ((8, 0), (0, 8)):
-            _line(picture, place - offset, place + offset, _MISSING if lost else _MEANT, 2)
+        for color, width in (((255, 255, 255), 4), (_MISSING if lost else _MEANT, 2)):
+            for offset in ((8, 0), (0, 8)):
+                _stripe(picture, place - offset, place + offset, color, width)
         if lost:
             _circle(picture, place, _MISSING)
     sheet = Image.new("RGB", (_COLUMNS + 2 * _MARGIN, rows + _HEAD + _FOOT), _PAPER)
@@ -76,5 +77,15 @@ def _line(
     color: tuple[int, ...],
     width: int,
 ) -> None:
-    for around, wide in (((255, 255, 255), width + 2), (color, width)):
-        cv2.line(picture, _fine(start), _fine(end), around, wide, cv2.LINE_AA, shift=4)
+    _stripe(picture, start, end, (255, 255, 255), width + 2)
+    _stripe(picture, start, end, color, width)
+
+
+def _stripe(
+    picture: NDArray[np.uint8],
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    color: tuple[int, ...],
+    width: int,
+) -> None:
+    cv2.line(picture, _fine(start), _fine(end), color, width, cv2.LINE_AA, shift=4)

@@ -1,0 +1,230 @@
+"""The commands that get to know an easel: calibrate, doctor."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from platformdirs import user_data_path
+from rich.console import Console
+
+from frida_painter import images
+from frida_painter.brush.kinds import BrushKind, brush_kind
+from frida_painter.calibration import PROCEDURES, Calibration
+from frida_painter.cli.doctor import examine
+from frida_painter.cli.numbers import whole_number_within
+from frida_painter.cli.terminal import Terminal
+from frida_painter.cli.virtual import PlacementErrorOption, read_placement_error
+from frida_painter.errors import CalibrationError
+from frida_painter.frames import CanvasSize
+from frida_painter.hardware.easel import Easel
+from frida_painter.session.opening import settle_threads
+from frida_painter.session.procedures.brush import brush as brush_procedure
+from frida_painter.session.procedures.canvas import canvas as canvas_procedure
+from frida_painter.session.procedures.color import color as color_procedure
+from frida_painter.session.procedures.dialogue import Answer, Procedure, Question, lead
+from frida_painter.session.procedures.finding import Finding
+from frida_painter.session.procedures.robot import robot as robot_procedure
+from frida_painter.session.procedures.standing import require_basis
+from frida_painter.session.procedures.strokes import MOST_STROKES, StrokesProgress
+from frida_painter.session.procedures.strokes import strokes as strokes_procedure
+from frida_painter.virtual.studio import open_studio
+
+
+class What(StrEnum):
+    """What can be calibrated."""
+
+    canvas = "canvas"
+    robot = "robot"
+    color = "color"
+    brush = "brush"
+    strokes = "strokes"
+    all = "all"
+
+
+class EaselName(StrEnum):
+    """The easels there are."""
+
+    virtual = "virtual"
+
+
+EaselOption = Annotated[EaselName, typer.Option("--easel", metavar="NAME", help="Which easel: virtual.")]
+BrushOption = Annotated[str, typer.Option(metavar="NAME", help="The brush in it: fine, medium or broad.")]
+CanvasOption = Annotated[
+    str, typer.Option(metavar="SIZE", help="Width x height of the canvas on it in in, cm or mm, like 14x11in.")
+]
+SeedOption = Annotated[
+    int,
+    typer.Option(
+        parser=whole_number_within(0, 2**31 - 1),
+        metavar="N",
+        help="Which virtual studio: each has its own light, hand and tuft. `paint --seed` paints in it.",
+    ),
+]
+RecordOption = Annotated[
+    Path | None,
+    typer.Option("--record", metavar="FILE", help="The calibration record. [dim]one per easel in your data folder[/]"),
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    app.command("calibrate")(calibrate)
+    app.command("doctor")(doctor)
+
+
+def calibrate(
+    what: Annotated[What, typer.Argument(metavar="canvas|robot|color|brush|strokes|all", help="What to find out.")],
+    easel: EaselOption = EaselName.virtual,
+    brush: BrushOption = "broad",
+    canvas: CanvasOption = "14x11in",
+    seed: SeedOption = 0,
+    placement_error: PlacementErrorOption = None,
+    count: Annotated[
+        int,
+        typer.Option(
+            parser=whole_number_within(1, MOST_STROKES),
+            metavar="N",
+            help="How many strokes the strokes procedure paints.",
+        ),
+    ] = 200,
+    ask: Annotated[
+        bool, typer.Option("--ask", help="Ask me, as on a real easel; without it the virtual studio answers itself.")
+    ] = False,
+    record: RecordOption = None,
+) -> None:
+    """Get to know an easel: where its canvas is, where its robot paints, how its camera sees, what its brush does.
+
+    Each procedure is entered into the easel's record as soon as it is done, with a picture of what
+    was found beside it. `all` does the five in order.
+    """
+    settle_threads()
+    size, error = CanvasSize.parse(canvas), read_placement_error(placement_error)
+    here = open_studio(size, brush, seed=seed, placement_error=error).easel
+    path = (record or default_record(here.calibration.easel)).absolute()
+    known = _begin(path, what, here.calibration)
+    console = Console(stderr=True, highlight=False)
+    terminal = Terminal(console.input, lambda line: console.print(line, markup=False), path.parent)
+    answer = terminal.answer if ask else _proposal
+    try:
+        here.robot.connect()
+        here.camera.connect()
+        for name in PROCEDURES if what is What.all else (what.value,):
+            require_basis(name, known, here.calibration, defaults_hold=True)
+            with console.status(f"{name} ...") if not ask else _Silence() as status:
+                place = _Place(replace(here, calibration=known), brush_kind(brush), path, seed, count, status.update)
+                finding = lead(_procedure(name, place), answer)
+                known = finding.enter(known)
+            known.save(path)
+            _tell(name, finding, path)
+    finally:
+        here.camera.close()
+        here.robot.close()
+    print(f"The record: {path}")
+
+
+def doctor(
+    easel: EaselOption = EaselName.virtual,
+    brush: BrushOption = "broad",
+    canvas: CanvasOption = "14x11in",
+    seed: SeedOption = 0,
+    record: RecordOption = None,
+) -> None:
+    """Tell how the easel's calibration stands: what was done when and how well, and what to repeat.
+
+    Exit status 1 where painting with this record would be refused.
+    """
+    here = open_studio(CanvasSize.parse(canvas), brush, seed=seed).easel.calibration
+    path = (record or default_record(here.easel)).absolute()
+    if not examine(path, here, named=record is not None):
+        raise typer.Exit(1)
+
+
+def default_record(easel: str) -> Path:
+    """Where the record of an easel is kept when nobody says otherwise."""
+    folder = "-".join(easel.split())
+    return user_data_path("frida-painter", appauthor=False) / "easels" / folder / "calibration.json"
+
+
+@dataclass(frozen=True)
+class _Place:
+    """What procedures may want to know: the easel with the record so far, and where they may leave files."""
+
+    easel: Easel
+    brush: BrushKind
+    record: Path
+    seed: int
+    count: int
+    say: Callable[[str], None]
+
+    def beside(self, ending: str) -> Path:
+        """A file that belongs to the record."""
+        return beside(self.record, ending)
+
+
+def _procedure(name: str, place: _Place) -> Procedure[Any]:
+    """The procedure of that name, begun at that place."""
+
+    def hear(progress: StrokesProgress) -> None:
+        place.say(f"strokes: {progress.done} of {progress.of}, paper {progress.sheet}")
+
+    match name:
+        case "canvas":
+            return canvas_procedure(place.easel)
+        case "robot":
+            return robot_procedure(place.easel)
+        case "color":
+            return color_procedure(place.easel)
+        case "brush":
+            return brush_procedure(place.easel, name=place.brush.name)
+        case _:
+            library = place.beside("strokes.npz")
+            return strokes_procedure(place.easel, place.brush, library, count=place.count, seed=place.seed, notify=hear)
+
+
+def _begin(path: Path, what: What, default: Calibration) -> Calibration:
+    """The record to go on with: the one in the file, or the easel's default for a first one and for all anew."""
+    if not path.exists():
+        return default
+    try:
+        known = Calibration.load(path)
+    except CalibrationError:
+        if what is What.all:
+            return default
+        raise
+    if what is What.all and known.easel == default.easel:
+        return replace(default, done=known.done)  # what is done anew is newer than all that was
+    return known
+
+
+def beside(record: Path, ending: str) -> Path:
+    """A file beside a record that belongs to it: "calibration.json" and "robot.png" make "calibration-robot.png"."""
+    return record.with_name(f"{record.stem}-{ending}")
+
+
+def _tell(name: str, finding: Finding, record: Path) -> None:
+    print(f"{name}: {finding.sentence}")
+    if finding.picture is not None:
+        picture = beside(record, f"{name}.png")
+        images.save(finding.picture, picture)
+        print(f"  {picture}")
+
+
+def _proposal(question: Question) -> Answer:
+    """The virtual studio agrees to whatever is proposed."""
+    return question.proposal  # type: ignore[return-value]  # None where nothing was found: the procedure says what to do
+
+
+class _Silence:
+    """Stands where a status line would be overwritten by a dialogue."""
+
+    def __enter__(self) -> "_Silence":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def update(self, text: str) -> None:
+        """Says nothing."""

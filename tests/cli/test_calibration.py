@@ -1,0 +1,161 @@
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from frida_painter import cli
+from frida_painter.calibration import Calibration
+from frida_painter.cli.calibration import default_record
+from frida_painter.frames import CanvasSize
+from frida_painter.virtual.studio import open_studio
+
+STUDIO = ("--canvas", "160x120mm", "--brush", "fine", "--seed", "3")
+ASKEW = ("--placement-error", "4mm,2deg")
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """run(word, ...): exit status, and what was said to stdout and stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def running(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        told = capsys.readouterr()
+        return int(end.value.code or 0), told.out, told.err
+
+    return running
+
+
+@pytest.fixture(scope="module")
+def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("photos") / "grey.png"
+    Image.fromarray(np.full((30, 40, 3), 128, np.uint8)).save(path)
+    return path
+
+
+def test_procedures_are_entered_one_by_one_and_the_doctor_tells_how_they_stand(run: Run, tmp_path: Path) -> None:
+    record = ("--record", "cal.json")
+    assert run("doctor", *STUDIO)[0] == 0, "the studio paints without a record"
+    status, out, _ = run("calibrate", "canvas", *STUDIO, *ASKEW, *record)
+    assert status == 0 and "The canvas was found" in out
+    status, out, _ = run("calibrate", "robot", *STUDIO, *ASKEW, *record)
+    assert status == 0 and "16 dots" in out
+    known = Calibration.load(tmp_path / "cal.json")
+    assert list(known.done) == ["canvas", "robot"] and known.easel == "virtual studio 3"
+    assert known.placement[0][2] < -0.001
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "cal.json", "cal.json.prev", "cal-canvas.png", "cal-robot.png"
+    }  # fmt: skip
+    status, out, _ = run("doctor", *STUDIO, *record)
+    assert status == 0 and "would go ahead" in out and out.count("good") == 2 and out.count("never done") == 3
+    assert run("calibrate", "canvas", *STUDIO, *ASKEW, *record)[0] == 0
+    status, out, _ = run("doctor", *STUDIO, *record)
+    assert status == 1 and "would be refused" in out and "frida-painter calibrate robot" in out
+
+
+@pytest.mark.slow
+def test_all_five_are_done_in_order(run: Run, tmp_path: Path) -> None:
+    status, out, err = run("calibrate", "all", "--brush", "fine", "--count", 12, "--record", "cal.json")
+    assert status == 0, err
+    known = Calibration.load(tmp_path / "cal.json")
+    assert list(known.done) == ["canvas", "robot", "color", "brush", "strokes"]
+    assert known.library is not None and Path(known.library.path).is_absolute()
+    for name in known.done:
+        assert f"{name}: " in out and (tmp_path / f"cal-{name}.png").exists()
+    status, out, _ = run("doctor", "--brush", "fine", "--record", "cal.json")
+    assert status == 0 and out.count("good") == 5
+
+
+@pytest.fixture
+def record(tmp_path: Path) -> Path:
+    """A record of the studio in which nothing was measured yet."""
+    path = tmp_path / "cal.json"
+    open_studio(CanvasSize(0.16, 0.12), "fine", seed=3).easel.calibration.save(path)
+    return path
+
+
+@pytest.mark.usefixtures("coarse_brush")
+@pytest.mark.parametrize("command", ["paint", "doctor", "calibrate"])
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (lambda whole: whole[: len(whole) // 2], "calibrate all"),
+        (lambda whole: b"", "calibrate all"),
+        (lambda whole: whole.replace(b"0.12", b"0.13", 1), "calibrate all"),
+        (lambda whole: b'{"format": "plan"}', "calibrate all"),
+    ],
+    ids=["cut", "empty", "edited", "something else"],
+)
+def test_a_damaged_record_is_refused(
+    run: Run, record: Path, photo: Path, command: str, damage: Callable[[bytes], bytes], says: str
+) -> None:
+    record.write_bytes(damage(record.read_bytes()))
+    before = record.read_bytes()
+    words = {
+        "paint": (photo, "--strokes", 5, "--calibration", record, "--render-height", 64),
+        "doctor": ("--record", record),
+        "calibrate": ("canvas", "--record", record),
+    }[command]
+    status, out, err = run(command, *words, *STUDIO)
+    assert (status, says in out + err) == (1 if command == "doctor" else 2, True)
+    assert record.read_bytes() == before and not (record.parent / "paintings").exists()
+
+
+@pytest.mark.parametrize(
+    ("studio", "says"),
+    [
+        (("--brush", "medium", "--seed", 3, "--canvas", "160x120mm"), "calibrate brush"),
+        (("--brush", "fine", "--seed", 3, "--canvas", "180x120mm"), "calibrate canvas"),
+        (
+            ("--brush", "fine", "--seed", 4, "--canvas", "160x120mm"),
+            "'virtual studio 3', and this is 'virtual studio 4'",
+        ),
+    ],
+)
+@pytest.mark.usefixtures("coarse_brush")
+def test_a_foreign_record_is_refused(
+    run: Run, record: Path, photo: Path, studio: tuple[object, ...], says: str
+) -> None:
+    status, _, err = run("paint", photo, "--strokes", 5, "--calibration", record, "--render-height", 64, *studio)
+    assert status == 2 and says in err and err.count("\n") == 1
+    assert not (record.parent / "paintings").exists(), "nothing was begun"
+    status, out, _ = run("doctor", "--record", record, *studio)
+    assert status == 1 and says in out
+
+
+def test_a_missing_record_that_was_named_is_told(run: Run, photo: Path) -> None:
+    status, out, _ = run("doctor", "--record", "nowhere.json")
+    assert status == 1 and "does not exist" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("walls",), "walls"),
+        (("canvas", "--easel", "real"), "real"),
+        (("canvas", "--brush", "huge"), "no brush 'huge'"),
+        (("canvas", "--canvas", "big"), "not understood"),
+        (("robot", "--placement-error", "far"), "4mm,2deg"),
+        (("strokes", "--count", "0"), "0 is not from 1"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(run: Run, tmp_path: Path, words: tuple[str, ...], says: str) -> None:
+    status, out, err = run("calibrate", *words, "--record", "cal.json")
+    assert status == 2 and says in err and not out and not list(tmp_path.iterdir())
+
+
+def test_without_a_file_every_easel_has_a_record_of_its_own() -> None:
+    one, other = default_record("virtual studio 1"), default_record("virtual studio 2")
+    assert one != other and one.is_absolute() and one.parts[-3:] == ("easels", "virtual-studio-1", "calibration.json")
+
+
+def test_a_person_is_asked_where_they_want_to_be(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    lines = iter(["where?", ""])
+    monkeypatch.setattr("builtins.input", lambda *_: next(lines))
+    status, out, err = run("calibrate", "canvas", "--ask", *STUDIO, "--record", "cal.json")
+    assert status == 0 and "The canvas was found" in out and "eight numbers" in err
