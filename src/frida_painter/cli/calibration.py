@@ -106,7 +106,9 @@ def calibrate(
     path = (record or default_record(here.calibration.easel)).absolute()
     known = _begin(path, what, here.calibration)
     console = Console(stderr=True, highlight=False)
-    terminal = Terminal(console.input, lambda line: console.print(line, markup=False), path.parent)
+    terminal = Terminal(
+        lambda prompt: console.input(prompt, markup=False), lambda line: console.print(line, markup=False), path.parent
+    )
     answer = terminal.answer if ask else _proposal
     try:
         here.robot.connect()
