@@ -37,6 +37,12 @@ def with_holes(mark):
     return np.where(inside, 0, mark)
 
 
+def dry(mark):
+    """Paint on the tops of the weave only."""
+    rows, columns = np.indices(mark.shape)
+    return np.where((rows // 2 + columns // 2) % 2 == 0, mark, 0)
+
+
 def with_a_neighbour(mark):
     mark[:6, 60:110] = 250
     return mark
@@ -54,11 +60,12 @@ def broken_off(mark):
         (lambda mark: np.zeros_like(mark), Flaw.EMPTY),
         (lambda mark: mark // 5, Flaw.EMPTY),
         (with_holes, Flaw.TORN),
+        (dry, Flaw.TORN),
         (with_a_neighbour, Flaw.TOUCHED),
         (broken_off, Flaw.SKIPPED),
         (lambda mark: np.roll(mark, 12, 0), Flaw.ASTRAY),
     ],
-    ids=["nothing", "faint", "hollow", "neighbour", "broken off", "elsewhere"],
+    ids=["nothing", "faint", "hollow", "dry", "neighbour", "broken off", "elsewhere"],
 )
 def test_a_dirty_stroke_is_found_with_its_reason_and_no_other_is_blamed(spoil, flaw):
     index = longest(small_library(COUNT))

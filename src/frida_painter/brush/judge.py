@@ -20,6 +20,8 @@ _LEAST_COVERED = 0.2  # of the way
 _MOST_FOREIGN = 0.03  # of the paint of a usual stroke
 _MOST_TORN = 0.09  # of the mark's own area
 _WIDE_GAP = 0.18  # of the width of a usual mark
+_MOST_POROUS = 0.15  # of the mark's area when its pores are closed
+_WIDE_PORE = 0.25  # of the width of a usual mark
 _MOST_SKIPPED = 0.05  # of the way
 _MOST_ASTRAY = 7.0  # standard deviations
 _FEWEST_TO_COMPARE = 12
@@ -58,7 +60,8 @@ def judge_marks(library: StrokeLibrary) -> NDArray[np.uint8]:
     # The gravest reason is named, hence written last.
     flaws[_astray(np.array([look.offset for look in seen]), own, width)] = Flaw.ASTRAY
     flaws[1 - covered > _MOST_SKIPPED] = Flaw.SKIPPED
-    flaws[torn > _MOST_TORN] = Flaw.TORN
+    porous = np.array([look.porous(max(1, round(_WIDE_PORE * width / 2))) for look in seen])
+    flaws[(torn > _MOST_TORN) | (porous > _MOST_POROUS)] = Flaw.TORN
     flaws[np.array([look.foreign for look in seen]) > _MOST_FOREIGN * usual] = Flaw.TOUCHED
     flaws[(own < _LEAST_PAINT * _expected(library, own)) | (own == 0) | (covered < _LEAST_COVERED)] = Flaw.EMPTY
     return flaws
@@ -136,6 +139,13 @@ class _Look:
         covered = float((across > 0).mean()) if len(across) else 0.0
         width = float(np.median(across[across > 0])) if across.any() else 0.0
         return cls(inked, own, foreign, last - first, covered, width, offset)
+
+    def porous(self, radius: int) -> float:
+        """The share of the mark that is bare in spots of less than `radius` pixels: dry brush."""
+        inked = self.inked.astype(np.uint8)
+        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+        closed = int(np.count_nonzero(cv2.morphologyEx(inked, cv2.MORPH_CLOSE, disc)))
+        return 1 - int(np.count_nonzero(inked)) / closed if closed else 0.0
 
     def torn(self, wide: int) -> float:
         """Area of gaps of at least `wide` pixels across the stroke, as a share of what is painted.

@@ -134,9 +134,10 @@ class _Libraries:
         leans = [(0.0, 0.0), (0.1, 0.0), (-0.1, 0.15), (0.0, 0.0), (0.0, -0.2)]
         every = max(1, self.scale.strokes // len(lamps))
         return {
+            # Every tenth finds nothing on the brush; and seven times running the well is empty, until the brush is.
             "20 % of the strokes run out of paint": Faults(
-                dry_dips=frozenset(number[number % 10 >= 8].tolist()),
                 dropped_touches=frozenset(number[number % 10 == 9].tolist()),
+                dry_dips=frozenset(number[number % 30 >= 23].tolist()),
             ),
             "the light changes between photographs": Faults(
                 light_changes=tuple(
