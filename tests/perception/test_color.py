@@ -12,10 +12,10 @@ def colors(count: int = 24, seed: int = 0) -> torch.Tensor:
     return to_linear(torch.rand(count, 3, generator=torch.Generator().manual_seed(seed), dtype=torch.float64))
 
 
-def leaking(light: torch.Tensor) -> torch.Tensor:
+def leaking(light: torch.Tensor, stray: float = 0.004) -> torch.Tensor:
     """As a camera sees it whose bands leak into each other, and that stray light reaches."""
     mix = torch.tensor([[0.80, 0.10, 0.05], [0.08, 0.70, 0.10], [0.02, 0.12, 0.60]], dtype=light.dtype)
-    return light @ mix.T + 0.004
+    return light @ mix.T + stray
 
 
 def test_the_affine_map_is_applied_to_the_light_of_every_pixel_and_kept_in_range():
@@ -61,3 +61,13 @@ def test_held_out_is_what_a_fit_without_that_colour_says_of_it(held):
     alone = perceived[held] @ without[:, :3].T + without[:, 3]
     expected = float(difference(to_srgb(alone), to_srgb(known[held])))
     assert float(fit_color(perceived, known).held_out[held]) == pytest.approx(expected, abs=1e-6)
+
+
+def test_faults_of_the_darkest_patches_are_not_taken_for_stray_light():
+    """Where there is none, black stays black, though the chart's dark patches are not quite what is published."""
+    known = colors()
+    known[:3] = torch.tensor([0.03, 0.05, 0.08], dtype=torch.float64)[:, None]
+    printed = known.clone()
+    printed[:3] *= 1.08
+    assert (fit_color(leaking(printed, stray=0.0), known).affine[:, 3] == 0).all()
+    assert (fit_color(leaking(printed, stray=0.01), known).affine[:, 3] < -0.005).all()

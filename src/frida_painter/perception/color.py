@@ -14,6 +14,7 @@ from frida_painter.perception.difference import difference
 from frida_painter.perception.light import to_linear, to_srgb
 
 _FAINT = 0.03
+_WORTH_IT = 0.85
 
 
 def true_color(picture: Tensor, calibration: Calibration) -> Tensor:
@@ -40,27 +41,36 @@ class ColorFit:
 def fit_color(perceived: Tensor, true: Tensor) -> ColorFit:
     """Fits the map to n colours seen and known, linear light [n, 3] each; n is 6 or more.
 
-    Least squares, in which dark colours count more, as they do to the eye.
+    Least squares, in which dark colours count more, as they do to the eye. The map has an offset only
+    where that makes colours that are held out a good deal better: there is stray light then. Elsewhere
+    it would follow the few dark patches' own faults, and be wrong for everything that is darker.
     """
-    keep = ~torch.eye(len(true), dtype=torch.bool)
-    without = torch.stack([_apply(_affine(perceived[rest], true[rest]), perceived) for rest in keep])
-    affine = _affine(perceived, true)
-    seen = to_srgb(true)
+    plain, stray = (_fit(perceived.double(), true.double(), offset) for offset in (False, True))
+    return stray if float(stray.held_out.mean()) < _WORTH_IT * float(plain.held_out.mean()) else plain
+
+
+def _fit(perceived: Tensor, true: Tensor, offset: bool) -> ColorFit:
+    others = ~torch.eye(len(true), dtype=torch.bool)
+    alone = torch.stack(
+        [_apply(_affine(perceived[rest], true[rest], offset), one) for rest, one in zip(others, perceived, strict=True)]
+    )
+    affine, known = _affine(perceived, true, offset), to_srgb(true)
     return ColorFit(
         affine,
-        before=difference(to_srgb(perceived), seen),
-        after=difference(to_srgb(_apply(affine, perceived)), seen),
-        held_out=difference(to_srgb(torch.stack([without[i, i] for i in range(len(true))])), seen),
+        before=difference(to_srgb(perceived), known),
+        after=difference(to_srgb(_apply(affine, perceived)), known),
+        held_out=difference(to_srgb(alone), known),
     )
 
 
-def _affine(perceived: Tensor, true: Tensor) -> Tensor:
-    """The best affine map [3, 4]."""
-    columns = torch.cat((perceived, torch.ones_like(perceived[:, :1])), 1).double()  # [n, 4]
+def _affine(perceived: Tensor, true: Tensor, offset: bool) -> Tensor:
+    """The best map [3, 4], whose last column is 0 where there is to be no offset."""
+    columns = torch.cat((perceived, torch.ones_like(perceived[:, :1])), 1)[:, : 4 if offset else 3]
     # How steeply lightness grows with light: as the power -2/3 of it, bounded where it is faint.
-    weight = (true.double().mean(1, keepdim=True) + _FAINT) ** (-2 / 3)
-    return torch.linalg.lstsq(weight * columns, weight * true.double()).solution.T
+    weight = (true.mean(1, keepdim=True) + _FAINT) ** (-2 / 3)
+    solution = torch.linalg.lstsq(weight * columns, weight * true).solution.T
+    return torch.nn.functional.pad(solution, (0, 4 - solution.shape[1]))
 
 
 def _apply(affine: Tensor, light: Tensor) -> Tensor:
-    return light.double() @ affine[:, :3].T + affine[:, 3]
+    return light @ affine[:, :3].T + affine[:, 3]
