@@ -1,0 +1,26 @@
+"""Named pretrained weights: fetched on request, checked against pinned hashes, converted once, loaded without risk.
+
+`known` says which there are; `find` and `require` give the folder of those that are here; `tensors`
+loads a network's; `fetch` gets them from the first of several sources that gives the right files.
+"""
+
+from frida_painter.weights.cache import VARIABLE, cache_folder, fetch, find, require, tensors
+from frida_painter.weights.catalogue import NamedWeights, known, named
+from frida_painter.weights.notices import Announced, Listener, Notice, Received, Refused
+
+__all__ = [
+    "VARIABLE",
+    "Announced",
+    "Listener",
+    "NamedWeights",
+    "Notice",
+    "Received",
+    "Refused",
+    "cache_folder",
+    "fetch",
+    "find",
+    "known",
+    "named",
+    "require",
+    "tensors",
+]

