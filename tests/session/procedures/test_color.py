@@ -133,7 +133,7 @@ def test_corners_given_by_a_person_may_begin_anywhere_and_run_either_way():
 def test_another_light_than_on_the_bare_canvas_is_noticed_and_taken_out(change):
     before, after = found(), found(faults=Faults(light_changes=(change,)))
     assert after.change > 0.05 > before.change
-    assert "light changed" in after.sentence and "light changed" not in before.sentence
+    assert "light had changed" in after.sentence and "light had changed" not in before.sentence
     assert float(after.held_out.mean()) < 0.9
     assert np.abs(np.array(after.affine) - np.array(before.affine)).max() < 0.04
 

@@ -67,12 +67,12 @@ class ColorFinding:
     def sentence(self) -> str:
         """What was found, in plain words."""
         worst = int(self.held_out.argmax())
-        changed = f" The light changed by {self.change:.0%} meanwhile; that was taken out." * (
+        changed = f" The light had changed by {self.change:.0%} meanwhile; that was taken out." * (
             self.change > _NOTABLE_CHANGE
         )
         return (
-            f"Colours are seen to {self.held_out.mean():.1f} CIEDE2000 on average (patches that the fit did not see; "
-            f"at worst {self.held_out[worst]:.1f}, {NAMES[worst]}); as photographed they were "
+            f"Corrected colours are {self.held_out.mean():.1f} CIEDE2000 off on average (patches that the fit did not "
+            f"see; at worst {self.held_out[worst]:.1f}, {NAMES[worst]}); as photographed they were "
             f"{self.photographed.mean():.1f} off, in even light {self.fit.before.mean():.1f}.{changed}"
         )
 
