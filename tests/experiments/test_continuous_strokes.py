@@ -60,7 +60,7 @@ def test_a_brush_that_is_not_there_is_refused():
 
 
 def test_of_a_library_the_nearest_strokes_are_shown():
-    library = small_library(40, seed=1)
+    library = small_library(30, seed=1)
     outcome = run_on_library(library, "small", scale=QUICK)
     rows = outcome.tables[0].rows
     assert [row["thickness"] for row in rows[:3]] == [pytest.approx(value, abs=1e-4) for value in (0, 0.5, 1)]

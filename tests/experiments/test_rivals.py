@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter.experiments.rivals import BEZIER, MEAN, RIVALS, ZEROS, errors, fingerprint, geometry, learn
+from frida_painter.experiments.rivals import BEZIER, MEAN, RIVALS, ZEROS, errors, fingerprint, learn
 from marks import small_library as library
 
 
@@ -35,15 +35,6 @@ def test_the_fitted_bezier_knows_more_than_nothing(strokes):
 def test_the_same_seed_learns_the_same_and_never_from_the_test(strokes):
     first, second = (learn("param2stroke", strokes[:16], seed=3, quick=True)(strokes[16:]) for _ in range(2))
     assert torch.equal(first, second)
-
-
-def test_the_rectangle_of_a_model_is_that_of_the_crops(strokes):
-    frame, limits = geometry(strokes)
-    whole = strokes.frame
-    assert (frame.left, frame.right, frame.bottom, frame.top) == (whole.left, whole.right, whole.bottom, whole.top)
-    across, down = frame.pitch
-    assert down == pytest.approx(across, rel=0.1) and frame.rows % 2 == frame.columns % 2 == 0
-    assert limits.length == (strokes.length_m.min(), strokes.length_m.max())
 
 
 def test_another_pixel_is_another_library(strokes):

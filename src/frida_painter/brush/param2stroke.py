@@ -1,17 +1,14 @@
 """The paper's stroke model: a small network from the shape of a stroke to the mark that it leaves."""
 
-import json
-import math
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import torch
 from torch import Tensor, nn
 
-from frida_painter import storage
 from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.model_file import ModelFile, write_model
 from frida_painter.brush.squash import squash
-from frida_painter.errors import WeightsError
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 
@@ -19,11 +16,9 @@ FORMAT = "frida-painter param2stroke"
 VERSION = 1
 HIDDEN = 96
 CHANNELS = 12
-_ABOUT = "stroke_model"
 _UPSCALE = 2
 _SPREAD = 6.0
 _BARE = 3.0
-_LARGEST_MAP = 4096
 
 
 class Param2Stroke(nn.Module):
@@ -77,64 +72,25 @@ class Param2Stroke(nn.Module):
 
     def save(self, path: Path) -> str:
         """Writes the weights with all that belongs to them; returns the file's sha256. Raises StorageError."""
-        about = {
-            "format": FORMAT,
-            "version": VERSION,
-            "brush": self.brush,
-            "frame": [self.frame.left, self.frame.right, self.frame.bottom, self.frame.top],
-            "cells": [self.frame.rows, self.frame.columns],
-            "limits": [*self.limits.length, *self.limits.bend],
-        }
-        # One entry only: several would be written in an order that changes from run to run.
-        return storage.write_tensors(path, self.state_dict(), {_ABOUT: json.dumps(about)})
+        return write_model(path, FORMAT, VERSION, self, self.state_dict())
 
     @classmethod
     def load(cls, path: Path) -> Self:
         """Reads weights that `save` wrote. Raises WeightsError where they are missing, damaged or do not fit."""
-        tensors, metadata = storage.read_tensors(path, "weights of a stroke model", WeightsError)
-        about = _about(metadata)
-        if about.get("format") != FORMAT or about.get("version") != VERSION:
-            raise WeightsError(
-                f"{path} does not hold weights of a stroke model of version {VERSION}; "
-                "give a file that `frida-painter strokes train` wrote."
-            )
+        return cls.restored(ModelFile.read(path))
+
+    @classmethod
+    def restored(cls, file: ModelFile) -> Self:
+        """The model in a file of weights. Raises WeightsError where it is of another kind or does not fit."""
+        file.require(FORMAT, VERSION)
         try:
-            model = cls(str(about["brush"]), *_geometry(about))
-            model.load_state_dict(tensors)
-        except (KeyError, TypeError, ValueError, RuntimeError) as cause:
-            raise WeightsError(
-                f"{path} holds weights of a stroke model with a part missing, out of range or of the wrong shape "
-                f"({str(cause).splitlines()[0]}); train them anew."
-            ) from cause
-        return model.eval().requires_grad_(False)
+            model = cls(file.brush, file.frame, file.limits)
+        except ValueError as cause:
+            raise file.misfit(cause) from cause
+        file.fill(model)
+        return model
 
 
 def _normal(value: Tensor, bounds: tuple[float, float]) -> Tensor:
     """The value as a share of the way from the lower to the upper bound."""
     return (value - bounds[0]) / (bounds[1] - bounds[0])
-
-
-def _about(metadata: dict[str, str]) -> dict[str, Any]:
-    """What a file of weights says of itself; empty where it says nothing that can be read."""
-    try:
-        about = json.loads(metadata.get(_ABOUT, ""))
-    except (ValueError, RecursionError):
-        return {}
-    return about if isinstance(about, dict) else {}
-
-
-def _geometry(about: dict[str, Any]) -> tuple[MapFrame, StrokeLimits]:
-    """The frame and the limits of a file of weights. Raises KeyError, TypeError or ValueError."""
-    left, right, bottom, top = (float(number) for number in about["frame"])
-    rows, columns = about["cells"]
-    shortest, longest, least, most = (float(number) for number in about["limits"])
-    metres = (left, right, bottom, top, shortest, longest, least, most)
-    if not all(math.isfinite(number) and abs(number) < 10 for number in metres):
-        raise ValueError("a measure that is not finite or above 10 m")
-    if not (left < 0 < right and bottom < 0 < top and 0 < shortest < longest and least < most):
-        raise ValueError("a rectangle or limits without extent")
-    if not (isinstance(rows, int) and isinstance(columns, int)):
-        raise TypeError("a map with broken cells")
-    if not (0 < rows <= _LARGEST_MAP and 0 < columns <= _LARGEST_MAP and rows * columns <= _LARGEST_MAP**2 // 16):
-        raise ValueError(f"a map of {rows} x {columns} cells")
-    return MapFrame(left, right, bottom, top, rows, columns), StrokeLimits((shortest, longest), (least, most))

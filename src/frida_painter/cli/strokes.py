@@ -8,9 +8,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.learn import DEFAULT_MODEL, learn
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.param2stroke import Param2Stroke
-from frida_painter.brush.train import TrainingProgress, train
+from frida_painter.brush.training import TrainingProgress
 from frida_painter.cli.library import inspect, paint
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
@@ -45,7 +45,6 @@ def train_model(
     kind = brush_kind(brush)
     strokes = StrokeLibrary.load(library)
     settle_threads()  # as fast as several here, and the same weights whatever the number of cores
-    model = Param2Stroke.fresh(kind, seed)
     with _bar() as bar:
         task = bar.add_task("training", total=None)
 
@@ -53,11 +52,12 @@ def train_model(
             words = f"training, error {progress.validation_error:.4f}, best {progress.best_error:.4f}"
             bar.update(task, total=progress.epochs, completed=progress.epoch, description=words)
 
-        report = train(model, strokes, seed=seed, notify=hear)
-    model.save(out)
+        learned = learn(DEFAULT_MODEL, strokes, kind, seed=seed, notify=hear)
+    report = learned.report
+    learned.model.save(out)
     print(
-        f"Trained on {len(strokes) - len(report.held_out)} strokes; on {len(report.held_out)} others the mean error "
-        f"of the magnitude is {report.validation_error:.4f}: {out}"
+        f"Trained on {len(learned.library) - len(report.held_out)} strokes; on {len(report.held_out)} others the mean "
+        f"error of the magnitude is {report.validation_error:.4f}: {out}"
     )
 
 

@@ -12,22 +12,20 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from frida_painter.brush import learn as training
 from frida_painter.brush.bezier import BezierStroke, RibbonShape, fit_bezier
+from frida_painter.brush.judge import clean
+from frida_painter.brush.learn import DEFAULT_MODEL, MODELS
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.resample import resample
 from frida_painter.brush.stroke_model import StrokeModel
-from frida_painter.brush.train import train
-from frida_painter.frames import MapFrame
-from frida_painter.strokes import StrokeLimits
 
-ZEROS, MEAN, BEZIER, PARAM2STROKE = "all zeros", "mean stroke", "fitted Bezier", "param2stroke"
-RIVALS = (ZEROS, MEAN, BEZIER, PARAM2STROKE)
-LEARNED = (PARAM2STROKE,)
-DEFAULT = PARAM2STROKE
+ZEROS, MEAN, BEZIER = "all zeros", "mean stroke", "fitted Bezier"
+DEFAULT = DEFAULT_MODEL
+LEARNED = (DEFAULT, *(name for name in MODELS if name != DEFAULT))
+RIVALS = (ZEROS, MEAN, BEZIER, *reversed(LEARNED))
 Predict = Callable[[StrokeLibrary], Tensor]
 _BATCH = 32
-_COLUMNS = 80
 
 
 def learn(rival: str, library: StrokeLibrary, *, seed: int, quick: bool = False) -> Predict:
@@ -41,32 +39,16 @@ def learn(rival: str, library: StrokeLibrary, *, seed: int, quick: bool = False)
 
 
 def learn_model(rival: str, library: StrokeLibrary, *, seed: int, quick: bool = False) -> StrokeModel:
-    """The stroke model of a rival that has one, on the rectangle and within the limits of the library's strokes."""
-    frame, limits = geometry(library)
-    if rival == BEZIER:
-        ribbon = BezierStroke("any", frame, limits, RibbonShape.typical(0.25 * (frame.top - frame.bottom)))
-        fit_bezier(ribbon, library, seed=seed, steps=4 if quick else 150)
-        return ribbon
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        network = Param2Stroke("any", frame, limits)
-    if quick:
-        train(network, library, seed=seed, rehearsals=0, epochs=11)
-    else:
-        train(network, library, seed=seed)
-    return network
+    """The stroke model of a rival that has one, learned as painters learn it, from the clean strokes of the library.
 
-
-def geometry(library: StrokeLibrary) -> tuple[MapFrame, StrokeLimits]:
-    """The rectangle of the library's crops in near-square cells, and what its strokes are between."""
-    whole = library.frame
-    pitch = (whole.right - whole.left) / _COLUMNS
-    rows = max(4, 4 * round((whole.top - whole.bottom) / pitch / 4))
-    limits = StrokeLimits(
-        (float(library.length_m.min()), float(library.length_m.max())),
-        (float(library.bend_m.min()), float(library.bend_m.max())),
-    )
-    return whole.resized(rows, _COLUMNS), limits
+    Raises LibraryError where there are too few of them.
+    """
+    if rival != BEZIER:
+        return training.learn(rival, library, seed=seed, hasty=quick).model
+    frame, limits = training.geometry(library)
+    ribbon = BezierStroke(training.OTHER_BRUSH, frame, limits, RibbonShape.typical(0.25 * (frame.top - frame.bottom)))
+    fit_bezier(ribbon, clean(library), seed=seed, steps=4 if quick else 150)
+    return ribbon
 
 
 def fingerprint(library: StrokeLibrary) -> str:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.train import FEWEST_STROKES
+from frida_painter.brush.training import FEWEST_STROKES
 from frida_painter.errors import LibraryError
 from frida_painter.experiments.chart import Series, chart
 from frida_painter.experiments.ledger import Finding, Ledger

@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from frida_painter.brush.param2stroke import Param2Stroke
-from frida_painter.brush.train import train
+from frida_painter.brush.train_param2stroke import train_param2stroke
 from frida_painter.errors import LibraryError
 from marks import SMALL, small_frame, small_library
 
@@ -11,7 +11,7 @@ def test_training_learns_the_library_and_keeps_the_best_weights():
     library = small_library(40)
     model = Param2Stroke("small", small_frame(12, 20), SMALL.limits)
     progress = []
-    report = train(model, library, rehearsals=3, epochs=6, notify=progress.append)
+    report = train_param2stroke(model, library, rehearsals=3, epochs=6, notify=progress.append)
     assert tuple(progress) == report.curve
     assert len(report.held_out) == 8
     nothing = float(library[report.held_out].maps(model.frame).abs().mean())
@@ -28,7 +28,7 @@ def test_the_same_seed_gives_the_same_weights():
     models = [Param2Stroke("small", small_frame(12, 20), SMALL.limits) for _ in range(2)]
     models[1].load_state_dict(models[0].state_dict())
     for model in models:
-        train(model, small_library(6), seed=1, rehearsals=0, epochs=2)
+        train_param2stroke(model, small_library(6), seed=1, rehearsals=0, epochs=2)
     first, second = (model.state_dict() for model in models)
     assert all(torch.equal(tensor, second[name]) for name, tensor in first.items())
     assert len(models[0].state_dict()) == 8
@@ -36,4 +36,4 @@ def test_the_same_seed_gives_the_same_weights():
 
 def test_a_library_of_too_few_strokes_is_refused():
     with pytest.raises(LibraryError, match="at least 5"):
-        train(Param2Stroke.fresh(SMALL), small_library(4))
+        train_param2stroke(Param2Stroke.fresh(SMALL), small_library(4))

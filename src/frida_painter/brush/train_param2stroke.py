@@ -18,43 +18,12 @@ from frida_painter.brush.bezier import BezierStroke, RibbonShape, fit_bezier
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.squash import stretched
-from frida_painter.errors import LibraryError
+from frida_painter.brush.training import Best, Split, TrainingProgress, TrainingReport
 
-FEWEST_STROKES = 5
-VALIDATION_SHARE = 0.2
 _BATCH = 32
 _REHEARSED = 3000
 _REHEARSAL_RATE = 1e-2
 _RATE = 3e-3
-
-
-@dataclass(frozen=True)
-class TrainingProgress:
-    """How far training has come: after `epoch` of at most `epochs`, mean absolute errors of the magnitude.
-
-    The first epochs are rehearsal; their training error is that against the analytic model.
-    """
-
-    epoch: int
-    epochs: int
-    training_error: float
-    validation_error: float
-    best_error: float
-
-
-@dataclass(frozen=True)
-class TrainingReport:
-    """What training did.
-
-    best_epoch: the epoch whose weights were kept; validation_error: their mean absolute error on
-    strokes held out, over the whole map; held_out: indices of those strokes in the library;
-    curve: every epoch's progress.
-    """
-
-    best_epoch: int
-    validation_error: float
-    held_out: NDArray[np.int64]
-    curve: tuple[TrainingProgress, ...]
 
 
 @dataclass(frozen=True)
@@ -69,11 +38,11 @@ class _Examples:
     def __len__(self) -> int:
         return len(self.wanted)
 
-    def __getitem__(self, index: Tensor) -> "_Examples":
+    def __getitem__(self, index: Tensor | NDArray[np.int64]) -> "_Examples":
         return _Examples(self.thickness[index], self.length[index], self.bend[index], self.wanted[index])
 
 
-def train(
+def train_param2stroke(
     model: Param2Stroke,
     library: StrokeLibrary,
     *,
@@ -86,47 +55,39 @@ def train(
     """Trains `model` in place on the library's strokes and leaves it with the weights of its best epoch.
 
     A fifth of the strokes is held out for validation (paper, "Brush Stroke Model"). After
-    `rehearsals` epochs of rehearsal (0: none, as in the paper), training ends after `epochs`, or
+    `rehearsals` epochs of rehearsal (0: none, as in the paper), whose training error is that against
+    the analytic model, training ends after `epochs`, or
     when the validation error has not fallen for `patience` of them. The loss is L1: its median
     leaves the paper clean where only now and then a bristle goes astray. The same seed gives the
     same weights. Raises LibraryError where there are fewer than 5 strokes.
     """
-    if len(library) < FEWEST_STROKES:
-        raise LibraryError(
-            f"The stroke library has {len(library)} strokes; training needs at least {FEWEST_STROKES}, "
-            "and about 100 for a good model."
-        )
     chance = torch.Generator().manual_seed(seed)
-    order = torch.randperm(len(library), generator=chance)
-    held_out = order[: max(1, round(VALIDATION_SHARE * len(library)))]
+    split = Split.of(library, chance)
     examples = _Examples(*library.shapes(), library.maps(model.frame))
-    training, validation = examples[order[len(held_out) :]], examples[held_out]
+    training, validation = examples[split.training], examples[split.held_out]
 
     lessons = [(training, _RATE, epochs)]
     if rehearsals > 0:
-        imagined = _imagined(model, library[order[len(held_out) :].numpy()], seed, chance)
+        imagined = _imagined(model, library[split.training], seed, chance)
         lessons.insert(0, (imagined, _REHEARSAL_RATE, rehearsals))
 
     curve: list[TrainingProgress] = []
-    best, best_error, best_epoch = _copy(model), float("inf"), 0
+    best = Best(model)
     for part, rate, rounds in lessons:
         optimizer = torch.optim.Adam(model.parameters(), lr=rate)
         steps = rounds * -(-len(part) // _BATCH)
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, max_lr=rate, total_steps=steps, pct_start=0.1)
         for _ in range(rounds):
             training_error = _epoch(model, part, optimizer, schedule, chance)
-            validation_error = _error(model, validation)
-            if validation_error < best_error:
-                best, best_error, best_epoch = _copy(model), validation_error, len(curve) + 1
-            curve.append(
-                TrainingProgress(len(curve) + 1, rehearsals + epochs, training_error, validation_error, best_error)
-            )
+            error = float((_predicted(model, validation) - validation.wanted).abs().mean())
+            best.see(len(curve) + 1, error)
+            curve.append(TrainingProgress(len(curve) + 1, rehearsals + epochs, training_error, error, best.error))
             if notify is not None:
                 notify(curve[-1])
-            if len(curve) - max(best_epoch, rehearsals) >= patience:
+            if len(curve) - max(best.epoch, rehearsals) >= patience:
                 break
-    model.load_state_dict(best)
-    return TrainingReport(best_epoch, best_error, held_out.numpy(), tuple(curve))
+    best.restore()
+    return TrainingReport(best.epoch, best.error, split.held_out, _predicted(model, validation), tuple(curve))
 
 
 def _imagined(model: Param2Stroke, library: StrokeLibrary, seed: int, chance: torch.Generator) -> _Examples:
@@ -164,11 +125,5 @@ def _epoch(
 
 
 @torch.no_grad()
-def _error(model: Param2Stroke, examples: _Examples) -> float:
-    """Mean absolute error of the magnitude over the whole map."""
-    predicted = model(examples.thickness, examples.length, examples.bend)
-    return float((predicted - examples.wanted).abs().mean())
-
-
-def _copy(model: Param2Stroke) -> dict[str, Tensor]:
-    return {name: tensor.detach().clone() for name, tensor in model.state_dict().items()}
+def _predicted(model: Param2Stroke, examples: _Examples) -> Tensor:
+    return model(examples.thickness, examples.length, examples.bend)

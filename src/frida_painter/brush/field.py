@@ -1,0 +1,145 @@
+"""The project's own stroke model: how much paint lies at a place, as seen from the stroke's path.
+
+Where param2stroke draws a whole map, the field is asked place by place, and a place is described
+by where it lies along the path and beside it. What is known is thus built in: a mark follows the
+Bezier, looks alike along strokes of all lengths, and bends to the left nearly as it bends to the
+right. A network of a few thousand weights learns the rest from as few as ten strokes.
+"""
+
+import math
+from pathlib import Path
+from typing import Self
+
+import torch
+from torch import Tensor, nn
+
+from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.model_file import ModelFile, write_model
+from frida_painter.brush.path_view import PathView
+from frida_painter.brush.squash import squash
+from frida_painter.frames import MapFrame
+from frida_painter.strokes import StrokeLimits
+
+FORMAT = "frida-painter stroke field"
+VERSION = 1
+HIDDEN = 32
+_FEATURES = 18
+_LOPSIDED = 0.3
+_SPREAD = 2.0
+_BARE = 2.0
+_NOTHING = -20.0
+_BATCH = 64
+
+
+class StrokeField(nn.Module):
+    """Four linear layers from a place and the shape of a stroke to a logit; see `path_view` and `squash`.
+
+    All lengths are counted in units of a fifth of the longest stroke. Most inputs stay the same when
+    stroke and place are mirrored at the x axis; those that do not are small, so that the field
+    learns how left differs from right only where the strokes insist.
+
+    reach: no paint farther than that from the rectangle around the path, metres.
+    """
+
+    reach: Tensor
+
+    def __init__(self, brush: str, frame: MapFrame, limits: StrokeLimits) -> None:
+        super().__init__()
+        self.brush = brush
+        self.frame = frame
+        self.limits = limits
+        self.unit = limits.length[1] / 5
+        self.register_buffer("reach", torch.tensor(max(frame.top, frame.right)))
+        self.layers = nn.Sequential(
+            nn.Linear(_FEATURES, HIDDEN),
+            nn.SiLU(),
+            nn.Linear(HIDDEN, HIDDEN),
+            nn.SiLU(),
+            nn.Linear(HIDDEN, HIDDEN),
+            nn.SiLU(),
+            nn.Linear(HIDDEN, 1),
+        )
+        with torch.no_grad():
+            first, last = self.layers[0], self.layers[-1]
+            first.weight.mul_(_SPREAD)  # type: ignore[operator]  # edges are sharp against the size of a place
+            last.bias.fill_(-_BARE)  # type: ignore[operator]  # most places are bare
+
+    @classmethod
+    def fresh(cls, kind: BrushKind, seed: int = 0) -> Self:
+        """An untrained model for a brush, the same for the same seed."""
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            return cls(kind.name, kind.frame, kind.limits)
+
+    def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
+        """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""
+        batches = zip(*(torch.split(part, _BATCH) for part in (thickness, length, bend)), strict=True)
+        maps = [self._maps(*batch) for batch in batches]
+        return torch.cat(maps) if maps else length.new_zeros(0, self.frame.rows, self.frame.columns)
+
+    def _maps(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
+        near = self.near(length, bend)
+        stroke, cell = near.nonzero(as_tuple=True)
+        place = self.frame.cell_centers(dtype=length.dtype, device=length.device).view(-1, 2)[cell]
+        logits = self.logits(self.views(place, stroke, length, bend), self.styles(thickness, length, bend)[stroke])
+        empty = torch.full(near.shape, _NOTHING, dtype=logits.dtype, device=logits.device)
+        return squash(empty.masked_scatter(near, logits)).view(-1, self.frame.rows, self.frame.columns)
+
+    def near(self, length: Tensor, bend: Tensor) -> Tensor:
+        """Which cells may hold paint at all, [n, rows x columns]."""
+        return self.outside(length, bend) < self.reach
+
+    @torch.no_grad()
+    def outside(self, length: Tensor, bend: Tensor) -> Tensor:
+        """How far cells lie outside the rectangle around the path, below 0 inside, metres, [n, rows x columns]."""
+        x, y = self.frame.cell_centers(dtype=length.dtype, device=length.device).view(-1, 2).unbind(-1)
+        belly = 0.75 * bend[:, None]
+        across = torch.maximum(-x, x - length[:, None])
+        beside = torch.maximum(belly.clamp(max=0) - y, y - belly.clamp(min=0))
+        return torch.maximum(across, beside)
+
+    def styles(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
+        """The shapes of strokes as the network takes them, [n, 3], each about 1 wide."""
+        return torch.stack((thickness, length / (4 * self.unit), bend / (2 * self.unit)), -1)
+
+    def views(self, place: Tensor, stroke: Tensor, length: Tensor, bend: Tensor) -> Tensor:
+        """Where `place` [m, 2] lies, seen from stroke number `stroke` [m], in units: [m, 7]."""
+        view = PathView.of(place, stroke, length, bend, 0.2 * self.unit)
+        beyond = torch.maximum(-view.along, -view.ahead).clamp(min=0)
+        away = torch.sqrt(view.aside**2 + beyond**2 + 1e-4 * self.unit**2)
+        x, y = place.unbind(-1)
+        seen = (view.along, view.ahead, view.aside, away, x, length[stroke] - x, y)
+        return torch.stack(seen, -1) / self.unit
+
+    def logits(self, view: Tensor, style: Tensor) -> Tensor:
+        """views [m, 7] and the styles of their strokes [m, 3] -> the field before the squash, [m]."""
+        along, ahead, aside, away, x, rest, y = view.unbind(-1)
+        thickness, length, bend = style.unbind(-1)
+        steepness = bend / (2 * length + 0.3)
+        mirrored = (
+            along - 1, ahead - 1, 2 * away - 1, 0.5 * x - 0.7, 0.5 * rest - 0.7,
+            4 * aside * aside - 1, y * y - 1, 2 * aside * bend, y * bend, 2 * aside * steepness,
+            2 * thickness - 1, 2 * length - 2.25, 2 * bend * bend - 0.5, steepness * steepness - 0.5,
+        )  # fmt: skip
+        lopsided = (2 * aside, bend, y, steepness)
+        features = torch.stack((*mirrored, *(_LOPSIDED * part for part in lopsided)), -1)
+        return self.layers(features)[:, 0]
+
+    def save(self, path: Path) -> str:
+        """Writes the weights with all that belongs to them; returns the file's sha256. Raises StorageError."""
+        return write_model(path, FORMAT, VERSION, self, self.state_dict())
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Reads weights that `save` wrote. Raises WeightsError where they are missing, damaged or do not fit."""
+        return cls.restored(ModelFile.read(path))
+
+    @classmethod
+    def restored(cls, file: ModelFile) -> Self:
+        """The model in a file of weights. Raises WeightsError where it is of another kind or does not fit."""
+        file.require(FORMAT, VERSION)
+        model = cls(file.brush, file.frame, file.limits)
+        file.fill(model)
+        if not 0 < float(model.reach) < math.inf:
+            raise file.misfit(ValueError(f"a reach of {float(model.reach)} m"))
+        return model

@@ -1,0 +1,93 @@
+from pathlib import Path
+
+import pytest
+import torch
+
+from frida_painter import storage
+from frida_painter.brush.field import StrokeField
+from frida_painter.brush.param2stroke import Param2Stroke
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.errors import WeightsError
+from marks import SMALL, shapes, small_frame
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Path:
+    StrokeField.fresh(SMALL, seed=3).save(tmp_path / "small.safetensors")
+    return tmp_path / "small.safetensors"
+
+
+def test_maps_have_the_frames_cells_and_are_magnitudes():
+    maps = StrokeField.fresh(SMALL)(*shapes(70)).detach()
+    assert maps.shape == (70, SMALL.frame.rows, SMALL.frame.columns)
+    assert 0 <= float(maps.amin()) < float(maps.amax()) <= 1
+
+
+def test_no_strokes_give_no_maps():
+    assert StrokeField("small", small_frame(), SMALL.limits)(*(torch.zeros(0) for _ in range(3))).shape == (0, 24, 42)
+
+
+def test_it_is_differentiable_in_the_shape_of_the_stroke():
+    model = StrokeField("small", small_frame(6, 8), SMALL.limits).double()
+    inputs = [part.requires_grad_() for part in shapes(2, dtype=torch.float64)]
+    assert torch.autograd.gradcheck(
+        lambda thickness, length, bend: model(thickness, length / 100, bend / 100),
+        [inputs[0], *(100 * part.detach() for part in inputs[1:])],
+    )
+
+
+def test_paint_lies_within_reach_of_the_path_only():
+    model = StrokeField("small", small_frame(), SMALL.limits)
+    with torch.no_grad():
+        model.layers[-1].bias.fill_(50.0)
+    model.reach.fill_(0.004)
+    mark = model(torch.tensor([0.5]), torch.tensor([0.02]), torch.tensor([-0.004]))[0]
+    x, y = model.frame.cell_centers().unbind(-1)
+    inside = (x > -0.004) & (x < 0.024) & (y > -0.007) & (y < 0.004)
+    assert torch.equal(mark > 0, inside)
+
+
+def test_other_cells_show_the_same_field():
+    coarse = StrokeField("small", small_frame(12, 21), SMALL.limits)
+    fine = StrokeField("small", small_frame(36, 63), SMALL.limits)
+    fine.load_state_dict(coarse.state_dict())
+    torch.testing.assert_close(fine(*shapes(3))[:, 1::3, 1::3], coarse(*shapes(3)))
+
+
+def test_the_seed_decides_the_first_weights_and_leaves_the_world_alone():
+    before = torch.get_rng_state()
+    one, same, other = (StrokeField.fresh(SMALL, seed=seed).layers[0].weight for seed in (1, 1, 2))
+    assert torch.equal(one, same)
+    assert not torch.equal(one, other)
+    assert torch.equal(before, torch.get_rng_state())
+
+
+def test_weights_come_back_as_they_were(saved):
+    model, again = StrokeField.fresh(SMALL, seed=3), load_stroke_model(saved)
+    assert isinstance(again, StrokeField)
+    assert (again.brush, again.frame, again.limits) == ("small", SMALL.frame, SMALL.limits)
+    assert torch.equal(model(*shapes(3)), again(*shapes(3)))
+    assert not any(parameter.requires_grad for parameter in again.parameters())
+
+
+def test_each_kind_of_weights_is_told_from_the_other(saved, tmp_path):
+    Param2Stroke.fresh(SMALL).save(tmp_path / "paper.safetensors")
+    assert isinstance(load_stroke_model(tmp_path / "paper.safetensors"), Param2Stroke)
+    with pytest.raises(WeightsError):
+        Param2Stroke.load(saved)
+    with pytest.raises(WeightsError):
+        StrokeField.load(tmp_path / "paper.safetensors")
+
+
+def test_weights_of_another_shape_missing_or_nan_are_refused(saved):
+    tensors, metadata = storage.read_tensors(saved, "weights")
+    broken = (
+        {name: tensor for name, tensor in tensors.items() if name != "reach"},
+        {**tensors, "layers.0.bias": torch.zeros(3)},
+        {**tensors, "reach": torch.tensor(torch.nan)},
+        {**tensors, "reach": torch.tensor(-1.0)},
+    )
+    for part in broken:
+        storage.write_tensors(saved, part, metadata)
+        with pytest.raises(WeightsError):
+            load_stroke_model(saved)
