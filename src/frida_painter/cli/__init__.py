@@ -8,6 +8,7 @@ from rich.console import Console
 
 from frida_painter.cli.calibration import register as register_calibration
 from frida_painter.cli.experiments import build as experiments
+from frida_painter.cli.models import build as models
 from frida_painter.cli.painting import register
 from frida_painter.cli.strokes import build as strokes
 from frida_painter.errors import FridaError
@@ -30,6 +31,7 @@ def build() -> typer.Typer:
     register(app)
     register_calibration(app)
     app.add_typer(strokes(), name="strokes")
+    app.add_typer(models(), name="models")
     app.add_typer(experiments(), name="experiments")
     return app
 

@@ -50,7 +50,11 @@ def find(name: str, cache: Path | None = None) -> Path | None:
     hashes = _recorded(weights, folder)
     for file in weights.kept:
         path = folder / file.name
-        if not path.is_file() or _sha256(path) != hashes[file.name]:
+        try:
+            unaltered = path.is_file() and _sha256(path) == hashes[file.name]
+        except OSError as cause:
+            raise WeightsError(f"{path} cannot be read ({cause.strerror}); {_mend(name, cache)}.") from cause
+        if not unaltered:
             raise WeightsError(f"{path} was altered or lost after it was fetched; {_mend(name, cache)}.")
     return folder
 
@@ -59,7 +63,7 @@ def require(name: str, cache: Path | None = None) -> Path:
     """The folder that holds the files of these weights. Raises WeightsError where they are not here, or altered."""
     folder = find(name, cache)
     if folder is None:
-        raise WeightsError(f"{name} is not here; fetch it with `frida-painter models fetch {name}`.")
+        raise WeightsError(f"{name} is not here; fetch it with {_command(name, cache)}.")
     return folder
 
 
@@ -101,7 +105,7 @@ def fetch(
     if offline and all(source.remote for source in sources):
         raise WeightsError(
             f"{name} is not here, and nothing may be fetched offline; fetch it where there is a network, "
-            f"or give a folder with its files: `frida-painter models fetch {name} --from FOLDER`."
+            f"or bring its files in a folder: `frida-painter models fetch {name} --from FOLDER`."
         )
     hear = notify or _unheard
     place = cache_folder(cache)
@@ -120,7 +124,7 @@ def _fetch(weights: NamedWeights, sources: tuple[Source, ...], cache: Path, hear
     scratch = cache / _PARTIAL
     scratch.mkdir(parents=True, exist_ok=True)
     reasons = []
-    for source in sources:
+    for number, source in enumerate(sources, start=1):
         _require_space(weights, source, cache)
         size = source.transfer(weights.originals)
         hear(Announced(weights.name, source.words, size, source.remote))
@@ -128,9 +132,17 @@ def _fetch(weights: NamedWeights, sources: tuple[Source, ...], cache: Path, hear
             source.bring(weights.originals, scratch, _counter(weights.name, size, hear))
             return _keep(weights, source, scratch, cache / weights.name)
         except WeightsError as error:
-            reasons.append(f"{source.words}: {str(error).rstrip('.')}")
-            hear(Refused(weights.name, source.words, str(error)))
-    raise WeightsError(f"{weights.name} cannot be had; {'; '.join(reasons)}.")
+            reason = str(error).rstrip(".")
+            reasons.append(f"{source.words}: {reason}")
+            if number < len(sources):
+                hear(Refused(weights.name, source.words, reason))
+    advice = (
+        f"; where nothing else helps, bring its files in a folder: `frida-painter models fetch {weights.name} "
+        "--from FOLDER`"
+        if any(source.remote for source in sources)
+        else ""
+    )
+    raise WeightsError(f"{weights.name} cannot be had from {'; nor from '.join(reasons)}{advice}.")
 
 
 def _keep(weights: NamedWeights, source: Source, scratch: Path, folder: Path) -> Path:
@@ -216,9 +228,13 @@ def _unwritable(cache: Path, error: BaseException | None) -> WeightsError:
     )
 
 
-def _mend(name: str, cache: Path | None) -> str:
+def _command(name: str, cache: Path | None) -> str:
     option = "" if cache is None or cache == cache_folder() else f" --cache {cache}"
-    return f"`frida-painter models fetch {name}{option}` mends it"
+    return f"`frida-painter models fetch {name}{option}`"
+
+
+def _mend(name: str, cache: Path | None) -> str:
+    return f"{_command(name, cache)} mends it"
 
 
 def _sha256(path: Path) -> str:

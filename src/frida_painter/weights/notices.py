@@ -25,7 +25,7 @@ class Received:
 
 @dataclass(frozen=True)
 class Refused:
-    """A source did not give what was wanted, and why; the next one is tried."""
+    """A source did not give what was wanted, and why; the next one is asked."""
 
     name: str
     source: str

