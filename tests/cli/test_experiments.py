@@ -69,10 +69,13 @@ def test_paintings_of_ones_own_picture_and_nothing_unfinished_is_left(run: Run, 
     assert not (tmp_path / "found" / name / "unfinished").exists()
 
 
-@pytest.mark.parametrize("name", ["continuous-strokes", "stroke-model", "strokes-needed", "real-strokes"])
-def test_a_library_of_ones_own(run: Run, tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("continuous-strokes", ()), ("stroke-model", ()), ("strokes-needed", ()), ("real-strokes", ("--seeds", "7"))],
+)
+def test_a_library_of_ones_own(run: Run, tmp_path: Path, name: str, words: tuple[str, ...]) -> None:
     small_library(16).save(tmp_path / "mine.npz")
-    status, out, _ = run(name, "--library", "mine.npz", "--quick", "--out", "found")
+    status, out, _ = run(name, "--library", "mine.npz", "--quick", "--out", "found", *words)
     assert status == 0 and "mine" in out
     record = json.loads((tmp_path / "found" / name / "table.json").read_text())
     assert record["settings"]["library"] == "mine"
