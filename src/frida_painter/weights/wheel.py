@@ -177,6 +177,8 @@ def _largest(folder: Path) -> int:
 
 def _complaint(log: str) -> str:
     """What pip says is wrong, as part of a sentence."""
+    if "(from versions: none)" in log:  # which pip also says where it reaches no index at all
+        return "pip finds it nowhere: no index that it knows has it, or none can be reached"
     errors = [line.removeprefix("ERROR:").strip() for line in log.splitlines() if line.startswith("ERROR:")]
     if not errors:
         errors = [line.strip() for line in log.splitlines() if line.strip()] or ["it says nothing"]
