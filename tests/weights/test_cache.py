@@ -4,6 +4,7 @@ import shutil
 import socket
 import subprocess
 import urllib.request
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -107,6 +108,8 @@ def test_an_altered_file_gets_the_command_that_mends_it(cache, tmp_path):
             WeightsError, match=rf"{path} was altered .*`frida-painter models fetch tiny --cache {cache}`"
         ):
             use("tiny", cache)
+    with pytest.raises(WeightsError, match="was altered"):
+        weights.fetch("tiny", cache, offline=True)
     weights.fetch("tiny", cache, origin=tmp_path / "brought")
     assert torch.equal(weights.tensors("tiny", cache)["stem.weight"], NETWORK["stem.weight"])
 
@@ -114,6 +117,17 @@ def test_an_altered_file_gets_the_command_that_mends_it(cache, tmp_path):
 def test_a_lost_file_is_noticed(cache):
     (cache / "tiny" / "vocab.txt").unlink()
     with pytest.raises(WeightsError, match=r"vocab.txt was altered or lost"):
+        weights.find("tiny", cache)
+
+
+def test_a_cache_that_cannot_be_read_is_told(cache, monkeypatch):
+    def forbidden(path):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "is_file", forbidden)
+    with pytest.raises(
+        WeightsError, match=r"tiny cannot be read \(Permission denied\); `frida-painter models fetch tiny"
+    ):
         weights.find("tiny", cache)
 
 

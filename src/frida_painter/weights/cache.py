@@ -45,17 +45,14 @@ def find(name: str, cache: Path | None = None) -> Path | None:
     """
     weights = named(name)
     folder = cache_folder(cache) / name
-    if not (folder / "record.json").is_file():
-        return None
-    hashes = _recorded(weights, folder)
-    for file in weights.kept:
-        path = folder / file.name
-        try:
-            unaltered = path.is_file() and _sha256(path) == hashes[file.name]
-        except OSError as cause:
-            raise WeightsError(f"{path} cannot be read ({cause.strerror}); {_mend(name, cache)}.") from cause
-        if not unaltered:
-            raise WeightsError(f"{path} was altered or lost after it was fetched; {_mend(name, cache)}.")
+    try:
+        if not (folder / "record.json").is_file():
+            return None
+        for file, sha256 in _recorded(weights, folder).items():
+            if not (folder / file).is_file() or _sha256(folder / file) != sha256:
+                raise WeightsError(f"{folder / file} was altered or lost after it was fetched; {_mend(name, cache)}.")
+    except OSError as cause:
+        raise WeightsError(f"{folder} cannot be read ({cause.strerror}); {_mend(name, cache)}.") from cause
     return folder
 
 
@@ -98,6 +95,8 @@ def fetch(
     try:
         ready = find(name, cache)
     except WeightsError:
+        if offline and origin is None:
+            raise
         ready = None  # what was altered is fetched anew
     if ready is not None:
         return ready
