@@ -6,13 +6,14 @@ import torch
 
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm
+from frida_painter.goal import Goal, ImageTerm, StyleTerm
 from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.planning.scene import Scene
-from scenes import CANVAS, goal, small_table
+from networks import NoEncoders, QuickEncoders
+from scenes import CANVAS, goal, picture, small_table
 
 QUICK = Effort().scaled(0.1)
 BARE = torch.ones(3, 64, 85)
@@ -136,3 +137,19 @@ def test_more_effort_is_more_iterations() -> None:
     )
     assert planner(effort=Effort().scaled(0.001)).iterations(50) >= 10
     assert planner().fine == PixelGrid.of_height(CANVAS, 64)
+
+
+def test_pictures_alone_are_planned_without_any_network_and_whatever_is_given_they_stay_so() -> None:
+    by = Planner(goal(), CANVAS, small_table(), rows=64, effort=QUICK, seed=0, encoders=NoEncoders())
+    assert by.plan(BARE, 8, 3, lambda step: None).digest == planned(8, 3).digest
+
+
+def test_a_style_changes_the_plan_and_is_come_nearer_to() -> None:
+    effort = Effort().scaled(0.1)
+    wanted = Goal((ImageTerm(picture(120, 160)), StyleTerm(1 - picture(), 3.0)))
+    by = Planner(wanted, CANVAS, small_table(), rows=64, effort=effort, seed=0, encoders=QuickEncoders())
+    plain = planned(16, 4, effort=effort)
+    styled = by.plan(BARE, 16, 4, lambda step: None)
+    assert by.judge(by.expected(styled, BARE)) < by.judge(by.expected(plain, BARE))
+    again = by.replan(styled.part(slice(8, None)), by.expected(styled.part(slice(8)), BARE), lambda step: None)
+    assert len(again) == 8

@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
@@ -17,6 +18,7 @@ from rich.console import Console
 
 from frida_painter import images, storage
 from frida_painter.brush.weights import load_stroke_model
+from frida_painter.cli import goals
 from frida_painter.cli.numbers import number, whole_number
 from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress, duration
 from frida_painter.cli.virtual import PlacementErrorOption, read_placement_error
@@ -26,7 +28,7 @@ from frida_painter.export.bezier import mark_widths
 from frida_painter.export.svg import svg
 from frida_painter.export.table import table
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm
+from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.render import render as render_strokes
@@ -45,7 +47,10 @@ class ExportFormat(StrEnum):
 
 
 Photo = Annotated[
-    Path, typer.Argument(metavar="PHOTO", help="The picture to paint: JPEG, PNG, WebP, TIFF, BMP or GIF.")
+    Path | None,
+    typer.Argument(
+        metavar="[PHOTO]", help="The picture to paint: JPEG, PNG, WebP, TIFF, BMP or GIF.", show_default=False
+    ),
 ]
 PlanFile = Annotated[
     Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
@@ -125,7 +130,14 @@ def register(app: typer.Typer) -> None:
 
 
 def paint(
-    photo: Photo,
+    photo: Photo = None,
+    image: goals.Image = None,
+    image_weight: goals.ImageWeight = None,
+    style: goals.Style = None,
+    style_weight: goals.StyleWeight = None,
+    init_image: goals.InitImage = None,
+    init_style: goals.InitStyle = None,
+    goal: goals.GoalFile = None,
     strokes: Strokes = None,
     colors: Colors = None,
     canvas: Canvas = None,
@@ -142,29 +154,31 @@ def paint(
 ) -> None:
     """Paint a photograph in the virtual studio: plan, paint some strokes, look, plan the rest again.
 
+    With --style it is painted in the style of another picture; docs/goals.md tells of all goals.
     Afterwards the folder holds the painting, a film, a palette to mix, the strokes, and a page that
     tells the story. Ctrl-C stops after the current stroke and keeps what was made.
     """
-    target, chosen = _prepare(photo, settings, locals())
+    wanted, target, chosen = _prepare(photo, settings, locals())
     console = Console(stderr=True, highlight=False)
     glimpses = min(chosen.strokes, 120) if film else 0
     with ExitStack() as stack:
         stop = stack.enter_context(_stopping())
         started = time.monotonic()
         settle_threads()
-        planner = open_planner(chosen, Goal((ImageTerm(target),)))
+        planner = open_planner(chosen, wanted.goal)
+        _tell_encoders(planner.encoders)
         studio = open_studio(
             chosen.canvas, planner.model.brush, seed=chosen.seed, placement_error=read_placement_error(placement_error)
         )
         easel = on_record(studio.easel, calibration)
-        folder = _new_folder(out, photo, needed=200 * 2**20)
+        folder = _new_folder(out, wanted.name, needed=200 * 2**20)
         rhythm = Rhythm(chosen.replans, glimpses)
         effort_per_replan = planner.effort.refining + planner.effort.replanning
         forecast = Forecast(
             chosen.strokes, rhythm, started, planning=planner.iterations(chosen.strokes), replanning=effort_per_replan
         )
         bar = stack.enter_context(PaintingProgress(console, forecast))
-        occasion = _occasion(photo, target, chosen)
+        occasion = _occasion(photo, wanted, target, chosen, planner.encoders)
         recorder = stack.enter_context(Recorder(folder, occasion, planner.model, glimpses))
         stack.callback(easel.robot.close)
         easel.robot.connect()
@@ -187,7 +201,14 @@ def paint(
 
 
 def plan(
-    photo: Photo,
+    photo: Photo = None,
+    image: goals.Image = None,
+    image_weight: goals.ImageWeight = None,
+    style: goals.Style = None,
+    style_weight: goals.StyleWeight = None,
+    init_image: goals.InitImage = None,
+    init_style: goals.InitStyle = None,
+    goal: goals.GoalFile = None,
     strokes: Strokes = None,
     colors: Colors = None,
     canvas: Canvas = None,
@@ -199,12 +220,13 @@ def plan(
     out: Out = None,
 ) -> None:
     """Plan the strokes for a photograph without painting: the plan, a picture of it, and the palette to mix."""
-    target, chosen = _prepare(photo, settings, {**locals(), "replans": 0})
+    wanted, _, chosen = _prepare(photo, settings, {**locals(), "replans": 0})
     with ExitStack() as stack:
         stop = stack.enter_context(_stopping())
         settle_threads()
-        planner = open_planner(chosen, Goal((ImageTerm(target),)))
-        folder = _new_folder(out, photo, needed=20 * 2**20)
+        planner = open_planner(chosen, wanted.goal)
+        _tell_encoders(planner.encoders)
+        folder = _new_folder(out, wanted.name, needed=20 * 2**20)
         bar = stack.enter_context(PlanningProgress(Console(stderr=True, highlight=False)))
 
         def hear(step: Step) -> None:
@@ -275,27 +297,35 @@ def export(
     _say(f"{len(loaded)} strokes in {len(loaded.palette)} paints: {path}")
 
 
-def _prepare(photo: Path, settings: Path | None, given: dict[str, Any]) -> tuple[torch.Tensor, PaintingSettings]:
-    """The picture as it will fill the canvas, and the settings: the command line over the file over the defaults."""
+def _prepare(
+    photo: Path | None, settings: Path | None, given: dict[str, Any]
+) -> tuple[goals.Wanted, torch.Tensor, PaintingSettings]:
+    """The goal, its first picture as it will fill the canvas, and the settings: options over the file over defaults."""
     names = set(PaintingSettings.model_fields)
     overrides = {name: value for name, value in given.items() if name in names and value is not None}
     chosen = PaintingSettings.from_toml(settings, **overrides) if settings else PaintingSettings.of(**overrides)
-    picture = images.load(photo)
+    wanted = goals.read_goal(photo, given)
+    picture = wanted.picture
     if "canvas" not in chosen.model_fields_set:
         chosen = chosen.model_copy(update={"canvas": chosen.canvas.turned_like(*picture.shape[1:])})
     grid = PixelGrid.of_height(chosen.canvas, max(PHOTOGRAPH_ROWS, chosen.render_height))
-    return images.fit(picture, grid.rows, grid.columns), chosen
+    return wanted.fitted(grid), images.fit(picture, grid.rows, grid.columns), chosen
 
 
-def _new_folder(out: Path | None, photo: Path, needed: int) -> Path:
-    folder = out or Path("paintings") / f"{photo.stem}-{datetime.now():%Y%m%d-%H%M%S}"
+def _new_folder(out: Path | None, name: str, needed: int) -> Path:
+    folder = out or Path("paintings") / f"{name}-{datetime.now():%Y%m%d-%H%M%S}"
     storage.require_space(folder, needed)
     storage.new_folder(folder)
     return folder
 
 
-def _occasion(photo: Path, target: torch.Tensor, chosen: PaintingSettings) -> Occasion:
+def _occasion(
+    photo: Path | None, wanted: goals.Wanted, target: torch.Tensor, chosen: PaintingSettings, encoders: Encoders
+) -> Occasion:
     facts = (
+        *wanted.facts,
+        *((f"{choice.purpose.capitalize()} seen through", choice.used) for choice in encoders.choices),
+        *((f"Better for {choice.purpose}", choice.better) for choice in encoders.choices if choice.better),
         ("Canvas", str(chosen.canvas)),
         ("Brush", chosen.brush),
         ("Looks and replans", str(chosen.replans)),
@@ -303,8 +333,19 @@ def _occasion(photo: Path, target: torch.Tensor, chosen: PaintingSettings) -> Oc
         ("Seed", str(chosen.seed)),
         ("Robot", "virtual studio"),
     )
-    title = photo.stem.replace("_", " ").replace("-", " ").strip().capitalize() or "Untitled"
-    return Occasion(title, target, facts, {"photo": photo.name, **chosen.model_dump(mode="json")})
+    record = {
+        **({"photo": photo.name} if photo else {}),
+        "goal": [list(fact) for fact in wanted.facts],
+        "encoders": [asdict(choice) for choice in encoders.choices],
+        **chosen.model_dump(mode="json"),
+    }
+    return Occasion(wanted.title, target, facts, record)
+
+
+def _tell_encoders(encoders: Encoders) -> None:
+    for choice in encoders.choices:
+        better = f" (better: {choice.better})" if choice.better else ""
+        print(f"Seeing {choice.purpose} through {choice.used}{better}.", file=sys.stderr)
 
 
 class _Stop:

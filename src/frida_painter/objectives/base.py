@@ -1,12 +1,16 @@
 """What an objective is, and how the terms of a goal become one."""
 
-from collections.abc import Callable
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import singledispatch
+from typing import Any, Protocol
 
 from torch import Tensor
 
+from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal
+from frida_painter.goal import Goal, ImageTerm, StyleTerm
+from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.objectives.replication import replication
 
 
@@ -17,19 +21,75 @@ class Objective(Protocol):
         """picture [3, H, W] in [0, 1] -> a number."""
 
 
-def prepare(goal: Goal, grid: PixelGrid) -> Objective:
-    """The weighted sum of the goal's terms for pictures of that grid (paper, Eq. for p_next).
+@dataclass(frozen=True)
+class Setting:
+    """What objectives are prepared for: the pictures' grid, the networks at hand, the run's seed."""
 
-    Targets are prepared here, once, and not at every step.
+    grid: PixelGrid
+    encoders: Encoders
+    seed: int
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """One term, ready to judge pictures.
+
+    judge: where the objective looks at a picture in another way every time, or could be fooled,
+    what says in the end whether a picture is good: steady, and best a network kept aside.
     """
-    terms: list[tuple[float, Callable[[Tensor], Tensor]]] = [
-        (term.weight, replication(term.image, grid)) for term in goal.terms
-    ]
 
-    def objective(picture: Tensor) -> Tensor:
+    objective: Callable[[Tensor], Tensor]
+    judge: Callable[[Tensor], Tensor] | None = None
+
+
+@singledispatch
+def prepare_term(term: Any, setting: Setting) -> Prepared:
+    """The objective of one term; a new kind of term registers its own. Targets are prepared here, once."""
+    raise ConfigError(f"No objective is known for {type(term).__name__}; register one with prepare_term.")
+
+
+@prepare_term.register
+def _(term: ImageTerm, setting: Setting) -> Prepared:
+    return Prepared(replication(term.image, setting.grid))
+
+
+@prepare_term.register
+def _(term: StyleTerm, setting: Setting) -> Prepared:
+    from frida_painter.objectives.style import Style
+
+    return Prepared(Style(term.image, setting.encoders.style(), setting.seed))
+
+
+class Aim:
+    """The weighted sum of a goal's terms (paper, Eq. for p_next): itself an objective."""
+
+    def __init__(self, terms: Sequence[tuple[float, Prepared]]) -> None:
+        self._terms = tuple(terms)
+
+    def __call__(self, picture: Tensor) -> Tensor:
+        """picture [3, H, W] in [0, 1] -> a number, the less the better; differentiable."""
         total = picture.new_zeros(())
-        for weight, judge in terms:
-            total = total + weight * judge(picture)
+        for weight, term in self._terms:
+            total = total + weight * term.objective(picture)
         return total
 
-    return objective
+    @property
+    def judge(self) -> Objective | None:
+        """What says which of several pictures is best; None where the sum itself says it."""
+        return self._judge if any(term.judge is not None for _, term in self._terms) else None
+
+    def _judge(self, picture: Tensor) -> Tensor:
+        total = picture.new_zeros(())
+        for weight, term in self._terms:
+            total = total + weight * (term.judge or term.objective)(picture)
+        return total
+
+
+def prepare(goal: Goal, grid: PixelGrid, encoders: Encoders | None = None, seed: int = 0) -> Aim:
+    """The aim of the goal for pictures of that grid.
+
+    encoders: the networks that terms other than pictures are seen through; by default those that
+    were fetched. Raises WeightsError where one is missing.
+    """
+    setting = Setting(grid, encoders or Encoders(), seed)
+    return Aim([(term.weight, prepare_term(term, setting)) for term in goal.terms])

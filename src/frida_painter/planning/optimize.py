@@ -14,6 +14,7 @@ from frida_painter.strokes import Strokes
 
 _MOST_FAILURES = 3
 _WARMING = 6
+_BETWEEN_JUDGEMENTS = 10  # iterations
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,8 @@ def optimize(
 
     With `paints` every colour is one of the palette's, throughout; `vary_colors` says whether the
     palette (or, without one, each stroke's colour) may change. `pace` scales the steps. The best
-    strokes seen are returned, never worse than those given. A step that is not finite is
+    strokes seen are returned, never worse than those given: by the objective or, where the scene has
+    one, by the judge, who is asked every ten iterations. A step that is not finite is
     discarded, and steps are halved from then on; the third raises PlanningDiverged, and so does a
     loss that was never finite.
     """
@@ -54,7 +56,12 @@ def optimize(
         current = variables.strokes()
         loss = scene.objective(scene.render(current[variables.order()]))
         value = loss.item()
-        best.consider(value, variables)
+        if scene.judge is None:
+            best.consider(value, variables)
+        elif iteration % _BETWEEN_JUDGEMENTS == 0 or iteration == iterations:
+            with torch.no_grad():
+                picture = scene.render(current[variables.order()])
+                best.consider(scene.judge(picture).item(), variables)
         if iteration == iterations:
             break
         adam.zero_grad()

@@ -12,7 +12,8 @@ from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal
-from frida_painter.objectives.base import Objective, prepare
+from frida_painter.objectives.base import prepare
+from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.initialize import Growth, progressive
@@ -65,11 +66,20 @@ class Planner:
     """Plans strokes of one brush towards one goal on one canvas (paper, Algorithm 1).
 
     rows: height of the picture in which is planned; the start is planned at half of it. Every
-    random choice comes from `seed`.
+    random choice comes from `seed`. encoders: the networks that the goal is seen through, by default
+    those that were fetched. Raises WeightsError where the goal needs one that is missing.
     """
 
     def __init__(
-        self, goal: Goal, size: CanvasSize, model: StrokeModel, *, rows: int, effort: Effort, seed: int
+        self,
+        goal: Goal,
+        size: CanvasSize,
+        model: StrokeModel,
+        *,
+        rows: int,
+        effort: Effort,
+        seed: int,
+        encoders: Encoders | None = None,
     ) -> None:
         self.goal = goal
         self.size = size
@@ -78,7 +88,11 @@ class Planner:
         self.fine = PixelGrid.of_height(size, rows)
         self.coarse = PixelGrid.of_height(size, max(rows // 2, 32))
         self.seed = seed
-        self._objectives = {grid: prepare(goal, grid) for grid in (self.fine, self.coarse)}
+        self.encoders = encoders or Encoders()
+        self._aims = {grid: prepare(goal, grid, self.encoders, seed) for grid in (self.fine, self.coarse)}
+        self._opening = self._aims[self.coarse]
+        if goal.opening is not goal.terms:
+            self._opening = prepare(Goal(goal.opening), self.coarse, self.encoders, seed)
 
     def plan(self, canvas: Tensor, strokes: int, colors: int, notify: Callable[[Step], None]) -> Plan:
         """A plan of `strokes` strokes in `colors` paints for a canvas picture [3, H, W] of the fine grid."""
@@ -86,10 +100,11 @@ class Planner:
         colors = min(colors, strokes)
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
         target = self._guide(self.coarse)
+        opening = Scene(coarse.canvas, self.size, self.model, self._opening, self._opening.judge)
         steps = _Progress(notify, self.iterations(strokes))
         found, _ = progressive(
             strokes,
-            coarse,
+            opening,
             target,
             paints=None,
             light_to_dark=True,
@@ -98,9 +113,9 @@ class Planner:
             notify=steps.begin(self._growing(strokes)),
         )
         for _ in range(self.effort.relocations):
-            found, _ = relocate(found, None, coarse, target, share=_MOVED, proposals=_PROPOSALS, generator=generator)
+            found, _ = relocate(found, None, opening, target, share=_MOVED, proposals=_PROPOSALS, generator=generator)
             found, _ = optimize(
-                found, coarse, iterations=self.effort.refining, notify=steps.begin(self.effort.refining)
+                found, opening, iterations=self.effort.refining, notify=steps.begin(self.effort.refining)
             )
         for keeping in _KEEPING:
             found = draw_together(found, coarse, colors, keeping, self.seed)
@@ -141,15 +156,17 @@ class Planner:
         steps = _Progress(notify, self.effort.refining + self.effort.replanning)
         # Never back to a lighter paint: it would pick up the dark paint that is still wet.
         paints: Paints | None = Paints(rest.palette.color, rest.paint, first=int(rest.paint.min()))
-        found, paints = relocate(
-            rest.strokes,
-            paints,
-            coarse,
-            self._guide(self.coarse),
-            share=_MOVED,
-            proposals=_PROPOSALS,
-            generator=generator,
-        )
+        found = rest.strokes
+        if self.goal.opening is self.goal.terms:  # elsewhere the guide is only what the plan began with
+            found, paints = relocate(
+                found,
+                paints,
+                coarse,
+                self._guide(self.coarse),
+                share=_MOVED,
+                proposals=_PROPOSALS,
+                generator=generator,
+            )
         for scene, iterations in ((coarse, self.effort.refining), (fine, self.effort.replanning)):
             found, paints = optimize(
                 found, scene, iterations=iterations, paints=paints, vary_colors=False, notify=steps.begin(iterations)
@@ -170,7 +187,8 @@ class Planner:
     def judge(self, picture: Tensor) -> float:
         """The objective of a picture [3, H, W] of the canvas: the less, the nearer to the goal."""
         with torch.no_grad():
-            return float(self._objectives[self.fine](images.fit(picture, self.fine.rows, self.fine.columns)))
+            aim = self._aims[self.fine]
+            return float((aim.judge or aim)(images.fit(picture, self.fine.rows, self.fine.columns)))
 
     def _as_plan(self, strokes: Strokes, palette: Palette, paint: Tensor) -> Plan:
         limits = self.model.limits.within(self.size)
@@ -179,12 +197,13 @@ class Planner:
         )
 
     def _scene(self, canvas: Tensor, grid: PixelGrid) -> Scene:
-        objective: Objective = self._objectives[grid]
-        return Scene(images.fit(canvas, grid.rows, grid.columns), self.size, self.model, objective)
+        aim = self._aims[grid]
+        return Scene(images.fit(canvas, grid.rows, grid.columns), self.size, self.model, aim, aim.judge)
 
     def _guide(self, grid: PixelGrid) -> Tensor:
         """The picture that says where strokes are needed."""
-        return images.fit(self.goal.terms[0].image, grid.rows, grid.columns)
+        first = self.goal.opening[0]
+        return images.fit(first.image, grid.rows, grid.columns)
 
     def _growing(self, strokes: int) -> int:
         return min(self.effort.growth.rounds, strokes) * self.effort.growth.settling

@@ -13,12 +13,17 @@ from frida_painter.strokes import StrokeLimits, Strokes
 
 @dataclass(frozen=True)
 class Scene:
-    """A canvas picture [3, H, W] (blank, or a photograph of the real one) of `size`, a brush and an objective."""
+    """A canvas picture [3, H, W] (blank, or a photograph of the real one) of `size`, a brush and an objective.
+
+    judge: says which of several plans is best where the objective cannot: where it looks at a picture
+    in another way every time, or could be fooled.
+    """
 
     canvas: Tensor
     size: CanvasSize
     model: StrokeModel
     objective: Objective
+    judge: Objective | None = None
 
     @property
     def limits(self) -> StrokeLimits:

@@ -1,0 +1,167 @@
+"""What shall be painted, as it is said on the command line or in a TOML file, made into a goal."""
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from torch import Tensor
+
+from frida_painter import images, storage
+from frida_painter.cli.numbers import number
+from frida_painter.errors import ConfigError
+from frida_painter.frames import PixelGrid
+from frida_painter.goal import Goal, ImageTerm, StyleTerm, Term
+
+_KINDS = ("image", "style")
+_MOST_BYTES = 2**20
+_MOST_TERMS = 20
+_STYLE_LONGEST = 1024  # pixels; styles are compared in small pictures
+
+_Files = list[Path] | None
+_Weights = list[float] | None
+_PANEL = "What to paint"
+
+
+def _file(text: str) -> Any:
+    return typer.Option(metavar="FILE", help=f"{text} May be repeated.", rich_help_panel=_PANEL)
+
+
+def _weight(kind: str) -> Any:
+    text = f"How much each --{kind} matters, in their order. [dim]1[/]"
+    return typer.Option(parser=number, metavar="X", help=text, rich_help_panel=_PANEL)
+
+
+Image = Annotated[_Files, _file("A further picture to come near to, pixel by pixel.")]
+ImageWeight = Annotated[_Weights, _weight("image")]
+Style = Annotated[_Files, _file("A picture whose colours, textures and marks the painting shall have.")]
+StyleWeight = Annotated[_Weights, _weight("style")]
+InitImage = Annotated[_Files, _file("A picture to begin with, whose composition shall stay.")]
+InitStyle = Annotated[_Files, _file("A style picture to begin with: its composition is kept as well.")]
+GoalFile = Annotated[
+    Path | None,
+    typer.Option("--goal", metavar="FILE", help="A TOML file with goals and weights.", rich_help_panel=_PANEL),
+]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a person asked for: the goal, in words for the record, a title, a name for files, and the first picture."""
+
+    goal: Goal
+    facts: tuple[tuple[str, str], ...]
+    title: str
+    name: str
+    picture: Tensor
+
+    def fitted(self, grid: PixelGrid) -> "Wanted":
+        """The same, with the pictures that are to fill the canvas as they will fill it."""
+
+        def fit(term: Term) -> Term:
+            if isinstance(term, StyleTerm):
+                return term
+            return replace(term, image=images.fit(term.image, grid.rows, grid.columns))
+
+        terms, initial = (tuple(map(fit, some)) for some in (self.goal.terms, self.goal.initial))
+        return replace(self, goal=Goal(terms, initial))
+
+
+def read_goal(photo: Path | None, given: dict[str, Any]) -> Wanted:
+    """The goal of PHOTO, which counts as the first --image, and of the options by their names.
+
+    Raises ConfigError and ImageError, before anything is planned, for what makes no goal.
+    """
+    wishes: list[tuple[str, Any, float]] = [] if photo is None else [("image", photo, _photo_weight(given))]
+    begins: list[tuple[str, Any, float]] = []
+    for kind in _KINDS:
+        values = given.get(kind) or []
+        wishes += zip([kind] * len(values), values, _weights(kind, photo, values, given), strict=True)
+        begins += [(kind, value, 1.0) for value in given.get(f"init_{kind}") or []]
+    if given.get("goal") is not None:
+        more, first = _from_toml(given["goal"])
+        wishes, begins = wishes + more, begins + first
+    if not wishes:
+        raise ConfigError("There is nothing to paint; give a PHOTO, or --style, or see frida-painter paint --help.")
+    if len(wishes) + len(begins) > _MOST_TERMS:
+        raise ConfigError(f"{len(wishes) + len(begins)} goals were given; at most {_MOST_TERMS} are pursued together.")
+    terms = [_term(*wish) for wish in wishes]
+    # To begin with a style is to begin with its picture, as the paper does.
+    initial = [_term("image" if kind == "style" else kind, value, weight) for kind, value, weight in begins]
+    facts = [(_label(kind), _described(value, weight)) for kind, value, weight in wishes]
+    facts += [(f"Begun with {kind}", _described(value, 1.0)) for kind, value, _ in begins]
+    pictures = [term.image for term in (*terms, *initial) if not isinstance(term, StyleTerm)]
+    pictures += [term.image for term in terms]
+    return Wanted(Goal(tuple(terms), tuple(initial)), tuple(facts), *_names(wishes[0][1]), pictures[0])
+
+
+def _photo_weight(given: dict[str, Any]) -> float:
+    weights = given.get("image_weight") or [1.0]
+    return float(weights[0])
+
+
+def _weights(kind: str, photo: Path | None, values: Sequence[Any], given: dict[str, Any]) -> list[float]:
+    """A weight for each of the values; PHOTO has the first of the images' weights."""
+    weights = given.get(f"{kind}_weight") or []
+    ahead = int(kind == "image" and photo is not None)
+    count = len(values) + ahead
+    if weights and len(weights) != count:
+        photo_too = ", PHOTO among them" if ahead else ""
+        raise ConfigError(
+            f"--{kind}-weight was given {len(weights)} times for {count} goals{photo_too}; "
+            "give one weight for each, or none at all."
+        )
+    return [float(weight) for weight in weights[ahead:]] or [1.0] * len(values)
+
+
+def _term(kind: str, value: Any, weight: float) -> Term:
+    try:
+        if kind == "style":
+            return StyleTerm(images.load(value, longest=_STYLE_LONGEST), weight)
+        return ImageTerm(images.load(value), weight)
+    except ConfigError as error:
+        raise ConfigError(f"--{kind} {str(value)[:60]}: {error}") from error
+
+
+def _from_toml(path: Path) -> tuple[list[tuple[str, Any, float]], list[tuple[str, Any, float]]]:
+    """The wishes and the beginnings of a goal file; pictures are named relative to it."""
+    content = storage.read_bytes(path, "a goal file (TOML)", _MOST_BYTES, ConfigError)
+    example = 'write [[goal]], then lines such as style = "waves.jpg" and weight = 2'
+    try:
+        record = tomllib.loads(content.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"{path} is not TOML ({error}); {example}.") from error
+    unknown = set(record) - {"goal", "initial"}
+    if unknown:
+        raise ConfigError(
+            f"{path} speaks of {sorted(unknown)[0][:40]!r}; it may hold [[goal]] and [[initial]]; {example}."
+        )
+    found: dict[str, list[tuple[str, Any, float]]] = {"goal": [], "initial": []}
+    for table, wishes in found.items():
+        entries = record.get(table, [])
+        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+            raise ConfigError(f"{path}: {table} is not a list of tables; {example}.")
+        for entry in entries:
+            kinds = [kind for kind in _KINDS if isinstance(entry.get(kind), str)]
+            weight = entry.get("weight", 1.0)
+            if len(kinds) != 1 or set(entry) - {kinds[0], "weight"} or type(weight) not in (int, float):
+                known = ", ".join(_KINDS)
+                raise ConfigError(f"{path}: a [[{table}]] has one of {known}, and perhaps a weight; {example}.")
+            wishes.append((kinds[0], path.parent / entry[kinds[0]], float(weight)))
+    return found["goal"], found["initial"]
+
+
+def _label(kind: str) -> str:
+    return {"image": "Picture", "style": "Style of"}[kind]
+
+
+def _described(value: Any, weight: float) -> str:
+    name = value.name if isinstance(value, Path) else str(value)
+    return name if weight == 1 else f"{name} (weight {weight:g})"
+
+
+def _names(first: Any) -> tuple[str, str]:
+    """A title, and a name for files, from the first thing wanted."""
+    stem = first.stem if isinstance(first, Path) else str(first)
+    return stem.replace("_", " ").replace("-", " ").strip().capitalize() or "Untitled", stem

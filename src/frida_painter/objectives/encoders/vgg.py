@@ -1,0 +1,79 @@
+"""VGG16's convolutions, whose layers show style (Simonyan and Zisserman 2014)."""
+
+from collections.abc import Mapping, Sequence
+from typing import Self
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter.errors import WeightsError
+
+_BLOCKS = (2, 2, 3, 3, 3)  # convolutions in each; between blocks the picture is halved
+_NAMES = tuple(f"conv{block}_{layer}" for block, count in enumerate(_BLOCKS, 1) for layer in range(1, count + 1))
+_IMAGENET_MEAN, _IMAGENET_SPREAD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+_CAFFE_MEAN, _CAFFE_SPREAD = (123.68 / 255, 116.779 / 255, 103.939 / 255), (1 / 255,) * 3
+_POSITIONS = (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28)
+
+
+class Vgg16:
+    """The thirteen convolutions with frozen weights.
+
+    convolutions: weight [out, in, 3, 3] and bias [out] of each; mean, spread: of the sRGB channels,
+    as the network was trained with. Raises WeightsError where they do not form the network.
+    """
+
+    def __init__(
+        self, convolutions: Sequence[tuple[Tensor, Tensor]], mean: tuple[float, ...], spread: tuple[float, ...]
+    ) -> None:
+        sizes = [64] * 2 + [128] * 2 + [256] * 3 + [512] * 6
+        expected = [(size, before, 3, 3) for before, size in zip([3, *sizes], sizes, strict=False)]
+        if [tuple(weight.shape) for weight, _ in convolutions] != expected:
+            raise WeightsError("The convolutions given are not those of VGG16; fetch its weights again.")
+        self._convolutions = [(weight.detach(), bias.detach()) for weight, bias in convolutions]
+        self._mean = torch.tensor(mean)[:, None, None]
+        self._spread = torch.tensor(spread)[:, None, None]
+
+    @classmethod
+    def of_hed(cls, tensors: Mapping[str, Tensor]) -> Self:
+        """The trunk of a HED network, trained on blue, green, red less their means."""
+        (first, bias), *others = _trunk(tensors)
+        return cls([(first.flip(1), bias), *others], _CAFFE_MEAN, _CAFFE_SPREAD)
+
+    @classmethod
+    def of_torchvision(cls, tensors: Mapping[str, Tensor]) -> Self:
+        """The trunk of the ImageNet classifier that torchvision publishes."""
+        return cls(_trunk(tensors), _IMAGENET_MEAN, _IMAGENET_SPREAD)
+
+    def features(self, picture: Tensor, layers: Sequence[str]) -> list[Tensor]:
+        """Feature maps [c, h, w], after the rectifier, of layers such as "conv3_3", for sRGB [3, H, W] in [0, 1].
+
+        Nothing is computed beyond the last of the layers.
+        """
+        unknown = set(layers) - set(_NAMES)
+        if unknown:
+            raise ValueError(f"{sorted(unknown)} are no layers; there are {', '.join(_NAMES)}")
+        found: dict[str, Tensor] = {}
+        x = ((picture - self._mean.to(picture)) / self._spread.to(picture))[None]
+        for name, (weight, bias) in zip(_NAMES, self._convolutions, strict=True):
+            if name.endswith("_1") and name != _NAMES[0]:
+                x = functional.max_pool2d(x, 2, ceil_mode=True)
+            x = functional.relu(functional.conv2d(x, weight.to(x), bias.to(x), padding=1))
+            if name in layers:
+                found[name] = x[0]
+            if len(found) == len(set(layers)):
+                break
+        return [found[name] for name in layers]
+
+
+def _trunk(tensors: Mapping[str, Tensor]) -> list[tuple[Tensor, Tensor]]:
+    """The convolutions, under the names that torchvision gives them."""
+    return [_layer(tensors, f"features.{position}") for position in _POSITIONS]
+
+
+def _layer(tensors: Mapping[str, Tensor], name: str) -> tuple[Tensor, Tensor]:
+    """Weight and bias of one convolution."""
+    try:
+        return tensors[f"{name}.weight"], tensors[f"{name}.bias"]
+    except KeyError as cause:
+        raise WeightsError(f"The weights hold no {name!r}, so they are not VGG16's; fetch them again.") from cause

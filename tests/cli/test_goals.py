@@ -1,0 +1,125 @@
+"""Goals on the command line: what is understood, what is refused, and what the record says of it."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from frida_painter import cli, images
+from frida_painter.cli.goals import read_goal
+from frida_painter.errors import ConfigError, FridaError
+from frida_painter.goal import ImageTerm, StyleTerm
+from frida_painter.objectives.encoders.shelf import Encoders
+from networks import QuickEncoders
+from scenes import picture
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Path:
+    images.save(picture(), tmp_path / "photo.png")
+    return tmp_path / "photo.png"
+
+
+@pytest.fixture
+def waves(tmp_path: Path) -> Path:
+    images.save(1 - picture(40, 40), tmp_path / "waves.png")
+    return tmp_path / "waves.png"
+
+
+def test_photo_and_styles_with_their_weights(photo: Path, waves: Path) -> None:
+    given = {"style": [waves, photo], "style_weight": [2.0, 0.5], "init_style": [waves], "image_weight": [3.0]}
+    wanted = read_goal(photo, given)
+    assert [(type(term), term.weight) for term in wanted.goal.terms] == [
+        (ImageTerm, 3.0),
+        (StyleTerm, 2.0),
+        (StyleTerm, 0.5),
+    ]
+    assert isinstance(wanted.goal.initial[0], ImageTerm), "to begin with a style is to begin with its picture"
+    assert wanted.facts[1] == ("Style of", "waves.png (weight 2)")
+    assert wanted.title == "Photo" and wanted.name == "photo"
+
+
+def test_a_goal_file_names_pictures_beside_itself(photo: Path, waves: Path) -> None:
+    path = photo.with_name("goal.toml")
+    path.write_text(
+        '[[goal]]\nimage = "photo.png"\n[[goal]]\nstyle = "waves.png"\nweight = 2\n[[initial]]\nimage = "waves.png"'
+    )
+    goal = read_goal(None, {"goal": path}).goal
+    assert [type(term) for term in goal.terms] == [ImageTerm, StyleTerm] and goal.terms[1].weight == 2
+    assert len(goal.initial) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("goal = [", "is not TOML"),
+        ("gaol = 1", "'gaol'"),
+        ("goal = 3", "is not a list of tables"),
+        ('[[goal]]\nstyle = "waves.png"\nimage = "photo.png"', "has one of image, style"),
+        ('[[goal]]\nstyle = "waves.png"\nweight = true', "perhaps a weight"),
+        ('[[goal]]\nstyle = "waves.png"\nweight = nan', "weights are above 0"),
+        ('[[goal]]\nstyle = "none.png"', "does not exist"),
+        ("", "nothing to paint"),
+    ],
+)
+def test_a_goal_file_that_makes_no_goal(photo: Path, waves: Path, text: str, says: str) -> None:
+    path = photo.with_name("goal.toml")
+    path.write_text(text)
+    with pytest.raises(FridaError, match=says):
+        read_goal(None, {"goal": path})
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"style_weight": [1.0]}, "given 1 times for 2 goals"),
+        ({"style_weight": [1.0, 1.0, 1.0]}, "given 3 times for 2 goals"),
+        ({"style_weight": [1.0, 0.0]}, "weights are above 0"),
+        ({"style_weight": [1.0, float("nan")]}, "weights are above 0"),
+        ({"image_weight": [1.0, 1.0]}, "2 times for 1 goals, PHOTO among them"),
+    ],
+)
+def test_weights_that_do_not_fit(photo: Path, waves: Path, given: dict[str, Any], says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        read_goal(photo, {"style": [waves, waves], **given})
+
+
+@pytest.mark.parametrize("size", [(3, 3), (40, 40)], ids=["tiny", "one color"])
+def test_pictures_that_are_no_style(photo: Path, size: tuple[int, int]) -> None:
+    flat = photo.with_name("flat.png")
+    images.save(torch.full((3, *size), 0.5), flat)
+    with pytest.raises(FridaError, match=r"at least 16 pixels|single colour"):
+        read_goal(photo, {"style": [flat]})
+
+
+def test_nothing_and_too_much(photo: Path, waves: Path) -> None:
+    with pytest.raises(ConfigError, match="nothing to paint"):
+        read_goal(None, {})
+    with pytest.raises(ConfigError, match="at most 20"):
+        read_goal(photo, {"style": [waves] * 20})
+
+
+def test_a_styled_painting_says_what_it_was_and_through_what_it_was_seen(
+    coarse_brush: None,
+    photo: Path,
+    waves: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(Encoders, "style", QuickEncoders.style)
+    out = tmp_path / "out"
+    words = ["paint", str(photo), "--style", str(waves), "--style-weight", "2", "--strokes", "6", "--replans", "1"]
+    words += ["--effort", "0.05", "--render-height", "64", "--no-film", "--out", str(out)]
+    monkeypatch.setattr("sys.argv", ["frida-painter", *words])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert not end.value.code
+    assert "Seeing style through random mixtures (better: VGG16)" in capsys.readouterr().err
+    settings = json.loads((out / "result.json").read_text())["settings"]
+    assert settings["goal"] == [["Picture", "photo.png"], ["Style of", "waves.png (weight 2)"]]
+    assert settings["encoders"] == [{"purpose": "style", "used": "random mixtures", "better": "VGG16"}]
+    page = (out / "index.html").read_text()
+    assert "random mixtures" in page and "waves.png (weight 2)" in page

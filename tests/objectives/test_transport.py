@@ -1,0 +1,51 @@
+import numpy as np
+import ot
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from frida_painter.objectives.transport import cosine_cost, euclidean_cost, moment_distance, relaxed_emd
+
+
+def clouds(seed: int, count: int, others: int, channels: int) -> tuple[torch.Tensor, torch.Tensor]:
+    chance = torch.Generator().manual_seed(seed)
+    a = torch.randn(count, channels, generator=chance, dtype=torch.float64)
+    return a, torch.randn(others, channels, generator=chance, dtype=torch.float64)
+
+
+@given(st.integers(0, 10_000), st.integers(1, 30), st.integers(1, 30), st.integers(1, 5), st.booleans())
+def test_the_relaxed_distance_is_a_lower_bound_of_the_exact_one(
+    seed: int, count: int, others: int, channels: int, cosine: bool
+) -> None:
+    a, b = clouds(seed, count, others, channels)
+    cost = cosine_cost(a, b) if cosine else euclidean_cost(a, b)
+    exact = ot.emd2(np.full(count, 1 / count), np.full(others, 1 / others), cost.numpy())
+    assert float(relaxed_emd(cost)) <= exact + 1e-9
+
+
+def test_it_is_exact_where_one_cloud_is_a_single_point() -> None:
+    a, b = clouds(3, 1, 20, 4)
+    cost = euclidean_cost(a, b)
+    exact = ot.emd2(np.ones(1), np.full(20, 1 / 20), cost.numpy())
+    assert float(relaxed_emd(cost)) == pytest.approx(exact)
+
+
+@pytest.mark.parametrize("cost", [cosine_cost, euclidean_cost])
+def test_slopes_are_right(cost: object) -> None:
+    a, b = clouds(4, 6, 5, 3)
+    assert torch.autograd.gradcheck(lambda x: relaxed_emd(cost(x, b)), a.requires_grad_())
+    assert torch.autograd.gradcheck(lambda x: moment_distance(x, b), a)
+
+
+def test_equal_and_empty_features_have_finite_slopes() -> None:
+    a = torch.zeros(4, 3, requires_grad=True)
+    (relaxed_emd(euclidean_cost(a, torch.zeros(4, 3))) + relaxed_emd(cosine_cost(a, torch.ones(2, 3)))).backward()
+    assert bool(torch.isfinite(a.grad).all())
+
+
+def test_moments_see_what_shifts_and_what_spreads() -> None:
+    a, _ = clouds(5, 400, 1, 3)
+    assert float(moment_distance(a, a)) == 0
+    assert float(moment_distance(a + 0.5, a)) == pytest.approx(0.5)
+    assert float(moment_distance(2 * (a - a.mean(0)), a - a.mean(0))) > 0.5
