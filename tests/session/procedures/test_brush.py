@@ -87,7 +87,7 @@ def test_nothing_leaves_the_workspace_and_looking_keeps_off_its_floor():
 
 
 def test_the_picture_and_the_sentence_tell_what_was_found():
-    finding = found()[0]
+    finding = found("fine")[0]
     assert finding.picture.shape == (3, 640, 1500)
     assert f"{1000 * finding.touch_height:.2f} mm" in finding.sentence
     assert f"{len(finding.trials)} trial strokes" in finding.sentence
@@ -97,14 +97,15 @@ LAMPS = tuple(LightChange(number, 3 * ((0.6, 0.9, 0.75)[number % 3],)) for numbe
 
 
 def test_flickering_light_does_not_matter():
-    assert abs(found(faults=Faults(light_changes=LAMPS))[1]) < 0.0003
+    assert abs(found("fine", faults=Faults(light_changes=LAMPS))[1]) < 0.0003
 
 
+@pytest.mark.slow
 def test_strokes_that_miss_the_paper_are_survived():
     assert abs(found(faults=Faults(dropped_touches=frozenset({0, 3, 9})))[1]) < 0.0005
 
 
-@pytest.mark.parametrize("blur", [0.006, *(pytest.param(blur, marks=pytest.mark.slow) for blur in (0.003, 0.01, 0.03))])
+@pytest.mark.parametrize("blur", [pytest.param(blur, marks=pytest.mark.slow) for blur in (0.003, 0.006, 0.01, 0.03)])
 def test_out_of_focus_the_touch_is_right_or_refused(blur):
     try:
         off = found(faults=Faults(lost_focus=(LostFocus(12, blur=blur),)))[1]
@@ -114,7 +115,7 @@ def test_out_of_focus_the_touch_is_right_or_refused(blur):
         assert abs(off) < 0.0006
 
 
-@pytest.mark.parametrize("first", [0, 26, pytest.param(14, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("first", [0, *(pytest.param(first, marks=pytest.mark.slow) for first in (14, 26))])
 def test_without_paint_nothing_is_made_up(first):
     try:
         _, touch_off, press_off = found(faults=Faults(dry_dips=frozenset(range(first, 200))))
