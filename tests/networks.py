@@ -6,6 +6,7 @@ from functools import cache
 import torch
 from torch.nn.functional import avg_pool2d
 
+from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.shelf import Choice, Encoders
 from frida_painter.objectives.encoders.vgg import Vgg16
 
@@ -21,6 +22,35 @@ def random_vgg_tensors() -> dict[str, torch.Tensor]:
             torch.randn(size, before, 3, 3, generator=chance) * (2 / (9 * before)) ** 0.5
         )
         tensors[f"features.{position}.bias"] = torch.zeros(size)
+    return tensors
+
+
+@cache
+def random_lite_tensors() -> dict[str, torch.Tensor]:
+    """Tensors named as EfficientNet-Lite's, of a network that is as deep and much narrower."""
+    chance = torch.Generator().manual_seed(0)
+    tensors: dict[str, torch.Tensor] = {}
+
+    def convolution(name: str, norm: str, out: int, before: int, kernel: int) -> None:
+        spread = (2 / (before * kernel**2)) ** 0.5
+        tensors[f"{name}.weight"] = torch.randn(out, before, kernel, kernel, generator=chance) * spread
+        tensors[f"{norm}.weight"] = 0.5 + torch.rand(out, generator=chance)
+        tensors[f"{norm}.bias"] = 0.1 * torch.randn(out, generator=chance)
+        tensors[f"{norm}.running_mean"] = 0.1 * torch.randn(out, generator=chance)
+        tensors[f"{norm}.running_var"] = 0.5 + torch.rand(out, generator=chance)
+
+    convolution("_conv_stem", "_bn0", 4, 3, 3)
+    channels = 4
+    for number, (out, kernel) in enumerate([(3, 3), (5, 3), (5, 3), (6, 5), (7, 3), (8, 5), (9, 5), (10, 3)]):
+        name, inner = f"_blocks.{number}", channels
+        if number:
+            inner = 2 * channels
+            convolution(f"{name}._expand_conv", f"{name}._bn0", inner, channels, 1)
+        convolution(f"{name}._depthwise_conv", f"{name}._bn1", inner, 1, kernel)
+        convolution(f"{name}._project_conv", f"{name}._bn2", out, inner, 1)
+        channels = out
+    convolution("_conv_head", "_bn1", 16, channels, 1)
+    tensors["_fc.weight"], tensors["_fc.bias"] = torch.randn(1000, 16, generator=chance), torch.zeros(1000)
     return tensors
 
 
@@ -47,9 +77,18 @@ class QuickEncoders(Encoders):
             self.choices.append(Choice("style", "random mixtures", "VGG16"))
         return QuickVgg()
 
+    def meaning(self) -> EfficientNetLite:
+        return EfficientNetLite(random_lite_tensors())
+
+    def aside(self) -> EfficientNetLite:
+        return self.meaning()
+
 
 class NoEncoders(Encoders):
     """Fails the test when any network is asked for."""
 
     def style(self) -> Vgg16:
+        raise AssertionError("a network was asked for")
+
+    def meaning(self) -> EfficientNetLite:
         raise AssertionError("a network was asked for")

@@ -34,7 +34,18 @@ class StyleTerm:
             raise ConfigError("A style picture of a single colour was given, which has no style; give another picture.")
 
 
-Term = ImageTerm | StyleTerm
+@dataclass(frozen=True)
+class SemanticTerm:
+    """Paint what this picture shows rather than its pixels: `image` [3, H, W] in [0, 1]. Raises ConfigError."""
+
+    image: Tensor
+    weight: float = 1.0
+
+    def __post_init__(self) -> None:
+        _require_weight(self.weight, "a picture to be painted by its meaning")
+
+
+Term = ImageTerm | StyleTerm | SemanticTerm
 
 
 @dataclass(frozen=True)
@@ -60,8 +71,9 @@ class Goal:
         if not self.initial and all(isinstance(term, ImageTerm) for term in self.terms):
             return self.terms
         pictures = tuple(term for term in self.terms if isinstance(term, ImageTerm))
+        meanings = tuple(ImageTerm(term.image, term.weight) for term in self.terms if isinstance(term, SemanticTerm))
         styles = tuple(ImageTerm(term.image, term.weight) for term in self.terms if isinstance(term, StyleTerm))
-        return self.initial or pictures or styles
+        return self.initial or pictures or meanings or styles
 
 
 def _require_weight(weight: float, what: str) -> None:

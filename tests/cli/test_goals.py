@@ -10,7 +10,7 @@ import torch
 from frida_painter import cli, images
 from frida_painter.cli.goals import read_goal
 from frida_painter.errors import ConfigError, FridaError
-from frida_painter.goal import ImageTerm, StyleTerm
+from frida_painter.goal import ImageTerm, SemanticTerm, StyleTerm
 from frida_painter.objectives.encoders.shelf import Encoders
 from networks import QuickEncoders
 from scenes import picture
@@ -57,7 +57,7 @@ def test_a_goal_file_names_pictures_beside_itself(photo: Path, waves: Path) -> N
         ("goal = [", "is not TOML"),
         ("gaol = 1", "'gaol'"),
         ("goal = 3", "is not a list of tables"),
-        ('[[goal]]\nstyle = "waves.png"\nimage = "photo.png"', "has one of image, style"),
+        ('[[goal]]\nstyle = "waves.png"\nimage = "photo.png"', "has one of image, semantic, style"),
         ('[[goal]]\nstyle = "waves.png"\nweight = true', "perhaps a weight"),
         ('[[goal]]\nstyle = "waves.png"\nweight = nan', "weights are above 0"),
         ('[[goal]]\nstyle = "none.png"', "does not exist"),
@@ -123,3 +123,10 @@ def test_a_styled_painting_says_what_it_was_and_through_what_it_was_seen(
     assert settings["encoders"] == [{"purpose": "style", "used": "random mixtures", "better": "VGG16"}]
     page = (out / "index.html").read_text()
     assert "random mixtures" in page and "waves.png (weight 2)" in page
+
+
+def test_a_picture_by_what_it_shows(photo: Path) -> None:
+    wanted = read_goal(None, {"semantic": [photo], "semantic_weight": [2.0]})
+    (term,) = wanted.goal.terms
+    assert isinstance(term, SemanticTerm) and term.weight == 2
+    assert wanted.facts == (("What is shown in", "photo.png (weight 2)"),)

@@ -123,3 +123,14 @@ def test_strokes_given_are_not_touched() -> None:
     before = {name: part.clone() for name, part in strokes.arrays().items()}
     optimize(strokes, SCENE, iterations=3)
     assert all(torch.equal(before[name], part) for name, part in strokes.arrays().items())
+
+
+def test_where_there_is_a_judge_it_says_which_strokes_were_best() -> None:
+    """The objective wants darkness; the judge wants things as they were."""
+    start = some_strokes(10)
+    before = SCENE.render(start)
+    eager = replace(SCENE, objective=lambda picture: picture.mean())
+    found, _ = optimize(start, replace(eager, judge=lambda picture: (picture - before).square().mean()), iterations=20)
+    torch.testing.assert_close(SCENE.render(found), before)
+    unjudged, _ = optimize(start, eager, iterations=20)
+    assert float(SCENE.render(unjudged).mean()) < float(before.mean())

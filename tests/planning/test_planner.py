@@ -6,7 +6,7 @@ import torch
 
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm, StyleTerm
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm
 from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
@@ -153,3 +153,17 @@ def test_a_style_changes_the_plan_and_is_come_nearer_to() -> None:
     assert by.judge(by.expected(styled, BARE)) < by.judge(by.expected(plain, BARE))
     again = by.replan(styled.part(slice(8, None)), by.expected(styled.part(slice(8)), BARE), lambda step: None)
     assert len(again) == 8
+
+
+def test_meaning_is_come_nearer_to_than_by_pixels_alone() -> None:
+    def meaning(image: torch.Tensor) -> Planner:
+        wanted = Goal((SemanticTerm(image),))
+        return Planner(wanted, CANVAS, small_table(), rows=64, effort=QUICK, seed=0, encoders=QuickEncoders())
+
+    by = meaning(picture(120, 160))
+    plan = by.plan(BARE, 12, 3, lambda step: None)
+    assert plan.digest == meaning(picture(120, 160)).plan(BARE, 12, 3, lambda step: None).digest
+    assert by.judge(by.expected(plan, BARE)) < by.judge(by.expected(planned(12, 3), BARE))
+    rest, half = plan.part(slice(6, None)), by.expected(plan.part(slice(6)), BARE)
+    again = by.replan(rest, half, lambda step: None)
+    assert by.judge(by.expected(again, half)) <= by.judge(by.expected(rest, half))

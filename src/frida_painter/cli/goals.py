@@ -13,9 +13,9 @@ from frida_painter import images, storage
 from frida_painter.cli.numbers import number
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm, StyleTerm, Term
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm, Term
 
-_KINDS = ("image", "style")
+_KINDS = ("image", "semantic", "style")
 _MOST_BYTES = 2**20
 _MOST_TERMS = 20
 _STYLE_LONGEST = 1024  # pixels; styles are compared in small pictures
@@ -38,6 +38,8 @@ Image = Annotated[_Files, _file("A further picture to come near to, pixel by pix
 ImageWeight = Annotated[_Weights, _weight("image")]
 Style = Annotated[_Files, _file("A picture whose colours, textures and marks the painting shall have.")]
 StyleWeight = Annotated[_Weights, _weight("style")]
+Semantic = Annotated[_Files, _file("A picture to paint by what it shows, rather than pixel by pixel.")]
+SemanticWeight = Annotated[_Weights, _weight("semantic")]
 InitImage = Annotated[_Files, _file("A picture to begin with, whose composition shall stay.")]
 InitStyle = Annotated[_Files, _file("A style picture to begin with: its composition is kept as well.")]
 GoalFile = Annotated[
@@ -83,12 +85,12 @@ def read_goal(photo: Path | None, given: dict[str, Any]) -> Wanted:
         more, first = _from_toml(given["goal"])
         wishes, begins = wishes + more, begins + first
     if not wishes:
-        raise ConfigError("There is nothing to paint; give a PHOTO, or --style, or see frida-painter paint --help.")
+        raise ConfigError("There is nothing to paint; give a PHOTO, or --semantic or --style with a picture.")
     if len(wishes) + len(begins) > _MOST_TERMS:
         raise ConfigError(f"{len(wishes) + len(begins)} goals were given; at most {_MOST_TERMS} are pursued together.")
     terms = [_term(*wish) for wish in wishes]
     # To begin with a style is to begin with its picture, as the paper does.
-    initial = [_term("image" if kind == "style" else kind, value, weight) for kind, value, weight in begins]
+    initial = [_term("image", value, weight) for _, value, weight in begins]
     facts = [(_label(kind), _described(value, weight)) for kind, value, weight in wishes]
     facts += [(f"Begun with {kind}", _described(value, 1.0)) for kind, value, _ in begins]
     pictures = [term.image for term in (*terms, *initial) if not isinstance(term, StyleTerm)]
@@ -119,7 +121,7 @@ def _term(kind: str, value: Any, weight: float) -> Term:
     try:
         if kind == "style":
             return StyleTerm(images.load(value, longest=_STYLE_LONGEST), weight)
-        return ImageTerm(images.load(value), weight)
+        return (SemanticTerm if kind == "semantic" else ImageTerm)(images.load(value), weight)
     except ConfigError as error:
         raise ConfigError(f"--{kind} {str(value)[:60]}: {error}") from error
 
@@ -153,7 +155,7 @@ def _from_toml(path: Path) -> tuple[list[tuple[str, Any, float]], list[tuple[str
 
 
 def _label(kind: str) -> str:
-    return {"image": "Picture", "style": "Style of"}[kind]
+    return {"image": "Picture", "semantic": "What is shown in", "style": "Style of"}[kind]
 
 
 def _described(value: Any, weight: float) -> str:

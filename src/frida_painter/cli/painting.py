@@ -133,6 +133,8 @@ def paint(
     photo: Photo = None,
     image: goals.Image = None,
     image_weight: goals.ImageWeight = None,
+    semantic: goals.Semantic = None,
+    semantic_weight: goals.SemanticWeight = None,
     style: goals.Style = None,
     style_weight: goals.StyleWeight = None,
     init_image: goals.InitImage = None,
@@ -154,7 +156,9 @@ def paint(
 ) -> None:
     """Paint a photograph in the virtual studio: plan, paint some strokes, look, plan the rest again.
 
-    With --style it is painted in the style of another picture; docs/goals.md tells of all goals.
+    With --style it is painted in the style of another picture, with --semantic by what it shows;
+    docs/goals.md tells of all goals.
+
     Afterwards the folder holds the painting, a film, a palette to mix, the strokes, and a page that
     tells the story. Ctrl-C stops after the current stroke and keeps what was made.
     """
@@ -204,6 +208,8 @@ def plan(
     photo: Photo = None,
     image: goals.Image = None,
     image_weight: goals.ImageWeight = None,
+    semantic: goals.Semantic = None,
+    semantic_weight: goals.SemanticWeight = None,
     style: goals.Style = None,
     style_weight: goals.StyleWeight = None,
     init_image: goals.InitImage = None,

@@ -7,9 +7,10 @@ from typing import Any, Protocol
 
 from torch import Tensor
 
+from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm, StyleTerm
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm
 from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.objectives.replication import replication
 
@@ -58,6 +59,16 @@ def _(term: StyleTerm, setting: Setting) -> Prepared:
     from frida_painter.objectives.style import Style
 
     return Prepared(Style(term.image, setting.encoders.style(), setting.seed))
+
+
+@prepare_term.register
+def _(term: SemanticTerm, setting: Setting) -> Prepared:
+    from frida_painter.objectives.semantic import Semantic
+
+    # What will fill the canvas is what is shown, and the judge is a network that the optimiser never asks.
+    shown = images.fit(term.image, setting.grid.rows, setting.grid.columns)
+    aside = Semantic(shown, setting.encoders.aside(), setting.seed)
+    return Prepared(Semantic(shown, setting.encoders.meaning(), setting.seed), aside.judge)
 
 
 class Aim:

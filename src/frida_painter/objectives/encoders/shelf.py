@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from frida_painter import weights
+from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.vgg import Vgg16
 
 
@@ -27,6 +28,8 @@ class Encoders:
     def __init__(self, cache: Path | None = None) -> None:
         self._cache = cache
         self._vgg: Vgg16 | None = None
+        self._meaning: EfficientNetLite | None = None
+        self._aside: EfficientNetLite | None = None
         self.choices: list[Choice] = []
 
     def style(self) -> Vgg16:
@@ -40,3 +43,22 @@ class Encoders:
                 better = "VGG16 as trained on ImageNet: frida-painter models fetch vgg16"
                 self.choices.append(Choice("style", "VGG16 trunk of the edge detector HED", better))
         return self._vgg
+
+    def meaning(self) -> EfficientNetLite:
+        """What sees what a picture shows."""
+        if self._meaning is None:
+            self._meaning = EfficientNetLite(weights.tensors("efficientnet-lite0", self._cache))
+            self.choices.append(Choice("meaning", "EfficientNet-Lite0"))
+        return self._meaning
+
+    def aside(self) -> EfficientNetLite:
+        """What the optimiser never asks, and which says when to stop: the best of the others, or else the same."""
+        if self._aside is None:
+            other = weights.find("efficientnet-lite2", self._cache)
+            if other is None:
+                better = "an eye kept aside: frida-painter models fetch efficientnet-lite2"
+                self.choices.append(Choice("progress", "EfficientNet-Lite0", better))
+                return self.meaning()
+            self._aside = EfficientNetLite(weights.tensors("efficientnet-lite2", self._cache))
+            self.choices.append(Choice("progress", "EfficientNet-Lite2, kept aside"))
+        return self._aside
