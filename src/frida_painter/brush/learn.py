@@ -23,7 +23,8 @@ MODELS = tuple(_KINDS_OF_MODEL)
 DEFAULT_MODEL = FIELD
 OTHER_BRUSH = "other"
 """Name of a brush that is none of the project's."""
-_COLUMNS = 120
+_COLUMNS = {FIELD: 160, PARAM2STROKE: 80}
+_USUAL_COLUMNS = 80
 _ROOM = 0.03  # of the range
 _LEAST_ROOM = 0.0005
 _SHORTEST = 0.0001
@@ -57,7 +58,10 @@ def learn(
     if name not in MODELS:
         raise ConfigError(f"Stroke model {name!r} is not known; models are {' and '.join(MODELS)}.")
     require_enough(library)
-    brush, (frame, limits) = (kind.name, (kind.frame, kind.limits)) if kind else (OTHER_BRUSH, geometry(library))
+    if kind is None:
+        brush, (frame, limits) = OTHER_BRUSH, geometry(library, _COLUMNS[name])
+    else:
+        brush, frame, limits = kind.name, kind.frame, kind.limits
     strokes = clean(library)
     require_enough(strokes)
     with torch.random.fork_rng(devices=[]):
@@ -72,12 +76,12 @@ def learn(
     return Learned(model, report, strokes)
 
 
-def geometry(library: StrokeLibrary) -> tuple[MapFrame, StrokeLimits]:
+def geometry(library: StrokeLibrary, most_columns: int = _USUAL_COLUMNS) -> tuple[MapFrame, StrokeLimits]:
     """Frame and limits of a brush of which only the library is known.
 
-    The frame is the rectangle of the crops in near-square cells, whole ones of twice the size fitting
-    in; the limits are those of the strokes with a little room, since the longest of a few hundred is
-    not the longest that there will be. Raises LibraryError where the crops do not hold the strokes' start.
+    The frame is the rectangle of the crops in near-square cells, even numbers of them; the limits are
+    those of the strokes with a little room, since the longest of a few hundred is not the longest that
+    there will be. Raises LibraryError where the crops do not hold the strokes' start.
     """
     whole = library.frame
     if not (whole.left < 0 < whole.right and whole.bottom < 0 < whole.top):
@@ -85,7 +89,7 @@ def geometry(library: StrokeLibrary) -> tuple[MapFrame, StrokeLimits]:
             f"The strokes of the library start at row, column {library.origin_px} of crops of "
             f"{whole.rows} x {whole.columns} pixels; give crops that hold the start of the stroke."
         )
-    columns = max(4, min(_COLUMNS, 2 * round(whole.columns / 2)))
+    columns = max(4, min(most_columns, 2 * round(whole.columns / 2)))
     pitch = (whole.right - whole.left) / columns
     rows = max(4, 2 * round((whole.top - whole.bottom) / pitch / 2))
     shortest, longest = _with_room(float(library.length_m.min()), float(library.length_m.max()))

@@ -19,6 +19,7 @@ from frida_painter.brush.squash import squash, stretched
 from frida_painter.brush.training import Best, Split, TrainingProgress, TrainingReport
 
 _BATCH = 8
+_MOST_CELLS = 1600
 _STEPS = 1200
 _FEWEST_EPOCHS = 2
 _MOST_EPOCHS = 240
@@ -112,20 +113,26 @@ class _Course:
         """Shows every stroke once; returns the mean sum of absolute errors of a map on the way."""
         total = 0.0
         for index in torch.split(torch.randperm(len(self.lessons), generator=self.chance), _BATCH):
-            batch = [self.lessons[int(number)] for number in index]
-            views = torch.cat([lesson.views for lesson in batch])
-            styles = torch.cat([self._vaguely(lesson).expand(len(lesson.wanted), 3) for lesson in batch])
-            wanted = torch.cat([lesson.wanted for lesson in batch])
+            batch = [self._glance(self.lessons[int(number)]) for number in index]
+            views, styles, wanted = (torch.cat(part) for part in zip(*batch, strict=True))
             missed = (stretched(self.model.logits(views, styles)) - wanted).abs()
             self.optimizer.zero_grad()
             missed.mean().backward()  # type: ignore[no-untyped-call]
             self.optimizer.step()
             self.schedule.step()
-            total += float(missed.detach().sum()) + sum(lesson.elsewhere for lesson in batch)
+            for number, part in zip(index, torch.split(missed.detach(), [len(one[2]) for one in batch]), strict=True):
+                lesson = self.lessons[int(number)]
+                total += float(part.mean()) * len(lesson.wanted) + lesson.elsewhere
         return total / len(self.lessons)
 
-    def _vaguely(self, lesson: _Lesson) -> Tensor:
-        return lesson.style + _VAGUENESS * torch.randn(1, 3, generator=self.chance)
+    def _glance(self, lesson: _Lesson) -> tuple[Tensor, Tensor, Tensor]:
+        """Some cells of a stroke: their views [m, 7], its shape told vaguely [m, 3], their magnitude [m]."""
+        views, wanted = lesson.views, lesson.wanted
+        if len(wanted) > _MOST_CELLS:
+            some = torch.randint(len(wanted), (_MOST_CELLS,), generator=self.chance)
+            views, wanted = views[some], wanted[some]
+        vague = lesson.style + _VAGUENESS * torch.randn(1, 3, generator=self.chance)
+        return views, vague.expand(len(wanted), 3), wanted
 
 
 @torch.no_grad()

@@ -1,25 +1,21 @@
-"""The commands that teach the painter its brush: strokes paint, inspect, train."""
+"""The commands that teach the painter its brush: strokes paint, inspect, train, evaluate."""
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
-from frida_painter.brush.kinds import brush_kind
-from frida_painter.brush.learn import DEFAULT_MODEL, learn
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.training import TrainingProgress
+from frida_painter.brush.measure import Evaluation, evaluate
+from frida_painter.brush.weights import load_stroke_model
 from frida_painter.cli.library import inspect, paint
-from frida_painter.cli.numbers import whole_number_within
-from frida_painter.errors import ConfigError
+from frida_painter.cli.training import train
 from frida_painter.session.opening import settle_threads
 
-BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
-SeedOption = Annotated[
-    int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Of every random choice.")
-]
+_SHOWN = 8
 
 
 def build() -> typer.Typer:
@@ -27,42 +23,80 @@ def build() -> typer.Typer:
     app = typer.Typer(no_args_is_help=True, help="Teach the painter its brush from strokes that it has painted.")
     app.command("paint")(paint)
     app.command("inspect")(inspect)
-    app.command("train")(train_model)
+    app.command("train")(train)
+    app.command("evaluate")(evaluate_model)
     return app
 
 
-def train_model(
-    library: Annotated[Path, typer.Argument(metavar="LIBRARY", help="A stroke library (.npz).")],
-    brush: BrushName = "broad",
-    seed: SeedOption = 0,
-    out: Annotated[Path, typer.Option(metavar="FILE", help="The weights to write (.safetensors).")] = Path(
-        "weights.safetensors"
-    ),
+def evaluate_model(
+    weights: Annotated[
+        str, typer.Option(metavar="FILE", help="The weights to test (.safetensors), or a brush: fine, medium, broad.")
+    ],
+    library: Annotated[Path, typer.Option(metavar="FILE", help="Strokes that the model has not seen (.npz).")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print every figure as JSON.")] = False,
 ) -> None:
-    """Train the stroke model on a library: which mark a stroke of given thickness, length and bend leaves."""
-    if out.suffix != ".safetensors":
-        raise ConfigError(f"--out was given {str(out)!r}; weights end in .safetensors.")
-    kind = brush_kind(brush)
+    """Compare a stroke model with strokes that were really painted.
+
+    The figure is the mean absolute error of the magnitude map over the whole crop as it is stored,
+    from 0 to 1. All strokes count, dirty ones too.
+    """
+    settle_threads()
+    model = load_stroke_model(weights)
     strokes = StrokeLibrary.load(library)
-    settle_threads()  # as fast as several here, and the same weights whatever the number of cores
-    with _bar() as bar:
-        task = bar.add_task("training", total=None)
+    found = evaluate(model, strokes)
+    if as_json:
+        print(json.dumps(_record(weights, library, model.brush, strokes, found), indent=2))
+    else:
+        _show(strokes, found)
 
-        def hear(progress: TrainingProgress) -> None:
-            words = f"training, error {progress.validation_error:.4f}, best {progress.best_error:.4f}"
-            bar.update(task, total=progress.epochs, completed=progress.epoch, description=words)
 
-        learned = learn(DEFAULT_MODEL, strokes, kind, seed=seed, notify=hear)
-    report = learned.report
-    learned.model.save(out)
-    print(
-        f"Trained on {len(learned.library) - len(report.held_out)} strokes; on {len(report.held_out)} others the mean "
-        f"error of the magnitude is {report.validation_error:.4f}: {out}"
+def _record(
+    weights: str, path: Path, brush: str, strokes: StrokeLibrary, found: Evaluation
+) -> dict[str, str | int | float | list[dict[str, int | float | bool]]]:
+    return {
+        "weights": weights,
+        "brush": brush,
+        "library": str(path),
+        "strokes": len(strokes),
+        "mean_absolute_error": float(found.error.mean()),
+        "error_of_bare_paper": float(found.paint.mean()),
+        "strokes_outside_the_limits": int(found.outside.sum()),
+        "per_stroke": [
+            {
+                "recorded_index": int(strokes.recorded_index[index]),
+                "thickness": float(strokes.thickness[index]),
+                "length_m": float(strokes.length_m[index]),
+                "bend_m": float(strokes.bend_m[index]),
+                "error": float(found.error[index]),
+                "outside_the_limits": bool(found.outside[index]),
+            }
+            for index in range(len(strokes))
+        ],
+    }
+
+
+def _show(strokes: StrokeLibrary, found: Evaluation) -> None:
+    console = Console(highlight=False)
+    console.print(
+        f"{len(strokes)} strokes: mean absolute error [bold]{found.error.mean():.4f}[/] "
+        f"(bare paper would give {found.paint.mean():.4f}); half of the strokes are below "
+        f"{sorted(found.error)[len(strokes) // 2]:.4f}, the worst has {found.error.max():.4f}.",
+        soft_wrap=True,
     )
-
-
-def _bar() -> Progress:
-    console = Console(stderr=True, highlight=False)
-    return Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=console
-    )
+    if found.outside.any():
+        console.print(
+            f"{found.outside.sum()} of them are outside the lengths and bends that the model knows (marked *)."
+        )
+    worst = found.error.argsort()[::-1][:_SHOWN]
+    table = Table("stroke", "thickness", "length", "bend", "error", title=f"The {len(worst)} farthest off", box=None)
+    for column in table.columns:
+        column.justify = "right"
+    for index in worst:
+        table.add_row(
+            f"{strokes.recorded_index[index]}{'*' if found.outside[index] else ''}",
+            f"{strokes.thickness[index]:.2f}",
+            f"{1000 * strokes.length_m[index]:.1f} mm",
+            f"{1000 * strokes.bend_m[index]:.1f} mm",
+            f"{found.error[index]:.4f}",
+        )
+    console.print(table)

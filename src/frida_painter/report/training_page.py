@@ -1,0 +1,170 @@
+"""The page of a training: strokes that the model had not seen beside what it made of them, in one HTML file."""
+
+import base64
+import io
+from dataclasses import dataclass
+
+import jinja2
+import numpy as np
+import torch
+from markupsafe import Markup
+from numpy.typing import NDArray
+from PIL import Image
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.brush.learn import Learned
+from frida_painter.experiments.chart import Series, chart
+
+_MOST_SHOWN = 24
+_WIDTH = 300
+_BINS = 12
+_INK = torch.tensor([35.0, 33.0, 30.0]) / 255
+_MISSED = torch.tensor([0.0, 114.0, 178.0]) / 255
+_INVENTED = torch.tensor([230.0, 120.0, 20.0]) / 255
+_TALL, _BAR, _SPACE = 190, 46, 8
+
+
+@dataclass(frozen=True)
+class _Stroke:
+    """A stroke as the page shows it: real, modelled, and the difference, as data URIs."""
+
+    real: str
+    drawn: str
+    difference: str
+    shape: str
+    error: float
+
+
+def training_page(learned: Learned, model: str, library: str, *, dirty: int) -> str:
+    """HTML that needs no other file.
+
+    model, library: their names; dirty: how many strokes were left out of the training because
+    something is wrong with them.
+    """
+    report = learned.report
+    wanted = learned.library[report.held_out].maps(learned.model.frame)
+    error = (report.predicted - wanted).abs().mean((1, 2)).double().numpy()
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("frida_painter", "report/templates"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    limits = learned.model.limits
+    facts = [
+        ("Stroke model", model),
+        ("Brush", learned.model.brush),
+        ("Strokes to learn from", str(len(learned.library) - len(error))),
+        ("Strokes held out", str(len(error))),
+        ("Dirty strokes left out", str(dirty)),
+        ("Best epoch", f"{report.best_epoch} of {len(report.curve)}"),
+        ("Lengths", f"{1000 * limits.length[0]:.1f} to {1000 * limits.length[1]:.1f} mm"),
+        ("Bends", f"{1000 * limits.bend[0]:.1f} to {1000 * limits.bend[1]:.1f} mm"),
+    ]
+    return environment.get_template("training.html").render(
+        library=library,
+        error=report.validation_error,
+        bare=float(wanted.mean()),
+        count=len(error),
+        strokes=_strokes(learned, wanted, error),
+        histogram=Markup(_histogram(error)),
+        curve=_data_uri(_curve(learned)),
+        facts=facts,
+    )
+
+
+def _strokes(learned: Learned, wanted: Tensor, error: NDArray[np.float64]) -> list[_Stroke]:
+    """From the best to the worst, evenly chosen where there are too many."""
+    order = error.argsort(kind="stable")
+    if len(order) > _MOST_SHOWN:
+        order = order[np.linspace(0, len(order) - 1, _MOST_SHOWN).round().astype(int)]
+    rows, columns = _crop(wanted, learned.report.predicted)
+    shown = []
+    for place in order:
+        real, drawn = wanted[place, rows, columns], learned.report.predicted[place, rows, columns]
+        index = learned.report.held_out[place]
+        strokes = learned.library
+        shown.append(
+            _Stroke(
+                _data_uri(_inked(real)),
+                _data_uri(_inked(drawn)),
+                _data_uri(_compared(real, drawn)),
+                f"thickness {strokes.thickness[index]:.2f}, length {1000 * strokes.length_m[index]:.0f} mm, "
+                f"bend {1000 * strokes.bend_m[index]:.0f} mm",
+                float(error[place]),
+            )
+        )
+    return shown
+
+
+def _crop(wanted: Tensor, drawn: Tensor) -> tuple[slice, slice]:
+    """The part of the maps in which there is paint, and a little around it."""
+    inked = (torch.maximum(wanted, drawn) > 0.3).any(0)
+    slices = []
+    for axis in (1, 0):
+        found = inked.any(axis).nonzero()[:, 0]
+        first, last = (int(found[0]), int(found[-1])) if len(found) else (0, inked.shape[1 - axis] - 1)
+        slices.append(slice(max(0, first - 2), last + 3))
+    return slices[0], slices[1]
+
+
+def _inked(magnitude: Tensor) -> Tensor:
+    """Ink on white paper, [3, rows, columns]."""
+    return 1 - magnitude * (1 - _INK[:, None, None])
+
+
+def _compared(real: Tensor, drawn: Tensor) -> Tensor:
+    """Grey where both have paint, blue where only the brush, orange where only the model, [3, rows, columns]."""
+    both = torch.minimum(real, drawn)
+    layers = ((0.45 * both, _INK), (real - both, _MISSED), (drawn - both, _INVENTED))
+    return 1 - sum((amount * (1 - color[:, None, None]) for amount, color in layers), torch.zeros(3, 1, 1))
+
+
+def _curve(learned: Learned) -> Tensor:
+    curve = learned.report.curve
+    epochs = [float(step.epoch) for step in curve]
+    return chart(
+        "Error over epochs",
+        "epoch",
+        "mean absolute error of the magnitude (logarithmic)",
+        [
+            Series("held out", epochs, [max(1e-6, step.validation_error) for step in curve]),
+            Series("learned from", epochs, [max(1e-6, step.training_error) for step in curve]),
+        ],
+        logarithmic=True,
+    )
+
+
+def _histogram(error: NDArray[np.float64]) -> str:
+    """Errors of the strokes held out as bars, inline SVG."""
+    counts, edges = np.histogram(error, bins=_BINS, range=(0.0, float(error.max()) * 1.0001 + 1e-9))
+    wide = _BINS * _BAR
+    parts = [
+        f'<svg class="bars" viewBox="0 0 {wide} {_TALL + 54}" role="img" aria-label="Histogram of the errors of '
+        f'{len(error)} strokes held out, from {error.min():.4f} to {error.max():.4f}">'
+    ]
+    for number, count in enumerate(counts):
+        tall = _TALL * count / counts.max()
+        left = number * _BAR + _SPACE / 2
+        parts.append(
+            f'<rect x="{left:.1f}" y="{_TALL + 20 - tall:.1f}" width="{_BAR - _SPACE}" height="{tall:.1f}" rx="2"/>'
+        )
+        if count:
+            middle = left + (_BAR - _SPACE) / 2
+            parts.append(f'<text x="{middle:.1f}" y="{_TALL + 14 - tall:.1f}" text-anchor="middle">{count}</text>')
+    for number in range(0, _BINS + 1, 3):
+        anchor = "start" if number == 0 else "end" if number == _BINS else "middle"
+        parts.append(f'<text x="{number * _BAR}" y="{_TALL + 42}" text-anchor="{anchor}">{edges[number]:.3f}</text>')
+    return "".join([*parts, "</svg>"])
+
+
+def _data_uri(picture: Tensor) -> str:
+    """A picture [3, h, w] in [0, 1] as a PNG inside the page; small ones are enlarged."""
+    file = io.BytesIO()
+    drawn = Image.fromarray(images.to_uint8(picture))
+    if drawn.width < _WIDTH:
+        drawn = drawn.resize((_WIDTH, round(drawn.height * _WIDTH / drawn.width)), Image.Resampling.BICUBIC)
+    drawn.quantize(128, dither=Image.Dither.NONE).save(file, "PNG", optimize=True)
+    return f"data:image/png;base64,{base64.b64encode(file.getvalue()).decode('ascii')}"

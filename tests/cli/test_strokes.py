@@ -1,0 +1,133 @@
+"""strokes train and strokes evaluate, from the words on the command line to the files and figures."""
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from frida_painter import cli
+from frida_painter.brush import learn
+from frida_painter.brush.field import StrokeField
+from frida_painter.brush.measure import evaluate
+from frida_painter.brush.param2stroke import Param2Stroke
+from frida_painter.brush.weights import load_stroke_model
+from marks import small_library
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    small_library(20).save(tmp_path / "library.npz")
+
+    def command(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr("sys.argv", ["frida-painter", "strokes", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        told = capsys.readouterr()
+        return int(end.value.code or 0), told.out, told.err
+
+    return command
+
+
+@pytest.fixture
+def hasty(monkeypatch):
+    """Trainings that are over at once."""
+
+    def hastily(name, library, kind=None, *, seed=0, notify=None):
+        return learn.learn(name, library, kind, seed=seed, hasty=True, notify=notify)
+
+    monkeypatch.setattr("frida_painter.cli.training.learn", hastily)
+    monkeypatch.setattr("frida_painter.brush.measure.learn", hastily)
+
+
+def test_a_brush_is_learned_and_then_tested_on_other_strokes(run, monkeypatch):
+    monkeypatch.setattr("frida_painter.brush.train_field._STEPS", 40)
+    status, out, _ = run("train", "library.npz", "--seed", 3, "--out", "my/brush.safetensors")
+    assert status == 0
+    claimed = float(re.search(r"magnitude is (0\.\d+)", out)[1])
+    assert isinstance(load_stroke_model("my/brush.safetensors"), StrokeField)
+    with Path("my/brush.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["epoch"]) for row in rows] == list(range(1, len(rows) + 1))
+    assert min(float(row["validation_error"]) for row in rows) == pytest.approx(claimed, abs=6e-5)
+
+    other = small_library(30, seed=7)
+    other.save(Path("other.npz"))
+    status, out, _ = run("evaluate", "--weights", "my/brush.safetensors", "--library", "other.npz", "--json")
+    found = json.loads(out)
+    assert status == 0
+    error = evaluate(load_stroke_model("my/brush.safetensors"), other).error
+    assert found["mean_absolute_error"] == pytest.approx(error.mean())
+    assert [stroke["error"] for stroke in found["per_stroke"]] == pytest.approx(error.tolist())
+    assert found["mean_absolute_error"] < 0.2 * found["error_of_bare_paper"]
+
+
+def test_the_page_shows_the_strokes_held_out(run, hasty):
+    assert run("train", "library.npz", "--out", "brush.safetensors")[0] == 0
+    page = Path("brush.html").read_text()
+    assert page.count("<li>") == 4
+    assert page.count("data:image/png;base64,") == 4 * 3 + 1
+    assert "library.npz" in page and "http" not in page.replace("http://www.w3.org", "")
+
+
+def test_the_papers_network_is_trained_where_it_is_asked_for(run, hasty):
+    assert run("train", "library.npz", "--model", "param2stroke", "--out", "paper.safetensors")[0] == 0
+    assert isinstance(load_stroke_model("paper.safetensors"), Param2Stroke)
+
+
+def test_the_same_command_gives_the_same_weights(run, hasty):
+    for name in ("one", "two"):
+        assert run("train", "library.npz", "--out", f"{name}.safetensors")[0] == 0
+    assert Path("one.safetensors").read_bytes() == Path("two.safetensors").read_bytes()
+
+
+def test_folds_give_mean_and_spread(run, hasty):
+    status, out, _ = run("train", "library.npz", "--folds", 3, "--out", "brush.safetensors")
+    assert status == 0
+    mean, spread, parts = re.search(r"in 3 folds: mean error ([\d.]+), spread ([\d.]+) \(([^)]+)\)", out).groups()
+    errors = [float(part) for part in parts.split(", ")]
+    assert len(errors) == 3
+    assert float(mean) == pytest.approx(sum(errors) / 3, abs=1e-4)
+    assert float(spread) >= 0
+
+
+def test_figures_are_told_to_a_person_too(run, hasty):
+    run("train", "library.npz", "--out", "brush.safetensors")
+    status, out, _ = run("evaluate", "--weights", "brush.safetensors", "--library", "library.npz")
+    assert status == 0
+    assert "20 strokes: mean absolute error" in out and "farthest off" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("train", "few.npz"), "at least 5"),
+        (("train", "torn.npz"), "damaged"),
+        (("train", "nowhere.npz"), "does not exist"),
+        (("train", "library.npz", "--model", "vgg"), "models are field and param2stroke"),
+        (("train", "library.npz", "--folds", "1"), "at least 2 folds"),
+        (("train", "few.npz", "--folds", "4"), "4 folds need at least 7"),
+        (("train", "library.npz", "--brush", "hairy"), "brushes are"),
+        (("train", "library.npz", "--out", "library.npz/brush.safetensors"), "cannot be written"),
+        (("train", "library.npz", "--out", "folder.safetensors"), "folder.safetensors"),
+        (("train", "library.npz", "--out", "weights"), "ends in .safetensors"),
+        (("evaluate", "--weights", "nowhere.safetensors", "--library", "library.npz"), "does not exist"),
+        (("evaluate", "--weights", "library.npz", "--library", "library.npz"), "weights"),
+        (("evaluate", "--weights", "broad", "--library", "torn.npz"), "damaged"),
+        (("evaluate", "--weights", "broad", "--library", "other.npz"), "outside what the model knows"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_in_one_sentence(run, words, told):
+    small_library(4).save(Path("few.npz"))
+    Path("torn.npz").write_bytes(Path("library.npz").read_bytes()[:500])
+    Path("folder.safetensors").mkdir()
+    bent = small_library(6)
+    bent.bend_m[:] = 0.2
+    bent.save(Path("other.npz"))
+    before = sorted(Path().rglob("*"))
+    status, out, err = run(*words)
+    assert (status, out) == (2, "")
+    assert told in err and err.strip().count("\n") == 0
+    assert sorted(Path().rglob("*")) == before
