@@ -33,10 +33,10 @@ def mirror(term: MirrorTerm, setting: Setting) -> Prepared:
     return Prepared(judge)
 
 
-def main(photo: Path, out: Path, strokes: int = 100, effort: float = 0.3) -> float:
+def main(photo: Path, out: Path, strokes: int = 100, effort: float = 0.3, mirroring: float = 0.5) -> float:
     settle_threads()
     settings = PaintingSettings.of(strokes=strokes, effort=effort)
-    goal = Goal((ImageTerm(images.load(photo)), MirrorTerm(weight=4.0)))
+    goal = Goal((ImageTerm(images.load(photo)), MirrorTerm(mirroring)))
     planner = open_planner(settings, goal)
     bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
     picture = planner.expected(planner.plan(bare, strokes, settings.colors, lambda step: None), bare)
