@@ -38,7 +38,7 @@ def found(name="broad", seed=0, faults=None, **settings):
 
 
 @pytest.mark.parametrize("name", ["fine", "medium", "broad"])
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 8))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_by_looking_the_lightest_touch_is_found_to_a_third_of_a_millimetre(name, seed):
     """Measured with 8 seeds and photographs of 600 x 800: 0.05 to 0.12 mm too low for each of the brushes."""
     finding, touch_off, press_off = found(name, seed)
@@ -105,7 +105,7 @@ def test_strokes_that_miss_the_paper_are_survived():
     assert abs(found(faults=Faults(dropped_touches=frozenset({0, 3, 9})))[1]) < 0.0005
 
 
-@pytest.mark.parametrize("blur", [pytest.param(blur, marks=pytest.mark.slow) for blur in (0.003, 0.006, 0.01, 0.03)])
+@pytest.mark.parametrize("blur", [pytest.param(blur, marks=pytest.mark.slow) for blur in (0.006, 0.03)])
 def test_out_of_focus_the_touch_is_right_or_refused(blur):
     try:
         off = found(faults=Faults(lost_focus=(LostFocus(12, blur=blur),)))[1]

@@ -38,7 +38,7 @@ def found(**studio):
     return lead(color(studio_with(**studio).easel), proposal)
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 12))])
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_on_the_usual_studio_patches_never_seen_come_out_right(seed):
     finding = found(seed=seed, camera=CameraSpec())
     assert finding.photographed.shape == finding.held_out.shape == (24,)
