@@ -3,12 +3,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from frida_painter import cli
+from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration
 from frida_painter.cli.calibration import default_record
+from frida_painter.config import PaintingSettings
 from frida_painter.frames import CanvasSize
+from frida_painter.goal import Goal, ImageTerm
+from frida_painter.session.opening import open_planner
 from frida_painter.virtual.studio import open_studio
 
 STUDIO = ("--canvas", "160x120mm", "--brush", "fine", "--seed", "3")
@@ -65,6 +70,13 @@ def test_all_five_are_done_in_order(run: Run, tmp_path: Path) -> None:
     known = Calibration.load(tmp_path / "cal.json")
     assert list(known.done) == ["canvas", "robot", "color", "brush", "strokes"]
     assert known.library is not None and Path(known.library.path).is_absolute()
+    assert known.weights is not None
+    learned = load_stroke_model(Path(known.weights.path))
+    settings = PaintingSettings.of(brush="fine", render_height=64)
+    planner = open_planner(settings, Goal((ImageTerm(torch.rand(3, 20, 20)),)), tmp_path / "cal.json")
+    shape = torch.tensor([0.5]), torch.tensor([0.02]), torch.tensor([0.0])
+    assert (planner.model(*shape) - learned(*shape)).abs().mean() < 0.01
+    assert (planner.model(*shape) - load_stroke_model("fine")(*shape)).abs().mean() > 1e-4
     for name in known.done:
         assert f"{name}: " in out and (tmp_path / f"cal-{name}.png").exists()
     status, out, _ = run("doctor", "--brush", "fine", "--record", "cal.json")
@@ -141,7 +153,7 @@ def test_a_missing_record_that_was_named_is_told(run: Run, photo: Path) -> None:
         (("canvas", "--brush", "huge"), "no brush 'huge'"),
         (("canvas", "--canvas", "big"), "not understood"),
         (("robot", "--placement-error", "far"), "4mm,2deg"),
-        (("strokes", "--count", "0"), "0 is not from 1"),
+        (("strokes", "--count", "4"), "4 is not from 5"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(run: Run, tmp_path: Path, words: tuple[str, ...], says: str) -> None:

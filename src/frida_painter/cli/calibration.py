@@ -12,7 +12,9 @@ from rich.console import Console
 
 from frida_painter import images
 from frida_painter.brush.kinds import BrushKind, brush_kind
-from frida_painter.calibration import PROCEDURES, Calibration
+from frida_painter.brush.learn import DEFAULT_MODEL, learn
+from frida_painter.brush.training import FEWEST_STROKES, TrainingProgress
+from frida_painter.calibration import PROCEDURES, Calibration, LearnedFile
 from frida_painter.cli.doctor import examine
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.cli.terminal import Terminal
@@ -28,7 +30,7 @@ from frida_painter.session.procedures.dialogue import Answer, Procedure, Questio
 from frida_painter.session.procedures.finding import Finding
 from frida_painter.session.procedures.robot import robot as robot_procedure
 from frida_painter.session.procedures.standing import require_basis
-from frida_painter.session.procedures.strokes import MOST_STROKES, StrokesProgress
+from frida_painter.session.procedures.strokes import MOST_STROKES, StrokesFinding, StrokesProgress
 from frida_painter.session.procedures.strokes import strokes as strokes_procedure
 from frida_painter.virtual.studio import open_studio
 
@@ -85,9 +87,9 @@ def calibrate(
     count: Annotated[
         int,
         typer.Option(
-            parser=whole_number_within(1, MOST_STROKES),
+            parser=whole_number_within(FEWEST_STROKES, MOST_STROKES),
             metavar="N",
-            help="How many strokes the strokes procedure paints.",
+            help="How many strokes the strokes procedure paints, and learns the brush from.",
         ),
     ] = 200,
     ask: Annotated[
@@ -119,6 +121,8 @@ def calibrate(
                 place = _Place(replace(here, calibration=known), brush_kind(brush), path, seed, count, status.update)
                 finding = lead(_procedure(name, place), answer)
                 known = finding.enter(known)
+                if isinstance(finding, StrokesFinding):
+                    known = _learn(finding, place, known)
             known.save(path)
             _tell(name, finding, path)
     finally:
@@ -184,6 +188,22 @@ def _procedure(name: str, place: _Place) -> Procedure[Any]:
         case _:
             library = place.beside("strokes.npz")
             return strokes_procedure(place.easel, place.brush, library, count=place.count, seed=place.seed, notify=hear)
+
+
+def _learn(finding: StrokesFinding, place: _Place, record: Calibration) -> Calibration:
+    """The record with what the strokes teach of the brush, by which `paint --calibration` plans.
+
+    Raises LibraryError where fewer than 5 strokes are clean.
+    """
+
+    def hear(progress: TrainingProgress) -> None:
+        place.say(f"strokes: learning from them, {progress.epoch} of {progress.epochs}")
+
+    learned = learn(DEFAULT_MODEL, finding.library, place.brush, seed=place.seed, notify=hear)
+    path = place.beside("weights.safetensors")
+    weights = LearnedFile(str(path), learned.model.save(path))
+    assert record.library is not None  # the finding has just entered it
+    return record.with_strokes(record.library, weights, residual=learned.report.validation_error)
 
 
 def _begin(path: Path, what: What, default: Calibration) -> Calibration:

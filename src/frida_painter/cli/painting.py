@@ -169,7 +169,7 @@ def paint(
         stop = stack.enter_context(_stopping())
         started = time.monotonic()
         settle_threads()
-        planner = open_planner(chosen, wanted.goal)
+        planner = open_planner(chosen, wanted.goal, calibration)
         _tell_encoders(planner.encoders)
         studio = open_studio(
             chosen.canvas, planner.model.brush, seed=chosen.seed, placement_error=read_placement_error(placement_error)

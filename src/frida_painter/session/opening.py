@@ -36,12 +36,19 @@ def settle_threads() -> None:
     torch.set_num_threads(1)
 
 
-def open_planner(settings: PaintingSettings, goal: Goal) -> Planner:
+def open_planner(settings: PaintingSettings, goal: Goal, record: Path | None = None) -> Planner:
     """The planner that the settings describe, with the stroke model of their brush.
 
-    Raises WeightsError and ConfigError where there is no such brush.
+    record: the easel's calibration record; what its own strokes taught of that brush goes before what
+    the project ships. Raises CalibrationError where it is damaged, and WeightsError and ConfigError
+    where there is no such brush.
     """
-    model = StrokeTable.of(load_stroke_model(settings.brush))
+    source: str | Path = settings.brush
+    if record is not None:
+        known = Calibration.load(record)
+        if known.weights is not None and known.brush == settings.brush:
+            source = Path(known.weights.path)
+    model = StrokeTable.of(load_stroke_model(source))
     effort = Effort().scaled(settings.effort)
     return Planner(goal, settings.canvas, model, rows=settings.render_height, effort=effort, seed=settings.seed)
 
