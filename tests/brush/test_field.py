@@ -91,3 +91,13 @@ def test_weights_of_another_shape_missing_or_nan_are_refused(saved):
         storage.write_tensors(saved, part, metadata)
         with pytest.raises(WeightsError):
             load_stroke_model(saved)
+
+
+def test_strokes_of_one_path_are_drawn_together_as_each_alone():
+    model = StrokeField("small", small_frame(), SMALL.limits).requires_grad_(False)
+    thickness, length, bend = (part[torch.tensor([0, 1, 0, 2, 1])] for part in shapes(3))
+    thickness = torch.linspace(0, 1, 5)
+    together = model(thickness, length, bend)
+    alone = [model(thickness[i : i + 1], length[i : i + 1], bend[i : i + 1]) for i in range(5)]
+    torch.testing.assert_close(together, torch.cat(alone))
+    torch.testing.assert_close(together, model(thickness, length.requires_grad_(), bend).detach())

@@ -78,12 +78,18 @@ class StrokeField(nn.Module):
         return torch.cat(maps) if maps else length.new_zeros(0, self.frame.rows, self.frame.columns)
 
     def _maps(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        near = self.near(length, bend)
-        stroke, cell = near.nonzero(as_tuple=True)
+        path, owner = _paths(length, bend)
+        near = self.near(*path)  # [paths, cells]
+        number, cell = near.nonzero(as_tuple=True)
         place = self.frame.cell_centers(dtype=length.dtype, device=length.device).view(-1, 2)[cell]
-        logits = self.logits(self.views(place, stroke, length, bend), self.styles(thickness, length, bend)[stroke])
-        empty = torch.full(near.shape, _NOTHING, dtype=logits.dtype, device=logits.device)
-        return squash(empty.masked_scatter(near, logits)).view(-1, self.frame.rows, self.frame.columns)
+        views = self.views(place, number, *path)
+        seen = near[owner]  # [n, cells]
+        stroke, cell = seen.nonzero(as_tuple=True)
+        row = torch.empty(near.shape, dtype=torch.long, device=near.device)
+        row[near] = torch.arange(len(views), device=near.device)
+        logits = self.logits(views[row[owner[stroke], cell]], self.styles(thickness, length, bend)[stroke])
+        empty = torch.full(seen.shape, _NOTHING, dtype=logits.dtype, device=logits.device)
+        return squash(empty.masked_scatter(seen, logits)).view(-1, self.frame.rows, self.frame.columns)
 
     def near(self, length: Tensor, bend: Tensor) -> Tensor:
         """Which cells may hold paint at all, [n, rows x columns]."""
@@ -143,3 +149,14 @@ class StrokeField(nn.Module):
         if not 0 < float(model.reach) < math.inf:
             raise file.misfit(ValueError(f"a reach of {float(model.reach)} m"))
         return model
+
+
+def _paths(length: Tensor, bend: Tensor) -> tuple[tuple[Tensor, Tensor], Tensor]:
+    """Length and bend of the different paths [k] among those of n strokes, and the path of each stroke [n].
+
+    Where slopes are asked for, every stroke has a path of its own.
+    """
+    if torch.is_grad_enabled() and (length.requires_grad or bend.requires_grad):
+        return (length, bend), torch.arange(len(length), device=length.device)
+    path, owner = torch.unique(torch.stack((length, bend), -1), dim=0, return_inverse=True)
+    return (path[:, 0], path[:, 1]), owner

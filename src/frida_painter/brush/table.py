@@ -135,9 +135,13 @@ def _sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> tuple[Tens
     (shortest, longest), (least, most) = model.limits.length, model.limits.bend
     thickness, length, bend = (part.flatten() for part in torch.meshgrid(*grids, indexing="ij"))
     length, bend = shortest + length * (longest - shortest), least + bend * (most - least)
-    parts = zip(*(torch.split(part, _BATCH) for part in (thickness, length, bend)), strict=True)
+    # Strokes that differ in thickness only are sampled together: some models see them from one path.
+    order = torch.arange(len(length), device=like.device).view([len(grid) for grid in grids]).permute(1, 2, 0).flatten()
+    samples = like.new_empty(len(order), model.frame.rows * model.frame.columns)
     with torch.no_grad():
-        return torch.cat([model(*part).flatten(1) for part in parts]), grids
+        for part in torch.split(order, _BATCH):
+            samples[part] = model(thickness[part], length[part], bend[part]).flatten(1)
+    return samples, grids
 
 
 def _fit(coordinates: Tensor, grids: list[Tensor], spans: tuple[int, int, int]) -> Tensor:
