@@ -71,6 +71,7 @@ SECTIONS = (
         "(`benchmarks/original.py`): a module per stroke, the network in a batch of one, its map padded to the full\n"
         "canvas, warped, made RGBA, and laid down, stroke after stroke; L2, backward, Adam. It is leaner than the\n"
         "original program, which took 10.1 s for the same on a machine of this kind.",
+        ("--no-wall",),
     ),
     Section(
         "planning",
