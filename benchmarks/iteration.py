@@ -73,7 +73,9 @@ def parts(strokes: Strokes, scene: Scene) -> dict[str, float]:
     marks = magnitude.detach().requires_grad_()
     placing, affine = timed(lambda: pixel_to_map(leaves["position"], leaves["angle"], grid, scene.model.frame))
     places = affine.detach().requires_grad_()
-    laying, painted = timed(lambda: composite(marks, places, leaves["color"], scene.canvas))
+    laying, painted = timed(
+        lambda: composite(marks, places, leaves["color"], scene.canvas, bare_cells_answer=False)  # as `render` does
+    )
     picture = painted.detach().requires_grad_()
     judging, loss = timed(lambda: scene.objective(picture))
     return {
