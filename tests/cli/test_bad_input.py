@@ -236,7 +236,7 @@ def test_plans_that_are_damaged_edited_or_of_the_future(
         (("strokes", "paint", "--brush", "hairy"), "brushes are fine, medium, broad"),
         (("strokes", "paint", "--seed", "-1"), "-1 is not from 0 to 2147483647"),
         (("strokes", "train", "kept/plan.json"), "plan.json"),
-        (("strokes", "train", "kept/plan.json", "--out", "weights"), "end in .safetensors"),
+        (("strokes", "train", "kept/plan.json", "--out", "weights"), "ends in .safetensors"),
     ],
 )  # fmt: skip
 def test_other_commands(words: tuple[str, ...], says: str, refuse: Callable[..., str], plan: Path) -> None:
