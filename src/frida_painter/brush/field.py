@@ -28,7 +28,7 @@ _LOPSIDED = 0.3
 _SPREAD = 2.0
 _BARE = 2.0
 _NOTHING = -20.0
-_BATCH = 64
+_CELLS_AT_ONCE = 2**18
 
 
 class StrokeField(nn.Module):
@@ -73,7 +73,8 @@ class StrokeField(nn.Module):
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
         """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""
-        batches = zip(*(torch.split(part, _BATCH) for part in (thickness, length, bend)), strict=True)
+        count = max(1, _CELLS_AT_ONCE // (self.frame.rows * self.frame.columns))
+        batches = zip(*(torch.split(part, count) for part in (thickness, length, bend)), strict=True)
         maps = [self._maps(*batch) for batch in batches]
         return torch.cat(maps) if maps else length.new_zeros(0, self.frame.rows, self.frame.columns)
 
