@@ -1,0 +1,27 @@
+"""What an encoder of words and pictures is."""
+
+from typing import Protocol
+
+from torch import Tensor
+
+
+class Reader(Protocol):
+    """Reads words and looks at pictures, and puts both into one space: what lies near means the same.
+
+    name: as a person is told which one was used; side: rows and columns, in pixels, of the pictures that
+    it was made for.
+    """
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+
+    @property
+    def side(self) -> int: ...  # noqa: D102
+
+    def embed_text(self, prompt: str) -> Tensor:
+        """The meaning of words, [d], of unit length. What is too long is cut off."""
+        ...
+
+    def embed_pictures(self, pictures: Tensor) -> Tensor:
+        """What pictures [n, 3, h, w], sRGB in [0, 1], show: [n, d], each of unit length; differentiable."""
+        ...
