@@ -77,17 +77,6 @@ def test_the_brush_is_refilled_by_the_area_it_has_painted() -> None:
     assert dips(0.01, 0.0) <= 3, "small marks, of a twelfth of the largest, share one"
 
 
-def test_between_two_dips_no_more_is_painted_than_a_dip_holds_unless_by_one_stroke() -> None:
-    actions = Brushwork(stub_easel(), BRUSH).prepare(plan(30 * [0], 0.017, 0.3), 0, 30)
-    since, strokes = 0.0, 0
-    for action in actions:
-        if isinstance(action.done, Dipped):
-            since, strokes = 0.0, 0
-        else:
-            since, strokes = since + action.area, strokes + 1
-            assert strokes == 1 or since <= 0.6 * 0.03 * 0.008 + 1e-12
-
-
 def test_strokes_are_told_by_their_number_and_colour() -> None:
     done = [action.done for action in Brushwork(stub_easel(), BRUSH).prepare(plan([0, 2]), 7, 20)]
     strokes = [one for one in done if isinstance(one, StrokePainted)]

@@ -1,0 +1,77 @@
+"""What the hand does in which order: dips, rinses, wipes and strokes as motions, before anything moves.
+
+Nothing in here knows a robot. Whoever wants to know what painting a plan takes, in motions, in
+time or in paint, asks here; `brushwork` performs it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+
+from frida_painter.brush.kinds import BrushKind
+from frida_painter.hardware.motion import Motion
+from frida_painter.hardware.robot import Waypoints
+from frida_painter.plan import Plan
+from frida_painter.session.events import Dipped, StrokePainted
+
+_WASHINGS = 2  # rinse and wipe, so often, where the colour changes
+_DIP_SHARE = 0.6  # of the largest mark of the brush
+
+
+@dataclass(frozen=True)
+class BrushLoad:
+    """What is on the brush: the number of a paint, None on a clean one, and the area that it still paints, m2."""
+
+    paint: int | None = None
+    area: float = 0.0
+
+
+@dataclass(frozen=True)
+class Action:
+    """One thing to do with the brush: motions that belong together, what to tell then, and what is on it then."""
+
+    motions: tuple[Waypoints, ...]
+    done: Dipped | StrokePainted
+    load: BrushLoad
+
+
+@dataclass(frozen=True)
+class Choreography:
+    """Sets plans for a brush: refills it before it runs out, and cleans it where the colour changes.
+
+    What is left on the brush is reckoned by the area that it has painted since it was dipped
+    (paper, "Robot Setup Details").
+    """
+
+    motion: Motion
+    brush: BrushKind
+
+    @property
+    def dip_area(self) -> float:
+        """What one dip paints before the next, m2: the stroke model was learned from strokes of a full brush."""
+        return _DIP_SHARE * self.brush.limits.length[1] * self.brush.width
+
+    def actions(self, plan: Plan, load: BrushLoad, already_done: int, of: int) -> Iterator[Action]:
+        """All that painting the plan takes with a brush that holds `load`, in order.
+
+        Its strokes are numbered from `already_done` + 1, `of` so many. Raises WorkspaceViolation
+        where the workspace has no well for a paint.
+        """
+        strokes = plan.strokes.detach().to(torch.float64)
+        areas = strokes.length * self.brush.width * (0.25 + 0.75 * strokes.thickness)
+        for index, (paint, area) in enumerate(zip(plan.paint.tolist(), areas.tolist(), strict=True)):
+            if paint != load.paint or load.area < area:
+                change = load.paint is not None and paint != load.paint
+                washing = self.cleaning() if change else ()
+                load = BrushLoad(paint, self.dip_area)
+                yield Action((*washing, self.motion.dip(paint)), Dipped(paint, cleaned=change), load)
+            load = BrushLoad(paint, load.area - area)
+            number = already_done + index + 1
+            red, green, blue = strokes.color[index].tolist()
+            waypoints = self.motion.stroke(strokes, index, f"stroke {number}")
+            yield Action((waypoints,), StrokePainted(number, of, (red, green, blue)), load)
+
+    def cleaning(self) -> tuple[Waypoints, ...]:
+        """Rinses and wipes, before another paint is taken."""
+        return _WASHINGS * (self.motion.rinse(), self.motion.wipe())

@@ -1,0 +1,57 @@
+import pytest
+import torch
+
+from easels import CALIBRATION, CANVAS, WORKSPACE
+from frida_painter.brush.kinds import BrushKind
+from frida_painter.hardware.motion import Motion
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.session.choreography import BrushLoad, Choreography
+from frida_painter.session.events import Dipped
+from frida_painter.strokes import StrokeLimits, Strokes
+
+LIMITS = StrokeLimits((0.01, 0.03), (-0.008, 0.008))
+BRUSH = BrushKind("small", LIMITS, 0.008)
+CHOREOGRAPHY = Choreography(Motion(WORKSPACE, CALIBRATION), BRUSH)
+LARGEST = 0.03 * 0.008
+
+
+def plan(paint: list[int], length: float = 0.02, thickness: float = 0.5) -> Plan:
+    n = len(paint)
+    strokes = Strokes(
+        torch.tensor([[0.03, 0.04]]).expand(n, 2),
+        torch.zeros(n),
+        torch.full((n,), length),
+        torch.zeros(n),
+        torch.full((n,), thickness),
+        torch.zeros(n, 3),
+    )
+    palette = Palette(torch.tensor([[0.9, 0.9, 0.9], [0.5, 0.5, 0.5], [0.1, 0.1, 0.1]]))
+    return Plan.of(strokes, palette, torch.tensor(paint), canvas=CANVAS, brush="small", limits=LIMITS)
+
+
+def test_between_two_dips_no_more_is_painted_than_a_dip_holds_unless_by_one_stroke() -> None:
+    since, strokes, dips = 0.0, 0, 0
+    load = BrushLoad()
+    for action in CHOREOGRAPHY.actions(plan(30 * [0], 0.017, 0.3), load, 0, 30):
+        if isinstance(action.done, Dipped):
+            since, strokes, dips = 0.0, 0, dips + 1
+        else:
+            since, strokes = since + load.area - action.load.area, strokes + 1
+            assert strokes == 1 or since <= 0.6 * LARGEST + 1e-12
+        load = action.load
+    assert 1 < dips < 30
+
+
+def test_every_action_tells_what_it_leaves_on_the_brush() -> None:
+    actions = list(CHOREOGRAPHY.actions(plan([0, 1], 0.01, 0.0), BrushLoad(), 0, 2))
+    assert [action.load.paint for action in actions] == [0, 0, 1, 1]
+    full = 0.6 * LARGEST
+    left = [action.load.area for action in actions]
+    assert left == pytest.approx([full, full - 0.01 * 0.008 / 4] * 2)
+
+
+def test_a_brush_that_holds_the_paint_needs_no_dip() -> None:
+    held = BrushLoad(1, 0.6 * LARGEST)
+    assert [len(action.motions) for action in CHOREOGRAPHY.actions(plan([1], 0.01, 0.0), held, 0, 1)] == [1]
+    assert len(list(CHOREOGRAPHY.actions(plan([1], 0.01, 0.0), BrushLoad(1, 0.0), 0, 1))) == 2
