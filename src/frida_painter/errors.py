@@ -45,6 +45,25 @@ class WorkspaceViolation(RobotError):
     """A waypoint outside the workspace; names the motion and the axis, and nothing of the batch was sent."""
 
 
+class RobotDisconnected(RobotError):
+    """The robot does not answer; nothing reconnects and moves on by itself."""
+
+
+class RobotStopped(RobotError):
+    """The robot was stopped and stays so until a person has looked and re-arms it."""
+
+
+class MotionFailed(RobotError):
+    """A motion ended in an error, which is never cleared by the program.
+
+    code: the robot's own for it; waypoint: the index of the one on whose way it happened; None where not known.
+    """
+
+    def __init__(self, message: str, code: int | str | None = None, waypoint: int | None = None) -> None:
+        super().__init__(message)
+        self.code, self.waypoint = code, waypoint
+
+
 class PoseMismatch(RobotError):
     """The robot says that it arrived, and its pose says otherwise."""
 
