@@ -6,7 +6,7 @@ import torch
 from frida_painter.errors import FrameRejected
 from frida_painter.frames import PixelGrid
 from frida_painter.lens import Lens
-from frida_painter.perception.rectify import rectify
+from frida_painter.perception.rectify import rectified_pixels, rectify
 from photographs import COLUMNS, CORNERS, ROWS, SIZE, across_and_down, calibration
 
 
@@ -91,3 +91,21 @@ def test_what_the_lens_has_bent_is_straightened():
     wanted = rectify(straight, calibration(), grid)[inside]
     assert (rectify(bent, calibration(seen, lens=lens), grid)[inside] - wanted).abs().max() < 0.02
     assert (rectify(bent, calibration(seen), grid)[inside] - wanted).abs().max() > 0.025, "it is needed"
+
+
+@pytest.mark.parametrize("bow", [None, -0.12])
+def test_a_place_of_the_photograph_is_found_in_the_picture(bow):
+    lens = None if bow is None else Lens((200.0, 200.0), (159.5, 119.5), (bow, 0.0, 0.0, 0.0, 0.0))
+
+    def seen(places):
+        return places if lens is None else lens.bent(places)
+
+    record = calibration(tuple(map(tuple, seen(np.array(CORNERS)).tolist())), lens=lens)
+    grid = PixelGrid.of_height(SIZE, 90)
+    to_photograph = cv2.getPerspectiveTransform(
+        np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32), np.array(CORNERS, np.float32)
+    )
+    shares = np.array([(0.5, 0.0), (0.1, 0.9), (0.75, 0.5)])
+    places = seen(cv2.perspectiveTransform(shares[None], to_photograph)[0])
+    found = rectified_pixels(places, record, grid)
+    np.testing.assert_allclose(found, shares * (grid.columns, grid.rows) - 0.5, atol=0.01)

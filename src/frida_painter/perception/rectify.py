@@ -31,12 +31,9 @@ def rectify(photograph: NDArray[np.uint8], calibration: Calibration, grid: Pixel
     _check(photograph, calibration)
     fineness = _fineness(calibration, grid)
     rows, columns = grid.rows * fineness, grid.columns * fineness
-    corners = np.array(
-        [(-0.5, -0.5), (columns - 0.5, -0.5), (columns - 0.5, rows - 0.5), (-0.5, rows - 0.5)], np.float32
-    )
-    seen = np.array(calibration.corners)
-    straight = seen if calibration.lens is None else calibration.lens.straightened(seen)
-    to_photograph = cv2.getPerspectiveTransform(corners, straight.astype(np.float32))
+    corners = _outline(rows, columns)
+    seen = _straightened(np.array(calibration.corners), calibration)
+    to_photograph = cv2.getPerspectiveTransform(corners, seen.astype(np.float32))
     photographed = light_of_bytes(photograph)
     if calibration.lens is None:
         light = cv2.warpPerspective(
@@ -55,6 +52,27 @@ def rectify(photograph: NDArray[np.uint8], calibration: Calibration, grid: Pixel
     if not float(picture.mean()) >= _DARKEST:
         raise FrameRejected("The photograph of the canvas is dark; switch the light on and take the camera's cap off.")
     return to_srgb(picture)
+
+
+def rectified_pixels(place: NDArray[np.float64], calibration: Calibration, grid: PixelGrid) -> NDArray[np.float64]:
+    """Where places of the photograph [n, 2] (column, row) lie in the rectified picture, (column, row) [n, 2].
+
+    Not a number where the calibrated lens shows nothing.
+    """
+    seen = _straightened(np.array(calibration.corners), calibration)
+    view = cv2.getPerspectiveTransform(seen.astype(np.float32), _outline(grid.rows, grid.columns))
+    straight = _straightened(np.asarray(place, np.float64), calibration)
+    return np.asarray(cv2.perspectiveTransform(straight[None], view)[0], np.float64)
+
+
+def _outline(rows: int, columns: int) -> NDArray[np.float32]:
+    """The corners of a picture, clockwise from the top left: the outer corners of its corner pixels."""
+    right, lower = columns - 0.5, rows - 0.5
+    return np.array([(-0.5, -0.5), (right, -0.5), (right, lower), (-0.5, lower)], np.float32)
+
+
+def _straightened(seen: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:
+    return seen if calibration.lens is None else calibration.lens.straightened(seen)
 
 
 def _bent(

@@ -26,7 +26,7 @@ from frida_painter.perception.color import ColorFit, fit_color
 from frida_painter.perception.difference import difference
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.light import to_linear, to_srgb
-from frida_painter.perception.rectify import rectify
+from frida_painter.perception.rectify import rectified_pixels, rectify
 from frida_painter.session.procedures.at_the_easel import photograph
 from frida_painter.session.procedures.checker_sheet import checker_sheet
 from frida_painter.session.procedures.dialogue import Confirm, PointCorners, Procedure
@@ -122,8 +122,10 @@ def _found(
     """What the photograph of the checker says. Raises CalibrationError."""
     readings = _in_order(frame, corners)
     _check(readings)
-    renewed = _in_this_light(field, ground, rectify(frame, record, grid), _canvas_pixels(corners, record, grid))
-    place = torch.from_numpy(_canvas_pixels(tuple(map(tuple, readings.place.tolist())), record, grid))
+    renewed = _in_this_light(
+        field, ground, rectify(frame, record, grid), rectified_pixels(np.array(corners), record, grid)
+    )
+    place = torch.from_numpy(rectified_pixels(readings.place.double().numpy(), record, grid))
     before, now = (_light_at(known, grid, place) for known in (field, renewed))
     even = readings.light / now
     fits = {edition: fit_color(even, true_colors(edition)) for edition in EDITIONS}
@@ -219,14 +221,6 @@ def _in_this_light(
             f"{_MOST_OFF_WHITE:.0%} is allowed. Leave camera and canvas as they are, and repeat the color calibration."
         )
     return renewed
-
-
-def _canvas_pixels(place: Corners, record: Calibration, grid: PixelGrid) -> NDArray[np.float64]:
-    """Where places of the photograph lie in a rectified picture, (column, row) [n, 2]."""
-    right, lower = grid.columns - 0.5, grid.rows - 0.5
-    canvas = np.array([(-0.5, -0.5), (right, -0.5), (right, lower), (-0.5, lower)], np.float32)
-    view = cv2.getPerspectiveTransform(np.array(record.corners, np.float32), canvas)
-    return np.asarray(cv2.perspectiveTransform(np.array([place], np.float64), view)[0], np.float64)
 
 
 def _light_at(field: FlatField, grid: PixelGrid, place: Tensor) -> Tensor:
