@@ -39,7 +39,7 @@ def replacing(path: Path) -> Iterator[Path]:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
         os.close(handle)
     except OSError as error:
-        raise _cannot_write(path, error) from error
+        raise cannot_write(path, error) from error
     temporary = Path(name)
     try:
         yield temporary
@@ -48,7 +48,7 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.replace(path)
         _flush(path.parent)
     except OSError as error:
-        raise _cannot_write(path, error) from error
+        raise cannot_write(path, error) from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -145,7 +145,7 @@ def require_space(folder: Path, needed: int) -> None:
             existing = existing.parent
         free = shutil.disk_usage(existing).free
     except OSError as error:
-        raise _cannot_write(folder, error) from error
+        raise cannot_write(folder, error) from error
     if free < needed:
         raise StorageError(
             f"{folder} is on a disk with {free // 2**20} MB free; this painting needs {needed // 2**20} MB; "
@@ -161,12 +161,13 @@ def new_folder(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"0")
     except OSError as error:
-        raise _cannot_write(folder, error) from error
+        raise cannot_write(folder, error) from error
     if occupied:
         raise StorageError(f"{folder} is not empty, and nothing there is overwritten; choose a new folder with --out.")
 
 
-def _cannot_write(path: Path, error: OSError) -> StorageError:
+def cannot_write(path: Path, error: OSError) -> StorageError:
+    """The error to raise where the system refuses to write to `path`."""
     reason = error.strerror or str(error)
     return StorageError(f"{path} cannot be written ({reason}); choose a folder that you may write to with --out.")
 

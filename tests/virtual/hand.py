@@ -17,11 +17,11 @@ CANVAS = CanvasSize(0.12, 0.09)
 
 
 class Hand:
-    def __init__(self, *colors, brush="medium", canvas=CANVAS, seed=0, error=EXACT, **settings):
+    def __init__(self, *colors, brush="medium", canvas=CANVAS, seed=0, error=EXACT, state=None, **settings):
         settings.setdefault("noise", STEADY)
         settings.setdefault("cell", 0.5)
         self.studio = open_studio(
-            canvas, brush, seed=seed, placement_error=error, settings=StudioSettings(**settings)
+            canvas, brush, seed=seed, placement_error=error, settings=StudioSettings(**settings), state=state
         )  # fmt: skip
         self.easel = self.studio.easel
         self.easel.robot.connect()

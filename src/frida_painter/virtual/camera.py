@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from frida_painter.errors import CameraError, StaleFrame
 from frida_painter.hardware.camera import Frame
 from frida_painter.lens import Lens
+from frida_painter.virtual.diary import Note, unnoted
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.paint import to_linear, to_srgb
 from frida_painter.virtual.robot import Clock
@@ -56,12 +57,14 @@ class CameraSpec:
 class VirtualCamera:
     """Implements hardware.camera.Camera over a table.
 
-    corners: of the canvas where it stood at first; lens: what it does to straight lines, None where nothing.
+    corners: of the canvas where it stood at first; lens: what it does to straight lines, None where
+    nothing; note: told of every photograph.
     """
 
     def __init__(self, spec: CameraSpec, table: Table, clock: Clock, random: np.random.Generator) -> None:
         self.faults: Faults = NO_FAULTS
         self.photographs = 0
+        self.note: Note = unnoted
         self._spec, self._table, self._clock, self._random = spec, table, clock, random
         width, height = table.canvas.width, table.canvas.height
         self._to_canvas, self.corners = _optics(spec, width, height)
@@ -94,6 +97,7 @@ class VirtualCamera:
         if frame is None or number not in self.faults.stale_photographs:
             self._clock.now += self._spec.exposure
             frame = Frame(self._expose(number), self._clock.now, number)
+        self.note({"did": "photograph", "now": self._clock.now, "exposed": frame is not self._last})
         self._last = frame
         if not frame.captured_at > newer_than:
             raise StaleFrame(
@@ -101,6 +105,12 @@ class VirtualCamera:
                 f"{newer_than:.2f} s was asked for; take another."
             )
         return frame
+
+    def remember(self, exposed: bool) -> None:
+        """Takes up after a photograph of which the diary tells; the photograph itself is gone."""
+        self.photographs += 1
+        if exposed:
+            self._grain()
 
     def _expose(self, number: int) -> NDArray[np.uint8]:
         scene = self._scene()
@@ -111,9 +121,13 @@ class VirtualCamera:
         light = self._light * _leaning(self._light.shape, change.lean) if any(change.lean) else self._light
         mix = (self._mix * np.array(change.gain)[:, None]).astype(np.float32)
         image = np.empty(scene.shape, np.uint8)
-        _develop(scene, light, mix, self._tones, self._noise, int(self._random.integers(_NOISE_BANK)), image)
+        _develop(scene, light, mix, self._tones, self._noise, self._grain(), image)
         self._show_arm(image)
         return image
+
+    def _grain(self) -> int:
+        """Where in the bank of noise a photograph begins."""
+        return int(self._random.integers(_NOISE_BANK))
 
     def _scene(self) -> NDArray[np.float32]:
         """What reflects the light towards each pixel: linear reflectance [rows, columns, 3]."""

@@ -38,6 +38,11 @@ class VirtualRobot:
         """Switches the robot on; doing it twice changes nothing."""
         self._connected = True
 
+    def remember(self, tip: NDArray[np.float64]) -> None:
+        """Takes up after a motion of which the diary tells, which ended at `tip` [3] metres."""
+        self._tip = tip.copy()
+        self.motions += 1
+
     def rearm(self) -> None:
         """Allows motions again after a stop; for the person who has looked."""
         self._stopped.clear()

@@ -1,9 +1,10 @@
 """Opens a virtual studio: a table, a robot and a camera as one easel, all from one seed."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,14 +16,17 @@ from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.workspace import Point, Workspace
-from frida_painter.palette import MOST_COLORS, Palette
+from frida_painter.palette import MOST_COLORS
+from frida_painter.virtual.attendant import StudioAttendant
 from frida_painter.virtual.bristles import Tuft
 from frida_painter.virtual.brushes import BristleBrush, brush_named
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
 from frida_painter.virtual.canvas import Canvas
 from frida_painter.virtual.checker import Checker
+from frida_painter.virtual.diary import Diary, unnoted
 from frida_painter.virtual.faults import NO_FAULTS, Faults
-from frida_painter.virtual.paint import absorption_and_scattering, to_linear, to_srgb
+from frida_painter.virtual.history import faults_entry, relive
+from frida_painter.virtual.paint import to_linear, to_srgb
 from frida_painter.virtual.robot import Clock, VirtualRobot
 from frida_painter.virtual.table import HandNoise, PlacementError, Table
 
@@ -91,10 +95,13 @@ class Balance:
 class VirtualStudio:
     """A studio that is open. The painter gets `easel` and nothing else; the rest is for tests and films.
 
-    touch_height: robot z (m) at which the tip really meets the canvas.
+    touch_height: robot z (m) at which the tip really meets the canvas. diary: what happened before is
+    lived through again, what happens from now on is put down.
     """
 
-    def __init__(self, canvas: CanvasSize, brush: BristleBrush, settings: StudioSettings, seed: int) -> None:
+    def __init__(
+        self, canvas: CanvasSize, brush: BristleBrush, settings: StudioSettings, seed: int, diary: Diary | None = None
+    ) -> None:
         for_canvas, for_brush, for_hand, for_camera, for_error, for_checker = (
             np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(6)
         )
@@ -115,7 +122,6 @@ class VirtualStudio:
         )  # fmt: skip
         self.robot = VirtualRobot(self.table, workspace, home, self.clock)
         self.camera = VirtualCamera(settings.camera, self.table, self.clock, for_camera)
-        self.break_things(settings.faults)
         calibration = Calibration(
             easel=f"virtual studio {seed}",
             brush=brush.name,
@@ -129,8 +135,18 @@ class VirtualStudio:
             lens=self.camera.lens,
         )
         checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
-        self._attendant = _Attendant(self.table, checker, self._fresh_canvas)
+        self._attendant = StudioAttendant(self.table, checker, self._fresh_canvas)
         self.easel = Easel(self.robot, self.camera, self._attendant, workspace, calibration, canvas)
+        self._diary, self._note = diary, unnoted
+        if diary is not None:
+            relive(diary.past, self.clock, self.table, self.robot, self.camera, self._attendant)
+            self._note = self.table.note = self.camera.note = self._attendant.note = diary.note
+        self.break_things(settings.faults)
+
+    def close(self) -> None:
+        """Ends the diary. Raises StorageError where not all that happened could be put down."""
+        if self._diary is not None:
+            self._diary.close()
 
     @property
     def canvas(self) -> Canvas:
@@ -140,21 +156,20 @@ class VirtualStudio:
     def break_things(self, faults: Faults) -> None:
         """From now on these faults happen."""
         self.robot.faults = self.camera.faults = faults
+        self._note(faults_entry(faults))
 
     def lay_checker(self, center: tuple[float, float], turn: float, width: float | None = None) -> None:
         """Lays the colour checker down; from now on the attendant lays it there as well.
 
         center: canvas metres; turn: radians counter-clockwise; width: metres of its longer side.
         """
-        attendant = self._attendant
-        attendant.checker = self.table.checker = attendant.checker.laid(
-            (center[0] * _MM, center[1] * _MM), turn, None if width is None else width * _MM
-        )
+        self._attendant.place_checker((center[0] * _MM, center[1] * _MM), turn, None if width is None else width * _MM)
 
     def wait(self, seconds: float) -> None:
         """Lets time pass and paint dry."""
         self.clock.now += seconds
         self.canvas.dry_until(self.clock.now)
+        self._note({"did": "wait", "now": self.clock.now})
 
     def truth(self, rows: int) -> Tensor:
         """The canvas as it is, seen straight on in even light: sRGB [3, rows, columns]. Never for the painter."""
@@ -181,44 +196,28 @@ def open_studio(
     placement_error: PlacementError | None = None,
     faults: Faults | None = None,
     settings: StudioSettings | None = None,
+    state: Path | None = None,
 ) -> VirtualStudio:
     """A studio with a blank canvas of that size and the brush of that name; the same seed gives the same bytes.
 
-    placement_error and faults, where given, take the place of those in `settings`. Raises ConfigError.
+    placement_error and faults, where given, take the place of those in `settings`. state: a file in
+    which everything that happens is put down at once; where there is one from before, the studio is
+    opened as it was left, with its canvas and wet paint, brush, robot and dice. Raises ConfigError;
+    StorageError where that file cannot be written, is damaged, or is of another studio.
     """
     settings = settings or StudioSettings()
     if placement_error is not None:
         settings = replace(settings, placement_error=placement_error)
     if faults is not None:
         settings = replace(settings, faults=faults)
-    return VirtualStudio(canvas, brush_named(brush), settings, seed)
+    diary = None if state is None else Diary(state, _furnishing(canvas, brush, settings, seed))
+    return VirtualStudio(canvas, brush_named(brush), settings, seed, diary)
 
 
-@dataclass
-class _Attendant:
-    table: Table
-    checker: Checker
-    fresh_canvas: Callable[[], Canvas]
-
-    def fill_wells(self, palette: Palette) -> None:
-        """Empties all wells and fills well i with paint i."""
-        color = palette.color.detach().cpu().double().numpy()
-        self.table.paints = tuple(absorption_and_scattering(color))
-
-    def lay_paper(self) -> bool:
-        """Puts a fresh canvas where the first one lay."""
-        self.table.lay(self.fresh_canvas())
-        return True
-
-    def lay_checker(self) -> bool:
-        """Lays the colour checker on the canvas."""
-        self.table.checker = self.checker
-        return True
-
-    def take_checker_away(self) -> bool:
-        """Takes it off again."""
-        self.table.checker = None
-        return True
+def _furnishing(canvas: CanvasSize, brush: str, settings: StudioSettings, seed: int) -> dict[str, Any]:
+    """What a studio follows from, in plain values; faults come and go, and are told of in its diary."""
+    furniture = {name: value for name, value in asdict(settings).items() if name != "faults"}
+    return {"canvas": asdict(canvas), "brush": brush, "seed": seed, **furniture}
 
 
 def _stand(canvas: CanvasSize, brush: BristleBrush) -> tuple[Workspace, Point]:

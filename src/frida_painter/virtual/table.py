@@ -13,6 +13,7 @@ from frida_painter.hardware.workspace import Point, Workspace
 from frida_painter.virtual.bristles import Tuft
 from frida_painter.virtual.canvas import Canvas
 from frida_painter.virtual.checker import Checker
+from frida_painter.virtual.diary import Note, unnoted
 from frida_painter.virtual.faults import Bump, Faults
 
 _MM = 1000.0
@@ -73,7 +74,7 @@ class Table:
     on canvases that were taken away; touches, dips:
     contacts with the canvas and with a well so far; knock: how far the canvas was moved by accident;
     tip, base: where the brush and the robot's foot are, mm on the canvas; checker: the colour checker,
-    where one lies there.
+    where one lies there; note: told of every motion.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class Table:
         self.touches = self.dips = 0
         self.knock = PlacementError((0.0, 0.0), 0.0)
         self.checker: Checker | None = None
+        self.note: Note = unnoted
         self._felt: list[Bump] = []
         self._workspace, self._touch_height = workspace, touch_height
         self._error, self._noise, self._random = error, noise, random
@@ -102,6 +104,7 @@ class Table:
     def move(self, path: NDArray[np.float64], now: float, faults: Faults) -> None:
         """The tip goes along a polyline [k, 3] (metres, robot frame), arriving at time `now` (s)."""
         self._feel(faults.bumps)
+        touches = self.touches
         on_canvas = self._depth_on_canvas(path)
         self.tip = on_canvas[-1, :2]
         near = on_canvas[:, 2] > 0
@@ -109,6 +112,10 @@ class Table:
             self._over_canvas(on_canvas, now, faults)
         if len(path) > 1:
             self._among_vessels(_resampled(path, _LOOK), faults)
+        # A stroke survives a power cut as it would on a real canvas; ways through the air need not.
+        self.note(
+            {"did": "move", "path": path.tolist(), "now": now, "brush": self.tuft.volume}, flush=self.touches > touches
+        )
 
     def _feel(self, bumps: tuple[Bump, ...]) -> None:
         for bump in bumps:
