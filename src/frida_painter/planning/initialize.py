@@ -72,7 +72,8 @@ def progressive(
         )
 
         def tell(step: Step, done: int = number) -> None:
-            notify(Step(done * growth.settling + step.iteration, len(quotas) * growth.settling, step.loss))
+            before = done * growth.settling
+            notify(replace(step, iteration=before + step.iteration, of=len(quotas) * growth.settling))
 
         strokes, paints = optimize(
             strokes, scene, iterations=growth.settling, paints=paints, light_to_dark=light_to_dark, notify=tell

@@ -19,11 +19,15 @@ _BETWEEN_JUDGEMENTS = 10  # iterations
 
 @dataclass(frozen=True)
 class Step:
-    """One iteration that was made: its number, of how many, and the loss before it."""
+    """One iteration that was made: its number, of how many, the loss before it, and the strokes as they stood then.
+
+    The strokes are in painting order, for whoever wants to watch the plan grow.
+    """
 
     iteration: int
     of: int
     loss: float
+    strokes: Strokes | None = None
 
 
 def optimize(
@@ -53,14 +57,14 @@ def optimize(
     best = _Best()
     failures = 0
     for iteration in range(iterations + 1):
-        current = variables.strokes()
-        loss = scene.objective(scene.render(current[variables.order()]))
+        current = variables.strokes()[variables.order()]
+        loss = scene.objective(scene.render(current))
         value = loss.item()
         if scene.judge is None:
             best.consider(value, variables)
         elif iteration % _BETWEEN_JUDGEMENTS == 0 or iteration == iterations:
             with torch.no_grad():
-                picture = scene.render(current[variables.order()])
+                picture = scene.render(current)
                 best.consider(scene.judge(picture).item(), variables)
         if iteration == iterations:
             break
@@ -80,7 +84,7 @@ def optimize(
             group["lr"] = pace * 0.5**failures * _rhythm(iteration, iterations)
         adam.step()
         variables.set_(variables.strokes().detach().project(scene.limits, scene.size))
-        notify(Step(iteration + 1, iterations, value))
+        notify(Step(iteration + 1, iterations, value, current.detach()))
     best.restore(variables)
     order = variables.order()
     found = variables.paints()

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor
@@ -231,4 +231,4 @@ class _Progress:
         """Where the next `iterations` steps are to be reported."""
         before = self._done
         self._done += iterations
-        return lambda step: self._notify(Step(before + step.iteration, self._total, step.loss))
+        return lambda step: self._notify(replace(step, iteration=before + step.iteration, of=self._total))

@@ -7,16 +7,18 @@ from torch import Tensor
 
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
+from frida_painter.strokes import Strokes
 
 
 @dataclass(frozen=True)
 class PlanningStep:
-    """The planner made one iteration of `of`; `phase` is "plan" or "replan"."""
+    """The planner made one iteration of `of`; `phase` is "plan" or "replan"; strokes: as they stood then."""
 
     phase: str
     iteration: int
     of: int
     loss: float
+    strokes: Strokes | None = None
 
 
 @dataclass(frozen=True)

@@ -146,7 +146,7 @@ class PaintingSession:
         """Passes planning steps on, and stops the planner when a person has asked for it."""
 
         def tell(step: Step) -> None:
-            self._notify(PlanningStep(phase, step.iteration, step.of, step.loss))
+            self._notify(PlanningStep(phase, step.iteration, step.of, step.loss, step.strokes))
             self._heed_stop()
 
         return tell
