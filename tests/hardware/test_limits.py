@@ -3,9 +3,11 @@ import math
 import numpy as np
 import pytest
 
-from easels import WORKSPACE
+from easels import CANVAS, WORKSPACE
 from frida_painter.errors import WorkspaceViolation
 from frida_painter.hardware import limits
+from frida_painter.hardware.limits import Surface
+from frida_painter.hardware.reach import ArmLength
 from frida_painter.hardware.robot import Waypoints
 
 INSIDE = np.array([[0.0, 0.0, 0.1], [0.1, 0.1, 0.2], [0.2, 0.1, 0.1]])
@@ -61,3 +63,41 @@ def test_speeds_that_no_painter_needs_are_refused(speed):
 def test_what_is_no_path_is_refused(position):
     with pytest.raises(WorkspaceViolation, match=r"waypoints of shape"):
         limits.check([motion(position)], WORKSPACE)
+
+
+SURFACE = Surface(CANVAS, press_height=0.09)
+
+
+def over_canvas(x, y, height):
+    return WORKSPACE.to_robot(np.array([[x, y], [x, y]]), np.array([0.13, height]))
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.06, 0.04), (0.0, 0.0), (0.125, 0.09), (-0.009, 0.05)])
+def test_over_the_canvas_nothing_goes_below_the_hardest_press(x, y):
+    limits.check([motion(over_canvas(x, y, 0.09))], WORKSPACE, SURFACE)
+    limits.check([motion(over_canvas(x, y, 0.089))], WORKSPACE)
+    with pytest.raises(
+        WorkspaceViolation, match=r"stroke 7: z = 0\.0890 m at waypoint 1, over the canvas; .* 0\.0900 m"
+    ):
+        limits.check([motion(over_canvas(x, y, 0.089))], WORKSPACE, SURFACE)
+
+
+def test_beside_the_canvas_wells_may_be_deeper():
+    limits.check([motion(over_canvas(-0.03, 0.04, 0.06))], WORKSPACE, SURFACE)
+
+
+def test_a_hardest_press_that_is_no_number_allows_nothing_over_the_canvas():
+    with pytest.raises(WorkspaceViolation, match="over the canvas"):
+        limits.check([motion(over_canvas(0.06, 0.04, 0.1))], WORKSPACE, Surface(CANVAS, math.nan))
+
+
+def test_where_the_arm_does_not_get_is_refused_and_so_is_the_last_waypoint():
+    path = np.linspace((0.1, 0.1, 0.1), (0.3, 0.1, 0.1), 35)
+    limits.check([motion(path)], WORKSPACE, reach=ArmLength((0.0, 0.0, 0.1), 0.1, 0.32))
+    with pytest.raises(WorkspaceViolation, match=r"stroke 7: the arm does not reach \(0\.300, 0\.100, 0\.100\)"):
+        limits.check([motion(path)], WORKSPACE, reach=ArmLength((0.0, 0.0, 0.1), 0.1, 0.315))
+
+
+def test_every_motion_with_a_fault_is_told_once():
+    batch = [motion(label="a"), motion(with_one(9, 0), label="b"), motion(label="c"), motion(speed=0, label="d")]
+    assert [fault.label for fault in limits.faults(batch, WORKSPACE)] == ["b", "d"]

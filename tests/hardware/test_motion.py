@@ -99,3 +99,11 @@ def test_a_well_that_is_not_there_is_named_and_so_is_what_to_do(well):
 
 def test_everything_a_painter_does_on_the_canvas_stays_in_the_workspace():
     limits.check([MOTION.stroke(stroke(), 0), MOTION.rinse(), MOTION.wipe(), *map(MOTION.dip, range(4))], WORKSPACE)
+
+
+def test_all_travel_is_above_the_highest_thing_whatever_lies_lower():
+    low_wells = replace(WORKSPACE, wells=((-0.1, 0.0, 0.06),), water=(-0.2, 0.0, 0.07), rag=(-0.2, 0.2, 0.15))
+    uneven = Motion(low_wells, CALIBRATION)
+    assert uneven.travel_height == pytest.approx(0.15 + WORKSPACE.hover)
+    for motion in (uneven.dip(0), uneven.rinse(), uneven.wipe(), uneven.stroke(stroke(), 0)):
+        assert motion.position[[0, -1], 2] == pytest.approx(uneven.travel_height)

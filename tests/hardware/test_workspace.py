@@ -47,3 +47,15 @@ def test_heights_are_the_robots_own():
 def test_the_length_of_a_path_is_measured_in_space():
     path = np.array([(0.0, 0.0, 0.0), (0.3, 0.4, 0.0), (0.3, 0.4, 1.2)])
     assert Waypoints("there", path, 0.1).length == pytest.approx(1.7)
+
+
+@given(points, st.floats(-math.pi, math.pi))
+def test_the_way_back_to_the_canvas_is_the_way_there(position, angle):
+    workspace = replace(WORKSPACE, canvas_angle=angle)
+    there = workspace.to_robot(position, np.full(len(position), 0.1))
+    assert np.allclose(workspace.to_canvas(there), position, atol=1e-12)
+
+
+def test_the_top_is_the_highest_thing():
+    assert WORKSPACE.top == 0.1
+    assert replace(WORKSPACE, rag=(0.0, 0.0, 0.13)).top == 0.13

@@ -7,6 +7,7 @@ import typer
 from rich.console import Console
 
 from frida_painter.cli.calibration import register as register_calibration
+from frida_painter.cli.check import register as register_check
 from frida_painter.cli.experiments import build as experiments
 from frida_painter.cli.models import build as models
 from frida_painter.cli.painting import register
@@ -30,6 +31,7 @@ def build() -> typer.Typer:
     )
     register(app)
     register_calibration(app)
+    register_check(app)
     app.add_typer(strokes(), name="strokes")
     app.add_typer(models(), name="models")
     app.add_typer(experiments(), name="experiments")

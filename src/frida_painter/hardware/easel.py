@@ -6,6 +6,7 @@ from typing import Protocol
 from frida_painter.calibration import Calibration
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.camera import Camera
+from frida_painter.hardware.reach import Reach
 from frida_painter.hardware.robot import Robot
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.palette import Palette
@@ -29,7 +30,10 @@ class Attendant(Protocol):
 
 @dataclass(frozen=True)
 class Easel:
-    """Everything that differs between a virtual and a real painting."""
+    """Everything that differs between a virtual and a real painting.
+
+    reach: where the robot's arm gets, None where it gets everywhere in its workspace.
+    """
 
     robot: Robot
     camera: Camera
@@ -37,3 +41,4 @@ class Easel:
     workspace: Workspace
     calibration: Calibration
     canvas: CanvasSize
+    reach: Reach | None = None

@@ -3,37 +3,110 @@
 Nothing is clamped. The checks are written so that NaN fails them.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frida_painter.errors import WorkspaceViolation
+from frida_painter.frames import CanvasSize
+from frida_painter.hardware.reach import Reach
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.hardware.workspace import Workspace
 
 FASTEST = 1.0
 _TOLERANCE = 1e-6
+_BESIDE = 0.01  # metres: so near to the canvas counts as over it, for strokes end beside it
+_ASKED_EVERY = 10  # waypoints, a millimetre apart: reach is not asked for each
 
 
-def check(batch: Iterable[Waypoints], workspace: Workspace) -> None:
-    """Raises WorkspaceViolation, naming the motion and the axis, unless every waypoint lies in the workspace."""
+@dataclass(frozen=True)
+class Surface:
+    """The canvas as what the brush must not go through: its size, and robot z of the hardest press, metres."""
+
+    size: CanvasSize
+    press_height: float
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Why a motion is not allowed: the motion's label, and what is wrong with which axis."""
+
+    label: str
+    reason: str
+    remedy: str
+
+
+def check(
+    batch: Iterable[Waypoints], workspace: Workspace, surface: Surface | None = None, reach: Reach | None = None
+) -> None:
+    """Raises WorkspaceViolation, naming the motion and the axis, unless every motion is allowed.
+
+    surface: how deep the brush may go over the canvas, as far as that is known; reach: of the robot,
+    where its arm does not get everywhere.
+    """
+    for fault in faults(batch, workspace, surface, reach):
+        raise WorkspaceViolation(f"{fault.label}: {fault.reason}. Nothing was sent to the robot; {fault.remedy}.")
+
+
+def faults(
+    batch: Iterable[Waypoints], workspace: Workspace, surface: Surface | None = None, reach: Reach | None = None
+) -> Iterator[Fault]:
+    """Every motion that is not allowed, with the first of its faults."""
+    for motion in batch:
+        found = _of_form(motion) or _outside(motion, workspace)
+        found = found or (_too_deep(motion, workspace, surface) if surface else None)
+        found = found or (_out_of_reach(motion, reach) if reach else None)
+        if found:
+            yield Fault(motion.label, *found)
+
+
+def _of_form(motion: Waypoints) -> tuple[str, str] | None:
+    shape = motion.position.shape
+    if motion.position.ndim != 2 or shape[1] != 3 or shape[0] == 0:
+        return f"waypoints of shape {shape} were planned; one or more (x, y, z) are needed", "report this"
+    if not 0 < motion.speed <= FASTEST:
+        allowed = f"a speed of {motion.speed} m/s was planned; allowed is above 0 to {FASTEST} m/s"
+        return allowed, "correct the speeds of the workspace"
+    return None
+
+
+def _outside(motion: Waypoints, workspace: Workspace) -> tuple[str, str] | None:
     lower, upper = np.array(workspace.lower) - _TOLERANCE, np.array(workspace.upper) + _TOLERANCE
-    for waypoints in batch:
-        if waypoints.position.ndim != 2 or waypoints.position.shape[1] != 3 or len(waypoints.position) == 0:
-            raise WorkspaceViolation(
-                f"{waypoints.label}: waypoints of shape {waypoints.position.shape} were planned; "
-                "one or more (x, y, z) are needed. Nothing was sent to the robot."
-            )
-        if not 0 < waypoints.speed <= FASTEST:
-            raise WorkspaceViolation(
-                f"{waypoints.label}: a speed of {waypoints.speed} m/s was planned; allowed is above 0 to "
-                f"{FASTEST} m/s. Nothing was sent to the robot."
-            )
-        inside = (waypoints.position >= lower) & (waypoints.position <= upper)
-        if not inside.all():
-            point, axis = np.argwhere(~inside)[0]
-            raise WorkspaceViolation(
-                f"{waypoints.label}: {'xyz'[axis]} = {waypoints.position[point, axis]:.4f} m at waypoint {point}; "
-                f"the workspace reaches from {workspace.lower[axis]:.4f} to {workspace.upper[axis]:.4f} m. "
-                "Nothing was sent to the robot; move the canvas into reach or make the workspace true."
-            )
+    inside = (motion.position >= lower) & (motion.position <= upper)
+    if inside.all():
+        return None
+    point, axis = np.argwhere(~inside)[0]
+    reason = (
+        f"{_axis(motion, point, axis)}; the workspace reaches from {workspace.lower[axis]:.4f} to "
+        f"{workspace.upper[axis]:.4f} m"
+    )
+    return reason, "move the canvas into reach or make the workspace true"
+
+
+def _too_deep(motion: Waypoints, workspace: Workspace, surface: Surface) -> tuple[str, str] | None:
+    over = workspace.to_canvas(motion.position)
+    size = np.array([surface.size.width, surface.size.height])
+    above_canvas = ((over >= -_BESIDE) & (over <= size + _BESIDE)).all(1)
+    deep = above_canvas & ~(motion.position[:, 2] >= surface.press_height - _TOLERANCE)
+    if not deep.any():
+        return None
+    reason = (
+        f"{_axis(motion, int(deep.argmax()), 2)}, over the canvas; the hardest press is at {surface.press_height:.4f} m"
+    )
+    return reason, "repeat the brush calibration or make the workspace true"
+
+
+def _out_of_reach(motion: Waypoints, reach: Reach) -> tuple[str, str] | None:
+    asked = np.unique(np.r_[np.arange(0, len(motion.position), _ASKED_EVERY), len(motion.position) - 1])
+    position: NDArray[np.float64] = motion.position[asked]
+    within = reach.reachable(position)
+    if within.all():
+        return None
+    x, y, z = position[int((~within).argmax())]
+    return f"the arm does not reach ({x:.3f}, {y:.3f}, {z:.3f}) m", "move what is to be reached nearer to the robot"
+
+
+def _axis(motion: Waypoints, point: int, axis: int) -> str:
+    return f"{'xyz'[axis]} = {motion.position[point, axis]:.4f} m at waypoint {point}"

@@ -1,6 +1,7 @@
 """From painting to moving: strokes, dips, rinses and wipes as waypoints of the brush's tip.
 
-Every motion begins and ends at hover height, so that any of them may follow any other.
+Every motion begins and ends at one height, above everything that stands there, so that any of
+them may follow any other.
 """
 
 from dataclasses import dataclass
@@ -15,9 +16,10 @@ from frida_painter.hardware.robot import Waypoints
 from frida_painter.hardware.workspace import Point, Workspace
 from frida_painter.strokes import Strokes
 
+STIR_RADIUS = 0.008
+"""How far around the middle of a well or of the water the tip goes, metres."""
 _STEP = 0.001
 _STIRS = 3
-_RINSE_RADIUS = 0.008
 
 
 @dataclass(frozen=True)
@@ -27,13 +29,18 @@ class Motion:
     workspace: Workspace
     calibration: Calibration
 
+    @property
+    def travel_height(self) -> float:
+        """Robot z at which the tip travels: so high that it clears all things, wherever the next one is."""
+        return max(self.workspace.top, self.calibration.touch_height) + self.workspace.hover
+
     def stroke(self, strokes: Strokes, index: int, name: str | None = None) -> Waypoints:
         """Stroke `index` of `strokes` on the canvas: down, along its path pressed by its thickness, and up."""
         on_canvas, thickness = stroke_path(strokes, index, step=_STEP)  # [k, 2], [k]
         height = self.calibration.height(thickness)
         path = self.workspace.to_robot(self.calibration.place(on_canvas), height)
         above = path[[0, -1]].copy()
-        above[:, 2] = self._hover_over(self.calibration.touch_height)
+        above[:, 2] = self.travel_height
         position = np.concatenate([above[:1], path, above[1:]])
         return Waypoints(name or f"stroke {index}", position, self.workspace.painting_speed)
 
@@ -60,13 +67,10 @@ class Motion:
 
     def _circle(self, label: str, center: Point, turns: int) -> Waypoints:
         angle = np.linspace(0, 2 * np.pi * turns, 12 * turns + 1)
-        offset = _RINSE_RADIUS * np.c_[np.cos(angle), np.sin(angle), np.zeros_like(angle)]
+        offset = STIR_RADIUS * np.c_[np.cos(angle), np.sin(angle), np.zeros_like(angle)]
         return self._from_above(label, np.array(center) + offset)
 
     def _from_above(self, label: str, position: NDArray[np.float64]) -> Waypoints:
         above = position[[0, -1]].copy()
-        above[:, 2] = self._hover_over(position[0, 2])
+        above[:, 2] = self.travel_height
         return Waypoints(label, np.concatenate([above[:1], position, above[1:]]), self.workspace.travel_speed)
-
-    def _hover_over(self, height: float) -> float:
-        return height + self.workspace.hover

@@ -16,7 +16,8 @@ class Workspace:
     bottom-left corner on its surface; canvas_angle: radians from the robot's x axis to the canvas's
     lower edge; wells: the tip's place in each paint well; water, rag: likewise; rag_width: how far
     one wipes along x; hover: height of the tip above things while it travels; painting_speed,
-    travel_speed: m/s.
+    travel_speed: m/s; home: where the tip waits while the camera looks, None where the robot knows
+    a home of its own.
     """
 
     lower: Point
@@ -30,9 +31,22 @@ class Workspace:
     hover: float
     painting_speed: float
     travel_speed: float
+    home: Point | None = None
+
+    @property
+    def top(self) -> float:
+        """Robot z of the highest thing that stands there, metres."""
+        return max(place[2] for place in (self.canvas_origin, *self.wells, self.water, self.rag))
 
     def to_robot(self, position: NDArray[np.float64], height: NDArray[np.float64]) -> NDArray[np.float64]:
         """Canvas metres [k, 2] and robot heights [k] to the robot's frame [k, 3]."""
+        return np.c_[position @ self._turn + np.array(self.canvas_origin[:2]), height]
+
+    def to_canvas(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Places in the robot's frame [k, 3], seen from above, in canvas metres [k, 2]."""
+        return (position[:, :2] - np.array(self.canvas_origin[:2])) @ self._turn.T
+
+    @property
+    def _turn(self) -> NDArray[np.float64]:
         cos, sin = np.cos(self.canvas_angle), np.sin(self.canvas_angle)
-        turned = position @ np.array([[cos, sin], [-sin, cos]])
-        return np.c_[turned + np.array(self.canvas_origin[:2]), height]
+        return np.array([[cos, sin], [-sin, cos]])

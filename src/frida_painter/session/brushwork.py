@@ -41,7 +41,7 @@ class Brushwork:
         calibration = self.placement.corrected(self.easel.calibration, self.easel.canvas)
         choreography = Choreography(Motion(self.easel.workspace, calibration), self.brush)
         actions = list(choreography.actions(plan, self.load, already_done, of))
-        limits.check((motion for action in actions for motion in action.motions), self.easel.workspace)
+        self._check(motion for action in actions for motion in action.motions)
         return actions
 
     def perform(self, action: Action) -> None:
@@ -57,9 +57,13 @@ class Brushwork:
         """Rinses and wipes the brush; afterwards it holds no paint."""
         motion = Motion(self.easel.workspace, self.easel.calibration)
         washing = (motion.rinse(), motion.wipe())
-        limits.check(washing, self.easel.workspace)
+        self._check(washing)
         self._follow(washing)
         self.load = BrushLoad()
+
+    def _check(self, motions: Iterable[Waypoints]) -> None:
+        surface = limits.Surface(self.easel.canvas, self.easel.calibration.press_height)
+        limits.check(motions, self.easel.workspace, surface, self.easel.reach)
 
     def _follow(self, motions: Iterable[Waypoints]) -> None:
         for motion in motions:

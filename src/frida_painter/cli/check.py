@@ -1,0 +1,134 @@
+"""The commands about where things stand around a robot: check a plan there, print and draw workspaces."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import torch
+import typer
+
+from frida_painter import images
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.calibration import Calibration
+from frida_painter.errors import ConfigError
+from frida_painter.frames import PixelGrid
+from frida_painter.hardware.reach import Reach
+from frida_painter.hardware.stand import Stand, example
+from frida_painter.plan import Plan
+from frida_painter.render import render
+from frida_painter.report.offending_strokes import offending_strokes
+from frida_painter.report.workspace_plan import workspace_plan
+from frida_painter.session.opening import settle_threads
+from frida_painter.session.procedures.standing import require
+from frida_painter.session.rehearsal import Rehearsal, rehearse
+from frida_painter.virtual.studio import open_studio
+
+_TOLD = 12  # faults; the picture shows all
+_ROWS = 900
+
+PictureOut = Annotated[Path, typer.Option(metavar="FILE", help="The picture to write, .png or .jpg.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    app.command("check")(check)
+    group = typer.Typer(no_args_is_help=True, help="Write down where canvas, wells, water and rag stand, in metres.")
+    group.command("example")(print_example)
+    group.command("draw")(draw)
+    app.add_typer(group, name="workspace")
+
+
+def check(
+    plan: Annotated[
+        Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
+    ],
+    workspace: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The workspace of the easel (TOML). [dim]the virtual studio's own[/]"),
+    ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The easel's calibration record. [dim]the heights of the workspace[/]"),
+    ] = None,
+    out: PictureOut = Path("check.png"),
+) -> None:
+    """Check whether a whole plan can be painted on an easel, before anything moves.
+
+    Every motion is asked for: strokes, dips, rinses, wipes. Where something cannot be done, it is
+    told, a picture shows the strokes in red, and the exit status is 1.
+    """
+    _require_picture(out)
+    settle_threads()
+    loaded = Plan.load(plan)
+    reach: Reach | None
+    if workspace is None:
+        easel = open_studio(loaded.canvas, loaded.brush).easel
+        place, size, default, reach = easel.workspace, easel.canvas, easel.calibration, easel.reach
+    else:
+        stand = Stand.load(workspace)
+        default = stand.calibration(loaded.brush)
+        place, size, reach = stand.workspace, stand.canvas, stand.reach
+    found = rehearse(loaded, place, size, _known(calibration, default), reach)
+    if found.passed:
+        print(f"{_count(len(loaded), 'stroke')} in {_count(len(loaded.palette), 'paint')}: all of it can be painted.")
+        return
+    _tell(found, len(loaded))
+    if found.strokes:
+        images.save(offending_strokes(loaded, _picture(loaded), found.strokes), out)
+        print(f"  The strokes in red: {out}", file=sys.stderr)
+    raise typer.Exit(1)
+
+
+def print_example() -> None:
+    """Print a whole workspace file with comments; redirect it into a file of your own and measure."""
+    print(example(), end="")
+
+
+def draw(
+    workspace: Annotated[Path, typer.Argument(metavar="FILE", help="A workspace (TOML).", show_default=False)],
+    out: PictureOut = Path("workspace.png"),
+) -> None:
+    """Draw a workspace as seen from above, to compare it with the table in front of you."""
+    _require_picture(out)
+    stand = Stand.load(workspace)
+    images.save(workspace_plan(stand.workspace, stand.canvas, stand.easel), out)
+    print(f"{stand.easel}: {_count(len(stand.workspace.wells), 'well')}, canvas of {stand.canvas}: {out}")
+
+
+def _known(record: Path | None, default: Calibration) -> Calibration:
+    """The easel's record; refused where it is of another easel, brush or canvas."""
+    if record is None:
+        return default
+    known = Calibration.load(record)
+    require(known, default, ())
+    return known
+
+
+def _picture(plan: Plan) -> torch.Tensor:
+    grid = PixelGrid.of_height(plan.canvas, _ROWS)
+    ground = torch.tensor(plan.ground)[:, None, None].expand(3, grid.rows, grid.columns)
+    with torch.no_grad():
+        return render(plan.strokes, load_stroke_model(plan.brush), ground.contiguous(), plan.canvas)
+
+
+def _tell(found: Rehearsal, strokes: int) -> None:
+    print("This plan cannot be painted here:", file=sys.stderr)
+    faults = [*found.others, *found.strokes.values()]
+    told = [*found.mismatches, *(f"{fault.label}: {fault.reason}" for fault in faults)]
+    for line in told[:_TOLD]:
+        print(f"  {line}", file=sys.stderr)
+    if len(told) > _TOLD:
+        print(f"  and {len(told) - _TOLD} more", file=sys.stderr)
+    if found.strokes:
+        print(f"  {len(found.strokes)} of {_count(strokes, 'stroke')} are concerned.", file=sys.stderr)
+    for remedy in dict.fromkeys(fault.remedy for fault in faults):
+        print(f"  What to do: {remedy}.", file=sys.stderr)
+
+
+def _require_picture(out: Path) -> None:
+    if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"

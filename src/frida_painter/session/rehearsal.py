@@ -1,0 +1,73 @@
+"""A rehearsal: everything that painting a plan takes is asked for before anything moves, and all that fails is told."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from frida_painter.calibration import Calibration
+from frida_painter.frames import CanvasSize
+from frida_painter.hardware import limits
+from frida_painter.hardware.limits import Fault, Surface
+from frida_painter.hardware.motion import Motion
+from frida_painter.hardware.reach import Reach
+from frida_painter.hardware.robot import Waypoints
+from frida_painter.hardware.workspace import Workspace
+from frida_painter.plan import Plan
+
+_SAME = 0.001  # metres: canvases are cut by hand
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """What would be refused.
+
+    mismatches: where the plan and the easel do not belong together, a sentence each; strokes: the
+    faults of strokes by their index in the plan; others: of dips, rinses and wipes.
+    """
+
+    mismatches: tuple[str, ...]
+    strokes: dict[int, Fault]
+    others: tuple[Fault, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether the plan can be painted there."""
+        return not (self.mismatches or self.strokes or self.others)
+
+
+def rehearse(
+    plan: Plan, workspace: Workspace, canvas: CanvasSize, calibration: Calibration, reach: Reach | None = None
+) -> Rehearsal:
+    """Asks for every motion of a plan on an easel with a canvas of that size.
+
+    reach: of the robot, where its arm does not get everywhere in its workspace.
+    """
+    motion, surface = Motion(workspace, calibration), Surface(canvas, calibration.press_height)
+    strokes: dict[int, Fault] = {}
+    for index in range(len(plan)):
+        path = motion.stroke(plan.strokes, index, f"stroke {index + 1}")
+        for fault in limits.faults([path], workspace, surface, reach):
+            strokes[index] = fault
+    others = limits.faults(_around(plan, motion), workspace, surface, reach)
+    return Rehearsal(tuple(_mismatches(plan, workspace, canvas)), strokes, tuple(others))
+
+
+def _mismatches(plan: Plan, workspace: Workspace, canvas: CanvasSize) -> Iterator[str]:
+    if max(abs(plan.canvas.width - canvas.width), abs(plan.canvas.height - canvas.height)) > _SAME:
+        yield (
+            f"the plan is for a canvas of {plan.canvas}, and the easel's is {canvas}; "
+            "plan anew with --canvas, or put up the canvas of the plan and make the workspace true"
+        )
+    if len(plan.palette) > len(workspace.wells):
+        yield (
+            f"the plan has {len(plan.palette)} paints, and the workspace {len(workspace.wells)} wells; "
+            "plan anew with fewer --colors, or add wells"
+        )
+
+
+def _around(plan: Plan, motion: Motion) -> Iterator[Waypoints]:
+    """What is done beside the canvas; wells that are missing are told of on their own."""
+    for paint in sorted(set(plan.paint.tolist())):
+        if paint < len(motion.workspace.wells):
+            yield motion.dip(paint)
+    yield motion.rinse()
+    yield motion.wipe()

@@ -1,0 +1,105 @@
+import re
+from pathlib import Path
+
+import pytest
+
+from frida_painter import cli, images
+from frida_painter.hardware.stand import Stand, example
+from plans import made_up_plan
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
+    monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    return int(end.value.code or 0)
+
+
+@pytest.fixture
+def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "plan.json"
+    made_up_plan(30, 4).save(path)
+    return path
+
+
+def workspace(*changes: tuple[str, str]) -> Path:
+    text = example().replace("width = 0.3556", "width = 0.3").replace("height = 0.2794", "height = 0.2")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = Path("my.toml")
+    path.write_text(text)
+    return path
+
+
+def test_the_virtual_studio_takes_every_plan(monkeypatch, plan, capsys) -> None:
+    assert run(monkeypatch, "check", plan) == 0
+    assert "30 strokes in 4 paints: all of it can be painted." in capsys.readouterr().out
+    assert not Path("check.png").exists()
+
+
+def test_a_plan_that_fits_its_workspace(monkeypatch, plan, capsys) -> None:
+    assert run(monkeypatch, "check", plan, "--workspace", workspace()) == 0
+    assert "all of it can be painted" in capsys.readouterr().out
+
+
+def test_strokes_out_of_reach_are_named_and_drawn_in_red(monkeypatch, plan, capsys) -> None:
+    short = workspace(("farthest = 0.78", "farthest = 0.5"))
+    assert run(monkeypatch, "check", plan, "--workspace", short, "--out", "red.png") == 1
+    told = capsys.readouterr().err
+    concerned = re.search(r"(\d+) of 30 strokes are concerned", told)
+    assert concerned and 0 < int(concerned[1]) < 30
+    assert re.search(r"stroke \d+: the arm does not reach \(", told) and "What to do: move" in told
+    red, green, blue = images.load(Path("red.png"))[:, :900]
+    alarming = (red > 0.7) & (green < 0.2) & (blue < 0.25)
+    width = alarming.shape[1]
+    assert alarming[:, width // 2 :].sum() > 500, "those far from the arm, at the right"
+    assert alarming[:, : width // 4].sum() < 50
+
+
+def test_another_canvas_and_missing_wells_are_told_together(monkeypatch, plan, capsys) -> None:
+    wells = re.search(r"wells = \[.*?\n\]", example(), re.DOTALL)
+    assert wells
+    other = workspace((wells[0], "wells = [[0.22, 0.0, 0.118]]"), ("width = 0.3\n", "width = 0.25\n"))
+    assert run(monkeypatch, "check", plan, "--workspace", other) == 1
+    told = capsys.readouterr().err
+    assert "the plan is for a canvas of 300 x 200 mm, and the easel's is 250 x 200 mm" in told
+    assert "the plan has 4 paints, and the workspace 1 wells" in told
+
+
+def test_a_record_of_another_brush_is_refused(monkeypatch, plan, capsys, tmp_path) -> None:
+    Stand.load(workspace()).calibration("fine").save(tmp_path / "record.json")
+    assert run(monkeypatch, "check", plan, "--workspace", "my.toml", "--calibration", "record.json") == 2
+    assert "fine" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("check",), "PLAN"),
+        (("check", "nowhere.json"), "nowhere.json does not exist"),
+        (("check", "plan.json", "--workspace", "nowhere.toml"), "nowhere.toml does not exist"),
+        (("check", "plan.json", "--workspace", "bad.toml"), "canvas.width is nan"),
+        (("check", "plan.json", "--workspace", "plan.json"), "is not TOML"),
+        (("check", "plan.json", "--calibration", "nowhere.json"), "nowhere.json"),
+        (("check", "plan.json", "--out", "check.svg"), "ends in .png or .jpg"),
+        (("workspace", "draw", "bad.toml"), "canvas.width is nan"),
+        (("workspace", "draw", "nowhere.toml"), "nowhere.toml does not exist"),
+    ],
+)
+def test_what_cannot_be_checked_is_refused_in_a_sentence(monkeypatch, plan, capsys, words, says) -> None:
+    Path("bad.toml").write_text(example().replace("width = 0.3556", "width = nan"))
+    assert run(monkeypatch, *words) == 2
+    told = capsys.readouterr().err
+    assert says in told and told.count("\n") == 1
+
+
+def test_the_example_can_be_redirected_and_drawn(monkeypatch, tmp_path, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(monkeypatch, "workspace", "example") == 0
+    Path("mine.toml").write_text(capsys.readouterr().out)
+    assert run(monkeypatch, "workspace", "draw", "mine.toml") == 0
+    assert "my easel: 12 wells, canvas of 356 x 279 mm" in capsys.readouterr().out
+    drawing = images.load(Path("workspace.png"))
+    assert drawing.shape[2] > 1000 and float(drawing.std()) > 0.03
