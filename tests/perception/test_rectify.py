@@ -109,3 +109,11 @@ def test_a_place_of_the_photograph_is_found_in_the_picture(bow):
     places = seen(cv2.perspectiveTransform(shares[None], to_photograph)[0])
     found = rectified_pixels(places, record, grid)
     np.testing.assert_allclose(found, shares * (grid.columns, grid.rows) - 0.5, atol=0.01)
+
+
+@pytest.mark.parametrize("rows", [60, 400])
+def test_no_line_of_the_table_is_left_along_the_edge(rows):
+    across, down = across_and_down()
+    inside = (across > 0.0015) & (across < 0.9985) & (down > 0.0015) & (down < 0.9985)
+    image = np.rint(255 * np.where(inside[..., None], 0.9, 0.2) * np.ones(3)).astype(np.uint8)
+    assert rectify(image, calibration(), PixelGrid.of_height(SIZE, rows)).min() > 0.88

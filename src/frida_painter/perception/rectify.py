@@ -16,6 +16,7 @@ from frida_painter.perception.light import light_of_bytes, to_srgb
 
 _DARKEST = 0.01
 _MOST_OVERLAP = 2.0
+_RIM = 1.0  # pixels of the photograph: a corner is known to about half of one
 _FINEST = 8
 _STRIDE = 16
 
@@ -46,6 +47,7 @@ def rectify(photograph: NDArray[np.uint8], calibration: Calibration, grid: Pixel
     else:
         column, row = _bent(calibration.lens, np.asarray(to_photograph, np.float64), rows, columns)
         light = cv2.remap(photographed, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    light = _without_rim(np.asarray(light, np.float32), calibration)
     if fineness > 1:
         light = cv2.resize(light, (grid.columns, grid.rows), interpolation=cv2.INTER_AREA)
     picture = torch.from_numpy(np.ascontiguousarray(light.transpose(2, 0, 1)))
@@ -109,9 +111,28 @@ def _check(photograph: NDArray[np.uint8], calibration: Calibration) -> None:
         )
 
 
+def _without_rim(light: NDArray[np.float32], calibration: Calibration) -> NDArray[np.float32]:
+    """The same, its outermost samples as the next ones further in.
+
+    They fall into pixels of the photograph that show some of the table, and a painter would take
+    that for a dark line along the canvas's edge.
+    """
+    rows, columns = light.shape[:2]
+    top, right, bottom, left = _sides(calibration)
+    across, down = math.ceil(_RIM * columns / min(top, bottom)), math.ceil(_RIM * rows / min(left, right))
+    inner = light[down : rows - down, across : columns - across]
+    return np.asarray(cv2.copyMakeBorder(inner, down, down, across, across, cv2.BORDER_REPLICATE), np.float32)
+
+
+def _sides(calibration: Calibration) -> tuple[float, float, float, float]:
+    """How long the canvas's top, right, bottom and left are in the photograph, in pixels."""
+    corners = np.array(calibration.corners)
+    top, right, bottom, left = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).tolist()
+    return top, right, bottom, left
+
+
 def _fineness(calibration: Calibration, grid: PixelGrid) -> int:
     """How many samples along each side of a grid's pixel it takes to look at every pixel of the photograph."""
-    corners = np.array(calibration.corners)
-    top, right, bottom, left = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+    top, right, bottom, left = _sides(calibration)
     denser = max(top / grid.columns, bottom / grid.columns, left / grid.rows, right / grid.rows)
     return min(_FINEST, max(1, math.ceil(denser)))
