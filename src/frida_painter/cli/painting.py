@@ -122,6 +122,8 @@ def paint(
     image_weight: goals.ImageWeight = None,
     semantic: goals.Semantic = None,
     semantic_weight: goals.SemanticWeight = None,
+    sketch: goals.Sketch = None,
+    sketch_weight: goals.SketchWeight = None,
     style: goals.Style = None,
     style_weight: goals.StyleWeight = None,
     init_image: goals.InitImage = None,
@@ -143,8 +145,8 @@ def paint(
 ) -> None:
     """Paint a photograph in the virtual studio: plan, paint some strokes, look, plan the rest again.
 
-    With --style it is painted in the style of another picture, with --semantic by what it shows;
-    docs/goals.md tells of all goals.
+    With --style it is painted in the style of another picture, with --semantic by what it shows,
+    with --sketch along the lines of a drawing; docs/goals.md tells of all goals.
 
     Afterwards the folder holds the painting, a film, a palette to mix, the strokes, and a page that
     tells the story. Ctrl-C stops after the current stroke and keeps what was made.
@@ -197,6 +199,8 @@ def plan(
     image_weight: goals.ImageWeight = None,
     semantic: goals.Semantic = None,
     semantic_weight: goals.SemanticWeight = None,
+    sketch: goals.Sketch = None,
+    sketch_weight: goals.SketchWeight = None,
     style: goals.Style = None,
     style_weight: goals.StyleWeight = None,
     init_image: goals.InitImage = None,
