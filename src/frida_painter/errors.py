@@ -80,5 +80,9 @@ class FrameRejected(CameraError):
     """A fresh frame that does not show the canvas as it should; the message gives the reason."""
 
 
+class PaintingPaused(FridaError):
+    """A painting could not go on by itself and nobody was there to ask; it can be resumed where it is."""
+
+
 class Interrupted(FridaError):
     """A person asked to stop; what was made so far is kept."""

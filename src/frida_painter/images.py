@@ -70,6 +70,24 @@ def save(image: Tensor, path: Path) -> None:
             picture.save(temporary, format="PNG")
 
 
+def save_exactly(pixels: NDArray[np.uint8], path: Path) -> None:
+    """Writes bytes [H, W, 3] as PNG, atomically and quickly rather than as small as can be. Raises StorageError."""
+    with storage.replacing(path) as temporary:
+        Image.fromarray(pixels).save(temporary, format="PNG", compress_level=1)
+
+
+def load_exactly(path: Path) -> NDArray[np.uint8]:
+    """The bytes [H, W, 3] that `save_exactly` wrote. Raises ImageError where the file is gone or damaged."""
+    try:
+        with Image.open(path, formats=("PNG",)) as file:
+            _check_size(path, *file.size, MOST_PIXELS)
+            return np.array(file.convert("RGB"))
+    except ImageError:
+        raise
+    except Exception as cause:  # decoders raise whatever they stumble over in a damaged file
+        raise ImageError(f"{path} is gone or damaged ({_one_line(cause)}); take an undamaged copy.") from cause
+
+
 def to_uint8(image: Tensor) -> NDArray[np.uint8]:
     """sRGB [3, H, W] in [0, 1] to the bytes [H, W, 3] that cameras, films and files speak."""
     return (image.detach().clamp(0, 1) * 255).round().to(torch.uint8).permute(1, 2, 0).contiguous().cpu().numpy()

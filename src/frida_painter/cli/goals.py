@@ -1,7 +1,7 @@
 """What shall be painted, as it is said on the command line or in a TOML file, made into a goal."""
 
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,13 +13,15 @@ from frida_painter import images, storage
 from frida_painter.cli.numbers import number
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, Term
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm, Term
 
-_KINDS = ("image", "semantic", "sketch", "style")
+_KINDS = ("image", "semantic", "style")
 _MOST_BYTES = 2**20
 _MOST_TERMS = 20
 _STYLE_LONGEST = 1024  # pixels; styles are compared in small pictures
 
+Wish = tuple[str, Any, float]
+"""The kind of a term, a file, and how much it matters."""
 _Files = list[Path] | None
 _Weights = list[float] | None
 _PANEL = "What to paint"
@@ -40,8 +42,6 @@ Style = Annotated[_Files, _file("A picture whose colours, textures and marks the
 StyleWeight = Annotated[_Weights, _weight("style")]
 Semantic = Annotated[_Files, _file("A picture to paint by what it shows, rather than pixel by pixel.")]
 SemanticWeight = Annotated[_Weights, _weight("semantic")]
-Sketch = Annotated[_Files, _file("A drawing whose lines the painting shall follow: lines on paper, or on nothing.")]
-SketchWeight = Annotated[_Weights, _weight("sketch")]
 InitImage = Annotated[_Files, _file("A picture to begin with, whose composition shall stay.")]
 InitStyle = Annotated[_Files, _file("A style picture to begin with: its composition is kept as well.")]
 GoalFile = Annotated[
@@ -52,13 +52,18 @@ GoalFile = Annotated[
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a person asked for: the goal, in words for the record, a title, a name for files, and the first picture."""
+    """What a person asked for: the goal, in words for the record, a title, a name for files, and the first picture.
+
+    wishes, begins: the same as (kind, file, weight), what the painting is to be and what it begins with.
+    """
 
     goal: Goal
     facts: tuple[tuple[str, str], ...]
     title: str
     name: str
     picture: Tensor
+    wishes: tuple[Wish, ...]
+    begins: tuple[Wish, ...]
 
     def fitted(self, grid: PixelGrid) -> "Wanted":
         """The same, with the pictures that are to fill the canvas as they will fill it."""
@@ -77,8 +82,8 @@ def read_goal(photo: Path | None, given: dict[str, Any]) -> Wanted:
 
     Raises ConfigError and ImageError, before anything is planned, for what makes no goal.
     """
-    wishes: list[tuple[str, Any, float]] = [] if photo is None else [("image", photo, _photo_weight(given))]
-    begins: list[tuple[str, Any, float]] = []
+    wishes: list[Wish] = [] if photo is None else [("image", photo, _photo_weight(given))]
+    begins: list[Wish] = []
     for kind in _KINDS:
         values = given.get(kind) or []
         wishes += zip([kind] * len(values), values, _weights(kind, photo, values, given), strict=True)
@@ -87,7 +92,7 @@ def read_goal(photo: Path | None, given: dict[str, Any]) -> Wanted:
         more, first = _from_toml(given["goal"])
         wishes, begins = wishes + more, begins + first
     if not wishes:
-        raise ConfigError("There is nothing to paint; give a PHOTO, or --semantic, --sketch or --style with a picture.")
+        raise ConfigError("There is nothing to paint; give a PHOTO, or --semantic or --style with a picture.")
     if len(wishes) + len(begins) > _MOST_TERMS:
         raise ConfigError(f"{len(wishes) + len(begins)} goals were given; at most {_MOST_TERMS} are pursued together.")
     terms = [_term(*wish) for wish in wishes]
@@ -97,7 +102,8 @@ def read_goal(photo: Path | None, given: dict[str, Any]) -> Wanted:
     facts += [(f"Begun with {kind}", _described(value, 1.0)) for kind, value, _ in begins]
     pictures = [term.image for term in (*terms, *initial) if not isinstance(term, StyleTerm)]
     pictures += [term.image for term in terms]
-    return Wanted(Goal(tuple(terms), tuple(initial)), tuple(facts), *_names(wishes[0][1]), pictures[0])
+    goal = Goal(tuple(terms), tuple(initial))
+    return Wanted(goal, tuple(facts), *_names(wishes[0][1]), pictures[0], tuple(wishes), tuple(begins))
 
 
 def _photo_weight(given: dict[str, Any]) -> float:
@@ -123,15 +129,12 @@ def _term(kind: str, value: Any, weight: float) -> Term:
     try:
         if kind == "style":
             return StyleTerm(images.load(value, longest=_STYLE_LONGEST), weight)
-        kinds: dict[str, Callable[[Tensor, float], Term]] = {
-            "image": ImageTerm, "semantic": SemanticTerm, "sketch": SketchTerm,
-        }  # fmt: skip
-        return kinds[kind](images.load(value), weight)
+        return (SemanticTerm if kind == "semantic" else ImageTerm)(images.load(value), weight)
     except ConfigError as error:
         raise ConfigError(f"--{kind} {str(value)[:60]}: {error}") from error
 
 
-def _from_toml(path: Path) -> tuple[list[tuple[str, Any, float]], list[tuple[str, Any, float]]]:
+def _from_toml(path: Path) -> tuple[list[Wish], list[Wish]]:
     """The wishes and the beginnings of a goal file; pictures are named relative to it."""
     content = storage.read_bytes(path, "a goal file (TOML)", _MOST_BYTES, ConfigError)
     example = 'write [[goal]], then lines such as style = "waves.jpg" and weight = 2'
@@ -144,7 +147,7 @@ def _from_toml(path: Path) -> tuple[list[tuple[str, Any, float]], list[tuple[str
         raise ConfigError(
             f"{path} speaks of {sorted(unknown)[0][:40]!r}; it may hold [[goal]] and [[initial]]; {example}."
         )
-    found: dict[str, list[tuple[str, Any, float]]] = {"goal": [], "initial": []}
+    found: dict[str, list[Wish]] = {"goal": [], "initial": []}
     for table, wishes in found.items():
         entries = record.get(table, [])
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
@@ -160,7 +163,7 @@ def _from_toml(path: Path) -> tuple[list[tuple[str, Any, float]], list[tuple[str
 
 
 def _label(kind: str) -> str:
-    return {"image": "Picture", "semantic": "What is shown in", "sketch": "Sketch", "style": "Style of"}[kind]
+    return {"image": "Picture", "semantic": "What is shown in", "style": "Style of"}[kind]
 
 
 def _described(value: Any, weight: float) -> str:

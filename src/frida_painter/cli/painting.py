@@ -1,4 +1,4 @@
-"""The commands that make and show paintings: paint, plan, render."""
+"""The commands that make and show paintings: paint, plan, render, export."""
 
 import signal
 import sys
@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from datetime import datetime
+from enum import StrEnum
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
@@ -17,12 +18,15 @@ from rich.console import Console
 
 from frida_painter import images, storage
 from frida_painter.brush.weights import load_stroke_model
-from frida_painter.cli import goals
+from frida_painter.cli import goals, kept
 from frida_painter.cli.numbers import number, whole_number
 from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress, duration
 from frida_painter.cli.virtual import PlacementErrorOption, read_placement_error
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, Interrupted
+from frida_painter.export.bezier import mark_widths
+from frida_painter.export.svg import svg
+from frida_painter.export.table import table
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.plan import Plan
@@ -30,9 +34,18 @@ from frida_painter.planning.optimize import Step
 from frida_painter.render import render as render_strokes
 from frida_painter.report.palette_sheet import palette_sheet
 from frida_painter.report.recorder import Occasion, Recorder
+from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PHOTOGRAPH_ROWS, Rhythm
 from frida_painter.session.opening import on_record, open_planner, open_session, settle_threads
 from frida_painter.virtual.studio import open_studio
+
+
+class ExportFormat(StrEnum):
+    """What a plan can be turned into."""
+
+    svg = "svg"
+    csv = "csv"
+
 
 Photo = Annotated[
     Path | None,
@@ -114,6 +127,7 @@ def register(app: typer.Typer) -> None:
     app.command("paint")(paint)
     app.command("plan")(plan)
     app.command("render")(render)
+    app.command("export")(export)
 
 
 def paint(
@@ -122,8 +136,6 @@ def paint(
     image_weight: goals.ImageWeight = None,
     semantic: goals.Semantic = None,
     semantic_weight: goals.SemanticWeight = None,
-    sketch: goals.Sketch = None,
-    sketch_weight: goals.SketchWeight = None,
     style: goals.Style = None,
     style_weight: goals.StyleWeight = None,
     init_image: goals.InitImage = None,
@@ -145,8 +157,8 @@ def paint(
 ) -> None:
     """Paint a photograph in the virtual studio: plan, paint some strokes, look, plan the rest again.
 
-    With --style it is painted in the style of another picture, with --semantic by what it shows,
-    with --sketch along the lines of a drawing; docs/goals.md tells of all goals.
+    With --style it is painted in the style of another picture, with --semantic by what it shows;
+    docs/goals.md tells of all goals.
 
     Afterwards the folder holds the painting, a film, a palette to mix, the strokes, and a page that
     tells the story. Ctrl-C stops after the current stroke and keeps what was made.
@@ -160,11 +172,14 @@ def paint(
         settle_threads()
         planner = open_planner(chosen, wanted.goal, calibration)
         _tell_encoders(planner.encoders)
-        studio = open_studio(
-            chosen.canvas, planner.model.brush, seed=chosen.seed, placement_error=read_placement_error(placement_error)
-        )
-        easel = on_record(studio.easel, calibration)
+        error = read_placement_error(placement_error)
         folder = _new_folder(out, wanted.name, needed=200 * 2**20)
+        brush = planner.model.brush
+        studio = open_studio(chosen.canvas, brush, seed=chosen.seed, placement_error=error, state=folder / kept.STUDIO)
+        stack.callback(studio.close)
+        easel = on_record(studio.easel, calibration)
+        journal = _begin_journal(folder, wanted, kept.Kept(chosen, calibration, placement_error, film))
+        stack.callback(journal.close)
         rhythm = Rhythm(chosen.replans, glimpses)
         effort_per_replan = planner.effort.refining + planner.effort.replanning
         forecast = Forecast(
@@ -183,7 +198,9 @@ def paint(
             bar.hear(event)
             recorder.hear(event)
 
-        session = open_session(chosen, planner, easel, glimpses=glimpses, stop_asked=lambda: stop.asked, notify=hear)
+        session = open_session(
+            chosen, planner, easel, glimpses=glimpses, stop_asked=lambda: stop.asked, notify=hear, journal=journal
+        )
         painting = session.run(chosen.strokes, chosen.colors)
         bar.say("finishing the film and the page")
         page = recorder.finish(painting)
@@ -199,8 +216,6 @@ def plan(
     image_weight: goals.ImageWeight = None,
     semantic: goals.Semantic = None,
     semantic_weight: goals.SemanticWeight = None,
-    sketch: goals.Sketch = None,
-    sketch_weight: goals.SketchWeight = None,
     style: goals.Style = None,
     style_weight: goals.StyleWeight = None,
     init_image: goals.InitImage = None,
@@ -268,6 +283,32 @@ def render(
     _say(f"{len(loaded)} strokes at {grid.columns} x {grid.rows} pixels: {out}")
 
 
+def export(
+    plan: PlanFile,
+    to: Annotated[
+        ExportFormat, typer.Option("--to", metavar="KIND", help="svg: for Inkscape and plotters; csv: a table.")
+    ] = ExportFormat.svg,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The file to write. [dim]strokes.svg or strokes.csv[/]")
+    ] = None,
+    regroup: Annotated[
+        bool,
+        typer.Option(help="One layer per paint even where paints come back later (changes what lies on top)."),
+    ] = False,
+) -> None:
+    """Write the strokes of a plan in millimetres: SVG with a layer per paint, or CSV with a row per stroke."""
+    path = out or Path(f"strokes.{to.value}")
+    if path.suffix.lower() != f".{to.value}":
+        raise ConfigError(f"--out was given {str(path)!r}; with --to {to.value} the file ends in .{to.value}.")
+    loaded = Plan.load(plan)
+    if to is ExportFormat.svg:
+        widths = mark_widths(loaded.strokes, load_stroke_model(loaded.brush))
+        storage.write_text(path, svg(loaded, widths, keep_order=not regroup))
+    else:
+        storage.write_text(path, table(loaded))
+    _say(f"{len(loaded)} strokes in {len(loaded.palette)} paints: {path}")
+
+
 def _prepare(
     photo: Path | None, settings: Path | None, given: dict[str, Any]
 ) -> tuple[goals.Wanted, torch.Tensor, PaintingSettings]:
@@ -288,6 +329,13 @@ def _new_folder(out: Path | None, name: str, needed: int) -> Path:
     storage.require_space(folder, needed)
     storage.new_folder(folder)
     return folder
+
+
+def _begin_journal(folder: Path, wanted: goals.Wanted, how: kept.Kept) -> Journal:
+    """Keeps in the folder all that resuming needs, and begins the journal of the painting."""
+    kept.keep_goal(wanted, folder)
+    how.write(folder)
+    return Journal.begin(folder, how.plain(), how.rests_on(folder))
 
 
 def _occasion(

@@ -112,7 +112,7 @@ class Recorder:
         return page
 
     def _keep_plan(self, event: Planned) -> None:
-        """The plan on disk is always the whole one: the strokes painted, then those still to come."""
+        """Keeps the whole plan: the strokes painted, then those still to come."""
         name = f"plan for {len(event.plan)} strokes" if event.done == 0 else f"after {event.done} strokes"
         self._phases.append(Phase(name, tuple(self._curve)))
         self._curve = []
@@ -124,7 +124,6 @@ class Recorder:
             self._plan = self._plan.part(slice(event.done)).followed_by(event.plan)
             if self._seen is not None:
                 self._looks.append(self._keep_look(self._seen, event))
-        self._plan.save(self.folder / "plan.json")
 
     def _keep_look(self, seen: Looked, planned: Planned) -> Look:
         number = len(self._looks) + 1

@@ -81,11 +81,31 @@ class Looked:
 
 
 @dataclass(frozen=True)
+class Resumed:
+    """A painting that broke off goes on: the plan of all its strokes, of which `done` are on the canvas.
+
+    expected [3, H, W]: the canvas after the plan, as far as it can be told before the next look.
+    """
+
+    plan: Plan
+    done: int
+    expected: Tensor
+
+
+@dataclass(frozen=True)
+class Paused:
+    """Nothing moves until a person answers: the arm is aside and the brush clean; `reason` is a sentence."""
+
+    reason: str
+    done: int
+
+
+@dataclass(frozen=True)
 class Stopped:
     """A person asked to stop; `done` strokes are on the canvas."""
 
     done: int
 
 
-Event = PlanningStep | Planned | PaintsWanted | Dipped | StrokePainted | Glimpsed | Looked | Stopped
+Event = PlanningStep | Planned | PaintsWanted | Dipped | StrokePainted | Glimpsed | Looked | Resumed | Paused | Stopped
 Notify = Callable[[Event], None]

@@ -1,5 +1,7 @@
 """The eye of the painter: photographs of the easel become pictures of the canvas, straight on and in true colours."""
 
+import numpy as np
+from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.errors import StaleFrame
@@ -16,13 +18,14 @@ _ATTEMPTS = 3
 class Eye:
     """Looks at the canvas of an easel.
 
-    The first look, at the bare canvas of colour `ground` (sRGB), teaches it the light of the room.
+    The first look, at the bare canvas of colour `ground` (sRGB), teaches it the `light` of the room,
+    unless that is known from before.
     """
 
-    def __init__(self, easel: Easel, ground: tuple[float, float, float]) -> None:
+    def __init__(self, easel: Easel, ground: tuple[float, float, float], light: FlatField | None = None) -> None:
         self.easel = easel
         self.ground = ground
-        self._light: FlatField | None = None
+        self.light = light
         self._last_sequence = -1
 
     def look(self, last_motion: float, rows: int) -> Tensor:
@@ -31,14 +34,17 @@ class Eye:
         Raises StaleFrame where the camera gives no photograph newer than that, and FrameRejected
         where it does not show the canvas.
         """
-        frame = self._fresh(last_motion)
-        grid = PixelGrid.of_height(self.easel.canvas, rows)
-        picture = rectify(frame.image, self.easel.calibration, grid)
-        if self._light is None:
-            self._light = FlatField.learn(picture, self.ground)
-        return true_color(self._light.correct(picture), self.easel.calibration)
+        return self.see(self.photograph(last_motion).image, rows)
 
-    def _fresh(self, last_motion: float) -> Frame:
+    def see(self, photograph: NDArray[np.uint8], rows: int) -> Tensor:
+        """The canvas [3, rows, columns] in a photograph [H, W, 3]. Raises FrameRejected."""
+        grid = PixelGrid.of_height(self.easel.canvas, rows)
+        picture = rectify(photograph, self.easel.calibration, grid)
+        if self.light is None:
+            self.light = FlatField.learn(picture, self.ground)
+        return true_color(self.light.correct(picture), self.easel.calibration)
+
+    def photograph(self, last_motion: float) -> Frame:
         """A photograph taken after the last motion, never one that was seen before; tried three times."""
         for _ in range(_ATTEMPTS):
             try:

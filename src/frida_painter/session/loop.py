@@ -1,32 +1,44 @@
 """The closed loop: plan, paint some strokes, look, plan the rest again (paper, Algorithm 1, `paint`).
 
 Start reading here. Whatever moves is in `brushwork`, whatever sees in `eye`, whatever thinks in
-`planning`; this file only says what follows what, and tells it to whoever listens.
+`planning`, and what must outlast a crash goes into the `journal`; this file only says what follows
+what, and tells it to whoever listens.
 """
 
+import contextlib
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
 from torch import Tensor
 
+from frida_painter.errors import CameraError, FridaError, PaintingPaused, StorageError
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.choreography import Action
 from frida_painter.session.events import (
     Glimpsed,
     Looked,
     Notify,
     PaintsWanted,
+    Paused,
     Planned,
     PlanningStep,
+    Resumed,
     Stopped,
     StrokePainted,
 )
 from frida_painter.session.eye import Eye
+from frida_painter.session.journal import Journal
 
 PHOTOGRAPH_ROWS = 864
 GLIMPSE_ROWS = 540
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -55,11 +67,29 @@ class Painting:
     rest: Plan | None
 
 
-class PaintingSession:
-    """One painting, from a bare canvas to the last stroke.
+@dataclass(frozen=True)
+class Halfway:
+    """Where a painting stood when it broke off.
 
-    `stop_asked` is heeded after every stroke and every planning iteration; `notify` hears what
-    happens. Raises RobotError, CameraError, PlanError and their kinds; what is on the canvas stays.
+    plan: of all its strokes, of which `painted` are on the canvas; planned_at: how many there were when
+    it was made; before: the canvas [3, H, W] as it was then, None where that is not known any more;
+    now: the canvas as it is.
+    """
+
+    plan: Plan
+    painted: int
+    planned_at: int
+    before: Tensor | None
+    now: Tensor
+
+
+class PaintingSession:
+    """One painting, from a bare canvas, or from where it broke off, to the last stroke.
+
+    `stop_asked` and `pause_asked` are heeded after every stroke and every planning iteration; `notify`
+    hears what happens; `go_on` is asked, and waits for a person's answer, when the painting has paused:
+    on a person's wish, or because the disk or the camera failed. Raises PaintingPaused where the answer
+    is no, and RobotError, PlanError and their kinds; what is on the canvas stays, and in the journal.
     """
 
     def __init__(
@@ -71,89 +101,185 @@ class PaintingSession:
         *,
         stop_asked: Callable[[], bool],
         notify: Notify,
+        journal: Journal | None = None,
+        pause_asked: Callable[[], bool] = lambda: False,
+        go_on: Callable[[Paused], bool] = lambda paused: False,
     ) -> None:
         self.planner = planner
         self.brushwork = brushwork
         self.eye = eye
         self.rhythm = rhythm
+        self.journal = journal or Journal.nowhere()
         self._stop_asked = stop_asked
+        self._pause_asked = pause_asked
+        self._go_on = go_on
         self._notify = notify
+        self._plan: Plan | None = None
         self._painted = 0
-        self._rest: Plan | None = None
+        self._planned_at = 0
+        self._before: Tensor | None = None  # the canvas as it was last seen
+        self._seen = 0  # strokes that were on it
 
     def run(self, strokes: int, colors: int) -> Painting:
-        """Paints exactly `strokes` strokes in `colors` paints, unless a person stops it."""
-        canvas = self._look()
+        """Paints exactly `strokes` strokes in `colors` paints on a bare canvas, unless a person stops it."""
+        return self._to_the_end(lambda: self._begin(strokes, colors))
+
+    def resume(self, where: Halfway) -> Painting:
+        """Paints what is left of a painting, with a clean brush and wells filled anew."""
+        return self._to_the_end(lambda: self._begin_again(where))
+
+    def look(self) -> Tensor:
+        """The canvas as it is now, seen without the arm, never from a photograph older than the last motion."""
+        return self._insist(self._look)
+
+    def _to_the_end(self, begin: Callable[[], Plan]) -> Painting:
+        end = "finished"
         try:
-            self._rest = self._plan(canvas, strokes, colors)
-            self._mix(self._rest)
-            for batch_size in self.rhythm.batches(strokes):
-                batch, before = self._rest.part(slice(batch_size)), canvas
-                self._rest = self._paint(self._rest, batch_size, strokes)
-                canvas = self._look()
-                self._notify(Looked(canvas, self.planner.expected(batch, before), self._painted))
-                self._aim(batch, before, canvas)
-                self._rest = self._replan(self._rest, canvas)
+            self._paint(begin())
         except _StopAsked:
             self._notify(Stopped(self._painted))
-        self.brushwork.clean()
-        return Painting(self._look(), self._painted, self._rest)
+            end = "stopped"
+        except FridaError as trouble:
+            with contextlib.suppress(StorageError):
+                self.journal.note("broken off", reason=str(trouble))
+            raise
+        self._clean()
+        photograph = self.look()
+        self._insist(partial(self.journal.note, end, painted=self._painted))
+        rest = None if self._plan is None else self._plan.part(slice(self._painted, None))
+        return Painting(photograph, self._painted, rest)
 
-    def _look(self, rows: int = PHOTOGRAPH_ROWS) -> Tensor:
-        """The canvas as it is now, seen without the arm, never from a photograph older than the last motion."""
-        self.brushwork.step_aside()
-        return self.eye.look(self.brushwork.last_motion, rows)
-
-    def _plan(self, canvas: Tensor, strokes: int, colors: int) -> Plan:
+    def _begin(self, strokes: int, colors: int) -> Plan:
+        canvas = self._before = self.look()
         plan = self.planner.plan(canvas, strokes, colors, self._heeding("plan"))
+        self._adopt(plan)
         expected = self.planner.expected(plan, canvas)
-        bare, planned = self.planner.judge(canvas), self.planner.judge(expected)
-        self._notify(Planned(plan, 0, expected, bare, planned))
+        self._notify(Planned(plan, 0, expected, self.planner.judge(canvas), self.planner.judge(expected)))
+        self._mix(plan)
         return plan
+
+    def _begin_again(self, where: Halfway) -> Plan:
+        self._plan, self._painted, self._planned_at = where.plan, where.painted, where.planned_at
+        known = where.before is not None
+        self._before, self._seen = (where.before, where.planned_at) if known else (where.now, where.painted)
+        rest = where.plan.part(slice(where.painted, None))
+        self._notify(Resumed(where.plan, where.painted, self.planner.expected(rest, where.now)))
+        self._clean()
+        self._mix(where.plan)
+        return where.plan
+
+    def _paint(self, plan: Plan) -> None:
+        for end in itertools.accumulate(self.rhythm.batches(len(plan))):
+            if end > self._planned_at:
+                self._paint_until(end)
+                self._look_and_plan_again()
+
+    def _paint_until(self, end: int) -> None:
+        """Paints until `end` strokes are on the canvas. After a pause the brush is clean, and all is set anew."""
+        while self._plan is not None and self._painted < end:
+            left = self._plan.part(slice(self._painted, end))
+            for action in self.brushwork.prepare(left, self._painted, len(self._plan)):
+                if not self._perform(action, self._plan) or self.brushwork.load is not action.load:
+                    break
+
+    def _perform(self, action: Action, plan: Plan) -> bool:
+        """Notes and does it; False where it was not done, because it could not be noted, and there was a pause."""
+        try:
+            self.journal.begins(action, plan)
+        except StorageError as trouble:
+            self._pause(str(trouble), trouble)
+            return False
+        self.brushwork.perform(action)
+        self._insist(partial(self.journal.ends, action))
+        self._notify(action.done)
+        if isinstance(action.done, StrokePainted):
+            self._painted = action.done.done
+            self._glimpse(action.done)
+            self._heed()
+        return True
+
+    def _look_and_plan_again(self) -> None:
+        assert self._plan is not None and self._before is not None
+        canvas = self.look()
+        batch, rest = self._plan.part(slice(self._seen, self._painted)), self._plan.part(slice(self._painted, None))
+        self._notify(Looked(canvas, self.planner.expected(batch, self._before), self._painted))
+        if len(batch):  # where strokes landed tells where the robot is to be sent
+            known = self.brushwork.placement
+            self.brushwork.placement = self.planner.locate(batch, known, self._before, canvas)
+        self._before, self._seen = canvas, self._painted
+        if len(rest):
+            before = self.planner.judge(self.planner.expected(rest, canvas))
+            again = self.planner.replan(rest, canvas, self._heeding("replan"))
+            self._adopt(self._plan.part(slice(self._painted)).followed_by(again))
+            expected = self.planner.expected(again, canvas)
+            self._notify(Planned(again, self._painted, expected, before, self.planner.judge(expected)))
+
+    def _adopt(self, plan: Plan) -> None:
+        """From now on, and whatever happens, painting goes by this plan of all strokes."""
+        self._insist(partial(self.journal.planned, plan, self._painted, self.brushwork.placement))
+        self._plan, self._planned_at = plan, self._painted
 
     def _mix(self, plan: Plan) -> None:
         self._notify(PaintsWanted(plan.palette))
         self.brushwork.easel.attendant.fill_wells(plan.palette)
 
-    def _paint(self, rest: Plan, count: int, of: int) -> Plan:
-        """Paints the first `count` strokes of what is left, and returns what is left then."""
-        first = self._painted
-        for action in self.brushwork.prepare(rest.part(slice(count)), first, of):
-            self.brushwork.perform(action)
-            self._notify(action.done)
-            if isinstance(action.done, StrokePainted):
-                self._painted = action.done.done
-                self._rest = rest.part(slice(self._painted - first, None))
-                if self.rhythm.wants_glimpse(self._painted, of):
-                    self._notify(Glimpsed(self._look(GLIMPSE_ROWS), self._painted, of, action.done.color))
-                self._heed_stop()
-        return rest.part(slice(count, None))
+    def _look(self) -> Tensor:
+        self._step_aside()
+        frame = self.eye.photograph(self.brushwork.last_motion)
+        canvas = self.eye.see(frame.image, PHOTOGRAPH_ROWS)
+        self.journal.looked(frame, self.eye.light)
+        return canvas
 
-    def _aim(self, painted: Plan, before: Tensor, canvas: Tensor) -> None:
-        """Sees where the strokes landed, so that the next ones land where they are meant to."""
-        self.brushwork.placement = self.planner.locate(painted, self.brushwork.placement, before, canvas)
+    def _glimpse(self, painted: StrokePainted) -> None:
+        """A picture for the film, which nothing is decided by, and without which the painting goes on."""
+        if self.rhythm.wants_glimpse(painted.done, painted.of):
+            self._insist(self._step_aside)
+            with contextlib.suppress(CameraError):
+                picture = self.eye.look(self.brushwork.last_motion, GLIMPSE_ROWS)
+                self._notify(Glimpsed(picture, painted.done, painted.of, painted.color))
 
-    def _replan(self, rest: Plan, canvas: Tensor) -> Plan:
-        if len(rest) == 0:
-            return rest
-        before = self.planner.judge(self.planner.expected(rest, canvas))
-        plan = self.planner.replan(rest, canvas, self._heeding("replan"))
-        expected = self.planner.expected(plan, canvas)
-        self._notify(Planned(plan, self._painted, expected, before, self.planner.judge(expected)))
-        return plan
+    def _step_aside(self) -> None:
+        self.journal.note("began", what=["home"])
+        self.brushwork.step_aside()
+
+    def _clean(self) -> None:
+        self._insist(partial(self.journal.note, "began", what=["rinse", "wipe"]))
+        self.brushwork.clean()
 
     def _heeding(self, phase: str) -> Callable[[Step], None]:
         """Passes planning steps on, and stops the planner when a person has asked for it."""
 
         def tell(step: Step) -> None:
             self._notify(PlanningStep(phase, step.iteration, step.of, step.loss, step.strokes))
-            self._heed_stop()
+            self._heed()
 
         return tell
 
-    def _heed_stop(self) -> None:
+    def _heed(self) -> None:
         if self._stop_asked():
             raise _StopAsked
+        if self._pause_asked():
+            self._pause("You asked for a pause.")
+
+    def _insist(self, work: Callable[[], _T]) -> _T:
+        """Does what needs the disk or the camera; where they fail, pauses and, when told to go on, tries again."""
+        while True:
+            try:
+                return work()
+            except (StorageError, CameraError) as trouble:
+                self._pause(str(trouble), trouble)
+
+    def _pause(self, reason: str, cause: FridaError | None = None) -> None:
+        """Lifts the brush, cleans it, moves the arm aside and waits until a person has the painting go on."""
+        with contextlib.suppress(StorageError):
+            self.journal.note("paused", reason=reason, painted=self._painted)
+        if self.brushwork.load.paint is not None:
+            self.brushwork.clean()
+        self.brushwork.step_aside()
+        paused = Paused(reason, self._painted)
+        self._notify(paused)
+        if not self._go_on(paused):
+            raise PaintingPaused(f"{reason} The painting has paused after {self._painted} strokes.") from cause
 
 
 class _StopAsked(Exception):

@@ -19,6 +19,7 @@ from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.events import Notify
 from frida_painter.session.eye import Eye
+from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession, Rhythm
 from frida_painter.session.procedures.standing import NEEDED, require
 from frida_painter.virtual.robot import VirtualRobot
@@ -61,13 +62,14 @@ def open_session(
     glimpses: int,
     stop_asked: Callable[[], bool],
     notify: Notify,
+    journal: Journal,
 ) -> PaintingSession:
     """A session on an easel whose robot and camera are connected. Raises ConfigError where colours exceed wells."""
     kind = brush_kind(planner.model.brush)
     brushwork = Brushwork(easel, kind)
     eye = Eye(easel, ground=(1.0, 1.0, 1.0))
     rhythm = Rhythm(settings.replans, glimpses)
-    return PaintingSession(planner, brushwork, eye, rhythm, stop_asked=stop_asked, notify=notify)
+    return PaintingSession(planner, brushwork, eye, rhythm, stop_asked=stop_asked, notify=notify, journal=journal)
 
 
 def on_record(easel: Easel, record: Path | None) -> Easel:

@@ -1,0 +1,116 @@
+"""What a painting was begun with, kept in its folder: settings, copies of the pictures, and what else decides."""
+
+import hashlib
+import json
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from frida_painter import storage
+from frida_painter.cli import goals
+from frida_painter.config import PaintingSettings
+from frida_painter.errors import ConfigError, StorageError
+
+SETTINGS = "settings.json"
+GOAL = "goal"
+STUDIO = "studio.diary"
+_MOST_BYTES = 2**20
+
+
+@dataclass(frozen=True)
+class Kept:
+    """How a painting is painted, beside its goal.
+
+    calibration: the easel's record, None for the virtual studio's own; placement_error: as it was given
+    on the command line; film: whether it is filmed.
+    """
+
+    settings: PaintingSettings
+    calibration: Path | None
+    placement_error: str | None
+    film: bool
+
+    def write(self, folder: Path) -> None:
+        """Puts it into the folder, for people to read. Raises StorageError."""
+        storage.write_text(folder / SETTINGS, json.dumps(self.plain(), indent=2) + "\n")
+
+    def plain(self) -> dict[str, Any]:
+        """As plain values."""
+        return {
+            **self.settings.model_dump(mode="json"),
+            "calibration": str(self.calibration.resolve()) if self.calibration else None,
+            "placement_error": self.placement_error,
+            "film": self.film,
+        }
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """Reads it, whoever has changed it in the meantime. Raises ConfigError naming every fault."""
+        path = folder / SETTINGS
+        content = storage.read_bytes(path, "the settings of a painting", _MOST_BYTES, ConfigError)
+        try:
+            plain = json.loads(content)
+            calibration, placement_error, film = (
+                plain.pop(name) for name in ("calibration", "placement_error", "film")
+            )
+            if not isinstance(film, bool) or not all(
+                isinstance(it, str | None) for it in (calibration, placement_error)
+            ):
+                raise ConfigError(f"{path}: film is true or false, calibration and placement_error are texts or null.")
+        except (ValueError, KeyError, AttributeError, RecursionError) as cause:
+            raise ConfigError(f"{path} does not hold the settings of a painting ({cause}); bring it back.") from cause
+        settings = PaintingSettings.of(**plain)
+        return cls(settings, Path(calibration) if calibration else None, placement_error, film)
+
+    def rests_on(self, folder: Path) -> dict[str, str]:
+        """Hashes of all files that decide how it is painted, by what they are. Raises StorageError."""
+        brush = Path(self.settings.brush)
+        files = {
+            "goal": folder / GOAL,
+            "calibration record": self.calibration,
+            "brush": brush if brush.suffix else None,
+        }
+        return {what: "none" if path is None else _hash(path) for what, path in files.items()}
+
+
+def keep_goal(wanted: goals.Wanted, folder: Path) -> None:
+    """Copies the pictures of a goal into the folder, and how they matter. Raises StorageError."""
+    lines: list[str] = []
+    number = 0
+    for table, wishes in (("goal", wanted.wishes), ("initial", wanted.begins)):
+        for kind, value, weight in wishes:
+            number += 1
+            if isinstance(value, Path):
+                copy = Path(str(number), value.name)
+                _copy(value, folder / GOAL / copy)
+                value = copy.as_posix()
+            lines += [f"[[{table}]]", f"{kind} = {json.dumps(value)}", f"weight = {weight!r}", ""]
+    storage.write_text(folder / GOAL / "goal.toml", "\n".join(lines))
+
+
+def read_goal(folder: Path) -> goals.Wanted:
+    """The goal as it was kept. Raises ConfigError and ImageError."""
+    return goals.read_goal(None, {"goal": folder / GOAL / "goal.toml"})
+
+
+def _copy(source: Path, copy: Path) -> None:
+    try:
+        with storage.replacing(copy) as temporary:
+            shutil.copyfile(source, temporary)
+    except OSError as error:
+        raise storage.cannot_write(copy, error) from error
+
+
+def _hash(path: Path) -> str:
+    """sha256 over a file, or over the names and contents of all files in a folder; "gone" where it is."""
+    content = hashlib.sha256()
+    try:
+        for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+            if file.is_file():
+                content.update(str(file.relative_to(path)).encode() + b"\0" + file.read_bytes())
+    except FileNotFoundError:
+        return "gone"
+    except OSError as error:
+        raise StorageError(f"{path} cannot be read ({error.strerror}); it decides how the painting goes on.") from error
+    return content.hexdigest()

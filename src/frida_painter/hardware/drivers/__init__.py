@@ -1,1 +1,0 @@
-"""Robots by their makers: one thin file per device, none of which knows that it paints."""

@@ -1,0 +1,166 @@
+"""What the journal tells while a painting is made, and what is to be learned from it afterwards."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+
+from frida_painter import images
+from frida_painter.errors import StorageError
+from frida_painter.plan import Plan
+from frida_painter.session.events import StrokePainted
+from frida_painter.session.history import History
+from frida_painter.session.journal import Journal
+from frida_painter.session.logbook import Logbook
+from sittings import Evening
+
+RESTS_ON = {"goal": "abc", "brush": "none"}
+
+
+def begun(folder: Path) -> Journal:
+    return Journal.begin(folder, {"strokes": 6}, RESTS_ON)
+
+
+def read(folder: Path) -> History:
+    return History.of(Logbook.read(folder / "journal"), folder)
+
+
+def test_every_stroke_is_noted_before_and_after_it_is_painted(tmp_path: Path) -> None:
+    noted: list[tuple[int, int | None]] = []
+
+    def look(event: object) -> bool:
+        if isinstance(event, StrokePainted):
+            told = read(tmp_path)
+            noted.append((told.painted, told.in_doubt))
+        return False
+
+    evening = Evening(6, replans=2, colors=2, stop_at=look, journal=begun(tmp_path))
+    follow = evening.robot.follow
+
+    def watched(waypoints):  # type: ignore[no-untyped-def]
+        told = read(tmp_path)
+        if waypoints.label.startswith("stroke"):
+            assert told.in_doubt == int(waypoints.label.split()[1]) == told.painted + 1
+        return follow(waypoints)
+
+    evening.robot.follow = watched  # type: ignore[method-assign]
+    evening.run()
+    assert noted == [(number, None) for number in range(1, 7)]
+
+
+def test_every_motion_is_noted_with_who_and_when(tmp_path: Path) -> None:
+    evening = Evening(6, replans=1, colors=2, glimpses=3, journal=begun(tmp_path))
+    evening.run()
+    records = Logbook.read(tmp_path / "journal")
+    told = [label for record in records if record["kind"] == "began" for label in record["what"]]
+    assert told == evening.robot.labels()
+    assert records[0]["by"] and records[0]["process"] and records[0]["program"]
+    times = [record["at"] for record in records]
+    assert times == sorted(times) and all(time.endswith("+00:00") for time in times)
+
+
+def test_the_plan_in_the_folder_is_the_one_that_is_painted(tmp_path: Path) -> None:
+    digests: list[tuple[str, str]] = []
+
+    def look(event: object) -> bool:
+        if isinstance(event, StrokePainted):
+            digests.append((Plan.load(tmp_path).digest, read(tmp_path).plannings[-1].digest))
+        return False
+
+    Evening(6, replans=2, stop_at=look, journal=begun(tmp_path)).run()
+    assert all(kept == noted for kept, noted in digests) and len(digests) == 6
+    assert [planning.done for planning in read(tmp_path).plannings] == [0, 2, 4]
+    assert len(list(tmp_path.glob("plan-*.safetensors"))) == 1
+
+
+def test_what_is_seen_and_learned_is_kept(tmp_path: Path) -> None:
+    evening = Evening(6, replans=2, journal=begun(tmp_path))
+    evening.run()
+    told = read(tmp_path)
+    assert told.plannings[-1].placement == evening.placements[-2], "the last batch was not planned after"
+    assert told.light == evening.eye.light.logarithm.tolist()
+    assert told.looks == 5, "the bare canvas, three looks, the last photograph"
+    kept = [images.load_exactly(tmp_path / str(planning.photograph)) for planning in told.plannings]
+    assert all((photograph == 240).all() for photograph in kept)
+    seen = evening.eye.see(kept[0], 45)
+    assert torch.equal(seen, evening.eye.look(1e9, 45)), "the photograph as it was kept shows the same"
+    assert told.finished and told.painted == 6 and told.sittings == 1 and told.seconds >= 0
+
+
+@pytest.mark.parametrize("painted", [0, 1, 3, 5])
+def test_a_stop_is_noted_and_is_not_the_end(tmp_path: Path, painted: int) -> None:
+    evening = Evening(6, stop_at=lambda event: getattr(event, "done", 0) == painted, journal=begun(tmp_path))
+    evening.run()
+    told = read(tmp_path)
+    assert (told.painted, told.in_doubt, told.finished) == (painted, None, False)
+    assert Logbook.read(tmp_path / "journal")[-1]["kind"] == "stopped"
+
+
+def test_a_stroke_in_doubt_that_is_painted_again_is_in_doubt_again(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    journal.note("began", what=["stroke 1"], stroke=1)
+    journal.close()
+    again, told = Journal.reopen(tmp_path)
+    assert (told.painted, told.in_doubt) == (0, 1)
+    again.resumed(0, told.in_doubt, repaint=True)
+    assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (0, None)
+    again.note("began", what=["stroke 1"], stroke=1)
+    assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (0, 1)
+
+
+def test_the_one_in_doubt_is_given_up_where_it_is_skipped(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    journal.note("began", what=["stroke 1"], stroke=1)
+    journal.resumed(0, 1, repaint=False)
+    told = read(tmp_path)
+    assert (told.painted, told.in_doubt, told.given_up, told.sittings) == (1, None, [1], 2)
+
+
+def test_a_folder_without_a_journal_is_no_painting(tmp_path: Path) -> None:
+    with pytest.raises(StorageError, match="not the folder of a painting"):
+        Journal.reopen(tmp_path)
+    with pytest.raises(StorageError, match="not the folder of a painting"):
+        Journal.reopen(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"version": 2}, "version 2; this program reads version 1"),
+        ({"format": "a diary"}, "not a painting's"),
+        ({"settings": None, "rests_on": 3, "at": "yesterday"}, "undamaged copy"),
+    ],
+)
+def test_a_journal_of_another_kind_is_refused_and_left_alone(
+    tmp_path: Path, change: dict[str, object], says: str
+) -> None:
+    begun(tmp_path / "one").close()
+    first = Logbook.read(tmp_path / "one" / "journal")[0]
+    Logbook.begin(tmp_path / "journal", {**first, **change}).close()
+    content = (tmp_path / "journal").read_bytes()
+    with pytest.raises(StorageError, match=says):
+        Journal.reopen(tmp_path)
+    assert (tmp_path / "journal").read_bytes() == content
+    with pytest.raises(StorageError, match=says):
+        Journal.reopen(tmp_path)
+
+
+def test_a_photograph_is_rather_left_out_than_the_painting_broken_off(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    (tmp_path / "photographs").write_text("in the way")
+    Evening(4, replans=1, journal=journal).run()
+    told = read(tmp_path)
+    assert told.finished and all(planning.photograph is None for planning in told.plannings)
+
+
+def test_a_journal_nowhere_leaves_no_traces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Evening(4, journal=Journal.nowhere()).run()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_journal_can_be_read_by_people(tmp_path: Path) -> None:
+    begun(tmp_path).close()
+    line = (tmp_path / "journal").read_text().splitlines()[0]
+    assert json.loads(line.split(" ", 2)[2])["settings"] == {"strokes": 6}

@@ -1,0 +1,120 @@
+"""A painting on the stub easel, whose planner thinks nothing and whose robot only takes notes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import torch
+from torch import Tensor
+
+from easels import NotingRobot, PatientCamera, stub_easel
+from frida_painter.brush.kinds import BrushKind
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.planning.optimize import Step
+from frida_painter.planning.placement import Placement
+from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.events import Event, Paused
+from frida_painter.session.eye import Eye
+from frida_painter.session.journal import Journal
+from frida_painter.session.loop import Halfway, Painting, PaintingSession, Rhythm
+from marks import SMALL
+from scenes import CANVAS, some_strokes
+
+BRUSH = BrushKind("small", SMALL.limits, SMALL.width)
+
+
+@dataclass
+class NotingPlanner:
+    """Plans random strokes in two steps, plans again by turning them, and notes how many it was given."""
+
+    model = None
+    asked: list[int] = field(default_factory=list)
+    canvases: list[Tensor] = field(default_factory=list)
+    located: list[int] = field(default_factory=list)
+    placements: list[Placement] = field(default_factory=list)
+
+    def plan(self, canvas: Tensor, strokes: int, colors: int, notify: Callable[[Step], None]) -> Plan:
+        notify(Step(1, 2, 0.5))
+        notify(Step(2, 2, 0.4))
+        palette = Palette.ordered(torch.rand(colors, 3, generator=torch.Generator().manual_seed(1)))
+        paint = torch.arange(strokes) * colors // strokes
+        return Plan.of(some_strokes(strokes), palette, paint, canvas=CANVAS, brush="small", limits=SMALL.limits)
+
+    def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None]) -> Plan:
+        self.asked.append(len(rest))
+        self.canvases.append(canvas)
+        notify(Step(1, 1, 0.3))
+        return rest
+
+    def locate(self, painted: Plan, known: Placement, before: Tensor, seen: Tensor) -> Placement:
+        self.located.append(len(painted))
+        self.placements.append(replace(known, error=(0.001 * len(self.located), 0.0, 0.0)))
+        return self.placements[-1]
+
+    def expected(self, plan: Plan, canvas: Tensor) -> Tensor:
+        return torch.full((3, 48, 64), 1 - len(plan) / 1000)
+
+    def judge(self, picture: Tensor) -> float:
+        return float(picture.mean())
+
+
+@dataclass
+class Evening:
+    """One painting on the stub easel, and everything that was heard of it."""
+
+    strokes: int
+    replans: int = 1
+    glimpses: int = 0
+    colors: int = 1
+    stop_at: Callable[[Event], bool] = lambda event: False
+    pause_at: Callable[[Event], bool] = lambda event: False
+    go_on: Callable[[Paused], bool] = lambda paused: False
+    journal: Journal = field(default_factory=Journal.nowhere)
+    robot: NotingRobot = field(default_factory=NotingRobot)
+    camera: PatientCamera = field(default_factory=PatientCamera)
+    planner: NotingPlanner = field(default_factory=NotingPlanner)
+    heard: list[Event] = field(default_factory=list)
+    stopping: bool = False
+    pausing: bool = False
+
+    def __post_init__(self) -> None:
+        self.easel = stub_easel(self.robot, self.camera)
+        self.eye = Eye(self.easel, (1.0, 1.0, 1.0))
+        self.brushwork = Brushwork(self.easel, BRUSH)
+        self.session = PaintingSession(
+            self.planner,  # type: ignore[arg-type]
+            self.brushwork,
+            self.eye,
+            Rhythm(self.replans, self.glimpses),
+            stop_asked=lambda: self.stopping,
+            notify=self._hear,
+            journal=self.journal,
+            pause_asked=lambda: self.pausing,
+            go_on=self._answer,
+        )
+
+    def run(self) -> Painting:
+        return self.session.run(self.strokes, self.colors)
+
+    def resume(self, where: Halfway) -> Painting:
+        return self.session.resume(where)
+
+    @property
+    def placements(self) -> list[Placement]:
+        return self.planner.placements
+
+    def _answer(self, paused: Paused) -> bool:
+        self.pausing = False
+        return self.go_on(paused)
+
+    def _hear(self, event: Event) -> None:
+        self.heard.append(event)
+        self.stopping = self.stopping or self.stop_at(event)
+        self.pausing = self.pausing or self.pause_at(event)
+
+    def kinds(self, *leaving_out: type) -> list[str]:
+        return [type(event).__name__ for event in self.heard if not isinstance(event, leaving_out)]
+
+    def painted(self) -> list[int]:
+        """The strokes that the robot painted, by number."""
+        return [int(label.split()[1]) for label in self.robot.labels() if label.startswith("stroke")]
