@@ -4,9 +4,11 @@ from collections.abc import Sequence
 from functools import cache
 
 import torch
+from torch.nn import functional
 from torch.nn.functional import avg_pool2d
 
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+from frida_painter.objectives.encoders.hed import Hed
 from frida_painter.objectives.encoders.shelf import Choice, Encoders
 from frida_painter.objectives.encoders.vgg import Vgg16
 
@@ -22,6 +24,19 @@ def random_vgg_tensors() -> dict[str, torch.Tensor]:
             torch.randn(size, before, 3, 3, generator=chance) * (2 / (9 * before)) ** 0.5
         )
         tensors[f"features.{position}.bias"] = torch.zeros(size)
+    return tensors
+
+
+@cache
+def random_hed_tensors() -> dict[str, torch.Tensor]:
+    """Tensors of the shapes and names of HED's: the trunk, five sides and their fusion."""
+    chance = torch.Generator().manual_seed(1)
+    tensors = dict(random_vgg_tensors())
+    for side, size in enumerate((64, 128, 256, 512, 512), 1):
+        tensors[f"dsn{side}.weight"] = torch.randn(1, size, 1, 1, generator=chance) / size
+        tensors[f"dsn{side}.bias"] = torch.zeros(1)
+    tensors["fuse.weight"] = torch.full((1, 5, 1, 1), 0.2)
+    tensors["fuse.bias"] = torch.zeros(1)
     return tensors
 
 
@@ -69,6 +84,19 @@ class QuickVgg(Vgg16):
         ]
 
 
+class QuickHed(Hed):
+    """The slope of the lightness in place of a network."""
+
+    def __init__(self) -> None:
+        pass
+
+    def edges(self, picture: torch.Tensor) -> torch.Tensor:
+        gray = picture.mean(0)
+        across = functional.pad(gray[:, 2:] - gray[:, :-2], (1, 1))
+        down = functional.pad(gray[2:] - gray[:-2], (0, 0, 1, 1))
+        return torch.tanh(4 * (across.square() + down.square()))
+
+
 class QuickEncoders(Encoders):
     """Sees through random mixtures: enough for everything but judging what is seen."""
 
@@ -79,6 +107,9 @@ class QuickEncoders(Encoders):
 
     def meaning(self) -> EfficientNetLite:
         return EfficientNetLite(random_lite_tensors())
+
+    def edges(self) -> Hed:
+        return QuickHed()
 
     def aside(self) -> EfficientNetLite:
         return self.meaning()

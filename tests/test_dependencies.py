@@ -24,11 +24,23 @@ def declared() -> set[str]:
     return {plain(name) for name in tomllib.loads(PYPROJECT.read_text())["project"]["dependencies"]}
 
 
-def imported() -> dict[str, set[str]]:
-    """Modules that are neither Python's nor ours, by name, with the files that import them."""
+def extras() -> set[str]:
+    """What is installed for one robot or camera only, and imported when that is connected."""
+    optional = tomllib.loads(PYPROJECT.read_text())["project"]["optional-dependencies"]
+    return {plain(name) for extra, names in optional.items() if extra != "dev" for name in names}
+
+
+def imported(*, when_connecting: bool = False) -> dict[str, set[str]]:
+    """Modules that are neither Python's nor ours, by name, with the files that import them.
+
+    With `when_connecting` those that functions import, otherwise those that are imported with the file.
+    """
     found: dict[str, set[str]] = {}
     for path in ROOT.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+        inner = {node for function in functions for node in ast.walk(function)}
+        for node in inner if when_connecting else set(ast.walk(tree)) - inner:
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom):
                 names = [node.module or ""]
@@ -46,10 +58,19 @@ def test_everything_that_is_imported_is_declared() -> None:
         assert distributions & declared(), f"{module}, imported by {sorted(files)}, is not in pyproject.toml"
 
 
+def test_what_is_imported_when_connecting_is_an_extra_or_needed_anyway() -> None:
+    known = packages_distributions()
+    for module, files in imported(when_connecting=True).items():
+        distributions = {plain(name) for name in known.get(module, [module])}
+        assert distributions & (declared() | extras()), f"{module}, imported by {sorted(files)}, is in no extra"
+
+
 def test_everything_that_is_declared_is_imported() -> None:
     known = packages_distributions()
     used = {plain(name) for module in imported() for name in known.get(module, [])}
     assert declared() <= used, f"{sorted(declared() - used)} are installed for nothing"
+    later = {plain(name) for module in imported(when_connecting=True) for name in known.get(module, [module])}
+    assert extras() <= later, f"{sorted(extras() - later)} are installed for nothing"
 
 
 @pytest.mark.slow

@@ -4,11 +4,11 @@ import pytest
 import torch
 
 from frida_painter.errors import ConfigError
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm
 from scenes import picture
 
 
-@pytest.mark.parametrize("kind", [ImageTerm, SemanticTerm, StyleTerm])
+@pytest.mark.parametrize("kind", [ImageTerm, SemanticTerm, SketchTerm, StyleTerm])
 @pytest.mark.parametrize("weight", [0.0, -1.0, math.nan, math.inf])
 def test_weights_are_above_zero_and_finite(kind: type, weight: float) -> None:
     with pytest.raises(ConfigError, match="weights are above 0 and finite"):
@@ -18,6 +18,25 @@ def test_weights_are_above_zero_and_finite(kind: type, weight: float) -> None:
 def test_a_single_color_has_no_style() -> None:
     with pytest.raises(ConfigError, match="no style"):
         StyleTerm(torch.full((3, 20, 20), 0.3))
+
+
+@pytest.mark.parametrize("value", [1.0, 0.5, 0.02])
+def test_paper_without_a_line_is_no_sketch(value: float) -> None:
+    with pytest.raises(ConfigError, match="without a single line"):
+        SketchTerm(torch.full((3, 60, 80), value))
+
+
+def test_sketches_are_begun_with_in_the_colors_of_a_style() -> None:
+    lines = torch.ones(3, 240, 300)
+    lines[:, 120, 30:270] = 0
+    sketch = SketchTerm(lines, 2.0)
+    (alone,) = Goal((sketch,)).opening
+    assert alone.weight == 2 and torch.equal(alone.image, sketch.drawing)
+    assert float(sketch.drawing[:, 118:123, 60:240].max()) < 0.1, "as broad as brushes paint"
+    (filled,) = Goal((StyleTerm(picture()), sketch)).opening
+    assert float(filled.image[:, 5, 5].std()) > 0.01, "the paper has a colour"
+    image = ImageTerm(picture())
+    assert Goal((sketch, image)).opening == (image,)
 
 
 def test_a_plan_begins_with_what_it_is_told_or_else_with_the_pictures() -> None:

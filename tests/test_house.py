@@ -10,7 +10,17 @@ import frida_painter
 ROOT = Path(frida_painter.__file__).parent
 LAYERS = (
     ("errors", "storage", "weights", "images"),
-    ("frames", "strokes", "palette", "goal", "plan", "lens", "calibration", "config"),  # settings speak in these nouns
+    (
+        "frames",
+        "strokes",
+        "palette",
+        "drawing",
+        "goal",
+        "plan",
+        "lens",
+        "calibration",
+        "config",
+    ),  # settings speak in these nouns
     ("brush", "render", "perception"),
     ("objectives",),
     ("planning", "hardware", "virtual"),

@@ -5,9 +5,12 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
+from frida_painter.drawing import broadened, cleaned, colored, ink
 from frida_painter.errors import ConfigError
 
 _FLAT = 0.01  # standard deviation under which a picture is of one colour
+_FEWEST = 2e-4  # of a drawing's pixels that are a line; fewer are a speck
+_BROAD = 1 / 40  # of a canvas's shorter side: about as fine as brushes paint
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,30 @@ class SemanticTerm:
         _require_weight(self.weight, "a picture to be painted by its meaning")
 
 
-Term = ImageTerm | StyleTerm | SemanticTerm
+@dataclass(frozen=True)
+class SketchTerm:
+    """Paint along the lines of this drawing: `image` [3, H, W] in [0, 1], with at least one line. Raises ConfigError.
+
+    Dark lines on light paper, scanned or photographed, or chalk on a dark board.
+    """
+
+    image: Tensor
+    weight: float = 1.0
+
+    def __post_init__(self) -> None:
+        _require_weight(self.weight, "a sketch")
+        if not float(ink(cleaned(self.image)).float().mean()) >= _FEWEST:
+            raise ConfigError(
+                "A sketch without a single line was given; give a drawing of dark lines on light paper, or of chalk."
+            )
+
+    @property
+    def drawing(self) -> Tensor:
+        """The lines on white paper, no finer than brushes paint, [3, H, W] in [0, 1]."""
+        return broadened(cleaned(self.image), _BROAD)
+
+
+Term = ImageTerm | StyleTerm | SemanticTerm | SketchTerm
 
 
 @dataclass(frozen=True)
@@ -64,7 +90,7 @@ class Goal:
 
     @property
     def opening(self) -> tuple[Term, ...]:
-        """What a plan begins with: the initial terms, or the pictures to paint, or else whatever there is.
+        """What a plan begins with: the initial terms, or the pictures to paint, the sketches, or whatever there is.
 
         These are the goal's own terms, and the same tuple, where it has nothing but pictures.
         """
@@ -73,7 +99,16 @@ class Goal:
         pictures = tuple(term for term in self.terms if isinstance(term, ImageTerm))
         meanings = tuple(ImageTerm(term.image, term.weight) for term in self.terms if isinstance(term, SemanticTerm))
         styles = tuple(ImageTerm(term.image, term.weight) for term in self.terms if isinstance(term, StyleTerm))
-        return self.initial or pictures or meanings or styles
+        return self.initial or pictures or self._sketched() or meanings or styles
+
+    def _sketched(self) -> tuple[ImageTerm, ...]:
+        """The sketches as pictures: filled with the colours of the first style, where there is one."""
+        style = next((term for term in self.terms if isinstance(term, StyleTerm)), None)
+        sketches = [term for term in self.terms if isinstance(term, SketchTerm)]
+        return tuple(
+            ImageTerm(term.drawing if style is None else colored(term.drawing, style.image), term.weight)
+            for term in sketches
+        )
 
 
 def _require_weight(weight: float, what: str) -> None:

@@ -6,11 +6,12 @@ from typing import Any
 
 import pytest
 import torch
+from PIL import Image
 
 from frida_painter import cli, images
 from frida_painter.cli.goals import read_goal
 from frida_painter.errors import ConfigError, FridaError
-from frida_painter.goal import ImageTerm, SemanticTerm, StyleTerm
+from frida_painter.goal import ImageTerm, SemanticTerm, SketchTerm, StyleTerm
 from frida_painter.objectives.encoders.shelf import Encoders
 from networks import QuickEncoders
 from scenes import picture
@@ -57,7 +58,7 @@ def test_a_goal_file_names_pictures_beside_itself(photo: Path, waves: Path) -> N
         ("goal = [", "is not TOML"),
         ("gaol = 1", "'gaol'"),
         ("goal = 3", "is not a list of tables"),
-        ('[[goal]]\nstyle = "waves.png"\nimage = "photo.png"', "has one of image, semantic, style"),
+        ('[[goal]]\nstyle = "waves.png"\nimage = "photo.png"', "has one of image, semantic, sketch, style"),
         ('[[goal]]\nstyle = "waves.png"\nweight = true', "perhaps a weight"),
         ('[[goal]]\nstyle = "waves.png"\nweight = nan', "weights are above 0"),
         ('[[goal]]\nstyle = "none.png"', "does not exist"),
@@ -130,3 +131,18 @@ def test_a_picture_by_what_it_shows(photo: Path) -> None:
     (term,) = wanted.goal.terms
     assert isinstance(term, SemanticTerm) and term.weight == 2
     assert wanted.facts == (("What is shown in", "photo.png (weight 2)"),)
+
+
+def test_a_sketch_and_a_blank_sheet(photo: Path) -> None:
+    lines = torch.ones(4, 60, 80)
+    lines[3] = 0
+    lines[:3, 30, 10:70], lines[3, 30, 10:70] = 0, 1
+    drawn = photo.with_name("drawn.png")
+    Image.fromarray((255 * lines).byte().permute(1, 2, 0).numpy(), "RGBA").save(drawn)
+    wanted = read_goal(photo, {"sketch": [drawn], "sketch_weight": [0.5]})
+    assert isinstance(wanted.goal.terms[1], SketchTerm) and wanted.goal.terms[1].weight == 0.5
+    assert wanted.facts[1] == ("Sketch", "drawn.png (weight 0.5)")
+    lines[3] = 0
+    Image.fromarray((255 * lines).byte().permute(1, 2, 0).numpy(), "RGBA").save(drawn)
+    with pytest.raises(ConfigError, match=r"--sketch .*: A sketch without a single line"):
+        read_goal(photo, {"sketch": [drawn]})

@@ -68,6 +68,11 @@ def test_a_plan_becomes_pictures_of_any_size_and_files_for_machines(run: Run, ph
     drawing = ElementTree.parse(tmp_path / "strokes.svg").getroot()
     assert (drawing.get("width"), drawing.get("height")) == ("120mm", "90mm")
     assert len(drawing.findall(".//{http://www.w3.org/2000/svg}path")) == 14
+    run("export", "planned", "--to", "svg", "--dips", "--out", "dips.svg")
+    assert 'inkscape:label="!1 paint 1' in (tmp_path / "dips.svg").read_text()
+    run("export", "planned", "--to", "gcode", "--press", 1)
+    program = (tmp_path / "strokes.gcode").read_text()
+    assert program.count("; stroke ") == 14 and "\nM0 (dip into paint 1" in program
     run("export", "planned", "--to", "csv", "--out", "list.csv")
     with (tmp_path / "list.csv").open() as file:
         assert len(list(csv.reader(file))) == 15

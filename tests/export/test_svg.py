@@ -1,8 +1,11 @@
 import re
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+import svgpathtools
 import torch
 
 from frida_painter.errors import PlanError
@@ -18,7 +21,7 @@ LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 MODE = "{http://www.inkscape.org/namespaces/inkscape}groupmode"
 
 
-def parsed(plan: Plan, **options: bool) -> ElementTree.Element:
+def parsed(plan: Plan, **options: Any) -> ElementTree.Element:
     return ElementTree.fromstring(svg(plan, torch.full((len(plan),), 0.006), **options))
 
 
@@ -84,3 +87,24 @@ def test_widths_that_cannot_be_are_refused(width: float) -> None:
         svg(plan, torch.tensor([0.01, width, 0.01]))
     with pytest.raises(PlanError, match="needs a width"):
         svg(plan, torch.tensor([0.01]))
+
+
+def test_dips_are_layers_whose_names_ask_a_plotter_to_pause() -> None:
+    plan = made_up_plan(paint=[0, 0, 0, 1, 1])
+    layers = parsed(plan, dips={0, 2, 3}).findall(f"{SVG}g")
+    assert [layer.attrib[LABEL].split(" #")[0] for layer in layers] == ["!1 paint 1", "!2 paint 1", "!3 paint 2"]
+    assert [len(layer) for layer in layers] == [2, 1, 2]
+    with pytest.raises(PlanError, match="in painting order only"):
+        parsed(plan, dips={0}, keep_order=False)
+
+
+def test_svgpathtools_reads_the_strokes_back(tmp_path: Path) -> None:
+    plan = made_up_plan(12)
+    file = tmp_path / "plan.svg"
+    file.write_text(svg(plan, torch.full((12,), 0.006), dips={0, 5}))
+    paths, attributes = svgpathtools.svg2paths(str(file))
+    assert [attribute["data-stroke"] for attribute in attributes] == [str(number) for number in range(1, 13)]
+    for path, points in zip(paths, control_points(plan.strokes) * 1000, strict=True):
+        (curve,) = path
+        for read, (x, y) in zip(curve.bpoints(), points.tolist(), strict=True):
+            assert abs(read - complex(x, 200 - y)) < 0.002

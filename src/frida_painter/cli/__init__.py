@@ -9,6 +9,7 @@ from rich.console import Console
 from frida_painter.cli.calibration import register as register_calibration
 from frida_painter.cli.check import register as register_check
 from frida_painter.cli.experiments import build as experiments
+from frida_painter.cli.export import export
 from frida_painter.cli.models import build as models
 from frida_painter.cli.painting import register
 from frida_painter.cli.strokes import build as strokes
@@ -30,6 +31,7 @@ def build() -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     register(app)
+    app.command("export")(export)
     register_calibration(app)
     register_check(app)
     app.add_typer(strokes(), name="strokes")

@@ -1,7 +1,7 @@
 """What shall be painted, as it is said on the command line or in a TOML file, made into a goal."""
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,9 +13,9 @@ from frida_painter import images, storage
 from frida_painter.cli.numbers import number
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm, Term
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, Term
 
-_KINDS = ("image", "semantic", "style")
+_KINDS = ("image", "semantic", "sketch", "style")
 _MOST_BYTES = 2**20
 _MOST_TERMS = 20
 _STYLE_LONGEST = 1024  # pixels; styles are compared in small pictures
@@ -42,6 +42,8 @@ Style = Annotated[_Files, _file("A picture whose colours, textures and marks the
 StyleWeight = Annotated[_Weights, _weight("style")]
 Semantic = Annotated[_Files, _file("A picture to paint by what it shows, rather than pixel by pixel.")]
 SemanticWeight = Annotated[_Weights, _weight("semantic")]
+Sketch = Annotated[_Files, _file("A drawing whose lines the painting shall follow: lines on paper, or on nothing.")]
+SketchWeight = Annotated[_Weights, _weight("sketch")]
 InitImage = Annotated[_Files, _file("A picture to begin with, whose composition shall stay.")]
 InitStyle = Annotated[_Files, _file("A style picture to begin with: its composition is kept as well.")]
 GoalFile = Annotated[
@@ -92,7 +94,7 @@ def read_goal(photo: Path | None, given: dict[str, Any]) -> Wanted:
         more, first = _from_toml(given["goal"])
         wishes, begins = wishes + more, begins + first
     if not wishes:
-        raise ConfigError("There is nothing to paint; give a PHOTO, or --semantic or --style with a picture.")
+        raise ConfigError("There is nothing to paint; give a PHOTO, or --semantic, --sketch or --style with a picture.")
     if len(wishes) + len(begins) > _MOST_TERMS:
         raise ConfigError(f"{len(wishes) + len(begins)} goals were given; at most {_MOST_TERMS} are pursued together.")
     terms = [_term(*wish) for wish in wishes]
@@ -129,7 +131,10 @@ def _term(kind: str, value: Any, weight: float) -> Term:
     try:
         if kind == "style":
             return StyleTerm(images.load(value, longest=_STYLE_LONGEST), weight)
-        return (SemanticTerm if kind == "semantic" else ImageTerm)(images.load(value), weight)
+        kinds: dict[str, Callable[[Tensor, float], Term]] = {
+            "image": ImageTerm, "semantic": SemanticTerm, "sketch": SketchTerm,
+        }  # fmt: skip
+        return kinds[kind](images.load(value), weight)
     except ConfigError as error:
         raise ConfigError(f"--{kind} {str(value)[:60]}: {error}") from error
 
@@ -163,7 +168,7 @@ def _from_toml(path: Path) -> tuple[list[Wish], list[Wish]]:
 
 
 def _label(kind: str) -> str:
-    return {"image": "Picture", "semantic": "What is shown in", "style": "Style of"}[kind]
+    return {"image": "Picture", "semantic": "What is shown in", "sketch": "Sketch", "style": "Style of"}[kind]
 
 
 def _described(value: Any, weight: float) -> str:

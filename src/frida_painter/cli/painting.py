@@ -1,4 +1,4 @@
-"""The commands that make and show paintings: paint, plan, render, export."""
+"""The commands that make and show paintings: paint, plan, render."""
 
 import signal
 import sys
@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from datetime import datetime
-from enum import StrEnum
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
@@ -24,9 +23,6 @@ from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgr
 from frida_painter.cli.virtual import PlacementErrorOption, read_placement_error
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, Interrupted
-from frida_painter.export.bezier import mark_widths
-from frida_painter.export.svg import svg
-from frida_painter.export.table import table
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.plan import Plan
@@ -38,14 +34,6 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PHOTOGRAPH_ROWS, Rhythm
 from frida_painter.session.opening import on_record, open_planner, open_session, settle_threads
 from frida_painter.virtual.studio import open_studio
-
-
-class ExportFormat(StrEnum):
-    """What a plan can be turned into."""
-
-    svg = "svg"
-    csv = "csv"
-
 
 Photo = Annotated[
     Path | None,
@@ -127,7 +115,6 @@ def register(app: typer.Typer) -> None:
     app.command("paint")(paint)
     app.command("plan")(plan)
     app.command("render")(render)
-    app.command("export")(export)
 
 
 def paint(
@@ -136,6 +123,8 @@ def paint(
     image_weight: goals.ImageWeight = None,
     semantic: goals.Semantic = None,
     semantic_weight: goals.SemanticWeight = None,
+    sketch: goals.Sketch = None,
+    sketch_weight: goals.SketchWeight = None,
     style: goals.Style = None,
     style_weight: goals.StyleWeight = None,
     init_image: goals.InitImage = None,
@@ -157,8 +146,8 @@ def paint(
 ) -> None:
     """Paint a photograph in the virtual studio: plan, paint some strokes, look, plan the rest again.
 
-    With --style it is painted in the style of another picture, with --semantic by what it shows;
-    docs/goals.md tells of all goals.
+    With --style it is painted in the style of another picture, with --semantic by what it shows,
+    with --sketch along the lines of a drawing; docs/goals.md tells of all goals.
 
     Afterwards the folder holds the painting, a film, a palette to mix, the strokes, and a page that
     tells the story. Ctrl-C stops after the current stroke and keeps what was made.
@@ -216,6 +205,8 @@ def plan(
     image_weight: goals.ImageWeight = None,
     semantic: goals.Semantic = None,
     semantic_weight: goals.SemanticWeight = None,
+    sketch: goals.Sketch = None,
+    sketch_weight: goals.SketchWeight = None,
     style: goals.Style = None,
     style_weight: goals.StyleWeight = None,
     init_image: goals.InitImage = None,
@@ -281,32 +272,6 @@ def render(
         picture = render_strokes(loaded.strokes, model, ground.contiguous(), loaded.canvas)
     images.save(picture, out)
     _say(f"{len(loaded)} strokes at {grid.columns} x {grid.rows} pixels: {out}")
-
-
-def export(
-    plan: PlanFile,
-    to: Annotated[
-        ExportFormat, typer.Option("--to", metavar="KIND", help="svg: for Inkscape and plotters; csv: a table.")
-    ] = ExportFormat.svg,
-    out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The file to write. [dim]strokes.svg or strokes.csv[/]")
-    ] = None,
-    regroup: Annotated[
-        bool,
-        typer.Option(help="One layer per paint even where paints come back later (changes what lies on top)."),
-    ] = False,
-) -> None:
-    """Write the strokes of a plan in millimetres: SVG with a layer per paint, or CSV with a row per stroke."""
-    path = out or Path(f"strokes.{to.value}")
-    if path.suffix.lower() != f".{to.value}":
-        raise ConfigError(f"--out was given {str(path)!r}; with --to {to.value} the file ends in .{to.value}.")
-    loaded = Plan.load(plan)
-    if to is ExportFormat.svg:
-        widths = mark_widths(loaded.strokes, load_stroke_model(loaded.brush))
-        storage.write_text(path, svg(loaded, widths, keep_order=not regroup))
-    else:
-        storage.write_text(path, table(loaded))
-    _say(f"{len(loaded)} strokes in {len(loaded.palette)} paints: {path}")
 
 
 def _prepare(

@@ -1,5 +1,7 @@
 """A plan as SVG in real millimetres, for Inkscape, vpype, plotters and lasers: layers are paints."""
 
+from collections.abc import Collection
+from dataclasses import dataclass, field
 from xml.sax.saxutils import escape, quoteattr
 
 import torch
@@ -13,22 +15,35 @@ from frida_painter.plan import Plan
 _DECIMALS = 3
 
 
-def svg(plan: Plan, width: Tensor, *, keep_order: bool = True) -> str:
+@dataclass(frozen=True)
+class _Layer:
+    """Strokes of one paint, by index; pause: whether the brush is dipped, or the pen changed, before them."""
+
+    paint: int
+    pause: bool
+    strokes: list[int] = field(default_factory=list)
+
+
+def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[int] = ()) -> str:
     """The plan as an SVG document: one path per stroke, one layer per paint.
 
     width [n]: of each stroke in metres. A new layer begins wherever the paint changes, so that
     layers painted from first to last give the plan's picture: one layer per palette colour as long
     as each colour is painted in one go, and more after replanning, when colours come back. With
     `keep_order=False` there is always one layer per colour, lightest first, for plotters where a
-    change of pen costs more than the order. Raises PlanError where widths are not above 0 and finite.
+    change of pen costs more than the order. dips: indices of the strokes before which the brush is
+    dipped: a layer begins there whose name starts with "!", where software for AxiDraws pauses; in
+    painting order only. Raises PlanError where widths are not above 0 and finite.
     """
+    if dips and not keep_order:
+        raise PlanError("Dips are marked in painting order only; leave out either the dips or the regrouping.")
     if width.shape != (len(plan),) or not bool(((width > 0) & (width < 1)).all()):
         raise PlanError(f"An SVG of {len(plan)} strokes needs a width above 0 and below 1 m for each; measure anew.")
     across, down = (_millimetres(side) for side in (plan.canvas.width, plan.canvas.height))
     paths = _paths(plan, width)
     layers = [
-        _layer(number, plan, paint, [paths[index] for index in strokes])
-        for number, (paint, strokes) in enumerate(_layers(plan, keep_order), start=1)
+        _drawn(number, plan, layer, [paths[index] for index in layer.strokes])
+        for number, layer in enumerate(_layers(plan, keep_order, dips), start=1)
     ]
     ground = to_hex(torch.tensor(plan.ground))
     return "\n".join(
@@ -45,26 +60,27 @@ def svg(plan: Plan, width: Tensor, *, keep_order: bool = True) -> str:
     )
 
 
-def _layers(plan: Plan, keep_order: bool) -> list[tuple[int, list[int]]]:
-    """(paint, indices of strokes) of each layer."""
-    layers: list[tuple[int, list[int]]] = []
+def _layers(plan: Plan, keep_order: bool, dips: Collection[int]) -> list[_Layer]:
+    layers: list[_Layer] = []
     paints = plan.paint.tolist()
     order = range(len(plan)) if keep_order else sorted(range(len(plan)), key=lambda index: paints[index])
     for index in order:
-        if not layers or layers[-1][0] != paints[index]:
-            layers.append((paints[index], []))
-        layers[-1][1].append(index)
+        if not layers or layers[-1].paint != paints[index] or index in dips:
+            layers.append(_Layer(paints[index], index in dips))
+        layers[-1].strokes.append(index)
     return layers
 
 
-def _layer(number: int, plan: Plan, paint: int, paths: list[str]) -> str:
-    color = to_hex(plan.palette.color[paint])
+def _drawn(number: int, plan: Plan, layer: _Layer, paths: list[str]) -> str:
+    color = to_hex(plan.palette.color[layer.paint])
     count = f"{len(paths)} stroke{'s' if len(paths) > 1 else ''}"
-    # Plotter software takes the number at the start of a label as the layer's.
-    label = quoteattr(f"{number} paint {paint + 1} {color} {count}")
+    # Plotter software takes the number at the start of a label as the layer's, and an exclamation mark as a pause.
+    label = quoteattr(f"{'!' if layer.pause else ''}{number} paint {layer.paint + 1} {color} {count}")
     return (
         f'  <g inkscape:groupmode="layer" id="layer{number}" inkscape:label={label} fill="none" stroke="{color}"'
-        f' stroke-linecap="round" stroke-linejoin="round" data-paint="{paint + 1}">\n' + "\n".join(paths) + "\n  </g>"
+        f' stroke-linecap="round" stroke-linejoin="round" data-paint="{layer.paint + 1}">\n'
+        + "\n".join(paths)
+        + "\n  </g>"
     )
 
 

@@ -10,7 +10,7 @@ from torch import Tensor
 from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm
 from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.objectives.replication import replication
 
@@ -69,6 +69,17 @@ def _(term: SemanticTerm, setting: Setting) -> Prepared:
     shown = images.fit(term.image, setting.grid.rows, setting.grid.columns)
     aside = Semantic(shown, setting.encoders.aside(), setting.seed)
     return Prepared(Semantic(shown, setting.encoders.meaning(), setting.seed), aside.judge)
+
+
+@prepare_term.register
+def _(term: SketchTerm, setting: Setting) -> Prepared:
+    from frida_painter.objectives.semantic import Semantic
+    from frida_painter.objectives.sketch import Sketch
+
+    drawing = images.fit(term.drawing, setting.grid.rows, setting.grid.columns)
+    shown = Semantic(drawing, setting.encoders.meaning(), setting.seed)
+    hed = setting.encoders.edges()
+    return Prepared(Sketch(drawing, hed, shown), Sketch(drawing, hed, shown.judge))
 
 
 class Aim:

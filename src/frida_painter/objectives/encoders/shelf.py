@@ -5,6 +5,7 @@ from pathlib import Path
 
 from frida_painter import weights
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+from frida_painter.objectives.encoders.hed import Hed
 from frida_painter.objectives.encoders.vgg import Vgg16
 
 
@@ -30,6 +31,7 @@ class Encoders:
         self._vgg: Vgg16 | None = None
         self._meaning: EfficientNetLite | None = None
         self._aside: EfficientNetLite | None = None
+        self._edges: Hed | None = None
         self.choices: list[Choice] = []
 
     def style(self) -> Vgg16:
@@ -50,6 +52,13 @@ class Encoders:
             self._meaning = EfficientNetLite(weights.tensors("efficientnet-lite0", self._cache))
             self.choices.append(Choice("meaning", "EfficientNet-Lite0"))
         return self._meaning
+
+    def edges(self) -> Hed:
+        """What sees where a picture has edges."""
+        if self._edges is None:
+            self._edges = Hed(weights.tensors("hed", self._cache))
+            self.choices.append(Choice("edges", "HED"))
+        return self._edges
 
     def aside(self) -> EfficientNetLite:
         """What the optimiser never asks, and which says when to stop: the best of the others, or else the same."""

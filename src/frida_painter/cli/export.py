@@ -1,0 +1,121 @@
+"""The command that writes plans for other programs and for machines: export."""
+
+from collections.abc import Iterator
+from enum import StrEnum
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from frida_painter import storage
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.cli.numbers import number
+from frida_painter.errors import ConfigError
+from frida_painter.export.bezier import mark_widths
+from frida_painter.export.gcode import gcode
+from frida_painter.export.svg import svg
+from frida_painter.export.table import table
+from frida_painter.hardware.gcode import Gcode
+from frida_painter.plan import Plan
+from frida_painter.session.choreography import Action, BrushLoad, Choreography
+from frida_painter.session.desk import Desk
+from frida_painter.session.events import Dipped, StrokePainted
+
+
+class ExportFormat(StrEnum):
+    """What a plan can be turned into."""
+
+    svg = "svg"
+    gcode = "gcode"
+    csv = "csv"
+
+
+class Flavour(StrEnum):
+    """What understands the G-code."""
+
+    grbl = "grbl"
+    marlin = "marlin"
+
+
+PlanFile = Annotated[
+    Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
+]
+
+
+def export(
+    plan: PlanFile,
+    to: Annotated[
+        ExportFormat,
+        typer.Option(
+            "--to",
+            metavar="KIND",
+            help="svg: for Inkscape and plotters; gcode: for GRBL and Marlin machines; csv: a table.",
+        ),
+    ] = ExportFormat.svg,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The file to write. [dim]strokes.svg, .gcode or .csv[/]")
+    ] = None,
+    regroup: Annotated[
+        bool,
+        typer.Option(help="svg: one layer per paint even where paints come back later (changes what lies on top)."),
+    ] = False,
+    dips: Annotated[
+        bool, typer.Option(help="svg: a pause, as a layer of its own, wherever the brush is dipped (AxiDraw).")
+    ] = False,
+    flavour: Annotated[
+        Flavour | None, typer.Option(metavar="NAME", help="gcode: grbl or marlin. [dim]grbl[/]", show_default=False)
+    ] = None,
+    press: Annotated[
+        float | None,
+        typer.Option(parser=number, metavar="MM", help="gcode: how deep the hardest press is; 0 for a pen. [dim]2[/]"),
+    ] = None,
+    lift: Annotated[
+        float | None, typer.Option(parser=number, metavar="MM", help="gcode: how high the brush travels. [dim]5[/]")
+    ] = None,
+) -> None:
+    """Write the strokes of a plan in millimetres.
+
+    SVG has a layer per paint, CSV a row per stroke. G-code begins at the canvas's bottom-left corner,
+    with the brush at the lightest touch at Z0, and waits (M0) whenever the brush has to be dipped.
+    """
+    path = out or Path(f"strokes.{to.value}")
+    if path.suffix.lower() != f".{to.value}":
+        raise ConfigError(f"--out was given {str(path)!r}; with --to {to.value} the file ends in .{to.value}.")
+    _refuse_strangers(to, {"svg": {"--regroup": regroup, "--dips": dips}, "gcode": {"--flavour": flavour is not None,
+                      "--press": press is not None, "--lift": lift is not None}})  # fmt: skip
+    loaded = Plan.load(plan)
+    if to is ExportFormat.svg:
+        widths = mark_widths(loaded.strokes, load_stroke_model(loaded.brush))
+        marks = set(_dipped(_actions(loaded, Desk()))) if dips else set()
+        storage.write_text(path, svg(loaded, widths, keep_order=not regroup, dips=marks))
+    elif to is ExportFormat.gcode:
+        desk = Desk(Desk.press if press is None else press / 1000, Desk.lift if lift is None else lift / 1000)
+        language = Gcode((flavour or Flavour.grbl).value, desk.travel_speed)
+        storage.write_text(path, gcode(loaded, _actions(loaded, desk), language, pauses=True))
+    else:
+        storage.write_text(path, table(loaded))
+    typer.echo(f"{len(loaded)} strokes in {len(loaded.palette)} paints: {path}")
+
+
+def _refuse_strangers(to: ExportFormat, given: dict[str, dict[str, bool]]) -> None:
+    """Raises ConfigError where an option was given that says nothing about this kind of file."""
+    for kind, options in given.items():
+        for option, is_given in options.items():
+            if is_given and kind != to.value:
+                raise ConfigError(f"{option} was given with --to {to.value}; it is for --to {kind}; leave it out.")
+
+
+def _actions(plan: Plan, desk: Desk) -> list[Action]:
+    """What painting the plan at a desk takes, beginning with a clean brush."""
+    brush = brush_kind(load_stroke_model(plan.brush).brush)
+    choreography = Choreography(desk.motion(plan.canvas), brush)
+    return list(choreography.actions(plan, BrushLoad(), 0, len(plan)))
+
+
+def _dipped(actions: list[Action]) -> Iterator[int]:
+    """Indices of the strokes before which the brush is dipped."""
+    for before, action in pairwise(actions):
+        if isinstance(before.done, Dipped) and isinstance(action.done, StrokePainted):
+            yield action.done.done - 1

@@ -1,0 +1,44 @@
+"""A plan as a G-code file, for machines that take one: strokes in order, and every dip a pause or a motion."""
+
+from collections.abc import Iterable, Iterator
+
+from frida_painter.hardware.gcode import PREAMBLE, Gcode
+from frida_painter.palette import to_hex
+from frida_painter.plan import Plan
+from frida_painter.session.choreography import Action
+from frida_painter.session.events import Dipped
+
+
+def gcode(plan: Plan, actions: Iterable[Action], language: Gcode, *, pauses: bool) -> str:
+    """The plan as a G-code program whose zero, x and y are those of the actions' motions, in millimetres.
+
+    actions: what painting the plan takes. With `pauses` the machine waits at each dip (M0, travelling
+    height) until a person has put paint on the brush or changed the pen; without, it dips, rinses and
+    wipes itself, as the motions say. Raises ConfigError where a servo does not reach a height.
+    """
+    head = (
+        f"; frida-painter: {len(plan)} strokes in {len(plan.palette)} paints on {plan.canvas}",
+        f"; plan {plan.digest[:16]}",
+        *(f"; paint {number} {to_hex(color)}" for number, color in enumerate(plan.palette.color, start=1)),
+        *PREAMBLE[: 3 if language.flavour == "grbl" else 2],
+    )
+    todo = list(actions)
+    start = language.rise(float(todo[0].motions[0].position[0, 2])) if todo else ()
+    body = (line for action in todo for line in _action(plan, action, language, pauses))
+    return "\n".join((*head, *start, *body, "; the end", ""))
+
+
+def _action(plan: Plan, action: Action, language: Gcode, pauses: bool) -> Iterator[str]:
+    if isinstance(action.done, Dipped) and pauses:
+        yield _pause(plan, action.done, language)
+        return
+    for motion in action.motions:
+        yield f"; {motion.label}"
+        yield from (line for _, line in language.lines(motion))
+
+
+def _pause(plan: Plan, dip: Dipped, language: Gcode) -> str:
+    clean = "clean the brush, then " if dip.cleaned else ""
+    text = f"{clean}dip into paint {dip.paint + 1} {to_hex(plan.palette.color[dip.paint])}"
+    # Marlin shows the words behind M0 on its display; GRBL takes them for a comment in brackets only.
+    return f"M0 {text}" if language.flavour == "marlin" else f"M0 ({text})"

@@ -1,0 +1,1 @@
+"""Robots by their makers: one thin file per device, none of which knows that it paints."""

@@ -1,0 +1,123 @@
+"""What every driver owes whoever drives it: deadlines, one tree of errors, and no motion after a fault or a stop."""
+
+import math
+import threading
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+
+from frida_painter.errors import FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.hardware.robot import Waypoints
+
+Answer = TypeVar("Answer")
+PATIENCE = 5.0
+"""Seconds within which any machine answers any question that moves nothing."""
+
+
+class Guard:
+    """Stands between a driver and the library of its maker.
+
+    name: of the robot, in messages. After a fault or a stop it lets nothing through any more until the
+    driver is closed and connected anew, which is for the person who has looked.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._stopped = threading.Event()
+        self._open = False
+        self._fault = ""
+
+    @property
+    def stopped(self) -> bool:
+        """Whether somebody has asked to stop since the robot was connected."""
+        return self._stopped.is_set()
+
+    def opened(self) -> None:
+        """The robot is connected, and nothing has gone wrong yet."""
+        self._open, self._fault = True, ""
+        self._stopped.clear()
+
+    def closed(self) -> None:
+        """The robot is not connected any more."""
+        self._open = False
+
+    def stop(self) -> None:
+        """Lets nothing through from now on. Never waits; may be called from any thread and again."""
+        self._stopped.set()
+
+    def fault(self, error: FridaError) -> FridaError:
+        """Lets nothing through from now on, because of `error`, which is given back to be raised."""
+        self._fault = self._fault or str(error)
+        return error
+
+    def require_ready(self, label: str) -> None:
+        """Raises RobotStopped after a stop, RobotError after a fault or where the robot is not connected."""
+        if self._stopped.is_set():
+            raise RobotStopped(
+                f"{label}: {self.name} was stopped; look at it, then close the connection and connect it anew."
+            )
+        if self._fault:
+            raise RobotError(
+                f"{label}: {self.name} does not move after its last fault ({self._fault}); look at it, then close "
+                "the connection and connect it anew."
+            )
+        if not self._open:
+            raise RobotError(f"{label}: {self.name} is not connected; call connect() first.")
+
+    def require_path(self, waypoints: Waypoints) -> None:
+        """Raises MotionFailed, before anything is sent, where the waypoints are no path at all."""
+        position = waypoints.position
+        if position.ndim != 2 or position.shape[1] != 3 or len(position) == 0 or not np.isfinite(position).all():
+            raise MotionFailed(
+                f"{waypoints.label}: {self.name} was given waypoints of shape {position.shape} or numbers that are "
+                "not finite; one or more (x, y, z) in metres are needed. It did not move."
+            )
+        if not 0 < waypoints.speed < math.inf:
+            raise MotionFailed(
+                f"{waypoints.label}: {self.name} was given a speed of {waypoints.speed} m/s; it is above 0 and "
+                "finite. It did not move."
+            )
+
+    def asking(self, what: str, call: Callable[[], Answer], seconds: float = PATIENCE) -> Answer:
+        """What a call into the maker's library returns, if it does so within `seconds`.
+
+        A call that does not return is left behind in a thread that does not keep the program alive.
+        Raises RobotDisconnected where it does not return in time, RobotError for whatever it raises;
+        errors of our own tree pass. Either way nothing more is let through.
+        """
+        answers: list[Answer] = []
+        failures: list[BaseException] = []
+        done = threading.Event()
+
+        def ask() -> None:
+            try:
+                answers.append(call())
+            except BaseException as failure:  # what a library raises, even to end the program, is told as one sentence
+                failures.append(failure)
+            done.set()
+
+        threading.Thread(target=ask, name=f"{self.name}: {what}", daemon=True).start()
+        if not done.wait(seconds):
+            raise self.fault(
+                RobotDisconnected(
+                    f"{what}: {self.name} did not answer within {seconds:.0f} s; look at it and at its cable."
+                )
+            )
+        if failures:
+            if isinstance(failures[0], FridaError):
+                raise self.fault(failures[0])
+            raise self.fault(
+                RobotError(f"{what}: {self.name} failed ({_one_line(failures[0])}); look at it before going on.")
+            ) from failures[0]
+        return answers[0]
+
+
+def time_allowed(path: float, speed: float) -> float:
+    """Seconds within which a motion over `path` metres at `speed` m/s is done: twice what it takes, and five more."""
+    return 2 * path / speed + PATIENCE
+
+
+def _one_line(failure: BaseException) -> str:
+    text = " ".join(str(failure).split())[:200]
+    return f"{type(failure).__name__}: {text}" if text else type(failure).__name__

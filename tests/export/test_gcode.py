@@ -1,0 +1,114 @@
+import re
+
+import numpy as np
+import pytest
+
+from easels import CALIBRATION, WORKSPACE
+from frida_painter.brush.kinds import MEDIUM
+from frida_painter.errors import ConfigError
+from frida_painter.export.bezier import control_points
+from frida_painter.export.gcode import gcode
+from frida_painter.hardware.gcode import Gcode, Servo
+from frida_painter.hardware.motion import Motion
+from frida_painter.palette import to_hex
+from frida_painter.plan import Plan
+from frida_painter.session.choreography import Action, BrushLoad, Choreography
+from frida_painter.session.desk import Desk
+from frida_painter.session.events import Dipped
+from plans import CANVAS, made_up_plan
+
+PLAN = made_up_plan(12, 3)
+
+
+def actions(plan: Plan = PLAN, desk: Desk | None = None) -> list[Action]:
+    motion = (desk or Desk()).motion(plan.canvas)
+    return list(Choreography(motion, MEDIUM).actions(plan, BrushLoad(), 0, len(plan)))
+
+
+def travelled(program: str) -> list[np.ndarray]:
+    """Reads a program as a machine does: the places [k, 3] in mm of each part between two pauses."""
+    place, parts = np.zeros(3), [[np.zeros(3)]]
+    for line in program.splitlines():
+        words = dict(re.findall(r"([XYZ])(-?[\d.]+)", line.partition(";")[0]))
+        if line.startswith("G1"):
+            place = np.array([float(words.get(axis, place[i])) for i, axis in enumerate("XYZ")])
+            parts[-1].append(place)
+        elif line.startswith("M0"):
+            parts.append([place])
+    return [np.array(part) for part in parts]
+
+
+def test_a_machine_that_obeys_goes_along_every_stroke_from_the_canvas_corner() -> None:
+    places = np.concatenate(travelled(gcode(PLAN, actions(), Gcode(), pauses=True))) / 1000
+    for start, _, _, end in control_points(PLAN.strokes).tolist():
+        for point in (start, end):
+            assert np.linalg.norm(places[:, :2] - point, axis=1).min() < 1e-5
+    assert places[:, 2].min() >= -0.002 - 1e-9 and places[:, 2].max() == pytest.approx(0.005)
+    assert (places[:, :2] >= -1e-6).all() and (places[:, :2] <= (CANVAS.width, CANVAS.height)).all()
+
+
+def test_it_crosses_the_canvas_only_lifted_and_is_lifted_at_every_pause() -> None:
+    parts = travelled(gcode(PLAN, actions(), Gcode(), pauses=True))
+    for part in parts[1:]:
+        assert part[-1][2] == pytest.approx(5)
+        step = np.linalg.norm(np.diff(part[:, :2], axis=0), axis=1)
+        lifted = np.minimum(part[1:, 2], part[:-1, 2]) >= 5 - 1e-6
+        assert (lifted | (step < 1.01)).all()
+
+
+def test_every_dip_is_a_pause_that_says_what_to_do() -> None:
+    program = gcode(PLAN, actions(), Gcode(), pauses=True)
+    dips = [action.done for action in actions() if isinstance(action.done, Dipped)]
+    pauses = [line for line in program.splitlines() if line.startswith("M0")]
+    assert len(pauses) == len(dips) > 3
+    assert pauses[0] == f"M0 (dip into paint 1 {to_hex(PLAN.palette.color[0])})"
+    assert pauses[[dip.paint for dip in dips].index(1)].startswith("M0 (clean the brush, then dip into paint 2")
+    marlin = gcode(PLAN, actions(), Gcode("marlin"), pauses=True)
+    assert f"M0 dip into paint 1 {to_hex(PLAN.palette.color[0])}\n" in marlin and "G94" not in marlin
+
+
+def test_where_the_wells_are_known_the_machine_dips_itself() -> None:
+    choreography = Choreography(Motion(WORKSPACE, CALIBRATION), MEDIUM)
+    program = gcode(PLAN, choreography.actions(PLAN, BrushLoad(), 0, 12), Gcode(), pauses=False)
+    assert "M0" not in program
+    places = np.concatenate(travelled(program)) / 1000
+    for well in WORKSPACE.wells[:3]:
+        assert np.linalg.norm(places - well, axis=1).min() < 0.01
+    assert "; rinse\n" in program and "; wipe\n" in program and "; stroke 12\n" in program
+
+
+def test_a_pen_never_goes_below_the_paper() -> None:
+    program = gcode(PLAN, actions(desk=Desk(press=0.0)), Gcode(), pauses=True)
+    assert min(part[:, 2].min() for part in travelled(program)) == 0
+
+
+def test_a_servo_writes_no_z_and_refuses_what_it_does_not_reach() -> None:
+    servo = Servo((-0.002, 200), (0.005, 900))
+    program = gcode(PLAN, actions(), Gcode("grbl", servo=servo), pauses=True)
+    assert not re.search(r"^G1.*Z", program, re.M)
+    told = [float(value) for value in re.findall(r"S(\d+)", program)]
+    assert min(told) >= 200 and max(told) == 900
+    with pytest.raises(ConfigError, match=r"height of 5.00 mm; its servo reaches from -2 to 3 mm"):
+        gcode(PLAN, actions(), Gcode(servo=Servo((-0.002, 0), (0.003, 90))), pauses=True)
+
+
+def test_a_plan_without_strokes_is_a_program_that_does_nothing() -> None:
+    none = PLAN.part(slice(0))
+    assert travelled(gcode(none, actions(none), Gcode(), pauses=True)) == [pytest.approx(np.zeros((1, 3)))]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("press", -0.001),
+        ("press", float("nan")),
+        ("press", 1.0),
+        ("lift", 0.0),
+        ("lift", 0.2),
+        ("painting_speed", 0.0),
+        ("travel_speed", 2.0),
+    ],
+)
+def test_a_desk_that_cannot_be_is_refused(name: str, value: float) -> None:
+    with pytest.raises(ConfigError, match="was given"):
+        Desk(**{name: value})

@@ -1,0 +1,61 @@
+import pytest
+import torch
+
+from frida_painter.frames import PixelGrid
+from frida_painter.goal import Goal, SketchTerm
+from frida_painter.objectives.base import prepare
+from frida_painter.objectives.sketch import Sketch
+from networks import QuickEncoders, QuickHed
+from scenes import CANVAS
+
+
+def drawing(shift: int = 0, rows: int = 96, columns: int = 128) -> torch.Tensor:
+    """A dark upright line on white, so many pixels from the middle."""
+    paper = torch.ones(3, rows, columns)
+    middle = columns // 2 + shift
+    paper[:, 16 : rows - 16, middle - 2 : middle + 2] = 0.1
+    return paper
+
+
+def distance(picture: torch.Tensor) -> float:
+    with torch.no_grad():
+        return float(Sketch(drawing(), QuickHed())(picture))
+
+
+def test_the_drawing_itself_is_perfect_and_bare_paper_is_not() -> None:
+    assert distance(drawing()) < 1e-7
+    assert distance(torch.ones(3, 96, 128)) == pytest.approx(0.05, rel=1e-3), "the whole balance, relative to itself"
+
+
+def test_colors_do_not_matter_but_places_do() -> None:
+    blue = 1 - (1 - drawing()) * torch.tensor([1.0, 1.0, 0.99])[:, None, None]
+    assert distance(blue) < 0.1 * distance(drawing(40))
+    near, further, far = (distance(drawing(shift)) for shift in (2, 6, 20))
+    assert near < further < far, "a line that is a little off is nearly right"
+
+
+def test_descending_it_brings_a_line_to_where_it_is_drawn() -> None:
+    objective = Sketch(drawing(), QuickHed())
+    shift = torch.tensor(8.0, requires_grad=True)
+    x = torch.arange(128.0)
+    rows = ((torch.arange(96) >= 16) & (torch.arange(96) < 80)).float()[:, None]
+
+    def painted() -> torch.Tensor:
+        line = 0.9 * torch.sigmoid(2.5 - (x - 63.5 - shift).abs()) * rows
+        return (1 - line).expand(3, -1, -1)
+
+    adam = torch.optim.Adam([shift], lr=0.5)
+    for _ in range(40):
+        adam.zero_grad()
+        objective(painted()).backward()
+        adam.step()
+    assert abs(shift.item()) < 1.0
+
+
+def test_a_sketch_in_a_goal_is_judged_the_same_way_every_time() -> None:
+    grid = PixelGrid.of_height(CANVAS, 48)
+    aim = prepare(Goal((SketchTerm(drawing()),)), grid, QuickEncoders(), seed=1)
+    picture = torch.rand(3, grid.rows, grid.columns, generator=torch.Generator().manual_seed(0))
+    assert aim.judge is not None
+    with torch.no_grad():
+        assert float(aim.judge(picture)) == float(aim.judge(picture)) > 0
