@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from easels import NotingRobot
-from frida_painter.errors import PoseMismatch
-from frida_painter.session.events import Dipped, Glimpsed, Looked, Planned, PlanningStep, Stopped, StrokePainted
+from frida_painter.errors import PlanError, PoseMismatch
+from frida_painter.session.events import Dipped, Glimpsed, Looked, Paused, Planned, PlanningStep, Stopped, StrokePainted
 from frida_painter.session.loop import Rhythm
 from sittings import Evening
 
@@ -124,3 +124,49 @@ def test_a_stop_while_planning_again_keeps_the_plan_as_it_was() -> None:
 def test_a_robot_that_lies_ends_the_painting() -> None:
     with pytest.raises(PoseMismatch):
         Evening(4, robot=NotingRobot(astray=0.01)).run()
+
+
+def test_a_plan_that_was_made_before_is_painted_as_it_is() -> None:
+    evening = Evening(6, replans=0, colors=2)
+    made = evening.planner.plan(torch.ones(3, 48, 64), 6, 2, lambda step: None)
+    evening.session.run(6, 2, made)
+    assert evening.painted() == [1, 2, 3, 4, 5, 6]
+    planned = [event for event in evening.heard if isinstance(event, Planned)]
+    assert planned[0].plan is made and not any(isinstance(event, PlanningStep) for event in evening.heard)
+
+
+def test_in_a_pause_a_person_may_have_it_look_again_and_paint_something_else() -> None:
+    evening = Evening(8, replans=1, pause_at=lambda event: isinstance(event, StrokePainted) and event.done == 2)
+
+    def answer(paused: Paused) -> bool:
+        evening.session.look_again()
+        assert len(evening.session.rest) == 6
+        evening.session.paint_instead(evening.session.rest.part(slice(3)))
+        return True
+
+    evening.go_on = answer
+    painting = evening.run()
+    assert painting.painted == 5 and evening.painted() == [1, 2, 3, 4, 5]
+    assert [event.done for event in evening.heard if isinstance(event, Looked)] == [2, 4, 5]
+    assert [(event.done, len(event.plan)) for event in evening.heard if isinstance(event, Planned)] == [
+        *((0, 8), (2, 6), (2, 3), (4, 1)),
+    ]
+    assert evening.planner.located == [2, 2, 1]
+
+
+def test_what_a_person_has_planned_in_a_pause_overtakes_what_was_being_planned() -> None:
+    evening = Evening(6, replans=1, pause_at=lambda event: isinstance(event, PlanningStep) and event.phase == "replan")
+
+    def answer(paused: Paused) -> bool:
+        evening.pause_at = lambda event: False
+        evening.session.paint_instead(evening.session.rest.part(slice(1)))
+        return True
+
+    evening.go_on = answer
+    assert evening.run().painted == 4
+    assert evening.painted() == [1, 2, 3, 4]
+
+
+def test_before_the_first_plan_nothing_is_left_to_be_painted() -> None:
+    with pytest.raises(PlanError, match="wait until"):
+        _ = Evening(3).session.rest

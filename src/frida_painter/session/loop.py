@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from torch import Tensor
 
-from frida_painter.errors import CameraError, FridaError, PaintingPaused, StorageError
+from frida_painter.errors import CameraError, FridaError, PaintingPaused, PlanError, StorageError
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
@@ -53,6 +53,10 @@ class Rhythm:
         count = min(self.replans + 1, strokes)
         return [strokes * (number + 1) // count - strokes * number // count for number in range(count)]
 
+    def next_look(self, done: int, of: int) -> int:
+        """How many of `of` strokes are painted when the painter looks next, `done` of them being painted now."""
+        return next(end for end in itertools.accumulate(self.batches(of)) if end > done)
+
     def wants_glimpse(self, done: int, of: int) -> bool:
         """Whether the film gets a picture after stroke `done` of `of`."""
         return done * self.glimpses // of > (done - 1) * self.glimpses // of
@@ -90,6 +94,7 @@ class PaintingSession:
     hears what happens; `go_on` is asked, and waits for a person's answer, when the painting has paused:
     on a person's wish, or because the disk or the camera failed. Raises PaintingPaused where the answer
     is no, and RobotError, PlanError and their kinds; what is on the canvas stays, and in the journal.
+    Before it answers, `go_on` may have the session `look_again`, or `paint_instead`.
     """
 
     def __init__(
@@ -120,9 +125,12 @@ class PaintingSession:
         self._before: Tensor | None = None  # the canvas as it was last seen
         self._seen = 0  # strokes that were on it
 
-    def run(self, strokes: int, colors: int) -> Painting:
-        """Paints exactly `strokes` strokes in `colors` paints on a bare canvas, unless a person stops it."""
-        return self._to_the_end(lambda: self._begin(strokes, colors))
+    def run(self, strokes: int, colors: int, plan: Plan | None = None) -> Painting:
+        """Paints exactly `strokes` strokes in `colors` paints on a bare canvas, unless a person stops it.
+
+        plan: one of so many strokes that was made before, and is painted instead of a new one.
+        """
+        return self._to_the_end(lambda: self._begin(strokes, colors, plan))
 
     def resume(self, where: Halfway) -> Painting:
         """Paints what is left of a painting, with a clean brush and wells filled anew."""
@@ -132,10 +140,30 @@ class PaintingSession:
         """The canvas as it is now, seen without the arm, never from a photograph older than the last motion."""
         return self._insist(self._look)
 
-    def _to_the_end(self, begin: Callable[[], Plan]) -> Painting:
+    @property
+    def rest(self) -> Plan:
+        """What is still to be painted. Raises PlanError where nothing has been planned yet."""
+        if self._plan is None:
+            raise PlanError("Nothing has been planned yet; wait until the first plan is made.")
+        return self._plan.part(slice(self._painted, None))
+
+    def look_again(self) -> None:
+        """Looks at what a person has made of the canvas, and plans the rest again; while the painting has paused."""
+        self._look_and_plan_again()
+
+    def paint_instead(self, rest: Plan) -> None:
+        """Takes the place of what was still to be painted, palette and canvas being the same; in a pause as well."""
+        assert self._plan is not None and self._before is not None
+        before = self.planner.judge(self.planner.expected(self.rest, self._before))
+        self._adopt(self._plan.part(slice(self._painted)).followed_by(rest))
+        expected = self.planner.expected(rest, self._before)
+        self._notify(Planned(rest, self._painted, expected, before, self.planner.judge(expected)))
+
+    def _to_the_end(self, begin: Callable[[], None]) -> Painting:
         end = "finished"
         try:
-            self._paint(begin())
+            begin()
+            self._paint()
         except _StopAsked:
             self._notify(Stopped(self._painted))
             end = "stopped"
@@ -149,16 +177,15 @@ class PaintingSession:
         rest = None if self._plan is None else self._plan.part(slice(self._painted, None))
         return Painting(photograph, self._painted, rest)
 
-    def _begin(self, strokes: int, colors: int) -> Plan:
+    def _begin(self, strokes: int, colors: int, plan: Plan | None) -> None:
         canvas = self._before = self.look()
-        plan = self.planner.plan(canvas, strokes, colors, self._heeding("plan"))
+        plan = plan or self.planner.plan(canvas, strokes, colors, self._heeding("plan"))
         self._adopt(plan)
         expected = self.planner.expected(plan, canvas)
         self._notify(Planned(plan, 0, expected, self.planner.judge(canvas), self.planner.judge(expected)))
         self._mix(plan)
-        return plan
 
-    def _begin_again(self, where: Halfway) -> Plan:
+    def _begin_again(self, where: Halfway) -> None:
         self._plan, self._painted, self._planned_at = where.plan, where.painted, where.planned_at
         known = where.before is not None
         self._before, self._seen = (where.before, where.planned_at) if known else (where.now, where.painted)
@@ -166,17 +193,15 @@ class PaintingSession:
         self._notify(Resumed(where.plan, where.painted, self.planner.expected(rest, where.now)))
         self._clean()
         self._mix(where.plan)
-        return where.plan
 
-    def _paint(self, plan: Plan) -> None:
-        for end in itertools.accumulate(self.rhythm.batches(len(plan))):
-            if end > self._planned_at:
-                self._paint_until(end)
-                self._look_and_plan_again()
+    def _paint(self) -> None:
+        while self._plan is not None and self._planned_at < len(self._plan):
+            self._paint_until(self.rhythm.next_look(self._planned_at, len(self._plan)))
+            self._look_and_plan_again()
 
     def _paint_until(self, end: int) -> None:
         """Paints until `end` strokes are on the canvas. After a pause the brush is clean, and all is set anew."""
-        while self._plan is not None and self._painted < end:
+        while self._plan is not None and self._painted < min(end, len(self._plan)):
             left = self._plan.part(slice(self._painted, end))
             for action in self.brushwork.prepare(left, self._painted, len(self._plan)):
                 if not self._perform(action, self._plan) or self.brushwork.load is not action.load:
@@ -209,10 +234,14 @@ class PaintingSession:
         self._before, self._seen = canvas, self._painted
         if len(rest):
             before = self.planner.judge(self.planner.expected(rest, canvas))
-            again = self.planner.replan(rest, canvas, self._heeding("replan"))
+            try:
+                again = self.planner.replan(rest, canvas, self._heeding("replan"))
+            except _Overtaken:
+                return
             self._adopt(self._plan.part(slice(self._painted)).followed_by(again))
             expected = self.planner.expected(again, canvas)
             self._notify(Planned(again, self._painted, expected, before, self.planner.judge(expected)))
+        self._planned_at = self._painted
 
     def _adopt(self, plan: Plan) -> None:
         """From now on, and whatever happens, painting goes by this plan of all strokes."""
@@ -251,7 +280,10 @@ class PaintingSession:
 
         def tell(step: Step) -> None:
             self._notify(PlanningStep(phase, step.iteration, step.of, step.loss, step.strokes))
+            plan = self._plan
             self._heed()
+            if self._plan is not plan:
+                raise _Overtaken
 
         return tell
 
@@ -280,6 +312,10 @@ class PaintingSession:
         self._notify(paused)
         if not self._go_on(paused):
             raise PaintingPaused(f"{reason} The painting has paused after {self._painted} strokes.") from cause
+
+
+class _Overtaken(Exception):
+    """In a pause a person had something else planned than what was being planned; never leaves this file."""
 
 
 class _StopAsked(Exception):
