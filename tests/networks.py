@@ -1,16 +1,24 @@
 """Small or random networks in place of those that are fetched."""
 
+import zipfile
+import zlib
 from collections.abc import Sequence
 from functools import cache
+from pathlib import Path
 
 import torch
 from torch.nn import functional
 from torch.nn.functional import avg_pool2d
 
+from frida_painter.objectives.encoders.base import Reader
+from frida_painter.objectives.encoders.class_names import class_names
+from frida_painter.objectives.encoders.conse import ConSE
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.hed import Hed
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.encoders.shelf import Choice, Encoders
 from frida_painter.objectives.encoders.vgg import Vgg16
+from frida_painter.objectives.pictograms import Pictograms
 
 
 @cache
@@ -97,6 +105,35 @@ class QuickHed(Hed):
         return torch.tanh(4 * (across.square() + down.square()))
 
 
+class WordBag(SentenceEncoder):
+    """Sentences are the sum of their words, each of which is a direction of its own: no network is needed."""
+
+    def __init__(self) -> None:
+        pass
+
+    def is_cut_off(self, sentence: str) -> bool:
+        return len(sentence.split()) > 256
+
+    def embed(self, sentences: Sequence[str]) -> torch.Tensor:
+        return torch.nn.functional.normalize(torch.stack([self._sum(sentence) for sentence in sentences]), dim=1)
+
+    def _sum(self, sentence: str) -> torch.Tensor:
+        words = [word.strip(",") for word in sentence.lower().split() if word not in ("a", "an", "the")]
+        return torch.stack([_direction(word) for word in words]).sum(0)
+
+
+@cache
+def _direction(word: str) -> torch.Tensor:
+    return torch.randn(256, generator=torch.Generator().manual_seed(zlib.crc32(word.encode())))
+
+
+def random_reader() -> ConSE:
+    """ConSE with a random classifier."""
+    names = class_names()
+    meanings = WordBag().embed([name for some in names for name in some])
+    return ConSE(EfficientNetLite(random_lite_tensors()), names, meanings, WordBag(), "a random network")
+
+
 class QuickEncoders(Encoders):
     """Sees through random mixtures: enough for everything but judging what is seen."""
 
@@ -113,6 +150,32 @@ class QuickEncoders(Encoders):
 
     def aside(self) -> EfficientNetLite:
         return self.meaning()
+
+    def readers(self) -> tuple[Reader, ...]:
+        if not self.choices:
+            self.choices.append(Choice("words", "random networks", "CLIP"))
+        return (random_reader(),)
+
+    def reader_aside(self) -> Reader | None:
+        return None
+
+    def sentences(self) -> SentenceEncoder:
+        return WordBag()
+
+    def pictograms(self) -> Pictograms | None:
+        return None
+
+
+def write_pictograms(path: Path) -> Path:
+    """An archive with a red square of 20 in 72 by its outline (U+1F353, strawberry), and a bare outline (U+2602)."""
+    outline = '<g id="line"><rect x="10" y="10" width="20" height="20" fill="none" stroke="#000" stroke-width="2"/></g>'
+    svg = '<svg viewBox="0 0 72 72" xmlns="http://www.w3.org/2000/svg">{}</svg>'
+    with zipfile.ZipFile(path, "w") as archive:
+        red = '<g id="color"><rect x="10" y="10" width="20" height="20" fill="#ff0000"/></g>'
+        archive.writestr("1F353.svg", svg.format(red + outline))
+        archive.writestr("2602-FE0F.svg", svg.format(outline))
+        archive.writestr("1F1E6-1F1E8.svg", svg.format(red))
+    return path
 
 
 class NoEncoders(Encoders):

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from frida_painter.errors import ConfigError
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, TextTerm
 from scenes import picture
 
 
@@ -49,3 +49,11 @@ def test_a_plan_begins_with_what_it_is_told_or_else_with_the_pictures() -> None:
     assert isinstance(opening, ImageTerm) and opening.image is style.image
     (opening,) = Goal((style, SemanticTerm(image.image, 2.0))).opening
     assert isinstance(opening, ImageTerm) and opening.image is image.image
+
+
+def test_words_say_something_and_have_a_weight() -> None:
+    with pytest.raises(ConfigError, match="are empty"):
+        TextTerm(" ")
+    with pytest.raises(ConfigError, match="above 0 and finite"):
+        TextTerm("a ship", math.nan)
+    assert Goal((TextTerm("a ship"),)).opening == (TextTerm("a ship"),)

@@ -71,7 +71,20 @@ class SketchTerm:
         return broadened(cleaned(self.image), _BROAD)
 
 
-Term = ImageTerm | StyleTerm | SemanticTerm | SketchTerm
+@dataclass(frozen=True)
+class TextTerm:
+    """Paint what these words say: `prompt`, one line of them. Raises ConfigError."""
+
+    prompt: str
+    weight: float = 1.0
+
+    def __post_init__(self) -> None:
+        _require_weight(self.weight, "words")
+        if not self.prompt.strip():
+            raise ConfigError("Words to paint were given that are empty; say what shall be painted.")
+
+
+Term = ImageTerm | StyleTerm | SemanticTerm | SketchTerm | TextTerm
 
 
 @dataclass(frozen=True)
@@ -86,7 +99,7 @@ class Goal:
 
     def __post_init__(self) -> None:
         if not self.terms:
-            raise ConfigError("A goal without any term was given; name at least one picture to paint.")
+            raise ConfigError("A goal without any term was given; name at least one picture or some words to paint.")
 
     @property
     def opening(self) -> tuple[Term, ...]:
@@ -99,7 +112,7 @@ class Goal:
         pictures = tuple(term for term in self.terms if isinstance(term, ImageTerm))
         meanings = tuple(ImageTerm(term.image, term.weight) for term in self.terms if isinstance(term, SemanticTerm))
         styles = tuple(ImageTerm(term.image, term.weight) for term in self.terms if isinstance(term, StyleTerm))
-        return self.initial or pictures or self._sketched() or meanings or styles
+        return self.initial or pictures or self._sketched() or meanings or styles or self.terms
 
     def _sketched(self) -> tuple[ImageTerm, ...]:
         """The sketches as pictures: filled with the colours of the first style, where there is one."""

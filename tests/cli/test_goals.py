@@ -10,8 +10,8 @@ from PIL import Image
 
 from frida_painter import cli, images
 from frida_painter.cli.goals import read_goal
-from frida_painter.errors import ConfigError, FridaError
-from frida_painter.goal import ImageTerm, SemanticTerm, SketchTerm, StyleTerm
+from frida_painter.errors import ConfigError, FridaError, WeightsError
+from frida_painter.goal import ImageTerm, SemanticTerm, SketchTerm, StyleTerm, TextTerm
 from frida_painter.objectives.encoders.shelf import Encoders
 from networks import QuickEncoders
 from scenes import picture
@@ -42,6 +42,26 @@ def test_photo_and_styles_with_their_weights(photo: Path, waves: Path) -> None:
     assert wanted.title == "Photo" and wanted.name == "photo"
 
 
+def test_words_beside_pictures_or_alone(photo: Path, waves: Path) -> None:
+    given = {"text": ["a sailing ship", "a lemon"], "text_weight": [2.0, 0.5], "init_text": ["the sea"]}
+    wanted = read_goal(photo, given)
+    assert [type(term) for term in wanted.goal.terms] == [ImageTerm, TextTerm, TextTerm]
+    assert [term.weight for term in wanted.goal.terms] == [1.0, 2.0, 0.5]
+    assert wanted.goal.initial == (TextTerm("the sea"),)
+    alone = read_goal(None, {"text": ["a <b>ship</b>"], "style": [waves]})
+    assert (alone.title, alone.name, alone.picture) == ("A <b>ship</b>", "a-b-ship-b", None)
+    assert alone.facts[0] == ("Words", "“A <b>ship</b>”")
+
+
+def test_words_stand_in_a_goal_file(photo: Path) -> None:
+    path = photo.with_name("goal.toml")
+    path.write_text('[[goal]]\ntext = "a ship"\nweight = 2\n[[initial]]\ntext = "the sea"')
+    assert read_goal(None, {"goal": path}).goal.terms == (TextTerm("a ship", 2.0),)
+    path.write_text('[[goal]]\ntext = " "')
+    with pytest.raises(ConfigError, match="no words"):
+        read_goal(None, {"goal": path})
+
+
 def test_a_goal_file_names_pictures_beside_itself(photo: Path, waves: Path) -> None:
     path = photo.with_name("goal.toml")
     path.write_text(
@@ -58,7 +78,7 @@ def test_a_goal_file_names_pictures_beside_itself(photo: Path, waves: Path) -> N
         ("goal = [", "is not TOML"),
         ("gaol = 1", "'gaol'"),
         ("goal = 3", "is not a list of tables"),
-        ('[[goal]]\nstyle = "waves.png"\nimage = "photo.png"', "has one of image, semantic, sketch, style"),
+        ('[[goal]]\nstyle = "waves.png"\nimage = "photo.png"', "has one of image, semantic, sketch, style, text"),
         ('[[goal]]\nstyle = "waves.png"\nweight = true', "perhaps a weight"),
         ('[[goal]]\nstyle = "waves.png"\nweight = nan', "weights are above 0"),
         ('[[goal]]\nstyle = "none.png"', "does not exist"),
@@ -146,3 +166,45 @@ def test_a_sketch_and_a_blank_sheet(photo: Path) -> None:
     Image.fromarray((255 * lines).byte().permute(1, 2, 0).numpy(), "RGBA").save(drawn)
     with pytest.raises(ConfigError, match=r"--sketch .*: A sketch without a single line"):
         read_goal(photo, {"sketch": [drawn]})
+
+
+def test_words_are_painted_without_any_photograph(
+    coarse_brush: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("readers", "reader_aside", "sentences", "pictograms"):
+        monkeypatch.setattr(Encoders, name, getattr(QuickEncoders, name))
+    out = tmp_path / "out"
+    words = ["paint", "--text", "a <script>alert(1)</script> ship", "--strokes", "5", "--replans", "1"]
+    words += ["--effort", "0.05", "--render-height", "64", "--out", str(out)]
+    monkeypatch.setattr("sys.argv", ["frida-painter", *words])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert not end.value.code
+    said = capsys.readouterr().err
+    assert "Seeing words through random networks (better: CLIP)" in said and "No pictogram was found" in said
+    result = json.loads((out / "result.json").read_text())
+    assert result["settings"]["goal"] == [["Words", "“A <script>alert(1)</script> ship”"]]
+    assert result["settings"]["remarks"] and result["strokes_painted"] == 5
+    assert [one["what"] for one in result["comparisons"]] == ["The painting against the first plan"]
+    page = (out / "index.html").read_text()
+    assert "<script>alert" not in page and "&lt;script&gt;alert(1)" in page and "From words to canvas" in page
+    assert (out / "film.mp4").exists() and not (out / "target.jpg").exists()
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"text": [" "]}, "--text was given no words"),
+        ({"text": ["a ship"], "text_weight": [0.0]}, "weights are above 0"),
+        ({"text": ["a ship", "a sea", "a sky"], "text_weight": [1.0, 2.0]}, "given 2 times for 3 goals"),
+        ({"text": ["a ship"], "init_text": ["\x1b[2J"]}, "--init-text was given a control character"),
+    ],
+)
+def test_words_that_make_no_goal(given: dict[str, Any], says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        read_goal(None, given)
+
+
+def test_words_without_networks_say_what_to_fetch(tmp_path: Path) -> None:
+    with pytest.raises(WeightsError, match="fetch minilm efficientnet-lite0"):
+        Encoders(tmp_path).readers()

@@ -11,11 +11,12 @@ from torch import Tensor
 
 from frida_painter import images, storage
 from frida_painter.cli.numbers import number
+from frida_painter.cli.prompts import name_of, read_prompt, title_of
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, Term
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, Term, TextTerm
 
-_KINDS = ("image", "semantic", "sketch", "style")
+_KINDS = ("image", "semantic", "sketch", "style", "text")
 _MOST_BYTES = 2**20
 _MOST_TERMS = 20
 _STYLE_LONGEST = 1024  # pixels; styles are compared in small pictures
@@ -23,6 +24,7 @@ _STYLE_LONGEST = 1024  # pixels; styles are compared in small pictures
 Wish = tuple[str, Any, float]
 """The kind of a term, a file, and how much it matters."""
 _Files = list[Path] | None
+_Words = list[str] | None
 _Weights = list[float] | None
 _PANEL = "What to paint"
 
@@ -31,11 +33,17 @@ def _file(text: str) -> Any:
     return typer.Option(metavar="FILE", help=f"{text} May be repeated.", rich_help_panel=_PANEL)
 
 
+def _words(text: str) -> Any:
+    return typer.Option(metavar="WORDS", help=f"{text} May be repeated.", rich_help_panel=_PANEL)
+
+
 def _weight(kind: str) -> Any:
     text = f"How much each --{kind} matters, in their order. [dim]1[/]"
     return typer.Option(parser=number, metavar="X", help=text, rich_help_panel=_PANEL)
 
 
+Text = Annotated[_Words, _words('What to paint, in words, such as "a sailing ship".')]
+TextWeight = Annotated[_Weights, _weight("text")]
 Image = Annotated[_Files, _file("A further picture to come near to, pixel by pixel.")]
 ImageWeight = Annotated[_Weights, _weight("image")]
 Style = Annotated[_Files, _file("A picture whose colours, textures and marks the painting shall have.")]
@@ -46,6 +54,7 @@ Sketch = Annotated[_Files, _file("A drawing whose lines the painting shall follo
 SketchWeight = Annotated[_Weights, _weight("sketch")]
 InitImage = Annotated[_Files, _file("A picture to begin with, whose composition shall stay.")]
 InitStyle = Annotated[_Files, _file("A style picture to begin with: its composition is kept as well.")]
+InitText = Annotated[_Words, _words("Words to begin with, whose composition shall stay.")]
 GoalFile = Annotated[
     Path | None,
     typer.Option("--goal", metavar="FILE", help="A TOML file with goals and weights.", rich_help_panel=_PANEL),
@@ -56,14 +65,15 @@ GoalFile = Annotated[
 class Wanted:
     """What a person asked for: the goal, in words for the record, a title, a name for files, and the first picture.
 
-    wishes, begins: the same as (kind, file, weight), what the painting is to be and what it begins with.
+    picture is None where nothing but words, or words and a style, was asked for. wishes, begins: the same
+    as (kind, file or words, weight), what the painting is to be and what it begins with.
     """
 
     goal: Goal
     facts: tuple[tuple[str, str], ...]
     title: str
     name: str
-    picture: Tensor
+    picture: Tensor | None
     wishes: tuple[Wish, ...]
     begins: tuple[Wish, ...]
 
@@ -71,7 +81,7 @@ class Wanted:
         """The same, with the pictures that are to fill the canvas as they will fill it."""
 
         def fit(term: Term) -> Term:
-            if isinstance(term, StyleTerm):
+            if isinstance(term, StyleTerm | TextTerm):
                 return term
             return replace(term, image=images.fit(term.image, grid.rows, grid.columns))
 
@@ -87,25 +97,34 @@ def read_goal(photo: Path | None, given: dict[str, Any]) -> Wanted:
     wishes: list[Wish] = [] if photo is None else [("image", photo, _photo_weight(given))]
     begins: list[Wish] = []
     for kind in _KINDS:
-        values = given.get(kind) or []
+        values = _read(kind, given.get(kind) or [], f"--{kind}")
         wishes += zip([kind] * len(values), values, _weights(kind, photo, values, given), strict=True)
-        begins += [(kind, value, 1.0) for value in given.get(f"init_{kind}") or []]
+        begins += [(kind, value, 1.0) for value in _read(kind, given.get(f"init_{kind}") or [], f"--init-{kind}")]
     if given.get("goal") is not None:
         more, first = _from_toml(given["goal"])
         wishes, begins = wishes + more, begins + first
     if not wishes:
-        raise ConfigError("There is nothing to paint; give a PHOTO, or --semantic, --sketch or --style with a picture.")
+        raise ConfigError(
+            "There is nothing to paint; give a PHOTO, --text with words, or --semantic, --sketch or --style with a "
+            "picture."
+        )
     if len(wishes) + len(begins) > _MOST_TERMS:
         raise ConfigError(f"{len(wishes) + len(begins)} goals were given; at most {_MOST_TERMS} are pursued together.")
     terms = [_term(*wish) for wish in wishes]
     # To begin with a style is to begin with its picture, as the paper does.
-    initial = [_term("image", value, weight) for _, value, weight in begins]
+    initial = [_term("text" if kind == "text" else "image", value, weight) for kind, value, weight in begins]
     facts = [(_label(kind), _described(value, weight)) for kind, value, weight in wishes]
     facts += [(f"Begun with {kind}", _described(value, 1.0)) for kind, value, _ in begins]
-    pictures = [term.image for term in (*terms, *initial) if not isinstance(term, StyleTerm)]
-    pictures += [term.image for term in terms]
-    goal = Goal(tuple(terms), tuple(initial))
-    return Wanted(goal, tuple(facts), *_names(wishes[0][1]), pictures[0], tuple(wishes), tuple(begins))
+    pictures = [term.image for term in (*terms, *initial) if not isinstance(term, StyleTerm | TextTerm)]
+    if not any(isinstance(term, TextTerm) for term in (*terms, *initial)):
+        pictures += [term.image for term in terms if isinstance(term, StyleTerm)]
+    goal, picture = Goal(tuple(terms), tuple(initial)), pictures[0] if pictures else None
+    return Wanted(goal, tuple(facts), *_names(wishes[0][1]), picture, tuple(wishes), tuple(begins))
+
+
+def _read(kind: str, values: Sequence[Any], option: str) -> list[Any]:
+    """The values of an option: words as one plain line, files as they are."""
+    return [read_prompt(value, option) for value in values] if kind == "text" else list(values)
 
 
 def _photo_weight(given: dict[str, Any]) -> float:
@@ -129,6 +148,8 @@ def _weights(kind: str, photo: Path | None, values: Sequence[Any], given: dict[s
 
 def _term(kind: str, value: Any, weight: float) -> Term:
     try:
+        if kind == "text":
+            return TextTerm(value, weight)
         if kind == "style":
             return StyleTerm(images.load(value, longest=_STYLE_LONGEST), weight)
         kinds: dict[str, Callable[[Tensor, float], Term]] = {
@@ -163,20 +184,27 @@ def _from_toml(path: Path) -> tuple[list[Wish], list[Wish]]:
             if len(kinds) != 1 or set(entry) - {kinds[0], "weight"} or type(weight) not in (int, float):
                 known = ", ".join(_KINDS)
                 raise ConfigError(f"{path}: a [[{table}]] has one of {known}, and perhaps a weight; {example}.")
-            wishes.append((kinds[0], path.parent / entry[kinds[0]], float(weight)))
+            value = entry[kinds[0]]
+            said = read_prompt(value, f"{path}: text") if kinds[0] == "text" else path.parent / value
+            wishes.append((kinds[0], said, float(weight)))
     return found["goal"], found["initial"]
 
 
 def _label(kind: str) -> str:
-    return {"image": "Picture", "semantic": "What is shown in", "sketch": "Sketch", "style": "Style of"}[kind]
+    labels = {
+        "image": "Picture", "semantic": "What is shown in", "sketch": "Sketch", "style": "Style of", "text": "Words",
+    }  # fmt: skip
+    return labels[kind]
 
 
 def _described(value: Any, weight: float) -> str:
-    name = value.name if isinstance(value, Path) else str(value)
+    name = value.name if isinstance(value, Path) else f"“{title_of(value)}”"
     return name if weight == 1 else f"{name} (weight {weight:g})"
 
 
 def _names(first: Any) -> tuple[str, str]:
     """A title, and a name for files, from the first thing wanted."""
-    stem = first.stem if isinstance(first, Path) else str(first)
+    if isinstance(first, str):
+        return title_of(first), name_of(first)
+    stem = first.stem
     return stem.replace("_", " ").replace("-", " ").strip().capitalize() or "Untitled", stem

@@ -85,7 +85,7 @@ def keep_goal(wanted: goals.Wanted, folder: Path) -> None:
                 copy = Path(str(number), value.name)
                 _copy(value, folder / GOAL / copy)
                 value = copy.as_posix()
-            lines += [f"[[{table}]]", f"{kind} = {json.dumps(value)}", f"weight = {weight!r}", ""]
+            lines += [f"[[{table}]]", f"{kind} = {json.dumps(value, ensure_ascii=False)}", f"weight = {weight!r}", ""]
     storage.write_text(folder / GOAL / "goal.toml", "\n".join(lines))
 
 

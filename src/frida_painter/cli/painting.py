@@ -125,8 +125,11 @@ def paint(
     semantic_weight: goals.SemanticWeight = None,
     sketch: goals.Sketch = None,
     sketch_weight: goals.SketchWeight = None,
+    text: goals.Text = None,
+    text_weight: goals.TextWeight = None,
     style: goals.Style = None,
     style_weight: goals.StyleWeight = None,
+    init_text: goals.InitText = None,
     init_image: goals.InitImage = None,
     init_style: goals.InitStyle = None,
     goal: goals.GoalFile = None,
@@ -144,10 +147,10 @@ def paint(
     film: Annotated[bool, typer.Option("--film/--no-film", help="Film how the painting comes into being.")] = True,
     out: Out = None,
 ) -> None:
-    """Paint a photograph in the virtual studio: plan, paint some strokes, look, plan the rest again.
+    """Paint a photograph, or words, in the virtual studio: plan, paint some strokes, look, plan the rest again.
 
-    With --style it is painted in the style of another picture, with --semantic by what it shows,
-    with --sketch along the lines of a drawing; docs/goals.md tells of all goals.
+    With --text it is painted towards words, with --style in the style of another picture, with
+    --semantic by what a picture shows, with --sketch along the lines of a drawing; docs/goals.md tells of all goals.
 
     Afterwards the folder holds the painting, a film, a palette to mix, the strokes, and a page that
     tells the story. Ctrl-C stops after the current stroke and keeps what was made.
@@ -207,8 +210,11 @@ def plan(
     semantic_weight: goals.SemanticWeight = None,
     sketch: goals.Sketch = None,
     sketch_weight: goals.SketchWeight = None,
+    text: goals.Text = None,
+    text_weight: goals.TextWeight = None,
     style: goals.Style = None,
     style_weight: goals.StyleWeight = None,
+    init_text: goals.InitText = None,
     init_image: goals.InitImage = None,
     init_style: goals.InitStyle = None,
     goal: goals.GoalFile = None,
@@ -222,7 +228,7 @@ def plan(
     settings: SettingsFile = None,
     out: Out = None,
 ) -> None:
-    """Plan the strokes for a photograph without painting: the plan, a picture of it, and the palette to mix."""
+    """Plan the strokes for a photograph, or for words, without painting: plan, picture of it, palette to mix."""
     wanted, _, chosen = _prepare(photo, settings, {**locals(), "replans": 0})
     with ExitStack() as stack:
         stop = stack.enter_context(_stopping())
@@ -276,17 +282,18 @@ def render(
 
 def _prepare(
     photo: Path | None, settings: Path | None, given: dict[str, Any]
-) -> tuple[goals.Wanted, torch.Tensor, PaintingSettings]:
-    """The goal, its first picture as it will fill the canvas, and the settings: options over the file over defaults."""
+) -> tuple[goals.Wanted, torch.Tensor | None, PaintingSettings]:
+    """The goal, its first picture, if any, as it will fill the canvas, and the settings: options over the file."""
     names = set(PaintingSettings.model_fields)
     overrides = {name: value for name, value in given.items() if name in names and value is not None}
     chosen = PaintingSettings.from_toml(settings, **overrides) if settings else PaintingSettings.of(**overrides)
     wanted = goals.read_goal(photo, given)
     picture = wanted.picture
-    if "canvas" not in chosen.model_fields_set:
+    if picture is not None and "canvas" not in chosen.model_fields_set:
         chosen = chosen.model_copy(update={"canvas": chosen.canvas.turned_like(*picture.shape[1:])})
     grid = PixelGrid.of_height(chosen.canvas, max(PHOTOGRAPH_ROWS, chosen.render_height))
-    return wanted.fitted(grid), images.fit(picture, grid.rows, grid.columns), chosen
+    target = None if picture is None else images.fit(picture, grid.rows, grid.columns)
+    return wanted.fitted(grid), target, chosen
 
 
 def _new_folder(out: Path | None, name: str, needed: int) -> Path:
@@ -304,12 +311,13 @@ def _begin_journal(folder: Path, wanted: goals.Wanted, how: kept.Kept) -> Journa
 
 
 def _occasion(
-    photo: Path | None, wanted: goals.Wanted, target: torch.Tensor, chosen: PaintingSettings, encoders: Encoders
+    photo: Path | None, wanted: goals.Wanted, target: torch.Tensor | None, chosen: PaintingSettings, encoders: Encoders
 ) -> Occasion:
     facts = (
         *wanted.facts,
         *((f"{choice.purpose.capitalize()} seen through", choice.used) for choice in encoders.choices),
         *((f"Better for {choice.purpose}", choice.better) for choice in encoders.choices if choice.better),
+        *(("Remark", remark) for remark in encoders.remarks),
         ("Canvas", str(chosen.canvas)),
         ("Brush", chosen.brush),
         ("Looks and replans", str(chosen.replans)),
@@ -321,6 +329,7 @@ def _occasion(
         **({"photo": photo.name} if photo else {}),
         "goal": [list(fact) for fact in wanted.facts],
         "encoders": [asdict(choice) for choice in encoders.choices],
+        "remarks": list(encoders.remarks),
         **chosen.model_dump(mode="json"),
     }
     return Occasion(wanted.title, target, facts, record)
@@ -330,6 +339,8 @@ def _tell_encoders(encoders: Encoders) -> None:
     for choice in encoders.choices:
         better = f" (better: {choice.better})" if choice.better else ""
         print(f"Seeing {choice.purpose} through {choice.used}{better}.", file=sys.stderr)
+    for remark in encoders.remarks:
+        print(remark, file=sys.stderr)
 
 
 class _Stop:

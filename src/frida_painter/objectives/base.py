@@ -10,7 +10,7 @@ from torch import Tensor
 from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, TextTerm
 from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.objectives.replication import replication
 
@@ -80,6 +80,16 @@ def _(term: SketchTerm, setting: Setting) -> Prepared:
     shown = Semantic(drawing, setting.encoders.meaning(), setting.seed)
     hed = setting.encoders.edges()
     return Prepared(Sketch(drawing, hed, shown), Sketch(drawing, hed, shown.judge))
+
+
+@prepare_term.register
+def _(term: TextTerm, setting: Setting) -> Prepared:
+    from frida_painter.objectives.text import Text
+
+    words = Text(term.prompt, setting.encoders.readers(), setting.seed)
+    aside = setting.encoders.reader_aside()
+    judge = words if aside is None else Text(term.prompt, [aside], setting.seed)
+    return Prepared(words, judge.judge)
 
 
 class Aim:

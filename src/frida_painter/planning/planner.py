@@ -11,9 +11,10 @@ from frida_painter import images
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal
+from frida_painter.goal import Goal, TextTerm
 from frida_painter.objectives.base import prepare
 from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.objectives.imagination import imagined
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.initialize import Growth, progressive
@@ -81,7 +82,6 @@ class Planner:
         seed: int,
         encoders: Encoders | None = None,
     ) -> None:
-        self.goal = goal
         self.size = size
         self.model = model
         self.effort = effort
@@ -89,6 +89,7 @@ class Planner:
         self.coarse = PixelGrid.of_height(size, max(rows // 2, 32))
         self.seed = seed
         self.encoders = encoders or Encoders()
+        self.goal = goal = imagined(goal, self.fine, self.encoders)
         self._aims = {grid: prepare(goal, grid, self.encoders, seed) for grid in (self.fine, self.coarse)}
         self._opening = self._aims[self.coarse]
         if goal.opening is not goal.terms:
@@ -202,8 +203,8 @@ class Planner:
 
     def _guide(self, grid: PixelGrid) -> Tensor:
         """The picture that says where strokes are needed."""
-        first = self.goal.opening[0]
-        return images.fit(first.image, grid.rows, grid.columns)
+        pictures = [term.image for term in self.goal.opening if not isinstance(term, TextTerm)]
+        return images.fit(pictures[0], grid.rows, grid.columns)
 
     def _growing(self, strokes: int) -> int:
         return min(self.effort.growth.rounds, strokes) * self.effort.growth.settling

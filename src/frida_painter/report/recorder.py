@@ -33,10 +33,10 @@ _DOWNLOADS = (
 
 @dataclass(frozen=True)
 class Occasion:
-    """What is known of a painting before it begins: its title, the picture wanted [3, H, W], and plain facts."""
+    """What is known of a painting before it begins: its title, the picture wanted [3, H, W] or None, and facts."""
 
     title: str
-    target: Tensor
+    target: Tensor | None
     facts: tuple[tuple[str, str], ...]
     settings: dict[str, Any]
 
@@ -65,7 +65,8 @@ class Recorder:
     def __enter__(self) -> Self:
         self._started = time.monotonic()
         self._film = FilmWriter(self.folder / "film.mp4", self.glimpses)
-        images.save(self.occasion.target, self.folder / "target.jpg")
+        if self.occasion.target is not None:
+            images.save(self.occasion.target, self.folder / "target.jpg")
         return self
 
     def __exit__(
@@ -148,14 +149,17 @@ class Recorder:
         )
 
     def _compare(self, photograph: Tensor, first_expected: Tensor) -> tuple[Comparison, ...]:
-        """Plan, painting and target against each other, at the plan's resolution."""
+        """Plan, painting and, if there is one, target against each other, at the plan's resolution."""
         rows, columns = first_expected.shape[1:]
-        target = images.fit(self.occasion.target, rows, columns)
         painted = images.fit(photograph, rows, columns)
+        against_plan = compare("The painting against the first plan", painted, first_expected)
+        if self.occasion.target is None:
+            return (against_plan,)
+        target = images.fit(self.occasion.target, rows, columns)
         return (
             compare("The first plan against the photograph", first_expected, target),
             compare("The painting against the photograph", painted, target),
-            compare("The painting against the first plan", painted, first_expected),
+            against_plan,
         )
 
     def _story(self, plan: Plan, painted: int, comparisons: tuple[Comparison, ...]) -> Story:
@@ -172,7 +176,7 @@ class Recorder:
         return Story(
             title=self.occasion.title,
             summary=f"{count} in {len(plan.palette)} paints on a canvas of {plan.canvas}{looked}.",
-            target="target.jpg",
+            target=None if self.occasion.target is None else "target.jpg",
             plan="plan.png",
             painting="painting.png",
             film="film.mp4" if (self.folder / "film.mp4").exists() else None,

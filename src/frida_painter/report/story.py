@@ -75,13 +75,13 @@ class Download:
 class Story:
     """What the page of a painting tells, in its order.
 
-    painting is None where the work was stopped before the first photograph of the canvas, film where
-    there is none; facts are (label, value) in the order in which they stand.
+    target is None where no picture was wanted, painting where the work was stopped before the first
+    photograph of the canvas, film where there is none; facts are (label, value) in the order in which they stand.
     """
 
     title: str
     summary: str
-    target: str
+    target: str | None
     plan: str
     painting: str | None
     film: str | None

@@ -4,9 +4,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from frida_painter import weights
+from frida_painter.errors import WeightsError
+from frida_painter.objectives.encoders.base import Reader
+from frida_painter.objectives.encoders.class_names import class_names
+from frida_painter.objectives.encoders.conse import ConSE
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.hed import Hed
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.encoders.vgg import Vgg16
+from frida_painter.objectives.pictograms import Pictograms
 
 
 @dataclass(frozen=True)
@@ -21,7 +27,8 @@ class Choice:
 class Encoders:
     """The networks of one painting.
 
-    cache: the folder of fetched weights, by default the usual one; choices: those used so far.
+    cache: the folder of fetched weights, by default the usual one; choices: those used so far; remarks:
+    what else a person is to be told of how the goal was understood.
     Everything that loads raises WeightsError, with the command that mends it, where weights are
     missing or altered.
     """
@@ -32,7 +39,12 @@ class Encoders:
         self._meaning: EfficientNetLite | None = None
         self._aside: EfficientNetLite | None = None
         self._edges: Hed | None = None
+        self._sentences: SentenceEncoder | None = None
+        self._readers: tuple[Reader, ...] = ()
+        self._reader_aside: Reader | None = None
+        self._pictograms: Pictograms | None = None
         self.choices: list[Choice] = []
+        self.remarks: list[str] = []
 
     def style(self) -> Vgg16:
         """What sees style: VGG16 as it was trained on ImageNet, or else the trunk of the edge detector."""
@@ -71,3 +83,65 @@ class Encoders:
             self._aside = EfficientNetLite(weights.tensors("efficientnet-lite2", self._cache))
             self.choices.append(Choice("progress", "EfficientNet-Lite2, kept aside"))
         return self._aside
+
+    def readers(self) -> tuple[Reader, ...]:
+        """What reads words and sees whether a picture shows them: classifiers with the names of their classes."""
+        if not self._readers:
+            self._require_for_words()
+            found = [number for number in (0, 1) if self._has(f"efficientnet-lite{number}")]
+            self._readers = tuple(self._conse(number) for number in found)
+            names = " and ".join(f"EfficientNet-Lite{number}" for number in found)
+            better = "CLIP: frida-painter models fetch clip-vit-b-32"
+            self.choices.append(Choice("words", f"{names} by the names of classes (ConSE)", better))
+        return self._readers
+
+    def reader_aside(self) -> Reader | None:
+        """A reader that the optimiser never asks, and which says when to stop; None where there is none."""
+        if self._reader_aside is None and self._has("efficientnet-lite2"):
+            self._reader_aside = self._conse(2)
+            self.choices.append(Choice("progress", "EfficientNet-Lite2, kept aside"))
+        return self._reader_aside
+
+    def sentences(self) -> SentenceEncoder:
+        """What reads words without seeing anything."""
+        if self._sentences is None:
+            self._require_for_words()
+            self._sentences = SentenceEncoder.load(self._cache)
+        return self._sentences
+
+    def pictograms(self) -> Pictograms | None:
+        """The picture dictionary, or None, with a remark on how to get it, where it was not fetched."""
+        if self._pictograms is None:
+            folder = weights.find("openmoji", self._cache)
+            if folder is None:
+                self.remark("Better to begin from a pictogram: frida-painter models fetch openmoji")
+                return None
+            self._pictograms = Pictograms(folder / "pictograms.zip", self.sentences(), self._kept)
+        return self._pictograms
+
+    def remark(self, words: str) -> None:
+        """Notes once what a person is to be told."""
+        if words not in self.remarks:
+            self.remarks.append(words)
+
+    @property
+    def _kept(self) -> Path:
+        """Where the meanings of many names are kept."""
+        return weights.cache_folder(self._cache) / "meanings"
+
+    def _has(self, name: str) -> bool:
+        return weights.find(name, self._cache) is not None
+
+    def _require_for_words(self) -> None:
+        missing = [name for name in ("minilm", "efficientnet-lite0") if not self._has(name)]
+        if missing:
+            raise WeightsError(
+                f"Painting towards words needs {' and '.join(missing)}, not here yet; "
+                f"fetch with `frida-painter models fetch {' '.join(missing)}`."
+            )
+
+    def _conse(self, number: int) -> ConSE:
+        classifier = EfficientNetLite(weights.tensors(f"efficientnet-lite{number}", self._cache))
+        names = class_names()
+        meanings = self.sentences().embed_once([name for some in names for name in some], self._kept)
+        return ConSE(classifier, names, meanings, self.sentences(), f"EfficientNet-Lite{number}")

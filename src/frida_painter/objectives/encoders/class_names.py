@@ -1,0 +1,16 @@
+"""What ImageNet's thousand classes are called: the words of WordNet for each, most usual first."""
+
+from functools import cache
+from importlib import resources
+
+FILE = "class_names.txt"
+
+
+@cache
+def class_names() -> tuple[tuple[str, ...], ...]:
+    """The names of each class, in the order of a classifier's scores, such as ("beacon", "lighthouse", ...).
+
+    They are lemmas of WordNet 3.0 (Princeton University 2006), whose licence stands beside this file.
+    """
+    text = (resources.files(__package__) / FILE).read_text("utf-8")
+    return tuple(tuple(line.split(", ")) for line in text.splitlines())

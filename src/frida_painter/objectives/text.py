@@ -1,0 +1,72 @@
+"""The text objective: show what words say, as networks that know both words and pictures see it."""
+
+from collections.abc import Callable, Sequence
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter.objectives.augment import Views
+from frida_painter.objectives.encoders.base import Reader
+from frida_painter.objectives.encoders.conse import ConSE
+
+_VIEWS = 24
+_AT_A_TIME = 2
+_STEADY = 4  # views by which a picture is judged
+_NOISE = 0.03  # standard deviation, of sRGB
+_BALANCE = 0.3  # against the squared difference to a picture, when both have a weight of 1
+
+
+class Text:
+    """l_text of the paper (Eq. "clip_text_loss"): the distance of meanings, over augmented views.
+
+    prompt: what is to be shown; readers: networks that see it, one after the other in every call, so that
+    strokes cannot please a single one. A call looks in two random views (perspective, crop), half of
+    them blurred, all of them noisy; what comes next is drawn from `seed`.
+    """
+
+    def __init__(self, prompt: str, readers: Sequence[Reader], seed: int) -> None:
+        self._distances = [distance_to(prompt, reader) for reader in readers]
+        self._views = [Views(_VIEWS, reader.side, seed) for reader in readers]
+        self._generator = torch.Generator().manual_seed(seed)
+        self._next = 0
+
+    def __call__(self, picture: Tensor) -> Tensor:
+        """picture [3, H, W] in [0, 1] -> its distance in two random views; differentiable."""
+        reader, self._next = self._next, (self._next + 1) % len(self._distances)
+        which = torch.randperm(_VIEWS, generator=self._generator)[:_AT_A_TIME]
+        seen = self._views[reader].of(picture, which)
+        if torch.rand((), generator=self._generator) < 0.5:
+            seen = functional.avg_pool2d(seen, 3, 1, 1, count_include_pad=False)
+        noise = torch.randn(seen.shape, generator=self._generator).to(seen)
+        return _BALANCE * self._distances[reader](seen + _NOISE * noise).mean()
+
+    def judge(self, picture: Tensor) -> Tensor:
+        """The distance by all readers in the same few views every time."""
+        which = torch.arange(_STEADY)
+        found = [
+            distance(views.of(picture, which)).mean()
+            for distance, views in zip(self._distances, self._views, strict=True)
+        ]
+        return _BALANCE * torch.stack(found).mean()
+
+
+def distance_to(prompt: str, reader: Reader) -> Callable[[Tensor], Tensor]:
+    """How far pictures [n, 3, h, w] are from showing what the prompt says, [n]: 0 for the same, about 1 for anything.
+
+    The cosine distance of the embeddings. Through class names it is joined, half and half, by the
+    cross-entropy against the classes that the prompt asks for.
+    """
+    meaning = reader.embed_text(prompt)
+
+    def apart(pictures: Tensor) -> Tensor:
+        return 1 - reader.embed_pictures(pictures) @ meaning.to(pictures)
+
+    if not isinstance(reader, ConSE):
+        return apart
+    wanted, classes = reader.wanted(prompt), reader
+
+    def joined(pictures: Tensor) -> Tensor:
+        return (apart(pictures) + classes.surprise(pictures, wanted)) / 2
+
+    return joined

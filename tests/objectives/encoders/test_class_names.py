@@ -1,0 +1,8 @@
+from frida_painter.objectives.encoders.class_names import class_names
+
+
+def test_a_thousand_classes_each_with_a_name() -> None:
+    names = class_names()
+    assert len(names) == 1000
+    assert all(name.strip() == name and name for some in names for name in some)
+    assert names[437][:2] == ("beacon", "lighthouse") and names[949] == ("strawberry",) and names[0][0] == "tench"

@@ -1,0 +1,60 @@
+import pytest
+import torch
+
+from frida_painter import weights
+from frida_painter.objectives.encoders.class_names import class_names
+from frida_painter.objectives.encoders.shelf import Encoders
+from networks import WordBag, random_reader
+
+
+def views() -> torch.Tensor:
+    return torch.rand(3, 3, 64, 64, generator=torch.Generator().manual_seed(0))
+
+
+def test_a_picture_means_a_mixture_of_its_classes() -> None:
+    reader = random_reader()
+    seen = reader.embed_pictures(views())
+    assert torch.allclose(seen.norm(dim=1), torch.ones(3), atol=1e-5)
+    assert torch.allclose(reader.embed_text("a ship").norm(), torch.ones(()))
+    probable = reader._classifier.logits(views()).softmax(1)
+    meanings = torch.stack(
+        [torch.nn.functional.normalize(WordBag().embed(some).sum(0), dim=0) for some in class_names()]
+    )
+    expected = torch.nn.functional.normalize(probable @ meanings, dim=1)
+    assert torch.allclose(seen, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize(("prompt", "number"), [("a lighthouse", 437), ("a ladybird", 301), ("a strawberry", 949)])
+def test_words_ask_for_the_class_that_has_one_of_their_names(prompt: str, number: int) -> None:
+    wanted = random_reader().wanted(prompt)
+    assert float(wanted.sum()) == pytest.approx(1, abs=1e-5)
+    assert int(wanted.argmax()) == number and float(wanted[number]) > 0.5
+
+
+def test_surprise_falls_towards_the_class_even_where_the_mixture_is_flat() -> None:
+    reader, pictures = random_reader(), views().requires_grad_()
+    reader.surprise(pictures, reader.wanted("a strawberry")).sum().backward()
+    assert float(pictures.grad.abs().max()) > 0
+    exact = reader._classifier.logits(views()).log_softmax(1)[:, 949]
+    only = torch.zeros(1000)
+    only[949] = 1
+    assert torch.allclose(reader.surprise(views(), only), -exact / torch.log(torch.tensor(1000.0)), atol=1e-5)
+
+
+@pytest.mark.skipif(
+    any(weights.find(name) is None for name in ("minilm", "efficientnet-lite0")), reason="they were not fetched"
+)
+@pytest.mark.slow
+def test_the_real_one_tells_photographs_apart_by_words() -> None:
+    skimage = pytest.importorskip("skimage")
+    photographs = torch.stack(
+        [
+            torch.nn.functional.interpolate(
+                torch.from_numpy(photo[None, ..., :3].copy()).permute(0, 3, 1, 2).float() / 255, (224, 224)
+            )[0]
+            for photo in (skimage.data.coffee(), skimage.data.chelsea(), skimage.data.rocket())
+        ]
+    )
+    reader = Encoders().readers()[0]
+    words = torch.stack([reader.embed_text(prompt) for prompt in ("a cup of coffee", "a cat", "a rocket")])
+    assert (reader.embed_pictures(photographs) @ words.T).argmax(0).tolist() == [0, 1, 2]

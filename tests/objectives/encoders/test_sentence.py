@@ -1,0 +1,62 @@
+from pathlib import Path
+
+import pytest
+import torch
+
+from frida_painter import weights
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+
+WORDS = ["[PAD]", "[UNK]", "[CLS]", "[SEP]", "[MASK]", "a", "red", "ship", "sails", "at", "sea"]
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> SentenceEncoder:
+    from transformers import BertConfig, BertModel, BertTokenizerFast
+
+    vocabulary = tmp_path_factory.mktemp("words") / "vocab.txt"
+    vocabulary.write_text("\n".join(WORDS))
+    config = BertConfig(
+        vocab_size=len(WORDS),
+        hidden_size=16,
+        num_hidden_layers=1,
+        num_attention_heads=2,
+        intermediate_size=32,
+        max_position_embeddings=256,
+    )
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        network = BertModel(config, add_pooling_layer=False)
+    return SentenceEncoder(network, BertTokenizerFast(str(vocabulary)))
+
+
+def test_sentences_have_unit_length_whatever_stands_beside_them(tiny: SentenceEncoder) -> None:
+    alone = tiny.embed(["a ship"])
+    beside = tiny.embed(["a red ship sails at sea", "a ship"])
+    assert torch.allclose(beside.norm(dim=1), torch.ones(2))
+    assert torch.allclose(alone[0], beside[1], atol=1e-6), "padding is no word"
+    assert not torch.allclose(beside[0], beside[1], atol=1e-3)
+
+
+def test_what_is_too_long_is_cut_off(tiny: SentenceEncoder) -> None:
+    assert tiny.is_cut_off("ship " * 300) and not tiny.is_cut_off("ship " * 200)
+    assert torch.allclose(tiny.embed(["ship " * 300]), tiny.embed(["ship " * 2000]))
+
+
+def test_many_sentences_are_embedded_once(tiny: SentenceEncoder, tmp_path: Path, monkeypatch) -> None:
+    names = ["a ship", "a sea"]
+    first = tiny.embed_once(names, tmp_path / "new")
+    with monkeypatch.context() as patch:
+        patch.setattr(tiny, "embed", lambda sentences: pytest.fail("they were kept"))
+        assert torch.equal(tiny.embed_once(names, tmp_path / "new"), first)
+    (kept,) = (tmp_path / "new").iterdir()
+    kept.write_bytes(b"damaged")
+    assert torch.equal(tiny.embed_once(names, tmp_path / "new"), first), "what is damaged is made anew"
+    (tmp_path / "file").write_text("in the way")
+    assert torch.equal(tiny.embed_once(names, tmp_path / "file"), first), "where nothing can be kept, it works as well"
+
+
+@pytest.mark.skipif(weights.find("minilm") is None, reason="minilm was not fetched")
+@pytest.mark.slow
+def test_the_real_one_knows_what_is_alike() -> None:
+    ship, boat, lemon = SentenceEncoder.load().embed(["a sailing ship", "schooner", "a lemon"])
+    assert float(ship @ boat) > 0.6 > 0.4 > float(ship @ lemon)

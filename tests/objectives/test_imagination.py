@@ -1,0 +1,70 @@
+from pathlib import Path
+
+import pytest
+import torch
+
+from frida_painter.frames import PixelGrid
+from frida_painter.goal import Goal, ImageTerm, StyleTerm, TextTerm
+from frida_painter.objectives.grounds import ground_of
+from frida_painter.objectives.imagination import imagined, lay
+from frida_painter.objectives.pictograms import Pictograms
+from networks import NoEncoders, QuickEncoders, WordBag, write_pictograms
+from scenes import CANVAS, picture
+
+GRID = PixelGrid.of_height(CANVAS, 48)
+
+
+@pytest.fixture
+def encoders(tmp_path: Path) -> QuickEncoders:
+    archive = write_pictograms(tmp_path / "pictograms.zip")
+    quick = QuickEncoders()
+    quick.pictograms = lambda: Pictograms(archive, WordBag(), tmp_path)  # type: ignore[method-assign]
+    return quick
+
+
+def test_words_alone_begin_with_their_pictogram_which_stays_in_the_goal(encoders: QuickEncoders) -> None:
+    goal = imagined(Goal((TextTerm("a strawberry", 2.0),)), GRID, encoders)
+    words, kept = goal.terms
+    (begun,) = goal.initial
+    assert isinstance(words, TextTerm) and isinstance(kept, ImageTerm) and isinstance(begun, ImageTerm)
+    assert kept.image is begun.image and begun.image.shape == (3, GRID.rows, GRID.columns)
+    assert torch.allclose(begun.image[:, GRID.rows // 2, GRID.columns // 2], torch.tensor([1.0, 0, 0]), atol=1e-3)
+    assert any("OpenMoji" in remark and "CC BY-SA 4.0" in remark for remark in encoders.remarks)
+
+
+def test_without_a_pictogram_there_is_the_ground(encoders: QuickEncoders) -> None:
+    (begun,) = imagined(Goal((TextTerm("a ship on the sea"),)), GRID, encoders).initial
+    assert torch.equal(begun.image, ground_of("a ship on the sea", WordBag()).picture(GRID))
+    assert "the sea" in encoders.remarks[0]
+
+
+def test_a_picture_to_begin_with_needs_no_imagination() -> None:
+    with_photo = Goal((TextTerm("a strawberry"), ImageTerm(picture())))
+    begun = Goal((TextTerm("a strawberry"),), (ImageTerm(picture()),))
+    for goal in (with_photo, begun, Goal((ImageTerm(picture()),))):
+        assert imagined(goal, GRID, NoEncoders()) is goal
+
+
+def test_words_to_begin_with_have_a_picture_first(encoders: QuickEncoders) -> None:
+    goal = imagined(Goal((StyleTerm(picture()),), (TextTerm("a strawberry"),)), GRID, encoders)
+    assert [type(term) for term in goal.initial] == [ImageTerm, TextTerm]
+    assert [type(term) for term in goal.terms] == [StyleTerm]
+
+
+def test_grounds_are_bands_between_which_the_horizon_lies() -> None:
+    sea = ground_of("a ship", WordBag())
+    shown = sea.picture(GRID)
+    assert torch.allclose(shown[:, 0, 0], torch.tensor(sea.above)) and torch.allclose(
+        shown[:, -1, 0], torch.tensor(sea.below)
+    )
+    assert ground_of("zygote", WordBag()).name == "bare paper"
+
+
+def test_a_drawing_is_laid_large_in_the_middle_without_a_dark_seam() -> None:
+    drawing = torch.zeros(4, 40, 20)
+    drawing[:, :, 5:15] = 1.0
+    laid = lay(drawing, torch.ones(3, 50, 100))
+    assert torch.allclose(laid, torch.ones(3, 50, 100), atol=1e-5), "white on white stays white along the edge"
+    laid = lay(torch.cat((torch.zeros(3, 40, 20), torch.ones(1, 40, 20))), torch.ones(3, 50, 100))
+    rows, columns = (laid[0] < 0.5).any(1).sum(), (laid[0] < 0.5).any(0).sum()
+    assert (int(rows), int(columns)) == (40, 20)

@@ -1,0 +1,37 @@
+from pathlib import Path
+
+import pytest
+import torch
+
+from frida_painter.errors import WeightsError
+from frida_painter.objectives.pictograms import Pictograms
+from networks import WordBag, write_pictograms
+
+
+@pytest.fixture
+def pictograms(tmp_path: Path) -> Pictograms:
+    return Pictograms(write_pictograms(tmp_path / "pictograms.zip"), WordBag(), tmp_path / "meanings")
+
+
+def test_words_find_the_drawing_that_is_called_so(pictograms: Pictograms) -> None:
+    found = pictograms.nearest("a red strawberry")
+    assert found is not None and found.name == "strawberry" and found.file == "1F353.svg"
+    assert 0.55 <= found.likeness <= 1
+    assert pictograms.nearest("a lighthouse") is None, "none is like enough"
+
+
+def test_a_drawing_is_cut_to_what_is_drawn_and_loses_its_outlines(pictograms: Pictograms) -> None:
+    drawing = pictograms.draw(pictograms.nearest("strawberry"))
+    assert drawing.shape[0] == 4 and drawing.shape[1] == drawing.shape[2] == pytest.approx(20 / 72 * 512, abs=2)
+    assert torch.allclose(drawing[:, 70, 70], torch.tensor([1.0, 0, 0, 1])) and float(drawing[:3, 2, 70].sum()) > 0.9
+
+
+def test_where_outlines_are_all_there_is_they_stay(pictograms: Pictograms) -> None:
+    drawing = pictograms.draw(pictograms.nearest("umbrella"))
+    assert float(drawing[3].max()) == 1 and float(drawing[:3].max()) < 0.1
+
+
+def test_an_archive_that_is_none_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "bad.zip").write_bytes(b"no archive")
+    with pytest.raises(WeightsError, match="fetch openmoji again"):
+        Pictograms(tmp_path / "bad.zip", WordBag(), tmp_path)

@@ -1,0 +1,59 @@
+import torch
+
+from frida_painter.objectives.text import Text, distance_to
+from networks import random_reader
+
+
+class Toy:
+    """Sees the mean colour, and reads the names of colours."""
+
+    name, side = "toy", 24
+
+    def embed_text(self, prompt: str) -> torch.Tensor:
+        return torch.eye(3)[["red", "green", "blue"].index(prompt)]
+
+    def embed_pictures(self, pictures: torch.Tensor) -> torch.Tensor:
+        return torch.nn.functional.normalize(pictures.mean((2, 3)), dim=1)
+
+
+def flat(*color: float) -> torch.Tensor:
+    return torch.tensor(color, dtype=torch.float32)[:, None, None].expand(3, 30, 40).contiguous()
+
+
+def test_distance_is_the_cosine_distance_of_the_meanings() -> None:
+    apart = distance_to("red", Toy())(torch.stack((flat(1, 0, 0), flat(0, 1, 0), flat(1, 1, 0))))
+    assert torch.allclose(apart, torch.tensor([0.0, 1.0, 1 - 0.5**0.5]), atol=1e-6)
+
+
+def test_the_nearer_to_the_words_the_less() -> None:
+    red = Text("red", [Toy()], seed=0)
+    assert float(red.judge(flat(0.9, 0.1, 0.1))) < float(red.judge(flat(0.5, 0.5, 0.5)))
+    assert float(red(flat(0.9, 0.1, 0.1))) < float(red(flat(0.1, 0.1, 0.9)))
+
+
+def test_views_come_from_the_seed_and_the_judge_is_steady() -> None:
+    picture = torch.rand(3, 30, 40, generator=torch.Generator().manual_seed(1))
+    one, two, other = (Text("red", [Toy()], seed=seed) for seed in (3, 3, 4))
+    assert [float(one(picture)) for _ in range(3)] == [float(two(picture)) for _ in range(3)]
+    assert float(one(picture)) != float(other(picture))
+    assert float(one.judge(picture)) == float(one.judge(picture))
+
+
+def test_readers_take_turns() -> None:
+    class Other(Toy):
+        asked = 0
+
+        def embed_pictures(self, pictures: torch.Tensor) -> torch.Tensor:
+            Other.asked += 1
+            return super().embed_pictures(pictures)
+
+    both = Text("red", [Toy(), Other()], seed=0)
+    for _ in range(4):
+        both(flat(0.5, 0.5, 0.5))
+    assert Other.asked == 2
+
+
+def test_class_names_give_a_slope_to_every_picture() -> None:
+    picture = torch.rand(3, 40, 50, generator=torch.Generator().manual_seed(1)).requires_grad_()
+    Text("a lighthouse", [random_reader()], seed=0)(picture).backward()
+    assert torch.isfinite(picture.grad).all() and float(picture.grad.abs().max()) > 0
