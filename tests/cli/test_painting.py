@@ -1,6 +1,7 @@
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from skimage import data
 
 from frida_painter import cli
 from frida_painter.frames import CanvasSize
+from frida_painter.hardware.stand import example
 from frida_painter.plan import Plan
 
 Run = Callable[..., str]
@@ -73,6 +75,11 @@ def test_a_plan_becomes_pictures_of_any_size_and_files_for_machines(run: Run, ph
     run("export", "planned", "--to", "gcode", "--press", 1)
     program = (tmp_path / "strokes.gcode").read_text()
     assert program.count("; stroke ") == 14 and "\nM0 (dip into paint 1" in program
+    (tmp_path / "place.toml").write_text(re.sub(r"(?m)^(width|height) = .*$", "", example()).replace(
+        "[canvas]", "[canvas]\nwidth = 0.12\nheight = 0.09"))  # fmt: skip
+    run("export", "planned", "--to", "gcode", "--workspace", "place.toml", "--out", "whole.gcode")
+    program = (tmp_path / "whole.gcode").read_text()
+    assert "M0" not in program and "; dip into well 3\n" in program and "; wipe\n" in program
     run("export", "planned", "--to", "csv", "--out", "list.csv")
     with (tmp_path / "list.csv").open() as file:
         assert len(list(csv.reader(file))) == 15

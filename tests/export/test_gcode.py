@@ -69,12 +69,15 @@ def test_every_dip_is_a_pause_that_says_what_to_do() -> None:
 
 def test_where_the_wells_are_known_the_machine_dips_itself() -> None:
     choreography = Choreography(Motion(WORKSPACE, CALIBRATION), MEDIUM)
-    program = gcode(PLAN, choreography.actions(PLAN, BrushLoad(), 0, 12), Gcode(), pauses=False)
+    todo = choreography.actions(PLAN, BrushLoad(), 0, 12)
+    program = gcode(PLAN, todo, Gcode(), pauses=False, ending=choreography.cleaning())
     assert "M0" not in program
     places = np.concatenate(travelled(program)) / 1000
     for well in WORKSPACE.wells[:3]:
         assert np.linalg.norm(places - well, axis=1).min() < 0.01
-    assert "; rinse\n" in program and "; wipe\n" in program and "; stroke 12\n" in program
+    after_the_last = program.partition("; stroke 12\n")[2]
+    assert "; rinse\n" in after_the_last and "; wipe\n" in after_the_last
+    assert "; wipe\n" in program and "; stroke 12\n" in program
 
 
 def test_a_pen_never_goes_below_the_paper() -> None:

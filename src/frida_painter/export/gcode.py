@@ -3,18 +3,22 @@
 from collections.abc import Iterable, Iterator
 
 from frida_painter.hardware.gcode import PREAMBLE, Gcode
+from frida_painter.hardware.robot import Waypoints
 from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import Dipped
 
 
-def gcode(plan: Plan, actions: Iterable[Action], language: Gcode, *, pauses: bool) -> str:
+def gcode(
+    plan: Plan, actions: Iterable[Action], language: Gcode, *, pauses: bool, ending: Iterable[Waypoints] = ()
+) -> str:
     """The plan as a G-code program whose zero, x and y are those of the actions' motions, in millimetres.
 
     actions: what painting the plan takes. With `pauses` the machine waits at each dip (M0, travelling
     height) until a person has put paint on the brush or changed the pen; without, it dips, rinses and
-    wipes itself, as the motions say. Raises ConfigError where a servo does not reach a height.
+    wipes itself, as the motions say. ending: what it does after the last stroke. Raises ConfigError
+    where a servo does not reach a height.
     """
     head = (
         f"; frida-painter: {len(plan)} strokes in {len(plan.palette)} paints on {plan.canvas}",
@@ -25,7 +29,8 @@ def gcode(plan: Plan, actions: Iterable[Action], language: Gcode, *, pauses: boo
     todo = list(actions)
     start = language.rise(float(todo[0].motions[0].position[0, 2])) if todo else ()
     body = (line for action in todo for line in _action(plan, action, language, pauses))
-    return "\n".join((*head, *start, *body, "; the end", ""))
+    last = (line for motion in ending for line in _motion(motion, language))
+    return "\n".join((*head, *start, *body, *last, "; the end", ""))
 
 
 def _action(plan: Plan, action: Action, language: Gcode, pauses: bool) -> Iterator[str]:
@@ -33,8 +38,12 @@ def _action(plan: Plan, action: Action, language: Gcode, pauses: bool) -> Iterat
         yield _pause(plan, action.done, language)
         return
     for motion in action.motions:
-        yield f"; {motion.label}"
-        yield from (line for _, line in language.lines(motion))
+        yield from _motion(motion, language)
+
+
+def _motion(motion: Waypoints, language: Gcode) -> Iterator[str]:
+    yield f"; {motion.label}"
+    yield from (line for _, line in language.lines(motion))
 
 
 def _pause(plan: Plan, dip: Dipped, language: Gcode) -> str:
