@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from frida_painter.errors import FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.hardware.deadline import one_line, within
 from frida_painter.hardware.robot import Waypoints
 
 Answer = TypeVar("Answer")
@@ -86,38 +87,22 @@ class Guard:
         Raises RobotDisconnected where it does not return in time, RobotError for whatever it raises;
         errors of our own tree pass. Either way nothing more is let through.
         """
-        answers: list[Answer] = []
-        failures: list[BaseException] = []
-        done = threading.Event()
-
-        def ask() -> None:
-            try:
-                answers.append(call())
-            except BaseException as failure:  # what a library raises, even to end the program, is told as one sentence
-                failures.append(failure)
-            done.set()
-
-        threading.Thread(target=ask, name=f"{self.name}: {what}", daemon=True).start()
-        if not done.wait(seconds):
+        try:
+            return within(seconds, f"{self.name}: {what}", call)
+        except FridaError as error:
+            raise self.fault(error) from None
+        except TimeoutError as silence:
             raise self.fault(
                 RobotDisconnected(
                     f"{what}: {self.name} did not answer within {seconds:.0f} s; look at it and at its cable."
                 )
-            )
-        if failures:
-            if isinstance(failures[0], FridaError):
-                raise self.fault(failures[0])
+            ) from silence
+        except BaseException as failure:  # whatever a library raises is told in one sentence
             raise self.fault(
-                RobotError(f"{what}: {self.name} failed ({_one_line(failures[0])}); look at it before going on.")
-            ) from failures[0]
-        return answers[0]
+                RobotError(f"{what}: {self.name} failed ({one_line(failure)}); look at it before going on.")
+            ) from failure
 
 
 def time_allowed(path: float, speed: float) -> float:
     """Seconds within which a motion over `path` metres at `speed` m/s is done: twice what it takes, and five more."""
     return 2 * path / speed + PATIENCE
-
-
-def _one_line(failure: BaseException) -> str:
-    text = " ".join(str(failure).split())[:200]
-    return f"{type(failure).__name__}: {text}" if text else type(failure).__name__

@@ -1,0 +1,89 @@
+"""`gphoto`: a camera that libgphoto2 speaks with over USB, like the Canon EOS Rebel T7 of the paper."""
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from frida_painter import images
+from frida_painter.errors import CameraError, ImageError
+from frida_painter.hardware.camera import Frame
+from frida_painter.hardware.cameras.shutter import Shutter
+
+Answer = TypeVar("Answer")
+
+_OPENING, _EXPOSING = 15.0, 40.0
+
+
+class GphotoCamera:
+    """Implements hardware.camera.Camera with the first camera that is found. Its pictures stay on its card."""
+
+    def __init__(self) -> None:
+        self._shutter = Shutter("the camera at gphoto2")
+        self._library: Any = None
+        self._camera: Any = None
+
+    def connect(self) -> None:
+        """Finds the camera. Raises CameraError, which says what to install or to switch on."""
+        self.close()
+        try:
+            import gphoto2
+        except ImportError as missing:
+            raise CameraError(
+                "Cameras over gphoto2 need the package gphoto2; install it with: pip install 'frida-painter[gphoto]'"
+            ) from missing
+        self._library = gphoto2
+        camera = gphoto2.Camera()
+        self._asking("connect", camera.init, _OPENING)
+        self._camera = camera
+        self._shutter.opened()
+
+    def capture(self, newer_than: float) -> Frame:
+        """Releases the shutter and fetches the picture. Raises CameraError, StaleFrame."""
+        self._shutter.require_open()
+        asked = time.monotonic()
+        image = self._asking("photograph", self._taken, _EXPOSING)
+        return self._shutter.frame(image, asked, newer_than)
+
+    def close(self) -> None:
+        """Lets go of the camera."""
+        camera, self._camera = self._camera, None
+        self._shutter.closed()
+        if camera is not None:
+            self._asking("close", camera.exit, _OPENING)
+
+    def _taken(self) -> Any:
+        """A new picture, upright, in sRGB bytes."""
+        library, camera = self._library, self._camera
+        place = camera.capture(library.GP_CAPTURE_IMAGE)
+        picture = camera.file_get(place.folder, place.name, library.GP_FILE_TYPE_NORMAL)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "photograph"
+            picture.save(str(path))
+            try:
+                return images.to_uint8(images.load(path))
+            except ImageError as error:
+                raise CameraError(
+                    f"The camera took {place.name!r}, which is no picture that can be read; set it to JPEG. ({error})"
+                ) from error
+
+    def _asking(self, what: str, call: Callable[[], Answer], seconds: float) -> Answer:
+        try:
+            return self._shutter.asking(what, call, seconds)
+        except CameraError as error:
+            code = getattr(error.__cause__, "code", None)
+            advice = _ADVICE.get(code) if isinstance(code, int) else None
+            if advice is None:
+                raise
+            raise CameraError(f"{what}: {advice} (gphoto2 says {error.__cause__}).") from error
+
+
+_ADVICE = {
+    -105: "no camera was found over USB; switch it on, wake it up, and look at its cable",
+    -53: "another program has the camera, often the desktop's file manager; eject it there",
+    -60: "the camera is locked, out of focus or full; set it to manual focus and look at its card",
+    -110: "the camera is busy; wait a moment and try again",
+    -1: "the camera reported an error; set it to manual focus, and switch it off and on",
+}
+"""libgphoto2's numbers for what a person can mend."""

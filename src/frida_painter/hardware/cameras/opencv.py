@@ -1,0 +1,81 @@
+"""`opencv`: any camera that OpenCV can open, webcams and V4L2 devices first of all."""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+
+from frida_painter.errors import CameraError
+from frida_painter.hardware.camera import Frame
+from frida_painter.hardware.cameras.shutter import Shutter
+
+_BUFFERED = 5
+"""Frames that a driver may hold back, taken before they were asked for; V4L2 holds four."""
+_OPENING, _LOOKING = 10.0, 5.0
+
+
+@dataclass(frozen=True)
+class OpencvSettings:
+    """device: its number, or the path or address of one; size: (columns, rows), None for the camera's largest."""
+
+    device: int | str = 0
+    size: tuple[int, int] | None = None
+
+
+class OpencvCamera:
+    """Implements hardware.camera.Camera. Photographs are as wide as the camera allows, or as `size` says."""
+
+    def __init__(self, settings: OpencvSettings | None = None) -> None:
+        self.settings = settings or OpencvSettings()
+        self._shutter = Shutter(f"camera {self.settings.device!r}")
+        self._device: Any = None
+
+    def connect(self) -> None:
+        """Opens the device and takes one photograph to see whether it works. Raises CameraError."""
+        self.close()
+        device = self._shutter.asking("connect", self._opened, _OPENING)
+        self._device = device
+        self._shutter.opened()
+        try:
+            self.capture(newer_than=float("-inf"))
+        except CameraError:
+            self.close()
+            raise
+        self._shutter.opened()
+
+    def capture(self, newer_than: float) -> Frame:
+        """A photograph that was exposed after this was called. Raises CameraError, StaleFrame."""
+        self._shutter.require_open()
+        asked = time.monotonic()
+        image = self._shutter.asking("photograph", self._looked, _LOOKING)
+        return self._shutter.frame(image, asked, newer_than)
+
+    def close(self) -> None:
+        """Lets go of the device."""
+        device, self._device = self._device, None
+        self._shutter.closed()
+        if device is not None:
+            self._shutter.asking("close", device.release, _LOOKING)
+
+    def _opened(self) -> Any:
+        device = cv2.VideoCapture(self.settings.device)
+        if not device.isOpened():
+            device.release()
+            raise CameraError(
+                f"There is no camera {self.settings.device!r}, or another program uses it; plug it in, close the "
+                "other program, or give another number."
+            )
+        columns, rows = self.settings.size or (10_000, 10_000)  # A camera takes the nearest that it has.
+        device.set(cv2.CAP_PROP_FRAME_WIDTH, columns)
+        device.set(cv2.CAP_PROP_FRAME_HEIGHT, rows)
+        return device
+
+    def _looked(self) -> Any:
+        """The first frame behind those that were held back, RGB."""
+        for _ in range(_BUFFERED):
+            self._device.grab()
+        seen, image = self._device.read()
+        if not seen or image is None:
+            raise CameraError(f"{self._shutter.name} gives no picture any more; look at it and at its cable.")
+        return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)

@@ -1,0 +1,88 @@
+"""What every camera owes whoever looks through it: deadlines, typed errors, and no photograph twice."""
+
+import hashlib
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frida_painter.errors import CameraError, FridaError, StaleFrame
+from frida_painter.hardware.camera import Frame
+from frida_painter.hardware.deadline import one_line, within
+
+Answer = TypeVar("Answer")
+
+
+class Shutter:
+    """Numbers the photographs of one camera and knows the last one; name: of the camera, in messages.
+
+    After a call that did not return it lets nothing through until the camera is connected anew.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._taken = 0
+        self._last = b""
+        self._open = self._stuck = False
+
+    def opened(self) -> None:
+        """The camera is connected."""
+        self._open, self._stuck, self._last = True, False, b""
+
+    def closed(self) -> None:
+        """The camera is not connected any more."""
+        self._open = False
+
+    def require_open(self) -> None:
+        """Raises CameraError where the camera is not connected, or a call into it never returned."""
+        if not self._open:
+            raise CameraError(f"{self.name} is not connected; call connect() first.")
+        if self._stuck:
+            raise CameraError(
+                f"{self.name} did not answer the last time; look at it, then close it and connect it anew."
+            )
+
+    def asking(self, what: str, call: Callable[[], Answer], seconds: float) -> Answer:
+        """What a call into a library returns, if it does so within `seconds`. Raises CameraError for all else."""
+        try:
+            return within(seconds, f"{self.name}: {what}", call)
+        except FridaError:
+            raise
+        except TimeoutError as silence:
+            self._stuck = True
+            raise CameraError(
+                f"{what}: {self.name} did not answer within {seconds:.0f} s; look at it and at its cable."
+            ) from silence
+        except BaseException as failure:  # whatever a library raises is told in one sentence
+            raise CameraError(f"{what}: {self.name} failed ({one_line(failure)}); look at it.") from failure
+
+    def is_last(self, image: NDArray[np.uint8]) -> bool:
+        """Whether these are byte for byte the pixels of the last photograph, which no real camera takes twice."""
+        return _digest(image) == self._last
+
+    def frame(self, image: object, captured_at: float, newer_than: float) -> Frame:
+        """The photograph [rows, columns, 3] with the next number.
+
+        Raises StaleFrame where it was taken at `newer_than` or before or is the last one again, and
+        CameraError where it is no photograph.
+        """
+        if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+            given = f"{image.dtype} of shape {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
+            raise CameraError(f"{self.name} gave {given} for a photograph; look whether it is set to colour pictures.")
+        if image.size == 0:
+            raise CameraError(f"{self.name} gave a photograph without any pixels; look at it.")
+        if not captured_at > newer_than:
+            raise StaleFrame(
+                f"{self.name} has a photograph that is {time.monotonic() - captured_at:.1f} s old, taken before the "
+                "arm's last motion; take another."
+            )
+        if self.is_last(image):
+            raise StaleFrame(f"{self.name} gave the same photograph again, byte for byte; look whether it hangs.")
+        self._taken, self._last = self._taken + 1, _digest(image)
+        return Frame(np.ascontiguousarray(image), captured_at, self._taken)
+
+
+def _digest(image: NDArray[np.uint8]) -> bytes:
+    return hashlib.blake2b(repr(image.shape).encode() + image.tobytes(), digest_size=16).digest()

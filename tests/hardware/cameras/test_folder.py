@@ -1,0 +1,159 @@
+import os
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from frida_painter.errors import CameraError, ConfigError, StaleFrame
+from frida_painter.hardware.cameras.folder import FolderCamera, FolderSettings
+
+
+def picture(shade: int, shape: tuple[int, ...] = (40, 60, 3)) -> Image.Image:
+    return Image.fromarray(np.full(shape, shade, np.uint8))
+
+
+def camera_at(path: Path, patience: float = 0.6, lag: float = 0.0) -> FolderCamera:
+    camera = FolderCamera(FolderSettings(path, patience, lag))
+    camera.connect()
+    return camera
+
+
+def later(seconds: float, do: Callable[[], object]) -> threading.Thread:
+    thread = threading.Timer(seconds, do)
+    thread.start()
+    return thread
+
+
+def test_a_picture_that_comes_while_it_is_waited_for_is_taken(tmp_path: Path) -> None:
+    picture(10).save(tmp_path / "old.png")
+    camera = camera_at(tmp_path, patience=5)
+    asked = time.monotonic()
+    thread = later(0.2, lambda: picture(200).save(tmp_path / "new.jpg"))
+    frame = camera.capture(asked)
+    thread.join()
+    assert frame.image.shape == (40, 60, 3) and frame.image.dtype == np.uint8
+    assert abs(int(frame.image.mean()) - 200) < 2
+    assert asked < frame.captured_at <= time.monotonic()
+
+
+def test_a_picture_written_after_the_motion_is_taken_at_once_and_never_twice(tmp_path: Path) -> None:
+    camera = camera_at(tmp_path)
+    moved = time.monotonic() - 1
+    picture(10).save(tmp_path / "a.png")
+    first = camera.capture(moved)
+    assert moved < first.captured_at <= time.monotonic()
+    with pytest.raises(StaleFrame, match=r"No new picture came .* in 0.6 s; the newest, a.png, is \d s old"):
+        camera.capture(moved)
+    picture(10).save(tmp_path / "copy.png")  # other name, same bytes
+    with pytest.raises(StaleFrame):
+        camera.capture(moved)
+    picture(30).save(tmp_path / "b.png")
+    second = camera.capture(moved)
+    assert second.image.mean() == 30 and second.sequence == first.sequence + 1
+
+
+def test_a_picture_from_before_the_motion_is_stale_and_an_older_one_is_never_gone_back_to(tmp_path: Path) -> None:
+    for name, shade, age in (("older.png", 10, 20), ("newer.png", 30, 10)):
+        picture(shade).save(tmp_path / name)
+        os.utime(tmp_path / name, (time.time() - age,) * 2)
+    camera = camera_at(tmp_path)
+    with pytest.raises(StaleFrame, match=r"newer.png, is 1\d s old"):
+        camera.capture(time.monotonic())
+    assert camera.capture(time.monotonic() - 60).image.mean() == 30
+    with pytest.raises(StaleFrame):
+        camera.capture(time.monotonic() - 60)
+
+
+def test_with_a_lag_the_exposure_is_taken_for_that_much_earlier(tmp_path: Path) -> None:
+    camera = camera_at(tmp_path, lag=5.0)
+    moved = time.monotonic()
+    thread = later(0.1, lambda: picture(90).save(tmp_path / "a.png"))
+    with pytest.raises(StaleFrame):
+        camera.capture(moved)
+    thread.join()
+    assert camera.capture(moved - 20).captured_at < moved
+
+
+def test_a_date_that_lies_ahead_is_not_believed(tmp_path: Path) -> None:
+    picture(10).save(tmp_path / "a.png")
+    os.utime(tmp_path / "a.png", (time.time() + 3600,) * 2)
+    camera = camera_at(tmp_path)
+    with pytest.raises(StaleFrame, match=r"a.png, is dated 3\d\d\d s ahead of this computer's clock"):
+        camera.capture(time.monotonic() - 10)
+
+
+def test_a_half_written_picture_is_waited_for(tmp_path: Path) -> None:
+    whole = tmp_path / "whole.bin"
+    Image.fromarray(np.random.default_rng(0).integers(0, 255, (80, 120, 3), np.uint8)).save(whole, "jpeg")
+    content = whole.read_bytes()
+    target = tmp_path / "shot.jpg"
+
+    def write() -> None:
+        with target.open("wb") as file:
+            for start in range(0, len(content), len(content) // 4):
+                file.write(content[start : start + len(content) // 4])
+                file.flush()
+                time.sleep(0.15)
+
+    camera = camera_at(tmp_path, patience=5)
+    thread = later(0.0, write)
+    frame = camera.capture(time.monotonic() - 1)
+    thread.join()
+    assert np.array_equal(frame.image, np.asarray(Image.open(target).convert("RGB")))
+
+
+def test_a_damaged_picture_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("frida_painter.hardware.cameras.folder._WRITING", 0.5)
+    (tmp_path / "shot.jpg").write_bytes(b"\xff\xd8\xff\xe0 cut off")
+    with pytest.raises(CameraError, match=r"newest picture cannot be used: .*shot.jpg"):
+        camera_at(tmp_path, patience=3).capture(time.monotonic() - 1)
+
+
+def test_one_file_that_is_overwritten_is_enough_and_other_files_do_not_count(tmp_path: Path) -> None:
+    shot = tmp_path / "latest.png"
+    camera = camera_at(shot, patience=3)
+    picture(10).save(shot)
+    assert camera.capture(time.monotonic() - 1).image.mean() == 10
+    for name in ("notes.txt", ".hidden.png", "shot.jpg.part"):
+        (tmp_path / name).write_bytes(b"x")
+    thread = later(0.1, lambda: picture(20).save(shot))
+    assert camera.capture(time.monotonic() - 1).image.mean() == 20
+    thread.join()
+
+
+def test_turned_and_deep_pictures_become_upright_bytes(tmp_path: Path) -> None:
+    camera = camera_at(tmp_path, patience=3)
+    half = np.zeros((40, 60, 3), np.uint8)
+    half[:, :30] = 255  # bright on the left
+    exif = Image.Exif()
+    exif[0x0112] = 6  # to be turned a quarter clockwise
+    Image.fromarray(half).save(tmp_path / "a.png", exif=exif)
+    image = camera.capture(time.monotonic() - 1).image
+    assert image.shape == (60, 40, 3) and image[:30].mean() == 255 and image[30:].mean() == 0
+    Image.fromarray(np.full((40, 60), 65535 // 2, np.uint16)).save(tmp_path / "b.png")
+    image = camera.capture(time.monotonic() - 1).image
+    assert image.shape == (40, 60, 3) and abs(image.mean() - 127.5) < 1
+
+
+def test_what_is_no_folder_is_refused_and_a_folder_that_vanishes_is_told(tmp_path: Path) -> None:
+    for path in (tmp_path / "none", tmp_path / "none" / "a.jpg", tmp_path / "a.txt"):
+        with pytest.raises(CameraError, match="is no folder, nor a picture in one"):
+            camera_at(path)
+    (tmp_path / "shots").mkdir()
+    camera = camera_at(tmp_path / "shots")
+    (tmp_path / "shots").rmdir()
+    with pytest.raises(StaleFrame, match="there is none"):
+        camera.capture(0.0)
+    camera.close()
+    with pytest.raises(CameraError, match="not connected"):
+        camera.capture(0.0)
+
+
+@pytest.mark.parametrize(("patience", "lag"), [(0.0, 0.0), (float("nan"), 0.0), (5.0, -1.0), (5.0, float("inf"))])
+def test_waiting_that_cannot_be_is_refused(tmp_path: Path, patience: float, lag: float) -> None:
+    with pytest.raises(ConfigError, match="patience"):
+        FolderSettings(tmp_path, patience, lag)
