@@ -1,0 +1,302 @@
+"""`xarm`: UFACTORY's xArm 6, xArm 7 and Lite 6 through their SDK, which counts in millimetres and degrees.
+
+The SDK never clears an error here, and neither does this program: a person does, at the arm.
+"""
+
+import socket
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.hardware.deadline import within
+from frida_painter.hardware.drivers.guard import PATIENCE, Guard, time_allowed
+from frida_painter.hardware.robot import MotionReport, Waypoints
+from frida_painter.hardware.workspace import Point
+
+Answer = TypeVar("Answer")
+
+_CONTROL_PORT = 502
+_OPENING = 15.0
+_POLL = 0.02
+_MOVING, _STANDING, _PAUSED, _STOPPED = 1, (0, 2, 5), 3, (4, 6)
+_ERRORS = {
+    1: "the emergency stop at the control box was pressed",
+    2: "the emergency input of the control box was triggered",
+    3: "the three-state switch of the control box was pressed",
+    19: "the end of the arm does not answer its control box",
+    21: "a place that it cannot reach, or near one",
+    22: "it would collide with itself",
+    23: "a joint would turn beyond its limit",
+    24: "a joint would be too fast",
+    25: "it could not plan the way",
+    31: "it ran into something",
+    35: "beyond its own safety boundary",
+}
+"""UFACTORY's controller errors that painting can meet (xarm_api_code.md of the SDK)."""
+
+
+@dataclass(frozen=True)
+class XarmSettings:
+    """address: of the control box; home: where the tip is aside (m); approach: m/s to the first waypoint.
+
+    brush_length: from the arm's tool centre to the brush's tip, metres, 0 where the arm's own tool offset
+    says it; tool: roll, pitch and yaw of the tool in degrees, the default points straight down;
+    blend: how near to a waypoint the arm passes, metres; acceleration: m/s2. Raises ConfigError.
+    """
+
+    address: str
+    home: Point
+    approach: float = 0.15
+    brush_length: float = 0.0
+    tool: tuple[float, float, float] = (180.0, 0.0, 0.0)
+    blend: float = 0.0005
+    acceleration: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (0 < self.approach <= 1 and 0 <= self.brush_length <= 1 and 0 <= self.blend <= 0.01):
+            raise ConfigError(
+                f"An xArm was given an approach of {self.approach} m/s, a brush of {self.brush_length} m and a blend "
+                f"of {self.blend} m; they are above 0 to 1 m/s, 0 to 1 m and 0 to 0.01 m."
+            )
+        if not (0 < self.acceleration <= 10 and all(-360 <= angle <= 360 for angle in self.tool)):
+            raise ConfigError(
+                f"An xArm was given an acceleration of {self.acceleration} m/s2 and a tool turned by {self.tool}; they "
+                "are above 0 to 10 m/s2 and three angles of -360 to 360 degrees."
+            )
+
+
+class XarmRobot:
+    """Implements hardware.robot.Robot. Stops go over a connection of their own, which nothing else uses."""
+
+    def __init__(self, settings: XarmSettings) -> None:
+        self.settings = settings
+        self._guard = Guard(f"the xArm at {settings.address}")
+        self._arm: Any = None
+        self._stopper: Any = None
+
+    def connect(self) -> None:
+        """Connects twice, once for motions and once for stops, and enables the arm where it has no error.
+
+        Raises RobotDisconnected where nobody answers at the address, RobotError where the package is
+        missing or the arm has an error, which only a person clears.
+        """
+        self.close()
+        try:
+            from xarm.wrapper import XArmAPI
+        except ImportError as missing:
+            raise RobotError(
+                "xArms need the package xarm-python-sdk; install it with: pip install 'frida-painter[xarm]'"
+            ) from missing
+        self._require_somebody()
+        self._guard.opened()
+        try:
+            self._stopper = self._connected(XArmAPI)
+            self._arm = self._connected(XArmAPI)
+            self._require_no_error("connect", None)
+            for what, call in (
+                ("motion_enable", lambda: self._arm.motion_enable(True)),
+                ("set_mode", lambda: self._arm.set_mode(0)),
+                ("set_state", lambda: self._arm.set_state(0)),
+            ):
+                self._require_done(what, self._guard.asking(what, call))
+            self.pose()
+        except FridaError:
+            self.close()
+            raise
+
+    def home(self) -> MotionReport:
+        """Goes aside, by way of the height of its place there."""
+        here, aside = self.pose(), np.array(self.settings.home)
+        above = np.array([here[0], here[1], max(here[2], aside[2])])
+        return self.follow(Waypoints("home", np.stack((above, aside)), self.settings.approach))
+
+    def pose(self) -> NDArray[np.float64]:
+        """Where the tip is, [3] metres."""
+        self._guard.require_ready("pose")
+        answer = self._guard.asking("pose", lambda: self._arm.get_position(is_radian=False))
+        try:
+            code, place = answer
+            position = np.array(place, dtype=np.float64)[:3]
+        except (TypeError, ValueError):
+            code, position = None, np.empty(0)
+        if code != 0 or position.shape != (3,) or not np.isfinite(position).all():
+            raise self._guard.fault(
+                RobotError(f"{self._guard.name} said {str(answer)[:80]} when asked where it is; look at it.")
+            )
+        return position / 1000 - (0, 0, self.settings.brush_length)
+
+    def follow(self, waypoints: Waypoints) -> MotionReport:
+        """Moves along the waypoints in straight lines, rounding each a little, and returns when the arm stands.
+
+        Raises MotionFailed with UFACTORY's code, RobotDisconnected, and RobotStopped where it was stopped
+        here or at the arm; the arm is stopped then.
+        """
+        self._guard.require_ready(waypoints.label)
+        self._guard.require_path(waypoints)
+        started = time.monotonic()
+        try:
+            away = float(np.linalg.norm(waypoints.position[0] - self.pose()))
+            until = started + time_allowed(waypoints.length, waypoints.speed)
+            until += time_allowed(away, self.settings.approach)
+            for index in range(len(waypoints.position)):
+                self._send(waypoints, index)
+            self._wait(waypoints, until)
+            reached = self.pose()
+        except FridaError as error:
+            self._guard.fault(error)
+            self._halt()
+            raise
+        return MotionReport(waypoints.label, started, time.monotonic(), reached)
+
+    def stop(self) -> None:
+        """State 4 over the connection for stops: the arm stands and forgets what it had to do."""
+        self._guard.stop()
+        self._halt()
+
+    def close(self) -> None:
+        """Lets go of both connections; an arm that moves is stopped."""
+        arm, stopper, self._arm, self._stopper = self._arm, self._stopper, None, None
+        self._guard.closed()
+        for connection in (arm, stopper):
+            if connection is not None:
+                with suppress(RobotError):  # What does not even let go is left behind.
+                    self._guard.asking("close", connection.disconnect)
+
+    def _require_somebody(self) -> None:
+        """The SDK would wait for long where nobody answers."""
+        try:
+            socket.create_connection((self.settings.address, _CONTROL_PORT), timeout=PATIENCE).close()
+        except OSError as cause:
+            raise RobotDisconnected(
+                f"No xArm answers at {self.settings.address} ({cause.strerror or cause}); look whether its control box "
+                "is on and in this computer's network, and whether the address is right."
+            ) from cause
+
+    def _connected(self, kind: Callable[..., Any]) -> Any:
+        """A connection that is open."""
+        made = self._guard.asking("connect", lambda: kind(self.settings.address, is_radian=False, do_not_open=True))
+        try:
+            self._guard.asking("connect", made.connect, _OPENING)
+        except RobotError:
+            self._guard.closed()
+            with suppress(RobotError):
+                self._guard.asking("close", made.disconnect)
+            raise
+        return made
+
+    def _send(self, waypoints: Waypoints, index: int) -> None:
+        """Puts one waypoint into the arm's own queue."""
+        self._heed_stop(waypoints.label)
+        x, y, z = (waypoints.position[index] + (0, 0, self.settings.brush_length)) * 1000
+        roll, pitch, yaw = self.settings.tool
+        last = index == len(waypoints.position) - 1
+        speed = waypoints.speed if index else self.settings.approach
+
+        def move() -> Any:
+            return self._arm.set_position(
+                x=float(x),
+                y=float(y),
+                z=float(z),
+                roll=roll,
+                pitch=pitch,
+                yaw=yaw,
+                radius=None if last else 1000 * self.settings.blend,
+                speed=1000 * speed,
+                mvacc=1000 * self.settings.acceleration,
+                is_radian=False,
+                wait=False,
+            )
+
+        code = self._guard.asking(waypoints.label, move)
+        if code != 0:
+            self._heed_stop(waypoints.label)
+            self._require_no_error(waypoints.label, index)
+            self._state(waypoints.label)
+            raise MotionFailed(
+                f"{waypoints.label}: {self._guard.name} did not take waypoint {index} (the SDK's code {code}); it is "
+                "stopped. Look at it, then connect anew.",
+                code if isinstance(code, int) else None,
+                index,
+            )
+
+    def _wait(self, waypoints: Waypoints, until: float) -> None:
+        """Returns when the arm stands and its queue is empty, seen twice."""
+        seen = 0
+        while seen < 2:
+            self._heed_stop(waypoints.label)
+            self._require_no_error(waypoints.label, None)
+            state = self._state(waypoints.label)
+            standing = state in _STANDING and self._number(waypoints.label, "get_cmdnum") == 0
+            seen = seen + 1 if standing else 0
+            if time.monotonic() > until:
+                how = "is paused" if state == _PAUSED else "did not arrive in time"
+                raise MotionFailed(
+                    f"{waypoints.label}: {self._guard.name} {how}, and is stopped now; look at it, then connect anew."
+                )
+            time.sleep(_POLL)
+
+    def _heed_stop(self, label: str) -> None:
+        if self._guard.stopped:
+            raise RobotStopped(f"{label}: {self._guard.name} was stopped; look at it before it is connected anew.")
+
+    def _state(self, label: str) -> int:
+        """The arm's state. Raises RobotStopped where it was stopped, and not from here."""
+        state = self._number(label, "get_state")
+        if state in _STOPPED:
+            raise RobotStopped(
+                f"{label}: {self._guard.name} was stopped, by its switch or to protect somebody; look at it before it "
+                "is connected anew."
+            )
+        return state
+
+    def _number(self, label: str, call: str) -> int:
+        """The answer of one of the SDK's questions whose answers are (code, number)."""
+        answer = self._guard.asking(label, getattr(self._arm, call))
+        if isinstance(answer, tuple | list) and len(answer) == 2 and answer[0] == 0 and isinstance(answer[1], int):
+            return answer[1]
+        raise RobotError(f"{label}: {self._guard.name} answered {str(answer)[:80]} to {call}; look at it.")
+
+    def _require_no_error(self, label: str, waypoint: int | None) -> None:
+        """Raises MotionFailed where the control box has an error."""
+        answer = self._guard.asking(label, self._arm.get_err_warn_code)
+        try:
+            code, (error, _) = answer
+        except (TypeError, ValueError):
+            code, error = None, None
+        if error == 0 and code is not None:
+            return
+        if isinstance(error, int) and error != 0:
+            meaning = f": {_ERRORS[error]}" if error in _ERRORS else ""
+            where = "" if waypoint is None else f" at waypoint {waypoint}"
+            raise MotionFailed(
+                f"{label}: {self._guard.name} has error {error}{meaning}{where}. Look at it and clear the error at the "
+                "arm; this program never does.",
+                error,
+                waypoint,
+            )
+        raise RobotError(f"{label}: {self._guard.name} answered {str(answer)[:80]} when asked for errors; look at it.")
+
+    def _require_done(self, what: str, code: Any) -> None:
+        if code != 0:
+            raise RobotError(
+                f"connect: {self._guard.name} refused {what} with the SDK's code {str(code)[:40]}; look at it, and "
+                "whether another program uses it."
+            )
+
+    def _halt(self) -> None:
+        """Stops the arm over the connection for that, or over the other where that fails; waits two seconds at most."""
+        for connection in (self._stopper, self._arm):
+            if connection is None:
+                continue
+            try:
+                if within(1.0, f"{self._guard.name}: stop", partial(connection.set_state, 4)) == 0:
+                    return
+            except Exception:  # Whatever the library raises, the other connection is tried.
+                continue
