@@ -53,6 +53,14 @@ class RobotStopped(RobotError):
     """The robot was stopped and stays so until a person has looked and re-arms it."""
 
 
+class RobotBusy(RobotError):
+    """Another process has the robot; pid: its number, None where not known."""
+
+    def __init__(self, message: str, pid: int | None = None) -> None:
+        super().__init__(message)
+        self.pid = pid
+
+
 class MotionFailed(RobotError):
     """A motion ended in an error, which is never cleared by the program.
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import torch
-from sklearn.cluster import KMeans
 from torch import Tensor
 
 from frida_painter.errors import ConfigError
@@ -63,6 +62,8 @@ class Palette:
         Lab are settled in sRGB, in which pictures are compared. Where the colours are fewer than
         `count`, the lightest is repeated, so that there are always `count` paints.
         """
+        from sklearn.cluster import KMeans  # slow to load, and whoever only carries a palette does without
+
         points, lab = (tensor.detach().cpu().double().numpy() for tensor in (color, to_lab(color)))
         weights = weight.detach().cpu().double().numpy() + 1e-9
         clusters = min(count, len(np.unique(lab, axis=0)))

@@ -57,12 +57,13 @@ def test_stop_latches_until_somebody_rearms_it(hand):
     thread = threading.Thread(target=hand.easel.robot.stop)
     thread.start()
     thread.join()
-    for motion in (lambda: at(hand, *hand.easel.workspace.wells[0]), hand.easel.robot.home, hand.easel.robot.pose):
+    for motion in (lambda: at(hand, *hand.easel.workspace.wells[0]), hand.easel.robot.home):
         with pytest.raises(RobotError, match="stopped"):
             motion()
     hand.easel.robot.connect()
     with pytest.raises(RobotError, match="stopped"):
         hand.easel.robot.home()
+    assert np.isfinite(hand.easel.robot.pose()).all(), "whoever looks may know where it is"
     hand.studio.robot.rearm()
     hand.easel.robot.home()
 

@@ -11,10 +11,11 @@ from frida_painter import storage
 from frida_painter.cli import goals
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, StorageError
+from frida_painter.session.easels import DIARY
 
 SETTINGS = "settings.json"
 GOAL = "goal"
-STUDIO = "studio.diary"
+STUDIO = DIARY
 _MOST_BYTES = 2**20
 
 

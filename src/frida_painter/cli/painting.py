@@ -20,7 +20,7 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.cli import goals, kept
 from frida_painter.cli.numbers import number, whole_number
 from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress, duration
-from frida_painter.cli.virtual import PlacementErrorOption, read_placement_error
+from frida_painter.cli.virtual import PaceOption, PlacementErrorOption, read_placement_error
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.frames import PixelGrid
@@ -30,10 +30,11 @@ from frida_painter.planning.optimize import Step
 from frida_painter.render import render as render_strokes
 from frida_painter.report.palette_sheet import palette_sheet
 from frida_painter.report.recorder import Occasion, Recorder
+from frida_painter.session.easel_process import EaselProcess, state_folder
+from frida_painter.session.easels import EaselOrder
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PHOTOGRAPH_ROWS, Rhythm
 from frida_painter.session.opening import on_record, open_planner, open_session, settle_threads
-from frida_painter.virtual.studio import open_studio
 
 Photo = Annotated[
     Path | None,
@@ -144,6 +145,7 @@ def paint(
     settings: SettingsFile = None,
     calibration: CalibrationFile = None,
     placement_error: PlacementErrorOption = None,
+    pace: PaceOption = 0.0,
     film: Annotated[bool, typer.Option("--film/--no-film", help="Film how the painting comes into being.")] = True,
     out: Out = None,
 ) -> None:
@@ -156,20 +158,30 @@ def paint(
     tells the story. Ctrl-C stops after the current stroke and keeps what was made.
     """
     wanted, target, chosen = _prepare(photo, settings, locals())
+    error = read_placement_error(placement_error)
     console = Console(stderr=True, highlight=False)
     glimpses = min(chosen.strokes, 120) if film else 0
     with ExitStack() as stack:
         stop = stack.enter_context(_stopping())
         started = time.monotonic()
         settle_threads()
+        process = stack.enter_context(EaselProcess())  # it loads while the planner does
         planner = open_planner(chosen, wanted.goal, calibration)
         _tell_encoders(planner.encoders)
-        error = read_placement_error(placement_error)
         folder = _new_folder(out, wanted.name, needed=200 * 2**20)
-        brush = planner.model.brush
-        studio = open_studio(chosen.canvas, brush, seed=chosen.seed, placement_error=error, state=folder / kept.STUDIO)
-        stack.callback(studio.close)
-        easel = on_record(studio.easel, calibration)
+        order = EaselOrder(
+            robot="virtual",
+            canvas=chosen.canvas,
+            brush=planner.model.brush,
+            seed=chosen.seed,
+            state=state_folder(),
+            folder=folder.absolute(),
+            pace=pace,
+            placement_error=error,
+        )
+        easel = on_record(process.open(order), calibration)
+        stop.at_once = easel.robot.stop
+        stack.enter_context(process.hearing_signals())
         journal = _begin_journal(folder, wanted, kept.Kept(chosen, calibration, placement_error, film))
         stack.callback(journal.close)
         rhythm = Rhythm(chosen.replans, glimpses)
@@ -180,11 +192,8 @@ def paint(
         bar = stack.enter_context(PaintingProgress(console, forecast))
         occasion = _occasion(photo, wanted, target, chosen, planner.encoders)
         recorder = stack.enter_context(Recorder(folder, occasion, planner.model, glimpses))
-        stack.callback(easel.robot.close)
         easel.robot.connect()
-        stack.callback(easel.camera.close)
         easel.camera.connect()
-        stop.at_once = easel.robot.stop
 
         def hear(event: Any) -> None:
             bar.hear(event)

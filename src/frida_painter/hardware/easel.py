@@ -32,7 +32,8 @@ class Attendant(Protocol):
 class Easel:
     """Everything that differs between a virtual and a real painting.
 
-    reach: where the robot's arm gets, None where it gets everywhere in its workspace.
+    reach: where the robot's arm gets, None where it gets everywhere in its workspace; simulated: no
+    real robot is moved.
     """
 
     robot: Robot
@@ -42,3 +43,4 @@ class Easel:
     calibration: Calibration
     canvas: CanvasSize
     reach: Reach | None = None
+    simulated: bool = False

@@ -22,7 +22,6 @@ from frida_painter.session.eye import Eye
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession, Rhythm
 from frida_painter.session.procedures.standing import NEEDED, require
-from frida_painter.virtual.robot import VirtualRobot
 from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.table import PlacementError
 
@@ -73,21 +72,20 @@ def open_session(
 
 
 def on_record(easel: Easel, record: Path | None) -> Easel:
-    """The easel with its calibration record from a file; without one only the virtual studio is painted on.
+    """The easel with its calibration record from a file; without one only a simulated one is painted on.
 
     Raises CalibrationError, saying which procedure to repeat, where the record is damaged, of another
     easel, brush, camera or canvas, out of date, or missing.
     """
-    virtual = isinstance(easel.robot, VirtualRobot)
     if record is None:
-        if not virtual:
+        if not easel.simulated:
             raise CalibrationError(
                 f"Easel {easel.calibration.easel!r} has no calibration record, and nothing is painted on a real easel "
                 "without one; calibrate it: frida-painter calibrate all"
             )
         return easel
     known = Calibration.load(record)
-    require(known, easel.calibration, () if virtual else NEEDED)
+    require(known, easel.calibration, () if easel.simulated else NEEDED)
     return replace(easel, calibration=known)
 
 

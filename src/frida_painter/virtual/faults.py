@@ -47,21 +47,40 @@ class LightChange:
 
 
 @dataclass(frozen=True)
+class FailedMotion:
+    """Motion number `motion` ends at its waypoint `waypoint` with the robot's error `code`."""
+
+    motion: int
+    waypoint: int
+    code: int
+
+
+@dataclass(frozen=True)
 class Faults:
     """Faults by number, counted from 0 since the studio was opened.
 
     dropped_touches: contacts with the canvas in which the brush does not quite reach it;
     bumps: knocks against the canvas; stale_photographs: captures in which the camera hands out
-    the photograph before; stuck_motions: motions that end half way, as the pose tells;
-    dead_from_motion: the robot is lost from that motion on (RobotError); dry_dips: dips into a well
-    that is empty then; lost_focus, light_changes: what happens to the camera and to the lamps.
+    the photograph before; stuck_motions: motions that end half way, as the report tells;
+    lying_motions: likewise, but only the pose tells; slow_motions: motions that take ten times as
+    long; failed_motions: motions that end with an error; protective_stops: motions half way along
+    which the robot meets with resistance and stops by itself; hanging_motions: motions whose call
+    never returns; dead_from_motion: the robot is lost from that motion on (RobotDisconnected);
+    unknown_pose: the robot does not know where it is; dry_dips: dips into a well that is empty
+    then; lost_focus, light_changes: what happens to the camera and to the lamps.
     """
 
     dropped_touches: frozenset[int] = frozenset()
     bumps: tuple[Bump, ...] = ()
     stale_photographs: frozenset[int] = frozenset()
     stuck_motions: frozenset[int] = frozenset()
+    lying_motions: frozenset[int] = frozenset()
+    slow_motions: frozenset[int] = frozenset()
+    failed_motions: tuple[FailedMotion, ...] = ()
+    protective_stops: frozenset[int] = frozenset()
+    hanging_motions: frozenset[int] = frozenset()
     dead_from_motion: int | None = None
+    unknown_pose: bool = False
     dry_dips: frozenset[int] = frozenset()
     lost_focus: tuple[LostFocus, ...] = ()
     light_changes: tuple[LightChange, ...] = ()

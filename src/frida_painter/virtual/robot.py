@@ -1,12 +1,13 @@
 """The studio's robot: it moves the tip exactly along its waypoints, and its clock is the studio's."""
 
 import threading
+import time
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.errors import RobotError, WorkspaceViolation
+from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped, WorkspaceViolation
 from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.hardware.workspace import Point, Workspace
 from frida_painter.virtual.faults import NO_FAULTS, Faults
@@ -14,6 +15,9 @@ from frida_painter.virtual.table import Table
 
 _FASTEST = 1.0
 _TOLERANCE = 1e-6
+# In its own pace the robot heeds a stop this often, s.
+_SLICE = 0.005
+_SLOW = 10.0
 
 
 @dataclass
@@ -23,13 +27,42 @@ class Clock:
     now: float = 0.0
 
 
-class VirtualRobot:
-    """Implements hardware.robot.Robot over a table. After `stop` it moves again only when it is re-armed."""
+@dataclass(frozen=True)
+class _Way:
+    """A path [k, 3] (m) and when, s after the start of the motion, each of its points is reached [k]."""
 
-    def __init__(self, table: Table, workspace: Workspace, home: Point, clock: Clock) -> None:
+    path: NDArray[np.float64]
+    when: NDArray[np.float64]
+
+    @property
+    def seconds(self) -> float:
+        return float(self.when[-1])
+
+    def until(self, seconds: float) -> "_Way":
+        """What of it is done after that time; all of it where that is longer than the way takes."""
+        if seconds >= self.seconds:
+            return self
+        done = self.when < seconds
+        here = [np.interp(seconds, self.when, column) for column in self.path.T]
+        return _Way(np.concatenate([self.path[done], [here]]), np.append(self.when[done], seconds))
+
+    def to_waypoint(self, number: int) -> "_Way":
+        """What of it is done when waypoint `number` is reached; the first point is where the tip was."""
+        return _Way(self.path[: number + 2], self.when[: number + 2])
+
+
+class VirtualRobot:
+    """Implements hardware.robot.Robot over a table. After `stop` it moves again only when it is re-armed.
+
+    pace: seconds that a second of its motions really takes: 1 moves as a robot would, 0 as fast as can
+    be computed. faults, motions: what goes wrong, and how many motions were begun.
+    """
+
+    def __init__(self, table: Table, workspace: Workspace, home: Point, clock: Clock, pace: float = 0.0) -> None:
         self.faults: Faults = NO_FAULTS
         self.motions = 0
         self._table, self._workspace, self._home, self._clock = table, workspace, np.array(home), clock
+        self._pace = pace
         self._tip = np.array(home)
         self._connected = False
         self._stopped = threading.Event()
@@ -53,33 +86,34 @@ class VirtualRobot:
         return self.follow(Waypoints("home", np.stack((above, self._home)), self._workspace.travel_speed))
 
     def pose(self) -> NDArray[np.float64]:
-        """Where the tip is, [3] metres. Raises RobotError where the robot is not there."""
-        self._require_alive("pose")
-        return self._tip.copy()
+        """Where the tip is, [3] metres, also of a robot that was stopped. Raises RobotError where it is not there."""
+        self._require_there("pose")
+        return np.full(3, np.nan) if self.faults.unknown_pose else self._tip.copy()
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Moves the tip in straight lines to the first waypoint and on through all of them.
 
         Raises WorkspaceViolation, without moving, where one lies outside the workspace or is not a
-        number; RobotError where the robot is stopped, closed or dead.
+        number; RobotStopped where the robot is or becomes stopped; RobotError where it is closed or fails.
         """
-        self._require_alive(waypoints.label)
+        self._require_there(waypoints.label)
+        self._require_armed(waypoints.label)
         self._check(waypoints)
         number, self.motions = self.motions, self.motions + 1
-        if self.faults.dead_from_motion is not None and number >= self.faults.dead_from_motion:
-            raise RobotError(
-                f"{waypoints.label}: the virtual robot does not answer any more; look at it before going on."
-            )
-        path = np.concatenate([self._tip[None], waypoints.position])
-        if number in self.faults.stuck_motions:
-            path = path[: max(2, len(path) // 2)]
+        self._require_alive(waypoints.label, number)
+        way, error = self._as_it_goes(waypoints, number)
         started = self._clock.now
-        approach = float(np.linalg.norm(path[1] - path[0])) / self._workspace.travel_speed
-        along = float(np.linalg.norm(np.diff(path[1:], axis=0), axis=1).sum()) / waypoints.speed
-        self._clock.now += approach + along
-        self._table.move(path, self._clock.now, self.faults)
-        self._tip = path[-1].copy()
-        return MotionReport(waypoints.label, started, self._clock.now, self._tip.copy())
+        walked = self._walk(way)
+        self._clock.now += walked.seconds
+        # The brush feels the way as a whole: what it leaves does not depend on how often a stop is looked for.
+        self._table.move(walked.path, self._clock.now, self.faults)
+        self._tip = walked.path[-1].copy()
+        if walked is not way:
+            self._require_armed(waypoints.label)
+        if error is not None:
+            raise error
+        reached = waypoints.position[-1] if number in self.faults.lying_motions else self._tip
+        return MotionReport(waypoints.label, started, self._clock.now, reached.copy())
 
     def stop(self) -> None:
         """Stops, and stays stopped until `rearm`."""
@@ -89,13 +123,53 @@ class VirtualRobot:
         """Switches the robot off."""
         self._connected = False
 
-    def _require_alive(self, label: str) -> None:
+    def _as_it_goes(self, waypoints: Waypoints, number: int) -> tuple[_Way, RobotError | None]:
+        """The way that motion `number` takes, and the error with which it ends, where something goes wrong."""
+        faults, label = self.faults, waypoints.label
+        path = np.concatenate([self._tip[None], waypoints.position])
+        legs = np.linalg.norm(np.diff(path, axis=0), axis=1)
+        legs[0] /= self._workspace.travel_speed
+        legs[1:] /= waypoints.speed
+        slowness = _SLOW if number in faults.slow_motions else 1.0
+        way = _Way(path, slowness * np.concatenate([[0.0], np.cumsum(legs)]))
+        halfway = way.to_waypoint(max(0, len(path) // 2 - 2))
+        if number in faults.hanging_motions:
+            threading.Event().wait()
+        for failure in faults.failed_motions:
+            if failure.motion == number:
+                message = (
+                    f"{label}: the virtual robot ended with error {failure.code} at waypoint {failure.waypoint}; "
+                    "look at it before going on."
+                )
+                return way.to_waypoint(failure.waypoint), MotionFailed(message, failure.code, failure.waypoint)
+        if number in faults.protective_stops:
+            return halfway, RobotStopped(f"{label}: the virtual robot met with resistance and stopped by itself.")
+        if number in faults.stuck_motions | faults.lying_motions:
+            return halfway, None
+        return way, None
+
+    def _walk(self, way: _Way) -> _Way:
+        """Takes the time that the way takes, and returns what of it was gone before a stop."""
+        if self._pace == 0:
+            return way
+        began = time.monotonic()
+        while (gone := (time.monotonic() - began) / self._pace) < way.seconds:
+            if self._stopped.wait(min(_SLICE, (way.seconds - gone) * self._pace)):
+                return way.until((time.monotonic() - began) / self._pace)
+        return way
+
+    def _require_there(self, label: str) -> None:
         if not self._connected:
             raise RobotError(f"{label}: the virtual robot is not connected; call connect() first.")
+        self._require_alive(label, self.motions - 1)
+
+    def _require_alive(self, label: str, number: int) -> None:
+        if self.faults.dead_from_motion is not None and number >= self.faults.dead_from_motion:
+            raise RobotDisconnected(f"{label}: the virtual robot does not answer any more; look at it before going on.")
+
+    def _require_armed(self, label: str) -> None:
         if self._stopped.is_set():
-            raise RobotError(f"{label}: the virtual robot was stopped; look at it, then re-arm it.")
-        if self.faults.dead_from_motion is not None and self.motions > self.faults.dead_from_motion:
-            raise RobotError(f"{label}: the virtual robot does not answer any more; look at it before going on.")
+            raise RobotStopped(f"{label}: the virtual robot was stopped; look at it, then re-arm it.")
 
     def _check(self, waypoints: Waypoints) -> None:
         position = waypoints.position

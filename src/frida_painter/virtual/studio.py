@@ -39,6 +39,7 @@ _WELL_PITCH, _WELL_COLUMNS = 0.045, 4
 _MARGIN = 0.06
 _HOVER = 0.03
 _MOST_RISE = 0.02
+_SLOWEST = 100.0
 # A film of the default thickness sets in this time; the rate is the same for thick and thin.
 _FILM = 0.06
 
@@ -50,7 +51,8 @@ class StudioSettings:
     cell: side of a cell of the canvas, mm (None: 0.4, coarser where the canvas would have more than
     3 million cells); drying_time: seconds until a full film has set; ground: sRGB of the primed
     canvas; placement_error: None draws one from the seed; rise: how much higher (m) the canvas lies
-    than the workspace says; noise, camera, faults: as their records say.
+    than the workspace says; pace: seconds that a second of the robot's motions really takes, 0 for as
+    fast as can be computed; noise, camera, faults: as their records say.
     Raises ConfigError.
     """
 
@@ -59,6 +61,7 @@ class StudioSettings:
     ground: tuple[float, float, float] = (1.0, 1.0, 1.0)
     placement_error: PlacementError | None = None
     rise: float = 0.0
+    pace: float = 0.0
     noise: HandNoise = field(default_factory=HandNoise)
     camera: CameraSpec = field(default_factory=CameraSpec)
     faults: Faults = NO_FAULTS
@@ -69,6 +72,10 @@ class StudioSettings:
         if not abs(self.rise) <= _MOST_RISE:
             raise ConfigError(
                 f"A canvas that lies {self.rise} m higher was given; allowed is {-_MOST_RISE:g} to {_MOST_RISE:g} m."
+            )
+        if not 0 <= self.pace <= _SLOWEST:
+            raise ConfigError(
+                f"A pace of {self.pace} was given; it is from 0 (at once) over 1 (as real) to {_SLOWEST:g}."
             )
         if not 0 < self.drying_time < math.inf:
             raise ConfigError(f"A drying time of {self.drying_time} s was given; it is above 0 and finite.")
@@ -120,7 +127,7 @@ class VirtualStudio:
         self.table = Table(
             self._fresh_canvas(), tuft, workspace, self.touch_height, self.placement_error, settings.noise, for_hand
         )  # fmt: skip
-        self.robot = VirtualRobot(self.table, workspace, home, self.clock)
+        self.robot = VirtualRobot(self.table, workspace, home, self.clock, settings.pace)
         self.camera = VirtualCamera(settings.camera, self.table, self.clock, for_camera)
         calibration = Calibration(
             easel=f"virtual studio {seed}",
@@ -136,7 +143,7 @@ class VirtualStudio:
         )
         checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
         self._attendant = StudioAttendant(self.table, checker, self._fresh_canvas)
-        self.easel = Easel(self.robot, self.camera, self._attendant, workspace, calibration, canvas)
+        self.easel = Easel(self.robot, self.camera, self._attendant, workspace, calibration, canvas, simulated=True)
         self._diary, self._note = diary, unnoted
         if diary is not None:
             relive(diary.past, self.clock, self.table, self.robot, self.camera, self._attendant)
@@ -216,7 +223,7 @@ def open_studio(
 
 def _furnishing(canvas: CanvasSize, brush: str, settings: StudioSettings, seed: int) -> dict[str, Any]:
     """What a studio follows from, in plain values; faults come and go, and are told of in its diary."""
-    furniture = {name: value for name, value in asdict(settings).items() if name != "faults"}
+    furniture = {name: value for name, value in asdict(settings).items() if name not in ("faults", "pace")}
     return {"canvas": asdict(canvas), "brush": brush, "seed": seed, **furniture}
 
 

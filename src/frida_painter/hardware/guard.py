@@ -1,0 +1,240 @@
+"""A robot under guard: it stays stopped once it was stopped, and whatever its driver does becomes an error with a name.
+
+The guard stands beside the driver, in the process that owns the robot. It does not trust the driver:
+a call that never comes back is given up, nonsense that it reports is not passed on, and after any
+fault the robot is stopped and latched.
+"""
+
+import contextlib
+import threading
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frida_painter.errors import (
+    FridaError,
+    PoseMismatch,
+    RobotBusy,
+    RobotDisconnected,
+    RobotError,
+    RobotStopped,
+    StorageError,
+    WorkspaceViolation,
+)
+from frida_painter.hardware import limits
+from frida_painter.hardware.latch import Latch, Stopped
+from frida_painter.hardware.patience import Caller, steady
+from frida_painter.hardware.robot import MotionReport, Robot, Waypoints
+from frida_painter.hardware.workspace import Workspace
+
+T = TypeVar("T")
+
+HOW_TO_ARM = "look at it, free what has to be freed, then re-arm it: frida-painter arm"
+# How long a driver may take to end its motion after a stop, and to send the stop itself, s.
+_WIND_DOWN, _SENDING = 1.0, 1.0
+_CONNECTING = 30.0
+_TOLERANCE, _ARRIVED = 1e-6, 0.002
+
+
+class GuardedRobot:
+    """Implements hardware.robot.Robot over another.
+
+    patience, grace: a motion is given up after `patience` times the time that its way takes, and
+    `grace` seconds more. Raises RobotStopped where a person has to re-arm first.
+    """
+
+    def __init__(
+        self, robot: Robot, workspace: Workspace, latch: Latch, *, patience: float = 2.0, grace: float = 5.0
+    ) -> None:
+        self.robot, self.workspace, self.latch = robot, workspace, latch
+        self._patience, self._grace = patience, grace
+        self._caller = Caller("robot")
+        self._lock = threading.RLock()  # a signal may come while it is held, and stop as well
+        self._stop: Stopped | None = latch.read()
+        self._stopped_at = steady()
+        self._latching: threading.Thread | None = None
+        self._tip: NDArray[np.float64] | None = None
+        self._moving = threading.Event()
+        self._lifted = False
+
+    @property
+    def moving(self) -> bool:
+        """Whether a motion is on its way."""
+        return self._moving.is_set()
+
+    @property
+    def stopped(self) -> Stopped | None:
+        """Why the robot stands still and has to be re-armed; None where it has not."""
+        return self._stop
+
+    def connect(self) -> None:
+        """Reaches the robot and reads where it is. Raises RobotStopped; WorkspaceViolation where it is outside."""
+        self._require_armed("connect")
+        self._call("connect", self.robot.connect, _CONNECTING)
+        tip = self.pose()
+        lower, upper = np.array(self.workspace.lower), np.array(self.workspace.upper)
+        if not ((tip >= lower - _TOLERANCE) & (tip <= upper + _TOLERANCE)).all():
+            self.close()
+            raise WorkspaceViolation(
+                f"The robot's tip stands at {_millimetres(tip)} mm; the workspace reaches from {_millimetres(lower)} "
+                f"to {_millimetres(upper)} mm. Nothing was sent to it; guide it into the workspace by hand, then start "
+                "again."
+            )
+        self._tip, self._lifted = tip, False
+
+    def home(self) -> MotionReport:
+        """Goes aside. Raises RobotError and its kinds."""
+        reach = float(np.linalg.norm(np.subtract(self.workspace.upper, self.workspace.lower)))
+        return self._move("home", self.robot.home, reach / self.workspace.travel_speed)
+
+    def pose(self) -> NDArray[np.float64]:
+        """Where the tip is, [3] metres. Raises RobotError where the robot does not know."""
+        tip = np.asarray(self._call("pose", self.robot.pose, self._grace))
+        if not (tip.shape == (3,) and tip.dtype.kind in "fi" and np.isfinite(tip).all()):
+            raise RobotError(
+                "The robot does not know where its tip is, and it was not moved; home it as its maker says, then start "
+                "again."
+            )
+        return tip.astype(np.float64)
+
+    def follow(self, waypoints: Waypoints) -> MotionReport:
+        """Moves along waypoints that lie in the workspace. Raises WorkspaceViolation before anything moves."""
+        limits.check([waypoints], self.workspace)
+        self._lift_first()
+        way = waypoints.length + self._away_from(waypoints.position[0])
+        return self._move(waypoints.label, lambda: self.robot.follow(waypoints), way / waypoints.speed)
+
+    def stop(self, reason: str = "it was asked for") -> None:
+        """Stops at once, from any thread, and latches. As often as one likes: the first reason stays."""
+        with self._lock:
+            if self._stop is None:
+                self._stop, self._stopped_at = Stopped(self.latch.easel, reason, 0.0), steady()
+                # The disk may be slow or gone; the robot is stopped beside it.
+                self._latching = threading.Thread(target=self._latch, args=(reason,), daemon=True)
+                self._latching.start()
+        sending = threading.Thread(target=self._send_stop, daemon=True)
+        sending.start()
+        sending.join(_SENDING)
+
+    def close(self) -> None:
+        """Lets go of the robot, and waits until a stop is on the disk."""
+        if self._latching is not None:
+            self._latching.join(self._grace)
+        with contextlib.suppress(FridaError):  # whatever is wrong was said before
+            self._call("close", self.robot.close, self._grace)
+
+    def _send_stop(self) -> None:
+        with contextlib.suppress(Exception):  # of any driver: the latch holds all the same
+            self.robot.stop()
+
+    def _latch(self, reason: str) -> None:
+        with contextlib.suppress(StorageError):  # it holds in this process at least
+            self._stop = self.latch.engage(reason)
+
+    def _lift_first(self) -> None:
+        """Straight up, once after connecting, where the brush was left low: it may stand on the canvas or in a well."""
+        surface, hover = self.workspace.canvas_origin[2], self.workspace.hover
+        clear = min(surface + hover, self.workspace.upper[2])
+        if self._lifted or self._tip is None or self._tip[2] >= surface + hover / 2:
+            self._lifted = True
+            return
+        up = Waypoints("lift", np.array([[*self._tip[:2], clear]]), self.workspace.travel_speed)
+        way = clear - float(self._tip[2])
+        self._move(up.label, lambda: self.robot.follow(up), way / up.speed)
+        self._lifted = True
+
+    def _move(self, label: str, act: Callable[[], MotionReport], seconds: float) -> MotionReport:
+        self._require_armed(label)
+        self._moving.set()
+        try:
+            report = self._call(label, act, seconds * self._patience + self._grace)
+            self._require_sense(label, report)
+        except (WorkspaceViolation, RobotBusy):
+            raise  # refused before anything moved
+        except FridaError as fault:
+            by_person = self._stop
+            self.stop(str(fault))
+            if by_person is not None:
+                raise self._refusal(label) from fault
+            raise
+        finally:
+            self._moving.clear()
+        self._tip = np.asarray(report.reached, np.float64)
+        self._require_there(label, self.pose())
+        return report
+
+    def _call(self, label: str, act: Callable[[], T], within: float) -> T:
+        """What the driver returns, or an error of the tree whatever it raises and however long it takes."""
+        began = steady()
+
+        def until() -> float:
+            return min(began + within, self._stopped_at + _WIND_DOWN if self._moving_and_stopped else began + within)
+
+        try:
+            return self._caller.call(act, until)
+        except TimeoutError as error:
+            raise RobotDisconnected(
+                f"{label}: the robot did not come back within {steady() - began:.1f} s; nothing more is sent to it. "
+                "Look at it and at its cable before going on."
+            ) from error
+        except FridaError:
+            raise
+        except Exception as error:
+            raise RobotError(
+                f"{label}: the robot's driver failed ({type(error).__name__}: {error}); look at the robot before going "
+                "on."
+            ) from error
+
+    @property
+    def _moving_and_stopped(self) -> bool:
+        return self._moving.is_set() and self._stop is not None
+
+    def _require_sense(self, label: str, report: object) -> None:
+        sound = isinstance(report, MotionReport)
+        if isinstance(report, MotionReport):
+            reached, times = np.asarray(report.reached), (report.started_at, report.finished_at)
+            sound = (
+                reached.shape == (3,)
+                and reached.dtype.kind in "fi"
+                and bool(np.isfinite(reached).all())
+                and all(isinstance(time, int | float) and np.isfinite(time) for time in times)
+                and times[0] <= times[1]
+            )
+        if not sound:
+            raise RobotError(
+                f"{label}: the robot reported {_shortly(report)}, which is no report of a motion; nobody knows where "
+                "its tip is. Look at it before going on."
+            )
+
+    def _require_there(self, label: str, tip: NDArray[np.float64]) -> None:
+        away = self._away_from(tip)
+        self._tip = tip
+        if not away <= _ARRIVED:
+            raise PoseMismatch(
+                f"{label}: the robot says it is done, but its tip is {away * 1000:.1f} mm from where it says it went; "
+                f"allowed are {_ARRIVED * 1000:g} mm. Look at the robot, then repeat the robot calibration."
+            )
+
+    def _require_armed(self, label: str) -> None:
+        if self._stop is not None:
+            raise self._refusal(label)
+
+    def _refusal(self, label: str) -> RobotStopped:
+        assert self._stop is not None
+        return RobotStopped(
+            f"{label}: nothing moves, {self._stop.easel} was stopped ({self._stop.reason.rstrip('.')}); {HOW_TO_ARM}"
+        )
+
+    def _away_from(self, point: NDArray[np.float64]) -> float:
+        return 0.0 if self._tip is None else float(np.linalg.norm(point - self._tip))
+
+
+def _millimetres(point: NDArray[np.float64]) -> str:
+    return "(" + ", ".join(f"{1000 * metres:.0f}" for metres in point) + ")"
+
+
+def _shortly(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

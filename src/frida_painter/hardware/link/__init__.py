@@ -1,0 +1,1 @@
+"""The link between a painting's process and its easel's: requests and reports on one line, stop on another."""

@@ -1,0 +1,102 @@
+"""Messages between two processes over a socket: a JSON object with arrays of numbers behind it, nothing that can run.
+
+Eight bytes give the lengths of the object and of the arrays' bytes, each with a cap; the object's
+"arrays" says what they are. Whatever else comes is refused.
+"""
+
+import json
+import math
+import socket
+import struct
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frida_painter.errors import RobotDisconnected
+
+Arrays = Mapping[str, NDArray[Any]]
+
+_LENGTHS = struct.Struct("<II")
+_MOST_WORDS = 2**20
+_MOST_BYTES = 2**28
+_KINDS = {kind: np.dtype(kind) for kind in ("|u1", "<f4", "<f8")}
+
+
+class Wire:
+    """One end of a link; sends and receives whole messages.
+
+    Raises RobotDisconnected where the other end is gone, too late, or does not speak this language.
+    """
+
+    def __init__(self, socket: socket.socket) -> None:
+        self._socket = socket
+        self._sending = threading.Lock()
+
+    def send(self, words: Mapping[str, Any], arrays: Arrays | None = None) -> None:
+        """Sends a JSON object and arrays of uint8, float32 or float64 of any shape."""
+        parts = {name: np.asarray(array, order="C") for name, array in (arrays or {}).items()}
+        kinds = {name: [array.dtype.str, list(array.shape)] for name, array in parts.items()}
+        head = json.dumps({**words, "arrays": kinds}).encode()
+        body = b"".join(array.tobytes() for array in parts.values())
+        try:
+            with self._sending:
+                self._socket.settimeout(None)
+                self._socket.sendall(_LENGTHS.pack(len(head), len(body)) + head + body)
+        except OSError as error:
+            raise RobotDisconnected(f"The other end of the easel's link is gone ({error}).") from error
+
+    def receive(self, within: float | None = None) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """The next message: its object and its arrays; within: seconds to wait for all of it, None for ever."""
+        until = None if within is None else time.monotonic() + within
+        words, size = _LENGTHS.unpack(self._exactly(_LENGTHS.size, until))
+        if words > _MOST_WORDS or size > _MOST_BYTES:
+            raise RobotDisconnected(
+                f"A message of {words} + {size} bytes came over the easel's link; that is no message."
+            )
+        head, body = self._exactly(words, until), self._exactly(size, until)
+        try:
+            said = json.loads(head)
+            return said, _unpacked(said.pop("arrays"), body)
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise RobotDisconnected(f"What came over the easel's link is no message ({error}).") from error
+
+    def close(self) -> None:
+        """Closes this end; the other one hears of it."""
+        self._socket.close()
+
+    def _exactly(self, count: int, until: float | None) -> bytes:
+        parts = bytearray()
+        while len(parts) < count:
+            left = None if until is None else until - time.monotonic()
+            if left is not None and left <= 0:
+                raise RobotDisconnected("The other end of the easel's link did not answer in time.")
+            try:
+                self._socket.settimeout(left)
+                part = self._socket.recv(min(count - len(parts), 2**20))
+            except TimeoutError:
+                continue  # the next round says so
+            except OSError as error:
+                raise RobotDisconnected(f"The other end of the easel's link is gone ({error}).") from error
+            if not part:
+                raise RobotDisconnected("The other end of the easel's link is gone.")
+            parts += part
+        return bytes(parts)
+
+
+def _unpacked(kinds: Mapping[str, Any], body: bytes) -> dict[str, NDArray[Any]]:
+    """The arrays of a message. Raises ValueError, KeyError or TypeError where their bytes are others than announced."""
+    arrays, start = {}, 0
+    for name, (kind, shape) in kinds.items():
+        if not all(isinstance(length, int) and 0 <= length <= _MOST_BYTES for length in shape):
+            raise ValueError(f"array {name} of shape {shape}")
+        dtype = _KINDS[kind]
+        end = start + math.prod(shape) * dtype.itemsize
+        arrays[name] = np.frombuffer(body[start:end], dtype).reshape(shape).copy()
+        start = end
+    if start != len(body):
+        raise ValueError(f"{len(body)} bytes of arrays, {start} announced")
+    return arrays

@@ -1,0 +1,100 @@
+"""The easel's own process: owns robot and camera, does what the painting asks for, and stops when it must.
+
+Started by easel_process.py as `python -m frida_painter.session.easel_host WIRE LINE`, two sockets that
+it inherits: requests come over the first, heartbeats and stops over the second. Nothing that the
+painting process is busy with delays a stop here.
+"""
+
+import contextlib
+import signal
+import socket
+import sys
+from contextlib import ExitStack
+from types import FrameType
+from typing import Any, NoReturn
+
+import torch
+from pydantic import TypeAdapter
+
+from frida_painter.calibration import Calibration
+from frida_painter.errors import FridaError, RobotDisconnected, RobotStopped
+from frida_painter.frames import CanvasSize
+from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.guard import HOW_TO_ARM, GuardedRobot
+from frida_painter.hardware.guarded_camera import GuardedCamera
+from frida_painter.hardware.latch import Latch, latch_path
+from frida_painter.hardware.link.host import Host, told
+from frida_painter.hardware.link.watch import StopFile, Watch
+from frida_painter.hardware.link.wire import Wire
+from frida_painter.hardware.lock import RobotLock
+from frida_painter.hardware.workspace import Workspace
+from frida_painter.session.easels import SIMULATED, STOP_FILE, EaselOrder, lock_path, machine, open_easel
+
+_GRACE = 5.0
+# How many times longer than its way takes a motion may last: a simulated robot has the computer's pace.
+_PATIENCE, _SIMULATED_PATIENCE = 2.0, 20.0
+
+
+def main(wire_file: int, line_file: int) -> None:
+    """Waits for the order, opens the easel and serves it until the painting process is done or gone."""
+    # Ctrl-C and a closed terminal concern the painting; it says here what is to be done.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    torch.set_num_threads(1)
+    wire, line = Wire(socket.socket(fileno=wire_file)), socket.socket(fileno=line_file)
+    try:
+        order = EaselOrder.of(wire.receive()[0]["order"])
+    except RobotDisconnected:
+        return  # the painting process ended before it wanted anything
+    last_words: dict[str, Any] = {}
+    try:
+        asked_to_end = _serve(order, wire, line)
+    except FridaError as error:
+        asked_to_end, last_words = True, told(error)
+    if asked_to_end:
+        with contextlib.suppress(RobotDisconnected):
+            wire.send(last_words)
+
+
+def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
+    """Whether the painting process asked for the end. Raises errors of the tree where the easel cannot be had."""
+    with ExitStack() as stack:
+        name = machine(order)
+        if name is not None:
+            stack.callback(RobotLock(lock_path(order.state, name), name).release)
+        opened = open_easel(order)
+        stack.callback(opened.close)
+        easel = opened.easel
+        latch = Latch(latch_path(order.state, easel.calibration.easel), easel.calibration.easel)
+        if (stopped := latch.read()) is not None:
+            raise RobotStopped(f"{stopped}. Nothing moves until somebody has looked: {HOW_TO_ARM}")
+        patience = _SIMULATED_PATIENCE if order.robot in SIMULATED else _PATIENCE
+        robot = GuardedRobot(easel.robot, easel.workspace, latch, patience=patience, grace=_GRACE)
+        camera = GuardedCamera(easel.camera)
+        stack.callback(robot.close)
+        stack.callback(camera.close)
+
+        def end(number: int, frame: FrameType | None) -> NoReturn:
+            robot.stop("the easel's process was told to end (SIGTERM)")
+            sys.exit(128 + number)
+
+        signal.signal(signal.SIGTERM, end)
+        if order.folder is not None:
+            stack.callback(StopFile(order.folder / STOP_FILE, robot.stop).dismiss)
+        stack.callback(Watch(line, robot.stop, lambda: robot.moving).dismiss)
+        wire.send({**_about(easel), "simulated": order.robot in SIMULATED, "patience": patience, "grace": _GRACE})
+        return Host(robot, camera, easel.attendant, easel.reach).serve(wire)
+
+
+def _about(easel: Easel) -> dict[str, Any]:
+    """What the painting process has to know of the easel, as plain values."""
+    return {
+        "workspace": TypeAdapter(Workspace).dump_python(easel.workspace, mode="json"),
+        "calibration": TypeAdapter(Calibration).dump_python(easel.calibration, mode="json"),
+        "canvas": TypeAdapter(CanvasSize).dump_python(easel.canvas, mode="json"),
+        "knows_reach": easel.reach is not None,
+    }
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]))

@@ -1,0 +1,141 @@
+"""An easel in a process of its own, as the painting process sees it: an easel like any other."""
+
+import contextlib
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from platformdirs import user_state_path
+from pydantic import TypeAdapter
+
+from frida_painter.calibration import Calibration
+from frida_painter.errors import FridaError, RobotDisconnected
+from frida_painter.frames import CanvasSize
+from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.link.remote import Link, RemoteAttendant, RemoteCamera, RemoteReach, RemoteRobot, heard
+from frida_painter.hardware.link.watch import Pulse
+from frida_painter.hardware.link.wire import Wire
+from frida_painter.hardware.workspace import Workspace
+from frida_painter.session.easels import EaselOrder
+
+# A diary of many thousand strokes is lived through before the easel is there.
+_OPENING = 600.0
+_ENDING = 30.0
+
+
+def state_folder() -> Path:
+    """Where stops are latched and robots locked when nobody says otherwise."""
+    return user_state_path("frida-painter", appauthor=False)
+
+
+class EaselProcess:
+    """Starts the process, which loads meanwhile; `open` gives the easel; used in a `with` block.
+
+    When the block ends the robot is let go of and the process ends; where it is left by an exception
+    likewise, and one that does not end is killed.
+    """
+
+    def __init__(self) -> None:
+        wire, its_wire = socket.socketpair()
+        line, its_line = socket.socketpair()
+        # What it complains of when it dies, for the message; never on the painter's terminal.
+        self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the process)
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "frida_painter.session.easel_host", str(its_wire.fileno()), str(its_line.fileno())],
+            pass_fds=(its_wire.fileno(), its_line.fileno()),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=self._complaints,
+            start_new_session=True,  # Ctrl-C at the terminal is for the painting process alone
+        )
+        its_wire.close()
+        its_line.close()
+        self._wire, self._pulse = Wire(wire), Pulse(line)
+        self._link = Link(self._wire, self._pulse)
+        self._opened = False
+
+    @property
+    def pid(self) -> int:
+        """The process's number."""
+        return self._process.pid
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if not self._opened:
+            self._process.terminate()  # it has nothing yet
+        try:
+            self._link.end(ask=self._opened)
+        except FridaError:
+            if error is None:
+                raise
+        finally:
+            self._end()
+
+    def open(self, order: EaselOrder) -> Easel:
+        """The easel of that order, its robot and camera not connected yet.
+
+        Raises RobotStopped where somebody has to re-arm it first, RobotBusy where another process has
+        it, ConfigError and StorageError where it cannot be opened, RobotDisconnected where its process died.
+        """
+        try:
+            self._wire.send({"order": order.record()})
+            about, _ = self._wire.receive(_OPENING)
+        except RobotDisconnected as gone:
+            raise RobotDisconnected(f"The easel's process did not start{self._complaint()}.") from gone
+        if "error" in about:
+            raise heard(about)
+        self._opened = True
+        return _easel(about, self._link)
+
+    @contextmanager
+    def hearing_signals(self) -> Iterator[None]:
+        """Signals reach the easel's process as well, from the system's own handler, whatever Python is busy with.
+
+        Only for signals that have a handler, and in the main thread.
+        """
+        before = signal.set_wakeup_fd(self._pulse.file, warn_on_full_buffer=False)
+        try:
+            yield
+        finally:
+            signal.set_wakeup_fd(before)
+
+    def _end(self) -> None:
+        try:
+            self._process.wait(_ENDING)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._complaints.close()
+
+    def _complaint(self) -> str:
+        """The last line that it complained with before it died."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(5)
+        self._complaints.seek(0)
+        lines = self._complaints.read().decode(errors="replace").split("\n")
+        return next((f" ({line})" for line in reversed(lines) if line.strip()), "")
+
+
+def _easel(about: dict[str, Any], link: Link) -> Easel:
+    workspace = TypeAdapter(Workspace).validate_python(about["workspace"])
+    return Easel(
+        robot=RemoteRobot(link, workspace, patience=about["patience"], grace=about["grace"]),
+        camera=RemoteCamera(link),
+        attendant=RemoteAttendant(link),
+        workspace=workspace,
+        calibration=TypeAdapter(Calibration).validate_python(about["calibration"]),
+        canvas=TypeAdapter(CanvasSize).validate_python(about["canvas"]),
+        reach=RemoteReach(link) if about["knows_reach"] else None,
+        simulated=about["simulated"],
+    )

@@ -1,0 +1,149 @@
+"""An easel in a process of its own is the easel that it would be in this one."""
+
+import hashlib
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from frida_painter.errors import ConfigError, RobotBusy, RobotDisconnected, StaleFrame, WorkspaceViolation
+from frida_painter.frames import CanvasSize
+from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.robot import Waypoints
+from frida_painter.palette import Palette
+from frida_painter.session.easel_process import EaselProcess
+from frida_painter.session.easels import DIARY, EaselOrder, open_easel
+
+PAINTS = Palette(torch.tensor([[0.9, 0.8, 0.2], [0.1, 0.1, 0.3]]))
+
+
+def order_in(folder: Path, **wishes: object) -> EaselOrder:
+    wanted = {"robot": "virtual", "canvas": CanvasSize(0.12, 0.09), "brush": "fine", "seed": 3, **wishes}
+    return EaselOrder(state=folder / "state", folder=folder, **wanted)  # type: ignore[arg-type]
+
+
+@contextmanager
+def easel_of(order: EaselOrder) -> Iterator[tuple[Easel, EaselProcess]]:
+    with EaselProcess() as process:
+        easel = process.open(order)
+        easel.robot.connect()
+        easel.camera.connect()
+        yield easel, process
+
+
+def here(order: EaselOrder) -> Easel:
+    easel = open_easel(order).easel
+    easel.robot.connect()
+    easel.camera.connect()
+    return easel
+
+
+def stroke(easel: Easel, number: int) -> Waypoints:
+    """A stroke across the canvas, pressed lightly, number by number further up."""
+    across = np.linspace(0.02, 0.07, 12)
+    place = np.c_[across, np.full(12, 0.02 + 0.01 * number)]
+    path = easel.workspace.to_robot(place, easel.calibration.height(np.full(12, 0.6)))
+    above = path[[0, -1]] + (0, 0, easel.workspace.hover)
+    return Waypoints(f"stroke {number}", np.concatenate([above[:1], path, above[1:]]), 0.06)
+
+
+def dip(easel: Easel, well: int) -> Waypoints:
+    place, above = np.array(easel.workspace.wells[well]), np.array((0, 0, easel.workspace.hover))
+    return Waypoints("dip", np.stack([place + above, place, place + above]), 0.2)
+
+
+def paint(easel: Easel, strokes: range) -> None:
+    for number in strokes:
+        easel.robot.follow(dip(easel, number % 2))
+        easel.robot.follow(stroke(easel, number))
+
+
+def look(easel: Easel) -> str:
+    frame = easel.camera.capture(easel.robot.home().finished_at)
+    return hashlib.sha256(frame.image.tobytes()).hexdigest() + f" {frame.captured_at} {frame.sequence}"
+
+
+def kill(process: EaselProcess) -> None:
+    """As a lack of memory does it: at once, and nothing is written any more."""
+    process._process.kill()
+    process._process.wait(10)
+
+
+def test_the_painting_is_the_same_to_the_byte_and_so_is_all_that_is_known(tmp_path: Path) -> None:
+    order = order_in(tmp_path / "one")
+    with easel_of(order) as (away, _):
+        beside = here(order_in(tmp_path / "two"))
+        assert away.calibration == beside.calibration
+        assert (away.workspace, away.canvas, away.simulated) == (beside.workspace, beside.canvas, beside.simulated)
+        for easel in (away, beside):
+            easel.attendant.fill_wells(PAINTS)
+            paint(easel, range(3))
+        assert look(away) == look(beside)
+        assert (away.robot.pose() == beside.robot.pose()).all()
+        assert away.attendant.lay_checker() and away.attendant.take_checker_away() and away.attendant.lay_paper()
+        with pytest.raises(WorkspaceViolation, match="stroke 99"):
+            away.robot.follow(Waypoints("stroke 99", np.array([[0.0, 0.0, 9.0]]), 0.1))
+        with pytest.raises(StaleFrame):
+            away.camera.capture(1e9)
+        assert look(away)  # nothing of it broke the link
+
+
+def test_a_killed_painting_goes_on_in_the_next_process(tmp_path: Path) -> None:
+    whole, broken = order_in(tmp_path / "whole"), order_in(tmp_path / "broken")
+    with easel_of(whole) as (easel, _):
+        easel.attendant.fill_wells(PAINTS)
+        paint(easel, range(4))
+        wanted = look(easel)
+    with pytest.raises(RobotDisconnected), easel_of(broken) as (easel, process):
+        easel.attendant.fill_wells(PAINTS)
+        paint(easel, range(2))
+        kill(process)
+        easel.robot.home()
+    with easel_of(broken) as (easel, _):
+        paint(easel, range(2, 4))
+        assert look(easel) == wanted
+    assert (tmp_path / "whole" / DIARY).read_bytes() != b""
+
+
+def test_when_the_painting_process_hangs_up_the_easels_ends_as_well(tmp_path: Path) -> None:
+    with EaselProcess() as process:
+        process.open(order_in(tmp_path)).robot.connect()
+        pid = process.pid
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
+def test_what_cannot_be_opened_says_so_at_once(tmp_path: Path) -> None:
+    for wishes, says in (({"brush": "broom"}, "no brush 'broom'"), ({"robot": "golem"}, "no robot 'golem'")):
+        began = time.monotonic()
+        with EaselProcess() as process, pytest.raises(ConfigError, match=says):
+            process.open(order_in(tmp_path, **wishes))
+        assert time.monotonic() - began < 60
+
+
+def test_f32_a_robot_that_another_process_has_is_busy_and_free_when_that_one_is_dead(tmp_path: Path) -> None:
+    order = order_in(tmp_path)
+    with easel_of(order) as (_, first):
+        with EaselProcess() as second, pytest.raises(RobotBusy, match=f"process {first.pid}") as busy:
+            second.open(order)
+        assert busy.value.pid == first.pid
+        kill(first)
+        with easel_of(order) as (easel, _):
+            easel.robot.home()
+        first._opened = False  # nobody is there to be told of the end
+
+
+@pytest.mark.parametrize(
+    ("record", "says"),
+    [({"robot": "virtual"}, "canvas"), ({"pace": float("nan")}, "pace"), ({"surprise": 1}, "surprise")],
+)
+def test_an_order_that_is_none_is_refused(tmp_path: Path, record: dict, says: str) -> None:
+    whole = order_in(tmp_path).record()
+    with pytest.raises(ConfigError, match=says):
+        EaselOrder.of(record if says == "canvas" else {**whole, **record})
+    assert EaselOrder.of(whole) == order_in(tmp_path)
