@@ -1,0 +1,304 @@
+"""`ros`: any arm behind ROS that follows Cartesian trajectories of its brush's tip, by four topics of stock messages.
+
+What the arm's node must keep to is told in docs/machines.md. `rospy_wire` speaks with a ROS 1 master,
+`rosbridge` with any ROS behind a rosbridge server.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.hardware.drivers.guard import PATIENCE, Guard, time_allowed
+from frida_painter.hardware.robot import MotionReport, Waypoints
+from frida_painter.hardware.workspace import Point
+
+Message = Mapping[str, Any]
+"""A ROS message as nested mappings, its fields by their names."""
+
+FOLLOW, STATUS, POSE, STOP = (
+    ("follow", "trajectory_msgs/MultiDOFJointTrajectory"),
+    ("status", "actionlib_msgs/GoalStatus"),
+    ("pose", "geometry_msgs/PoseStamped"),
+    ("stop", "std_msgs/Empty"),
+)
+TIP = "brush_tip"
+_ACTIVE, _PREEMPTED, _SUCCEEDED, _ABORTED, _REJECTED = 1, 2, 3, 4, 5
+_UPRIGHT = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+_SILENCE = 2.0
+_POLL = 0.02
+
+
+class Wire(Protocol):
+    """One connection to ROS."""
+
+    def open(self) -> None:
+        """Connects. Raises RobotDisconnected, RobotError; nothing stays open then."""
+
+    def hear(self, topic: str, kind: str, tell: Callable[[Message], None]) -> None:
+        """Calls `tell` with every message on a topic, in a thread of its own."""
+
+    def announce(self, topic: str, kind: str) -> None:
+        """Says that messages will be published on a topic."""
+
+    def is_heard(self, topic: str) -> bool:
+        """Whether somebody listens to an announced topic, as far as that can be known."""
+
+    def publish(self, topic: str, message: Message) -> None:
+        """Sends a message at once or never. Raises RobotDisconnected."""
+
+    def close(self) -> None:
+        """Disconnects; twice is once."""
+
+
+@dataclass(frozen=True)
+class RosSettings:
+    """home: where the tip is aside (m); approach: m/s to the first waypoint; namespace: of the four topics.
+
+    frame: in which coordinates are given; ros: 1 or 2, which name the parts of a time differently.
+    Raises ConfigError.
+    """
+
+    home: Point
+    approach: float = 0.1
+    namespace: str = "/brush"
+    frame: str = "base"
+    ros: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0 < self.approach <= 1 or self.ros not in (1, 2) or not self.namespace.startswith("/"):
+            raise ConfigError(
+                f"A ROS arm was given an approach of {self.approach} m/s, ROS {self.ros} and the namespace "
+                f"{self.namespace!r}; they are above 0 to 1 m/s, 1 or 2, and a name that begins with a slash."
+            )
+
+
+class RosRobot:
+    """Implements hardware.robot.Robot. Stops go over a wire of their own."""
+
+    def __init__(self, settings: RosSettings, wire: Wire, stopper: Wire) -> None:
+        self.settings = settings
+        self._wire, self._stopper = wire, stopper
+        self._guard = Guard(f"the arm behind ROS at {settings.namespace}")
+        self._news = threading.Condition()
+        self._tip: NDArray[np.float64] | None = None
+        self._heard_at = float("-inf")
+        self._goal: tuple[int, int] = (0, 0)
+        self._status: tuple[int, str] | None = None
+        self._nonsense = ""
+
+    def connect(self) -> None:
+        """Connects both wires and waits until the arm says where it is and listens. Moves nothing.
+
+        Raises RobotDisconnected where there is no ROS, or no arm behind it.
+        """
+        self.close()
+        self._tip, self._heard_at, self._nonsense = None, float("-inf"), ""
+        try:
+            for wire in (self._stopper, self._wire):
+                wire.open()
+            self._stopper.announce(self._topic(STOP), STOP[1])
+            self._wire.announce(self._topic(FOLLOW), FOLLOW[1])
+            self._wire.hear(self._topic(POSE), POSE[1], self._hear_pose)
+            self._wire.hear(self._topic(STATUS), STATUS[1], self._hear_status)
+            self._await_arm()
+        except FridaError:
+            self.close()
+            raise
+        self._guard.opened()
+
+    def home(self) -> MotionReport:
+        """Goes aside, by way of the height of its place there."""
+        here, aside = self.pose(), np.array(self.settings.home)
+        above = np.array([here[0], here[1], max(here[2], aside[2])])
+        return self.follow(Waypoints("home", np.stack((above, aside)), self.settings.approach))
+
+    def pose(self) -> NDArray[np.float64]:
+        """Where the arm said last that its tip is, [3] metres. Raises RobotDisconnected where that was long ago."""
+        self._guard.require_ready("pose")
+        try:
+            return self._place("pose")
+        except RobotError as error:
+            raise self._guard.fault(error) from None
+
+    def follow(self, waypoints: Waypoints) -> MotionReport:
+        """Sends the waypoints with the times at which to be there, and returns when the arm says that it is.
+
+        Raises MotionFailed, RobotDisconnected, and RobotStopped where it was stopped here or at the arm;
+        the arm is told to stop then.
+        """
+        self._guard.require_ready(waypoints.label)
+        self._guard.require_path(waypoints)
+        started = time.monotonic()
+        try:
+            here = self._place(waypoints.label)
+            path = np.concatenate([here[None], waypoints.position])
+            steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+            seconds = np.cumsum(steps / np.r_[self.settings.approach, np.full(len(steps) - 1, waypoints.speed)])
+            self._send(waypoints, seconds)
+            self._await_end(waypoints.label, started + time_allowed(float(seconds[-1]), 1.0))
+            reached = self._place_after(waypoints.label, time.monotonic())
+        except FridaError as error:
+            self._guard.fault(error)
+            self._halt()
+            raise
+        return MotionReport(waypoints.label, started, time.monotonic(), reached)
+
+    def stop(self) -> None:
+        """Tells the arm to stop, over the wire for that; what waits in `follow` returns."""
+        self._guard.stop()
+        self._halt()
+        with self._news:
+            self._news.notify_all()
+
+    def close(self) -> None:
+        """Lets go of both wires."""
+        self._guard.closed()
+        for wire in (self._wire, self._stopper):
+            with suppress(RobotError):  # What does not even let go is left behind.
+                wire.close()
+
+    def _topic(self, of: tuple[str, str]) -> str:
+        return f"{self.settings.namespace.rstrip('/')}/{of[0]}"
+
+    def _await_arm(self) -> None:
+        until = time.monotonic() + PATIENCE
+        while self._tip is None or not self._is_heard():
+            if time.monotonic() > until:
+                missing = (
+                    f"says on {self._topic(POSE)} where it is" if self._tip is None
+                    else f"listens to {self._topic(FOLLOW)} and {self._topic(STOP)}"
+                )  # fmt: skip
+                raise RobotDisconnected(
+                    f"There is ROS, but no arm in it {missing} (waited {PATIENCE:.0f} s); start the arm's node, or "
+                    "correct the namespace."
+                )
+            time.sleep(_POLL)
+
+    def _is_heard(self) -> bool:
+        return self._wire.is_heard(self._topic(FOLLOW)) and self._stopper.is_heard(self._topic(STOP))
+
+    def _send(self, waypoints: Waypoints, seconds: NDArray[np.float64]) -> None:
+        now = time.time_ns()
+        with self._news:
+            self._goal, self._status = (now // 10**9, now % 10**9), None
+        points = [
+            {
+                "transforms": [{"translation": dict(zip("xyz", place, strict=True)), "rotation": _UPRIGHT}],
+                "velocities": [],
+                "accelerations": [],
+                "time_from_start": self._time(int(1e9 * at) // 10**9, int(1e9 * at) % 10**9),
+            }
+            for place, at in zip(waypoints.position.tolist(), seconds.tolist(), strict=True)
+        ]
+        header = {"stamp": self._time(*self._goal), "frame_id": self.settings.frame}
+        if self._guard.stopped:
+            raise self._stopped_here(waypoints.label)
+        self._wire.publish(self._topic(FOLLOW), {"header": header, "joint_names": [TIP], "points": points})
+
+    def _time(self, seconds: int, nanoseconds: int) -> dict[str, int]:
+        names = ("secs", "nsecs") if self.settings.ros == 1 else ("sec", "nanosec")
+        return dict(zip(names, (seconds, nanoseconds), strict=True))
+
+    def _await_end(self, label: str, until: float) -> None:
+        """Returns when the arm has done what was sent."""
+        taken = time.monotonic() + PATIENCE
+        while True:
+            with self._news:
+                self._news.wait(_POLL)
+                status = self._status
+            self._place(label)
+            if self._guard.stopped:
+                raise self._stopped_here(label)
+            if status is None:
+                if time.monotonic() > taken:
+                    raise RobotDisconnected(
+                        f"{label}: {self._guard.name} did not say on {self._topic(STATUS)} that it took the motion, "
+                        "and is told to stop; look at its node."
+                    )
+                continue
+            code, text = status
+            if code == _SUCCEEDED:
+                return
+            if code == _PREEMPTED:
+                raise RobotStopped(f"{label}: {self._guard.name} was stopped there ({text}); look at it.")
+            if code in (_ABORTED, _REJECTED):
+                how = "gave up" if code == _ABORTED else "refused the motion"
+                raise MotionFailed(f"{label}: {self._guard.name} {how} ({text}); look at it.", text or code)
+            if code != _ACTIVE:
+                raise RobotError(f"{label}: {self._guard.name} has the status {code}, which means nothing here.")
+            if time.monotonic() > until:
+                raise MotionFailed(f"{label}: {self._guard.name} did not arrive in time, and is told to stop.")
+
+    def _place(self, label: str) -> NDArray[np.float64]:
+        with self._news:
+            tip, age, nonsense = self._tip, time.monotonic() - self._heard_at, self._nonsense
+        if nonsense:
+            raise RobotError(
+                f"{label}: {self._guard.name} said {nonsense}, which cannot be understood; look at its node."
+            )
+        if tip is None or not age < _SILENCE:
+            raise RobotDisconnected(
+                f"{label}: {self._guard.name} has not said for {min(age, 999):.0f} s where it is; look at it and at "
+                "its network."
+            )
+        return tip.copy()
+
+    def _place_after(self, label: str, moment: float) -> NDArray[np.float64]:
+        """Where the arm is by a message that came after a moment."""
+        until = moment + _SILENCE
+        while time.monotonic() < until:
+            with self._news:
+                if self._heard_at > moment:
+                    break
+                self._news.wait(_POLL)
+        return self._place(label)
+
+    def _hear_pose(self, message: Message) -> None:
+        try:
+            place = message["pose"]["position"]
+            tip = np.array([float(place[axis]) for axis in "xyz"])
+            if not np.isfinite(tip).all():
+                raise ValueError
+        except (KeyError, TypeError, ValueError):
+            self._misunderstood(message)
+            return
+        with self._news:
+            self._tip, self._heard_at = tip, time.monotonic()
+            self._news.notify_all()
+
+    def _hear_status(self, message: Message) -> None:
+        try:
+            stamp = message["goal_id"]["stamp"]
+            goal = tuple(int(stamp[name]) for name in self._time(0, 0))
+            status = (int(message["status"]), str(message.get("text", ""))[:200])
+        except (KeyError, TypeError, ValueError, AttributeError):
+            self._misunderstood(message)
+            return
+        with self._news:
+            if goal == self._goal:
+                self._status = status
+            self._news.notify_all()
+
+    def _misunderstood(self, message: object) -> None:
+        with self._news:
+            self._nonsense = repr(message)[:80]
+            self._news.notify_all()
+
+    def _stopped_here(self, label: str) -> RobotStopped:
+        return RobotStopped(f"{label}: {self._guard.name} was stopped; look at it before it is connected anew.")
+
+    def _halt(self) -> None:
+        """Says stop over one wire, or over the other where that fails."""
+        for wire in (self._stopper, self._wire):
+            try:
+                wire.publish(self._topic(STOP), {})
+                return
+            except RobotError:
+                continue

@@ -1,0 +1,119 @@
+"""A wire to a ROS 1 master through rospy, which Debian and Ubuntu package outside of virtual environments."""
+
+import importlib
+import os
+import socket
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from frida_painter.errors import RobotDisconnected, RobotError
+from frida_painter.hardware.deadline import one_line, within
+from frida_painter.hardware.drivers.guard import PATIENCE
+from frida_painter.hardware.drivers.ros import Message
+
+_PACKAGES = ("/usr/lib/python3/dist-packages", "/opt/ros/noetic/lib/python3/dist-packages")
+_NODE = "frida_painter"
+
+
+class RospyWire:
+    """Implements drivers.ros.Wire over the topics of one node.
+
+    master: its address, like http://localhost:11311; by default what ROS_MASTER_URI says. A process has
+    one node, so a second wire of the same process speaks through the same one, over sockets of its own.
+    """
+
+    def __init__(self, master: str | None = None) -> None:
+        self.master = master or os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
+        self._rospy: Any = None
+        self._publishers: dict[str, Any] = {}
+        self._subscribers: list[Any] = []
+
+    def open(self) -> None:
+        """Joins the master as a node. Raises RobotError without rospy, RobotDisconnected without a master."""
+        rospy = _rospy()
+        address = urlsplit(self.master)
+        try:
+            socket.create_connection((address.hostname or "", address.port or 11311), timeout=PATIENCE).close()
+        except (OSError, ValueError) as cause:
+            raise RobotDisconnected(
+                f"No ROS master answers at {self.master} ({getattr(cause, 'strerror', None) or cause}); start it "
+                "(roscore), or set ROS_MASTER_URI."
+            ) from cause
+        if not rospy.core.is_initialized():
+            arguments = [_NODE, f"__master:={self.master}"]
+            try:
+                within(2 * PATIENCE, "init_node", lambda: rospy.init_node(_NODE, arguments, True, disable_signals=True))
+            except Exception as cause:
+                raise RobotDisconnected(
+                    f"The ROS master at {self.master} did not take the node ({one_line(cause)})."
+                ) from cause
+        self._rospy = rospy
+
+    def hear(self, topic: str, kind: str, tell: Callable[[Message], None]) -> None:
+        """Calls `tell` with every message on a topic, in rospy's thread."""
+        told = self._rospy.Subscriber(topic, _kind(kind), lambda message: tell(_as_mapping(message)), tcp_nodelay=True)
+        self._subscribers.append(told)
+
+    def announce(self, topic: str, kind: str) -> None:
+        """Says that messages will be published on a topic."""
+        self._publishers[topic] = self._rospy.Publisher(topic, _kind(kind), queue_size=1, tcp_nodelay=True)
+
+    def is_heard(self, topic: str) -> bool:
+        """Whether a node is connected to the topic."""
+        return topic in self._publishers and self._publishers[topic].get_num_connections() > 0
+
+    def publish(self, topic: str, message: Message) -> None:
+        """Sends a message to whoever listens. Raises RobotDisconnected where nobody does."""
+        if not self.is_heard(topic):
+            raise RobotDisconnected(f"Nobody listens to {topic} any more; look at the arm's node.")
+        publisher = self._publishers[topic]
+        made = publisher.data_class()
+        try:
+            importlib.import_module("genpy.message").fill_message_args(made, [message] if message else [])
+            publisher.publish(made)
+        except Exception as cause:
+            raise RobotDisconnected(f"ROS did not take a message on {topic} ({one_line(cause)}).") from cause
+
+    def close(self) -> None:
+        """Takes back what was announced and heard; the node stays as long as the process."""
+        for spoken in (*self._publishers.values(), *self._subscribers):
+            spoken.unregister()
+        self._publishers, self._subscribers = {}, []
+
+
+def _rospy() -> Any:
+    """The module rospy, from where the distribution's packages are when a virtual environment hides them."""
+    for folder in _PACKAGES:
+        if Path(folder, "rospy").is_dir() and folder not in sys.path:
+            sys.path.append(folder)  # behind all else: packages of the environment come first
+    try:
+        return importlib.import_module("rospy")
+    except ImportError as missing:
+        raise RobotError(
+            f"ROS 1 needs rospy ({missing}); install it with: apt install python3-rospy python3-trajectory-msgs "
+            "python3-actionlib-msgs, or speak with any ROS through rosbridge."
+        ) from missing
+
+
+def _kind(name: str) -> Any:
+    """The class of a message, "std_msgs/Empty" for instance."""
+    package, _, kind = name.partition("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), kind)
+    except ImportError as missing:
+        raise RobotError(f"ROS messages of {package} are missing; install them with: apt install "
+                         f"python3-{package.replace('_', '-')}") from missing  # fmt: skip
+
+
+def _as_mapping(message: Any) -> Any:
+    """A rospy message as nested mappings."""
+    if hasattr(message, "secs"):
+        return {"secs": message.secs, "nsecs": message.nsecs}
+    if hasattr(message, "__slots__") and hasattr(message, "_type"):
+        return {name: _as_mapping(getattr(message, name)) for name in message.__slots__}
+    if isinstance(message, Mapping | str | int | float | bytes):
+        return message
+    return [_as_mapping(part) for part in message] if isinstance(message, list | tuple) else message

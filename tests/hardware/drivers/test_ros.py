@@ -1,0 +1,209 @@
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.hardware.drivers import ros
+from frida_painter.hardware.drivers.ros import RosRobot, RosSettings
+from frida_painter.hardware.robot import Waypoints
+from machines.fake_ros_arm import FakeArm
+from machines.paths import NOT_PATHS, a_stroke
+
+HOME = (0.25, -0.1, 0.3)
+
+
+@dataclass
+class Air:
+    """All wires between the driver and the arm."""
+
+    ears: dict[str, list[Callable[[Any], None]]] = field(default_factory=dict)
+    broken: set[str] = field(default_factory=set)
+    deaf: bool = False
+    opened: int = 0
+
+    def tell(self, topic: str, message: dict[str, Any]) -> None:
+        for ear in self.ears.get(topic, []):
+            ear(message)
+
+
+@dataclass
+class AirWire:
+    """A wire of the test's own; `name` tells which of the two is broken."""
+
+    air: Air
+    arm: FakeArm
+    name: str
+    is_open: bool = False
+
+    def open(self) -> None:
+        if self.name in self.air.broken:
+            raise RobotDisconnected("No ROS at all.")
+        self.is_open = True
+        self.air.opened += 1
+
+    def hear(self, topic: str, kind: str, tell: Callable[[Any], None]) -> None:
+        self.air.ears.setdefault(topic, []).append(tell)
+
+    def announce(self, topic: str, kind: str) -> None: ...
+
+    def is_heard(self, topic: str) -> bool:
+        return not self.air.deaf
+
+    def publish(self, topic: str, message: Any) -> None:
+        if self.name in self.air.broken or not self.is_open:
+            raise RobotDisconnected("The wire is broken.")
+        self.arm.hear(topic, message)
+
+    def close(self) -> None:
+        self.air.opened -= self.is_open
+        self.is_open = False
+        self.air.ears.clear()
+
+
+@pytest.fixture
+def air() -> Air:
+    return Air()
+
+
+@pytest.fixture
+def arm(air: Air) -> Iterator[FakeArm]:
+    arm = FakeArm(air.tell)
+    arm.start()
+    yield arm
+    arm.end()
+
+
+@pytest.fixture
+def robot(air: Air, arm: FakeArm) -> RosRobot:
+    return RosRobot(RosSettings(HOME), AirWire(air, arm, "wire"), AirWire(air, arm, "stopper"))
+
+
+def test_the_arm_is_at_each_waypoint_and_its_own_place_is_reported(robot: RosRobot, arm: FakeArm) -> None:
+    robot.connect()
+    assert robot.pose() == pytest.approx((0.2, 0.0, 0.3))
+    stroke = a_stroke()
+    report = robot.follow(stroke)
+    assert report.reached == pytest.approx(stroke.position[-1], abs=1e-9)
+    assert report.started_at < report.finished_at <= time.monotonic()
+    for point in stroke.position:
+        assert min(np.linalg.norm(np.array(arm.moved) - point, axis=1)) < 1e-9
+    assert robot.home().reached == pytest.approx(HOME)
+    robot.close()
+    with pytest.raises(RobotError, match="not connected"):
+        robot.pose()
+
+
+@pytest.mark.parametrize(
+    ("fault", "error", "says"),
+    [
+        ("ignores", RobotDisconnected, "did not say on /brush/status that it took the motion"),
+        ("refuses", MotionFailed, r"refused the motion \(refuses\)"),
+        ("aborts", MotionFailed, r"gave up \(at point 10\)"),
+        ("stopped", RobotStopped, r"was stopped there \(at point 10\)"),
+        ("mute", RobotDisconnected, "has not said for . s where it is"),
+        ("garbage pose", RobotError, "said .*pose.*, which cannot be understood"),
+        ("garbage status", RobotError, "said .*done.*, which cannot be understood"),
+        ("odd status", RobotError, "the status 77, which means nothing"),
+        ("never", MotionFailed, "did not arrive in time"),
+    ],
+)
+def test_whatever_the_arm_does_becomes_a_typed_error_and_it_is_told_to_stop(
+    robot: RosRobot,
+    arm: FakeArm,
+    air: Air,
+    monkeypatch: pytest.MonkeyPatch,
+    fault: str,
+    error: type[RobotError],
+    says: str,
+) -> None:
+    monkeypatch.setattr(ros, "PATIENCE", 0.3)
+    monkeypatch.setattr(ros, "_SILENCE", 0.3)
+    monkeypatch.setattr(ros, "time_allowed", lambda path, speed: 0.4)
+    robot.connect()
+    arm.misbehave = fault
+    with pytest.raises(error, match=says):
+        robot.follow(a_stroke())
+    assert arm.heard[-1] == "/brush/stop"
+    arm.misbehave, arm.stopped = "", False
+    time.sleep(0.05)
+    moved, heard = len(arm.moved), len(arm.heard)
+    for action in (robot.home, robot.pose, lambda: robot.follow(a_stroke())):
+        with pytest.raises(RobotError):
+            action()
+    assert (len(arm.moved), len(arm.heard)) == (moved, heard)
+    robot.connect()
+    robot.follow(a_stroke())
+    assert air.opened == 2
+
+
+@pytest.mark.parametrize("broken", ["wire", "stopper"])
+def test_a_connection_that_fails_halfway_leaves_nothing_open_and_can_be_repeated(
+    robot: RosRobot, air: Air, broken: str
+) -> None:
+    air.broken.add(broken)
+    with pytest.raises(RobotDisconnected, match="No ROS at all"):
+        robot.connect()
+    assert air.opened == 0
+    air.broken.clear()
+    robot.connect()
+    assert air.opened == 2
+
+
+def test_ros_without_an_arm_is_told(air: Air, arm: FakeArm, robot: RosRobot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ros, "PATIENCE", 0.2)
+    air.deaf = True
+    with pytest.raises(RobotDisconnected, match="no arm in it listens to /brush/follow and /brush/stop"):
+        robot.connect()
+    air.deaf = False
+    arm.end()
+    with pytest.raises(RobotDisconnected, match="no arm in it says on /brush/pose where it is"):
+        robot.connect()
+    assert air.opened == 0
+
+
+def test_stop_goes_over_its_own_wire_or_over_the_other(robot: RosRobot, arm: FakeArm, air: Air) -> None:
+    arm.pace = 1
+    robot.connect()
+    told: list[BaseException] = []
+
+    def paint() -> None:
+        try:
+            robot.follow(a_stroke())
+        except RobotError as error:
+            told.append(error)
+
+    thread = threading.Thread(target=paint)
+    thread.start()
+    while len(arm.moved) < 50:
+        time.sleep(0.005)
+    air.broken.add("stopper")
+    stopped = time.monotonic()
+    robot.stop()
+    robot.stop()
+    thread.join(2)
+    assert isinstance(told[0], RobotStopped)
+    assert arm.at[-1] - stopped < 0.1
+    with pytest.raises(RobotStopped):
+        robot.home()
+
+
+@pytest.mark.parametrize("position", NOT_PATHS, ids=lambda position: str(position.shape))
+def test_what_is_no_path_is_refused_before_anything_is_sent(
+    robot: RosRobot, arm: FakeArm, position: np.ndarray
+) -> None:
+    robot.connect()
+    with pytest.raises(MotionFailed, match="did not move"):
+        robot.follow(Waypoints("stroke 1", position, 0.1))
+    assert arm.heard == []
+    robot.follow(a_stroke())
+
+
+@pytest.mark.parametrize("values", [{"approach": 0.0}, {"ros": 3}, {"namespace": "brush"}])
+def test_settings_that_cannot_be_are_refused(values: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError, match="A ROS arm was given"):
+        RosSettings(HOME, **values)
