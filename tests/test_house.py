@@ -21,14 +21,14 @@ LAYERS = (
         "calibration",
         "config",
     ),  # settings speak in these nouns
-    ("brush", "render", "perception"),
+    ("brush", "render", "perception", "mixing"),
     ("objectives",),
     ("planning", "hardware", "virtual"),
     ("session", "experiments"),
     ("report", "export", "cli", "web", "__main__", ""),
 )
 # The virtual studio is reality: what judges or predicts it must not be inside it.
-REALITY = {"virtual": {"brush", "render", "perception", "objectives", "planning", "session"}}
+REALITY = {"virtual": {"brush", "render", "perception", "mixing", "objectives", "planning", "session"}}
 # Pickles run what they hold, and torchvision does not import beside the build of torch that is pinned.
 FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "joblib", "yaml", "shelve", "marshal", "torchvision"}
 MOST_LINES = 450

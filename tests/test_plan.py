@@ -152,3 +152,14 @@ def test_what_is_not_there_is_said(tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "plan.json"):
         with pytest.raises(PlanError, match=r"plan\.json does not exist; give the path of a plan"):
             Plan.load(path)
+
+
+def test_strokes_take_another_order_with_their_paints() -> None:
+    plan = made_up_plan(6, 3)
+    order = torch.tensor([5, 0, 1, 4, 3, 2])
+    other = plan.reordered(order)
+    assert torch.equal(other.strokes.position, plan.strokes.position[order])
+    assert torch.equal(other.paint, plan.paint[order])
+    for wrong in ([0, 1, 2, 3, 4], [0, 1, 2, 3, 4, 4], [0, 1, 2, 3, 4, 6]):
+        with pytest.raises(PlanError, match="names each of 6 strokes once"):
+            plan.reordered(torch.tensor(wrong))

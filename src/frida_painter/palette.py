@@ -1,15 +1,21 @@
 """The palette: the few paints that a person mixes, ordered from light to dark."""
 
+import json
+import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
 import torch
 from torch import Tensor
 
+from frida_painter import storage
 from frida_painter.errors import ConfigError
 
 MOST_COLORS = 64
+_MOST_BYTES = 2**16
+_PALETTE_FILE = 'a palette is a JSON file like {"paints": ["#f2e9dc", "#3b2f2a"]}, in the order of the wells'
 
 
 def to_lab(color: Tensor) -> Tensor:
@@ -32,9 +38,19 @@ def to_hex(color: Tensor) -> str:
     return "#{:02x}{:02x}{:02x}".format(*(color * 255).round().int().tolist())
 
 
+def from_hex(text: str) -> Tensor:
+    """ "#rrggbb" as sRGB [3] in [0, 1]. Raises ConfigError."""
+    if not isinstance(text, str) or re.fullmatch(r"#[0-9a-fA-F]{6}", text) is None:
+        raise ConfigError(f"{str(text)[:20]!r} is not a colour; write it like #b97f2c.")
+    return torch.tensor([int(text[at : at + 2], 16) / 255 for at in (1, 3, 5)])
+
+
 @dataclass(frozen=True)
 class Palette:
-    """k paints, sRGB [k, 3] in [0, 1], lightest first. Raises ConfigError where they are not."""
+    """k paints, sRGB [k, 3] in [0, 1], lightest first where a planner made it. Raises ConfigError where they are not.
+
+    Paint i belongs into well i; a palette that was measured keeps the order of its wells.
+    """
 
     color: Tensor
 
@@ -73,6 +89,33 @@ class Palette:
         found = cls.ordered(torch.from_numpy(settled.cluster_centers_).to(color).clamp(0, 1))
         missing = count - len(found)
         return cls(torch.cat([found.color[:1].expand(missing, 3), found.color])) if missing else found
+
+    @classmethod
+    def load(cls, path: Path) -> "Palette":
+        """The palette of a JSON file: {"paints": ["#f2e9dc", ...]}, in the order of the wells. Raises ConfigError."""
+        content = storage.read_bytes(path, "a palette (JSON)", _MOST_BYTES, ConfigError)
+        try:
+            record = json.loads(content)
+        except (ValueError, RecursionError) as cause:
+            raise ConfigError(f"{path} is not JSON ({cause}); {_PALETTE_FILE}.") from cause
+        if not isinstance(record, dict) or set(record) != {"paints"} or not isinstance(record["paints"], list):
+            raise ConfigError(f"{path} is not a palette; {_PALETTE_FILE}.")
+        if not 1 <= len(record["paints"]) <= MOST_COLORS:
+            raise ConfigError(f"{path} has {len(record['paints'])} paints; a palette has 1 to {MOST_COLORS}.")
+        faults = []
+        colors = []
+        for number, text in enumerate(record["paints"], 1):
+            try:
+                colors.append(from_hex(text))
+            except ConfigError as error:
+                faults.append(f"paint {number}: {error}")
+        if faults:
+            raise ConfigError(f"{path} is not a palette: {' '.join(faults)}")
+        return cls(torch.stack(colors))
+
+    def save(self, path: Path) -> None:
+        """Writes such a file. Raises StorageError."""
+        storage.write_text(path, json.dumps({"paints": [to_hex(color) for color in self.color]}, indent=2) + "\n")
 
     def lab(self) -> Tensor:
         """The palette in CIE L*a*b*, [k, 3]."""

@@ -59,6 +59,12 @@ class Plan:
         """The plan of some of the strokes only."""
         return replace(self, strokes=self.strokes[which], paint=self.paint[which])
 
+    def reordered(self, order: Tensor) -> "Plan":
+        """The same strokes in another order: order [n] names each once."""
+        if not torch.equal(order.sort().values, torch.arange(len(self), device=order.device)):
+            raise PlanError(f"An order of {len(order)} numbers was given; it names each of {len(self)} strokes once.")
+        return replace(self, strokes=self.strokes[order], paint=self.paint[order])
+
     def followed_by(self, rest: "Plan") -> "Plan":
         """These strokes, and after them those of `rest`, a plan with the same palette and canvas."""
         strokes, paint = Strokes.join(self.strokes, rest.strokes), torch.cat([self.paint, rest.paint])

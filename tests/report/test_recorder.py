@@ -76,7 +76,16 @@ def test_everything_that_was_promised_is_in_the_folder_and_the_page_names_only_w
     assert page == tmp_path / "index.html"
     there = {path.name for path in tmp_path.iterdir()}
     looks = {f"look-1-{name}.jpg" for name in ("photograph", "expected", "difference", "plan")}
-    promised = {"target.jpg", "plan.png", "palette.png", "painting.png", "film.mp4", "plan.json", "index.html"}
+    promised = {
+        "target.jpg",
+        "plan.png",
+        "palette.png",
+        "mixing.png",
+        "painting.png",
+        "film.mp4",
+        "plan.json",
+        "index.html",
+    }
     assert there == promised | looks | {"strokes.svg", "strokes.csv", "result.json"}
     names = named(page.read_text())
     assert names <= there and {"painting.png", "target.jpg", "film.mp4", "palette.png", *looks} <= names
@@ -141,4 +150,10 @@ def test_an_evening_that_ends_in_an_error_leaves_the_film_so_far(tmp_path: Path)
 
     with pytest.raises(RuntimeError, match="caught fire"):
         until_it_fails()
-    assert {path.name for path in tmp_path.iterdir()} == {"target.jpg", "plan.png", "palette.png", "film.mp4"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "target.jpg",
+        "plan.png",
+        "palette.png",
+        "mixing.png",
+        "film.mp4",
+    }

@@ -59,10 +59,10 @@ def test_what_is_left_is_planned_again_from_what_was_seen_after_each_batch() -> 
 
 
 def test_after_each_batch_the_robot_is_sent_where_strokes_land_as_they_are_meant_to() -> None:
-    aimed = Evening(6, replans=2)
+    aimed = Evening(6, replans=2, colors=3)  # of each paint a batch, so that both are painted in one order
     aimed.run()
     assert aimed.planner.located == [2, 2, 2]
-    straight = Evening(6, replans=0)
+    straight = Evening(6, replans=0, colors=3)
     straight.run()
     starts = [
         [motion.position[0] for motion in evening.robot.motions if motion.label.startswith("stroke")]

@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from torch import Tensor
+
 from frida_painter.errors import ConfigError
 from frida_painter.frames import MapFrame
-from frida_painter.strokes import StrokeLimits
+from frida_painter.strokes import StrokeLimits, Strokes
 
 CELLS_ALONG = 80
 
@@ -16,6 +18,10 @@ class BrushKind:
     name: str
     limits: StrokeLimits
     width: float
+
+    def area(self, strokes: Strokes) -> Tensor:
+        """What each stroke paints, m2, [n]: its length times the width of a mark of its thickness."""
+        return strokes.length * self.width * (0.25 + 0.75 * strokes.thickness)
 
     @property
     def frame(self) -> MapFrame:

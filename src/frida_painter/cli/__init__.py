@@ -10,6 +10,7 @@ from frida_painter.cli.calibration import register as register_calibration
 from frida_painter.cli.check import register as register_check
 from frida_painter.cli.experiments import build as experiments
 from frida_painter.cli.export import export
+from frida_painter.cli.mix import register as register_mix
 from frida_painter.cli.models import build as models
 from frida_painter.cli.painting import register
 from frida_painter.cli.strokes import build as strokes
@@ -34,6 +35,7 @@ def build() -> typer.Typer:
     app.command("export")(export)
     register_calibration(app)
     register_check(app)
+    register_mix(app)
     app.add_typer(strokes(), name="strokes")
     app.add_typer(models(), name="models")
     app.add_typer(experiments(), name="experiments")

@@ -1,6 +1,7 @@
 """The palette sheet: a page to print, hang beside the easel, and mix paint from."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +9,7 @@ from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
 from frida_painter import images
+from frida_painter.mixing.recipe import Recipe
 from frida_painter.plan import Plan
 from frida_painter.report.story import Paint, paints
 
@@ -18,21 +20,23 @@ _HEAD = 236
 _FOOT = 108
 _INK, _SOFT, _LINE, _PAPER = (35, 33, 30), (98, 93, 85), (205, 200, 191), (255, 255, 255)
 _SMALL = 18  # pixels: 8.6 points when printed
+_RECIPE_SIZE, _RECIPE_PITCH = 15, 20
 _ADVICE = (
     "Mix each paint until its dried mark matches its swatch. A paint shop or a colorimeter works from the Lab values.",
     "Screens and printers differ: where they disagree, trust the numbers. Percentages are of all strokes' length.",
 )
 
 
-def palette_sheet(plan: Plan, title: str = "Palette") -> Tensor:
+def palette_sheet(plan: Plan, title: str = "Palette", recipes: Sequence[Recipe] = ()) -> Tensor:
     """The plan's paints as a printed page, sRGB [3, 1754, 1240] in [0, 1].
 
     Lightest first: a large swatch, its number, sRGB as hex and bytes, Lab, how many strokes it is
-    for and how much of the painting they are. Holds 1 to 64 paints.
+    for and how much of the painting they are; up to 20 paints also with how to mix them, where `recipes`
+    tells. Holds 1 to 64 paints.
     """
     sheet = Image.new("RGB", (COLUMNS, ROWS), _PAPER)
     draw = ImageDraw.Draw(sheet)
-    known = paints(plan)
+    known = paints(plan, recipes)
     _head(draw, plan, title)
     grid = _Grid.of(len(known))
     for place, paint in enumerate(known):
@@ -80,12 +84,24 @@ def _head(draw: ImageDraw.ImageDraw, plan: Plan, title: str) -> None:
 
 def _card(draw: ImageDraw.ImageDraw, paint: Paint, left: int, top: int, width: int, height: int) -> None:
     """A swatch with its text below."""
-    below = top + height - 118
+    below = top + height - (118 if not paint.recipe else 118 + 2 * _RECIPE_PITCH)
     draw.rectangle((left, top, left + width - 1, below - 1), fill=paint.srgb, outline=_LINE, width=1)
     draw.text((left, below + 12), str(paint.number), fill=_INK, font=_font(44))
     strokes = f"{_strokes(paint)}, {paint.share:.0%}"
     for row, text in enumerate((paint.hex, _srgb(paint), _lab(paint), strokes)):
         draw.text((left + 66, below + 14 + 25 * row), text, fill=_INK if row == 0 else _SOFT, font=_font(_SMALL))
+    for row, text in enumerate(_in_two_lines(paint.recipe, width)):
+        draw.text((left, below + 118 + _RECIPE_PITCH * row), text, fill=_SOFT, font=_font(_RECIPE_SIZE))
+
+
+def _in_two_lines(recipe: str, width: int) -> list[str]:
+    """The recipe broken where it says plus; the second line is cut where even two are too short."""
+    font, words = _font(_RECIPE_SIZE), recipe.split(" + ")
+    first = next(
+        (count for count in range(len(words), 0, -1) if font.getlength(" + ".join(words[:count]) + " +") <= width), 1
+    )
+    lines = [" + ".join(words[:first]), " + ".join(words[first:])]
+    return [_shortened(line, font, width) for line in ([lines[0] + " +", lines[1]] if lines[1] else [lines[0]])]
 
 
 def _line(draw: ImageDraw.ImageDraw, paint: Paint, left: int, top: int, width: int, height: int) -> None:

@@ -13,9 +13,13 @@ from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.export.bezier import mark_widths
 from frida_painter.export.svg import svg
 from frida_painter.export.table import table
+from frida_painter.mixing.amounts import volumes
+from frida_painter.mixing.recipe import Recipe, recipes
+from frida_painter.mixing.shelf import usual_paints
 from frida_painter.plan import Plan
 from frida_painter.report.difference import difference
 from frida_painter.report.film import FilmWriter
+from frida_painter.report.mixing_sheet import mixing_sheet
 from frida_painter.report.page import write_page
 from frida_painter.report.palette_sheet import palette_sheet
 from frida_painter.report.story import Comparison, Download, Look, Phase, Story, compare, paints
@@ -61,6 +65,7 @@ class Recorder:
     _dips: int = field(default=0, init=False)
     _cleanings: int = field(default=0, init=False)
     _stopped: bool = field(default=False, init=False)
+    _recipes: tuple[Recipe, ...] = field(default=(), init=False)
 
     def __enter__(self) -> Self:
         self._started = time.monotonic()
@@ -120,11 +125,17 @@ class Recorder:
         if self._plan is None:
             self._plan, self._first_expected = event.plan, event.expected
             images.save(event.expected, self.folder / "plan.png")
-            images.save(palette_sheet(event.plan), self.folder / "palette.png")
+            self._keep_recipes(event.plan)
         else:
             self._plan = self._plan.part(slice(event.done)).followed_by(event.plan)
             if self._seen is not None:
                 self._looks.append(self._keep_look(self._seen, event))
+
+    def _keep_recipes(self, plan: Plan) -> None:
+        """How to mix the palette, for whoever stands before the wells now."""
+        self._recipes = tuple(recipes(plan.palette.color, usual_paints()))
+        images.save(palette_sheet(plan, recipes=self._recipes), self.folder / "palette.png")
+        images.save(mixing_sheet(self._recipes, volumes(plan).tolist(), "Mixing"), self.folder / "mixing.png")
 
     def _keep_look(self, seen: Looked, planned: Planned) -> Look:
         number = len(self._looks) + 1
@@ -181,7 +192,8 @@ class Recorder:
             painting="painting.png",
             film="film.mp4" if (self.folder / "film.mp4").exists() else None,
             palette_sheet="palette.png",
-            paints=paints(plan),
+            paints=paints(plan, self._recipes),
+            mixing_sheet="mixing.png" if self._recipes else None,
             looks=tuple(self._looks),
             phases=tuple(self._phases),
             comparisons=comparisons,

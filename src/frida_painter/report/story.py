@@ -3,10 +3,12 @@
 Pictures, the film and the downloads are file names relative to the painting's folder.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from torch import Tensor
 
+from frida_painter.mixing.recipe import Recipe
 from frida_painter.palette import to_hex, to_lab
 from frida_painter.plan import Plan
 
@@ -15,7 +17,8 @@ from frida_painter.plan import Plan
 class Paint:
     """One paint to mix: number from 1, hex "#rrggbb", sRGB bytes, Lab, its strokes and what they amount to.
 
-    length: of its strokes' marks together, metres; share: of the length that all paints paint, in [0, 1].
+    length: of its strokes' marks together, metres; share: of the length that all paints paint, in [0, 1];
+    recipe: how to mix it, in words, "" where nobody has asked.
     """
 
     number: int
@@ -25,6 +28,7 @@ class Paint:
     strokes: int
     length: float
     share: float
+    recipe: str = ""
 
 
 @dataclass(frozen=True)
@@ -93,10 +97,15 @@ class Story:
     facts: tuple[tuple[str, str], ...] = ()
     downloads: tuple[Download, ...] = ()
     stopped: bool = False
+    mixing_sheet: str | None = None
 
 
-def paints(plan: Plan) -> tuple[Paint, ...]:
-    """The paints of a plan in the order of its palette, with what each of them is needed for."""
+def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[Paint, ...]:
+    """The paints of a plan in the order of its palette, with what each of them is needed for.
+
+    recipes: how to mix them, one each, or none at all.
+    """
+    words = [recipe.words if recipe.within_reach else f"nearest: {recipe.words}" for recipe in recipes]
     counts = plan.paint.bincount(minlength=len(plan.palette)).tolist()
     lengths = plan.paint.bincount(plan.strokes.length.double(), minlength=len(plan.palette))  # [k] metres
     shares = lengths / lengths.sum().clamp(min=1e-12)
@@ -110,6 +119,7 @@ def paints(plan: Plan) -> tuple[Paint, ...]:
             strokes=count,
             length=float(lengths[paint]),
             share=float(shares[paint]),
+            recipe=words[paint] if words else "",
         )
         for paint, count in enumerate(counts)
     )

@@ -14,6 +14,7 @@ from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
+from frida_painter.session.travel import shorten_travel
 
 _ARRIVED = 0.002
 
@@ -33,14 +34,16 @@ class Brushwork:
     load: BrushLoad = field(default_factory=BrushLoad)
     last_motion: float = field(default=0.0, init=False)
 
+    def arranged(self, plan: Plan, count: int) -> Plan:
+        """The plan with its first `count` strokes in an order that is quicker to paint and gives the same picture."""
+        return shorten_travel(plan, count, self._choreography(), self.load)
+
     def prepare(self, plan: Plan, already_done: int, of: int) -> list[Action]:
         """Everything that painting the plan takes, checked as a whole against the workspace.
 
         Raises WorkspaceViolation before anything moves.
         """
-        calibration = self.placement.corrected(self.easel.calibration, self.easel.canvas)
-        choreography = Choreography(Motion(self.easel.workspace, calibration), self.brush)
-        actions = list(choreography.actions(plan, self.load, already_done, of))
+        actions = list(self._choreography().actions(plan, self.load, already_done, of))
         self._check(motion for action in actions for motion in action.motions)
         return actions
 
@@ -60,6 +63,10 @@ class Brushwork:
         self._check(washing)
         self._follow(washing)
         self.load = BrushLoad()
+
+    def _choreography(self) -> Choreography:
+        calibration = self.placement.corrected(self.easel.calibration, self.easel.canvas)
+        return Choreography(Motion(self.easel.workspace, calibration), self.brush)
 
     def _check(self, motions: Iterable[Waypoints]) -> None:
         surface = limits.Surface(self.easel.canvas, self.easel.calibration.press_height)

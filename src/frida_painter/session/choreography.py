@@ -59,8 +59,8 @@ class Choreography:
         where the workspace has no well for a paint.
         """
         strokes = plan.strokes.detach().to(torch.float64)
-        areas = strokes.length * self.brush.width * (0.25 + 0.75 * strokes.thickness)
-        for index, (paint, area) in enumerate(zip(plan.paint.tolist(), areas.tolist(), strict=True)):
+        areas = self.brush.area(strokes).tolist()
+        for index, (paint, area) in enumerate(zip(plan.paint.tolist(), areas, strict=True)):
             if paint != load.paint or load.area < area:
                 change = load.paint is not None and paint != load.paint
                 washing = self.cleaning() if change else ()

@@ -179,7 +179,7 @@ class PaintingSession:
 
     def _begin(self, strokes: int, colors: int, plan: Plan | None) -> None:
         canvas = self._before = self.look()
-        plan = plan or self.planner.plan(canvas, strokes, colors, self._heeding("plan"))
+        plan = plan or self._arranged(self.planner.plan(canvas, strokes, colors, self._heeding("plan")))
         self._adopt(plan)
         expected = self.planner.expected(plan, canvas)
         self._notify(Planned(plan, 0, expected, self.planner.judge(canvas), self.planner.judge(expected)))
@@ -235,13 +235,18 @@ class PaintingSession:
         if len(rest):
             before = self.planner.judge(self.planner.expected(rest, canvas))
             try:
-                again = self.planner.replan(rest, canvas, self._heeding("replan"))
+                again = self._arranged(self.planner.replan(rest, canvas, self._heeding("replan")))
             except _Overtaken:
                 return
             self._adopt(self._plan.part(slice(self._painted)).followed_by(again))
             expected = self.planner.expected(again, canvas)
             self._notify(Planned(again, self._painted, expected, before, self.planner.judge(expected)))
         self._planned_at = self._painted
+
+    def _arranged(self, rest: Plan) -> Plan:
+        """The strokes that are left, those of the next batch in the order in which they are quickest to paint."""
+        until = self.rhythm.next_look(self._painted, self._painted + len(rest))
+        return self.brushwork.arranged(rest, until - self._painted)
 
     def _adopt(self, plan: Plan) -> None:
         """From now on, and whatever happens, painting goes by this plan of all strokes."""

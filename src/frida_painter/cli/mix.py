@@ -1,0 +1,88 @@
+"""The command that tells how to mix a palette from the paints that a person owns."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from frida_painter import images
+from frida_painter.cli.numbers import whole_number_within
+from frida_painter.errors import ConfigError
+from frida_painter.mixing.amounts import volumes
+from frida_painter.mixing.kubelka_munk import Finish
+from frida_painter.mixing.recipe import GOOD, Recipe, recipes
+from frida_painter.mixing.shelf import read_paints, usual_paints
+from frida_painter.palette import Palette, to_hex
+from frida_painter.plan import Plan
+from frida_painter.report.mixing_sheet import mixing_sheet
+from frida_painter.session.opening import settle_threads
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("mix")(mix)
+
+
+def mix(
+    what: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PLAN|PALETTE",
+            help='A plan.json, the folder of a painting, or a palette: {"paints": ["#f2e9dc", ...]}.',
+            show_default=False,
+        ),
+    ],
+    paints: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The paints that you own (TOML). [dim]six common acrylics[/]"),
+    ] = None,
+    most: Annotated[
+        int,
+        typer.Option(parser=whole_number_within(1, 4), metavar="N", help="At most so many paints in one mixture."),
+    ] = 4,
+    finish: Annotated[
+        Finish, typer.Option(metavar="NAME", help="What the dry paint looks like: matte, or gloss, which is deeper.")
+    ] = Finish.matte,
+    out: Annotated[Path, typer.Option(metavar="FILE", help="The sheet to write, .png or .jpg.")] = Path("mixing.png"),
+) -> None:
+    """Tell how to mix each colour of a palette: parts of the paints you own, and how near they come.
+
+    For a plan it also says how much of each is needed. Colours out of reach are marked; the sheet
+    is made to lie beside the bowls. docs/mixing.md tells how to write down your own paints.
+    """
+    if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")
+    settle_threads()
+    owned = read_paints(paints) if paints else usual_paints()
+    palette, wanted = _wanted(what)
+    found = recipes(palette.color, owned, most, finish)
+    images.save(mixing_sheet(found, wanted, "Mixing"), out)
+    _show(found, wanted)
+    print(f"The sheet: {out}")
+
+
+def _wanted(path: Path) -> tuple[Palette, list[float] | None]:
+    """The palette to mix, and millilitres of each paint where a plan says what they are for."""
+    if path.is_dir() or (path.exists() and b'"frida-painter plan"' in path.read_bytes()[:200]):
+        plan = Plan.load(path)
+        return plan.palette, volumes(plan).tolist()
+    return Palette.load(path), None
+
+
+def _show(found: list[Recipe], wanted: list[float] | None) -> None:
+    table = Table("", "colour", "parts", "off", "", box=None, padding=(0, 2, 0, 0))
+    for number, recipe in enumerate(found, 1):
+        color = to_hex(recipe.target)
+        amount = f"{wanted[number - 1]:.0f} ml" if wanted else ""
+        off = f"[{'red' if not recipe.within_reach else 'yellow' if recipe.difference > GOOD else 'green'}]"
+        table.add_row(f"[on {color}]    [/] {number}", color, recipe.words, f"{off}{recipe.difference:.1f}[/]", amount)
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(table)
+    missed = [str(number) for number, recipe in enumerate(found, 1) if not recipe.within_reach]
+    if missed:
+        console.print(
+            f"Out of reach of these paints (more than 5 CIEDE2000 off): {', '.join(missed)}. "
+            "What stands there comes nearest; own more paints, or plan with what you can mix (--palette)."
+        )

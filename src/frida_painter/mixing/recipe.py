@@ -1,0 +1,174 @@
+"""Recipes: small whole parts of a few paints whose mixture comes nearest to a colour."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+import torch
+from torch import Tensor
+
+from frida_painter.errors import ConfigError
+from frida_painter.mixing.kubelka_munk import Finish, mixed
+from frida_painter.mixing.paint import Paint
+from frida_painter.mixing.spectrum import color_of
+from frida_painter.palette import to_lab
+from frida_painter.perception.difference import ciede2000
+
+GOOD, REACHED = 2.0, 5.0
+"""CIEDE2000 up to which a mixture is hardly told from its colour, and from which the colour is out of reach."""
+MOST_PARTS = 120
+"""Of all paints together: drops of a small spoonful."""
+_LEVELS = (1, 3, 9, 27, 81)  # parts that are tried first
+_SEEDS = 16  # mixtures from which the nearest is sought
+# What a simpler recipe may cost in CIEDE2000: for each paint less, and for half as many parts.
+_PER_PAINT, _PER_DOUBLING = 0.6, 0.25
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How to mix one colour.
+
+    target [3] sRGB; parts: the paints and how many parts of each, most first; color [3] sRGB: what it
+    is predicted to look like when it is dry; difference: CIEDE2000 between the two.
+    """
+
+    target: Tensor
+    parts: tuple[tuple[Paint, int], ...]
+    color: Tensor
+    difference: float
+
+    @property
+    def within_reach(self) -> bool:
+        """Whether these paints can give about that colour."""
+        return self.difference <= REACHED
+
+    @property
+    def words(self) -> str:
+        """ "6 titanium white + 1 phthalo blue"."""
+        return " + ".join(f"{count} {paint.name}" for paint, count in self.parts)
+
+    def volumes(self, total: float) -> list[float]:
+        """How much of each paint makes `total` of the mixture, in its unit."""
+        whole = sum(count for _, count in self.parts)
+        return [total * count / whole for _, count in self.parts]
+
+
+def recipes(colors: Tensor, paints: Sequence[Paint], most: int = 4, finish: Finish = Finish.matte) -> list[Recipe]:
+    """A recipe for each colour sRGB [k, 3] of at most `most` of the paints, dry in that finish. Raises ConfigError.
+
+    All mixtures of three paints in rough parts are looked at, the best are extended by a fourth, and
+    from the best of those whole parts are moved up and down as long as that brings the mixture nearer
+    or makes it simpler by what it is worth.
+    """
+    if not paints or not 1 <= most <= 4:
+        raise ConfigError(
+            f"{len(paints)} paints and at most {most} of them were given; mixing takes 1 or more, and at most 1 to 4."
+        )
+    return [_Search(color.double(), paints, most, finish).best() for color in colors]
+
+
+class _Search:
+    """The search for one colour."""
+
+    def __init__(self, target: Tensor, paints: Sequence[Paint], most: int, finish: Finish) -> None:
+        self._finish = finish
+        self._target, self._paints, self._most = target, paints, min(most, len(paints))
+        self._lab = to_lab(target)
+        self._absorption = torch.stack([paint.absorption for paint in paints])
+        self._scattering = torch.stack([paint.scattering for paint in paints])
+
+    def best(self) -> Recipe:
+        seeds = self._nearest(_rough(len(self._paints), min(self._most, 3)))
+        if self._most == 4:
+            extended = torch.cat([seeds, *(self._with_another(seed) for seed in seeds)])
+            seeds = torch.cat((seeds[: _SEEDS // 2], self._nearest(extended)[: _SEEDS // 2]))
+        found = min((self._refined(tuple(map(int, seed.tolist()))) for seed in seeds), key=lambda one: one[1])[0]
+        parts = torch.tensor([found], dtype=torch.float64)
+        color = self._colors(parts)[0]
+        used = sorted(
+            ((paint, count) for paint, count in zip(self._paints, found, strict=True) if count), key=_most_first
+        )
+        return Recipe(self._target, tuple(used), color, float(ciede2000(to_lab(color), self._lab)))
+
+    def _colors(self, parts: Tensor) -> Tensor:
+        """sRGB of mixtures [m, n], [m, 3]."""
+        return color_of(mixed(parts, self._absorption, self._scattering, self._finish))
+
+    def _cost(self, parts: Tensor) -> Tensor:
+        """The difference, and what a recipe's length and size count against it, [m]."""
+        used, total = (parts > 0).sum(1), parts.sum(1)
+        cost = ciede2000(to_lab(self._colors(parts)), self._lab) + _PER_PAINT * used + _PER_DOUBLING * total.log2()
+        return torch.where((used <= self._most) & (total <= MOST_PARTS), cost, torch.inf)
+
+    def _nearest(self, parts: Tensor) -> Tensor:
+        return parts[self._cost(parts).argsort()[:_SEEDS]]
+
+    def _with_another(self, seed: Tensor) -> Tensor:
+        """The mixture with a little or much of each paint that it has none of."""
+        unused = (seed == 0).nonzero()[:, 0].tolist()
+        return torch.stack([seed + _only(index, level, seed) for index in unused for level in _LEVELS] or [seed])
+
+    def _refined(self, start: tuple[int, ...]) -> tuple[tuple[int, ...], float]:
+        """Whole parts near `start` that cost least, and their cost."""
+        here, cost = start, float(self._cost(torch.tensor([start], dtype=torch.float64)))
+        while True:
+            around = _neighbours(here)
+            costs = self._cost(torch.tensor(around, dtype=torch.float64))
+            best = int(costs.argmin())
+            if not float(costs[best]) < cost - 1e-9:
+                return here, cost
+            here, cost = around[best], float(costs[best])
+
+
+def _rough(count: int, most: int) -> Tensor:
+    """Mixtures of up to `most` of `count` paints in rough parts, [m, count]."""
+    found = []
+    for used in range(1, most + 1):
+        levels = torch.tensor(list(itertools.product(_LEVELS, repeat=used)), dtype=torch.float64)
+        levels = levels[(levels.amin(1) == 1)]  # the others are these in larger amounts
+        for chosen in itertools.combinations(range(count), used):
+            parts = torch.zeros(len(levels), count, dtype=torch.float64)
+            parts[:, list(chosen)] = levels
+            found.append(parts)
+    return torch.cat(found)
+
+
+def _neighbours(parts: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """The same mixture with one or two of its parts changed, in lowest terms."""
+    used = [index for index, count in enumerate(parts) if count]
+    changes: list[dict[int, int]] = [{index: count} for index in used for count in _near(parts[index])]
+    changes += [
+        {one: first, other: second}
+        for one, other in itertools.combinations(used, 2)
+        for first, second in itertools.product(_near(parts[one])[:2], _near(parts[other])[:2])
+    ]
+    scaled = [tuple(factor * count for count in parts) for factor in (2, 3)]
+    changed = [tuple(change.get(index, count) for index, count in enumerate(parts)) for change in changes]
+    return [_lowest(one) for one in changed if sum(one)] + [
+        tuple(count + (index == more) * sign for index, count in enumerate(one))
+        for one in scaled
+        for more in used
+        for sign in (-1, 1)
+    ]
+
+
+def _near(count: int) -> list[int]:
+    """Parts that may take the place of `count`, the nearest first."""
+    return [count + 1, count - 1, *(other for other in (2 * count, count // 2, count + 3, count - 3) if other >= 0)]
+
+
+def _lowest(parts: tuple[int, ...]) -> tuple[int, ...]:
+    divisor = reduce(math.gcd, parts) or 1
+    return tuple(count // divisor for count in parts)
+
+
+def _only(index: int, parts: int, like: Tensor) -> Tensor:
+    only = torch.zeros_like(like)
+    only[index] = parts
+    return only
+
+
+def _most_first(used: tuple[Paint, int]) -> tuple[int, str]:
+    return -used[1], used[0].name

@@ -1,0 +1,123 @@
+"""The mixing sheet: a page to lie beside the bowls, with a recipe for every paint of a palette."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.mixing.recipe import GOOD, Recipe
+from frida_painter.palette import to_hex
+
+COLUMNS = 1240
+"""A4 at 150 dots per inch; a palette of more than 16 paints makes the page longer."""
+_ROWS = 1754
+_MARGIN, _HEAD = 96, 244
+_TALLEST, _LOWEST = 118, 78
+_SWATCH, _BAR = 92, 22
+_INK, _SOFT, _LINE, _PAPER, _WARNING = (35, 33, 30), (98, 93, 85), (205, 200, 191), (255, 255, 255), (178, 58, 44)
+_ADVICE = (
+    "Left of each pair the colour that is wanted, right of it what the mixture is predicted to be when it is dry.",
+    "The number behind the parts is their difference (CIEDE2000): below 2 hardly seen, above 5 out of reach.",
+    "Mix a little first, let it dry, compare, and correct: tubes of one name differ from maker to maker.",
+)
+
+
+def mixing_sheet(recipes: Sequence[Recipe], volumes: Sequence[float] | None, title: str) -> Tensor:
+    """The recipes as a printed page, sRGB [3, H, 1240] in [0, 1], in the order of the wells.
+
+    volumes: millilitres wanted of each paint, None where that is not known.
+    """
+    supplies = _supplies(recipes, volumes)
+    foot = 156 + 30 * -(-len(supplies) // 3) if supplies else 120
+    row = min(_TALLEST, max(_LOWEST, (_ROWS - _HEAD - foot) // len(recipes)))
+    sheet = Image.new("RGB", (COLUMNS, max(_ROWS, _HEAD + row * len(recipes) + foot)), _PAPER)
+    draw = ImageDraw.Draw(sheet)
+    _text(draw, (_MARGIN, 84), title, 58)
+    missed = sum(not recipe.within_reach for recipe in recipes)
+    reach = f"{missed} of them out of reach of these paints" if missed else "all of them within reach of these paints"
+    plural = "" if len(recipes) == 1 else "s"
+    _text(draw, (_MARGIN, 162), f"How to mix {len(recipes)} paint{plural}, in parts by volume; {reach}", 24, _SOFT)
+    for index, recipe in enumerate(recipes):
+        _recipe(draw, index, recipe, volumes[index] if volumes else None, _HEAD + index * row, row)
+    below = sheet.height - foot + 20
+    if supplies:
+        _text(draw, (_MARGIN, below), "Needed in all, with half of it left in brush and wells", 21)
+        for place, (name, volume) in enumerate(supplies):
+            column, line = place % 3, place // 3
+            _text(draw, (_MARGIN + 350 * column, below + 34 + 30 * line), f"{volume:.0f} ml  {name}", 19, _SOFT)
+    for line, text in enumerate(_ADVICE):
+        _text(draw, (_MARGIN, sheet.height - 94 + 25 * line), text, 17, _SOFT)
+    return images.from_uint8(np.asarray(sheet))
+
+
+def _recipe(
+    draw: ImageDraw.ImageDraw, index: int, recipe: Recipe, volume: float | None, top: int, row: int
+) -> None:  # fmt: skip
+    """One row: number, wanted and predicted colour side by side, the parts in words and as a bar, the amounts."""
+    height = row - 20
+    left = _MARGIN + 64
+    _text(draw, (_MARGIN, top + height // 2), str(index + 1), 40, anchor="lm")
+    for place, color in enumerate((recipe.target, recipe.color)):
+        x = left + place * _SWATCH
+        draw.rectangle((x, top, x + _SWATCH - 1, top + height - 1), fill=_bytes(color))
+    draw.rectangle((left, top, left + 2 * _SWATCH - 1, top + height - 1), outline=_LINE)
+    right = left + 2 * _SWATCH + 30
+    fill = _INK if recipe.within_reach else _WARNING
+    room = COLUMNS - _MARGIN - right - (150 if not recipe.within_reach else 90)
+    size = next(size for size in (22, 20, 18, 16, 14, 12) if _length(recipe.words, size) <= room or size == 12)
+    _text(draw, (right, top - 1), recipe.words, size, fill)
+    verdict = f"{recipe.difference:.1f}"
+    if not recipe.within_reach:
+        verdict += "  out of reach"
+    elif recipe.difference > GOOD:
+        verdict += "  near"
+    _text(draw, (COLUMNS - _MARGIN, top - 1), verdict, 20, _SOFT if recipe.within_reach else _WARNING, "ra")
+    _bar(draw, recipe, right, top + 34)
+    facts = to_hex(recipe.target)
+    if volume is not None:
+        amounts = recipe.volumes(volume)
+        facts += "   " + "   ".join(f"{amount:.1f} ml" for amount in amounts)
+    _text(draw, (right, top + 34 + _BAR + 6), facts, 17, _SOFT)
+
+
+def _bar(draw: ImageDraw.ImageDraw, recipe: Recipe, left: int, top: int) -> None:
+    """The parts as lengths, each in its paint's own colour, and never so short that it is not seen."""
+    width = COLUMNS - _MARGIN - left
+    shares = recipe.volumes(1.0)
+    least = 10 / width
+    widths = [max(share, least) for share in shares]
+    x = float(left)
+    for (paint, _), share in zip(recipe.parts, widths, strict=True):
+        end = x + width * share / sum(widths)
+        draw.rectangle((round(x), top, round(end) - 2, top + _BAR), fill=_bytes(paint.color), outline=_LINE)
+        x = end
+
+
+def _supplies(recipes: Sequence[Recipe], volumes: Sequence[float] | None) -> list[tuple[str, float]]:
+    """Millilitres of each paint that all mixtures take together, most first."""
+    needed: dict[str, float] = {}
+    for recipe, volume in zip(recipes, volumes or (), strict=False):
+        for (paint, _), amount in zip(recipe.parts, recipe.volumes(volume), strict=True):
+            needed[paint.name] = needed.get(paint.name, 0.0) + amount
+    return sorted(((name, max(1.0, volume)) for name, volume in needed.items()), key=lambda one: (-one[1], one[0]))
+
+
+def _bytes(color: Tensor) -> tuple[int, ...]:
+    return tuple((color * 255).round().int().tolist())
+
+
+def _length(text: str, size: int) -> float:
+    return ImageFont.load_default(size).getlength(text)
+
+
+def _text(
+    draw: ImageDraw.ImageDraw,
+    at: tuple[int, int],
+    text: str,
+    size: int,
+    fill: tuple[int, int, int] = _INK,
+    anchor: str = "la",
+) -> None:
+    draw.text(at, text, fill=fill, font=ImageFont.load_default(size), anchor=anchor)

@@ -1,0 +1,84 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from frida_painter import cli, images
+from frida_painter.palette import Palette
+from plans import made_up_plan
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
+    monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    return int(end.value.code or 0)
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_plan_is_told_with_amounts_and_as_a_sheet(monkeypatch, capsys) -> None:
+    made_up_plan(60, 5).save(Path("plan.json"))
+    assert run(monkeypatch, "mix", "plan.json") == 0
+    told = capsys.readouterr().out
+    assert told.count("#") == 5 and " ml" in told and "titanium white" in told and "The sheet: mixing.png" in told
+    assert images.load(Path("mixing.png")).shape == (3, 1754, 1240)
+    assert run(monkeypatch, "mix", ".", "--out", "again.jpg") == 0 and Path("again.jpg").exists()
+
+
+def test_a_palette_and_one_s_own_paints(monkeypatch, capsys) -> None:
+    Path("mixed.json").write_text(json.dumps({"paints": ["#c9ab8a", "#000000"]}))
+    Path("mine.toml").write_text("[[paint]]\nname='titanium white'\n[[paint]]\nname='brown'\ncolor='#8a5a2b'\n")
+    assert run(monkeypatch, "mix", "mixed.json", "--paints", "mine.toml", "--most", "2") == 0
+    told = capsys.readouterr().out
+    assert "brown" in told and "titanium white" in told and " ml" not in told
+    assert "Out of reach of these paints (more than 5 CIEDE2000 off): " in told
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ('{"paints": []}', "has 0 paints; a palette has 1 to 64"),
+        ('{"paints": ["#d0b090", "red"]}', "paint 2: 'red' is not a colour"),
+        ('{"paints": ["#d0b090", 7, NaN]}', "paint 2: '7' is not a colour; write it like #b97f2c. paint 3: 'nan'"),
+        ('{"paints": "#d0b090"}', "is not a palette; a palette is a JSON file like"),
+        ('["#d0b090"]', "is not a palette"),
+        ('{"paints": ["#d0b090"], "x": 1}', "is not a palette"),
+        ("paints", "is not JSON"),
+        ("[" * 100_000, ""),
+    ],
+)
+def test_palettes_that_are_none(monkeypatch, capsys, content: str, says: str) -> None:
+    Path("mixed.json").write_text(content)
+    assert run(monkeypatch, "mix", "mixed.json") == 2
+    told = capsys.readouterr()
+    assert says in told.err and told.out == "" and not Path("mixing.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("nowhere.json",), "nowhere.json does not exist"),
+        (("ok.json", "--paints", "nowhere.toml"), "nowhere.toml does not exist"),
+        (("ok.json", "--paints", "ok.json"), "is not TOML"),
+        (("ok.json", "--most", "5"), "5 is not from 1 to 4"),
+        (("ok.json", "--finish", "satin"), "satin"),
+        (("ok.json", "--out", "mixing.svg"), "ends in .png or .jpg"),
+        ((".",), "plan.json does not exist"),
+        ((), "PALETTE"),
+    ],
+)
+def test_what_cannot_be_mixed(monkeypatch, capsys, words: tuple[str, ...], says: str) -> None:
+    Path("ok.json").write_text('{"paints": ["#d0b090"]}')
+    assert run(monkeypatch, "mix", *words) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_a_palette_comes_back_from_its_file() -> None:
+    Path("one.json").write_text('{"paints": ["#112233", "#ffeedd"]}')
+    palette = Palette.load(Path("one.json"))
+    palette.save(Path("other.json"))
+    assert json.loads(Path("other.json").read_text()) == {"paints": ["#112233", "#ffeedd"]}

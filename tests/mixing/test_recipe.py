@@ -1,0 +1,79 @@
+import math
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from frida_painter.errors import ConfigError
+from frida_painter.mixing.kubelka_munk import Finish, mixed
+from frida_painter.mixing.paint import published
+from frida_painter.mixing.recipe import MOST_PARTS, recipes
+from frida_painter.mixing.shelf import usual_paints
+from frida_painter.mixing.spectrum import color_of
+from frida_painter.palette import from_hex
+from frida_painter.perception.difference import difference
+
+SIX = usual_paints()
+
+
+def mixture(parts: list[int]) -> torch.Tensor:
+    weights = torch.tensor([parts], dtype=torch.float64)
+    return color_of(mixed(weights, torch.stack([p.absorption for p in SIX]), torch.stack([p.scattering for p in SIX])))[
+        0
+    ]
+
+
+@settings(max_examples=20)
+@given(st.dictionaries(st.integers(0, 5), st.integers(1, 9), min_size=1, max_size=3))
+def test_what_can_be_mixed_is_found_again(parts: dict[int, int]) -> None:
+    (found,) = recipes(mixture([parts.get(index, 0) for index in range(6)])[None], SIX)
+    assert found.difference < 3.5 and found.within_reach
+
+
+@settings(max_examples=15)
+@given(st.tuples(*3 * [st.floats(0, 1)]), st.integers(1, 4))
+def test_recipes_are_short_small_in_lowest_terms_and_say_what_they_give(color: tuple[float, ...], most: int) -> None:
+    target = torch.tensor(color, dtype=torch.float64)
+    (found,) = recipes(target[None], SIX, most)
+    counts = [count for _, count in found.parts]
+    assert 1 <= len(counts) <= most and sum(counts) <= MOST_PARTS and min(counts) >= 1
+    assert math.gcd(*counts) == 1 and counts == sorted(counts, reverse=True)
+    by_name = {paint.name: count for paint, count in found.parts}
+    again = mixture([by_name.get(paint.name, 0) for paint in SIX])
+    assert torch.allclose(again, found.color, atol=1e-9)
+    assert float(difference(again, target)) == pytest.approx(found.difference, abs=1e-3)
+    assert sum(found.volumes(7.0)) == pytest.approx(7.0)
+
+
+def test_more_paints_never_come_out_worse_by_more_than_they_are_simpler() -> None:
+    targets = torch.stack([from_hex(text) for text in ("#b5988c", "#3f6b9a", "#7a8f3c", "#e0c9a6")])
+    few, many = (recipes(targets, SIX, most) for most in (2, 4))
+    assert all(more.difference <= less.difference + 1 for less, more in zip(few, many, strict=True))
+    assert all(one.difference < 4 for one in many)
+
+
+def test_what_no_paint_can_give_is_out_of_reach() -> None:
+    green, black, red = recipes(torch.tensor([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [0.78, 0.17, 0.2]]), SIX)
+    assert not green.within_reach and not black.within_reach
+    assert red.within_reach and red.words == "1 pyrrole red"
+    (varnished,) = recipes(torch.tensor([[0.12, 0.11, 0.12]]), SIX, finish=Finish.gloss)
+    (matte,) = recipes(torch.tensor([[0.12, 0.11, 0.12]]), SIX)
+    assert varnished.difference < matte.difference - 3
+
+
+def test_the_same_every_time() -> None:
+    target = from_hex("#8e613a")[None]
+    assert recipes(target, SIX)[0].words == recipes(target, SIX)[0].words
+
+
+def test_one_paint_is_all_there_is() -> None:
+    white = published()["titanium white"]
+    (found,) = recipes(torch.tensor([[0.2, 0.3, 0.4]]), [white])
+    assert found.words == "1 titanium white" and not found.within_reach
+
+
+@pytest.mark.parametrize(("paints", "most"), [([], 4), (SIX, 0), (SIX, 5)])
+def test_without_paints_there_is_no_mixture(paints: list, most: int) -> None:
+    with pytest.raises(ConfigError, match="mixing takes"):
+        recipes(torch.rand(1, 3), paints, most)
