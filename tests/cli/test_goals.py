@@ -78,7 +78,7 @@ def test_a_goal_file_names_pictures_beside_itself(photo: Path, waves: Path) -> N
         ("goal = [", "is not TOML"),
         ("gaol = 1", "'gaol'"),
         ("goal = 3", "is not a list of tables"),
-        ('[[goal]]\nstyle = "waves.png"\nimage = "photo.png"', "has one of image, semantic, sketch, style, text"),
+        ('[[goal]]\nstyle = "waves.png"\nimage = "photo.png"', "has one of image, semantic, sketch, text, style"),
         ('[[goal]]\nstyle = "waves.png"\nweight = true', "perhaps a weight"),
         ('[[goal]]\nstyle = "waves.png"\nweight = nan', "weights are above 0"),
         ('[[goal]]\nstyle = "none.png"', "does not exist"),

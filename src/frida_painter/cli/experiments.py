@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from frida_painter import weights
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.cli.progress import duration
@@ -24,9 +25,11 @@ from frida_painter.experiments import (
     stroke_model,
     strokes_needed,
     targets,
+    text,
 )
 from frida_painter.experiments.outcome import Notify, Outcome, within
 from frida_painter.experiments.virtual_library import virtual_library
+from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.session.opening import settle_threads
 
 BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
@@ -70,6 +73,7 @@ def build() -> typer.Typer:
     app.command(sim2real.NAME)(gap)
     app.command(replanning.NAME)(looking)
     app.command(robustness.NAME)(dirt)
+    app.command(text.NAME)(words)
     return app
 
 
@@ -192,6 +196,32 @@ def dirt(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: 
     """What becomes of missing paint, lost focus, other light, moved paper, missing dots and a turned checker."""
     scale = robustness.QUICK if quick else robustness.FULL
     _conduct(out, lambda notify: robustness.run(brush=brush, seed=seed, scale=scale, notify=notify))
+
+
+def words(
+    brush: BrushName = "broad",
+    seeds: Seeds = "0",
+    first: Annotated[
+        int,
+        typer.Option(
+            parser=whole_number_within(1, len(text.PROMPTS)), metavar="N", help="Only the first N of the prompts."
+        ),
+    ] = len(text.PROMPTS),
+    quick: Quick = False,
+    out: Out = HERE,
+) -> None:
+    """Paintings towards words, judged by a network that planning never asked, against floors."""
+    scale, prompts = text.QUICK if quick else text.FULL, text.PROMPTS[: 2 if quick else first]
+    chosen, keep = seeds_of(seeds), out / text.NAME / "unfinished"
+    judge = EfficientNetLite(weights.tensors("efficientnet-lite2"))
+
+    def experiment(notify: Notify) -> Outcome:
+        return text.run(
+            encoders=text.Unjudged(), judge=judge, prompts=prompts, brush=brush, seeds=chosen, scale=scale, keep=keep,
+            notify=notify,
+        )  # fmt: skip
+
+    _conduct(out, experiment, unfinished=keep)
 
 
 def seeds_of(text: str) -> tuple[int, ...]:

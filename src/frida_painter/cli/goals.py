@@ -16,7 +16,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, Term, TextTerm
 
-_KINDS = ("image", "semantic", "sketch", "style", "text")
+_KINDS = ("image", "semantic", "sketch", "text", "style")
 _MOST_BYTES = 2**20
 _MOST_TERMS = 20
 _STYLE_LONGEST = 1024  # pixels; styles are compared in small pictures

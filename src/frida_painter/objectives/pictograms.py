@@ -9,6 +9,7 @@ import unicodedata
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import resvg_py
@@ -21,7 +22,7 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
 CREDIT = "OpenMoji (openmoji.org), CC BY-SA 4.0"
 LEAST_LIKENESS = 0.55  # of a prompt and a name, below which a pictogram would be of something else
-_OUTLINES = re.compile(r'<g id="line"[^>]*>.*?</g>', re.DOTALL)
+_OUTLINES = "line"  # id of the layer that holds them
 _FLAT_ENOUGH = 0.25  # of what is drawn, that must be left without outlines
 _SIDE = 512  # pixels at which a pictogram is drawn
 _MOST_BYTES = 2**20  # of one drawing
@@ -71,7 +72,7 @@ class Pictograms:
             if opened.getinfo(pictogram.file).file_size > _MOST_BYTES:
                 raise WeightsError(f"{pictogram.file} in {self._archive} is no pictogram; fetch openmoji again.")
             svg = opened.read(pictogram.file).decode("utf-8")
-        outlined, plain = _rasterized(svg), _rasterized(_OUTLINES.sub("", svg))
+        outlined, plain = _rasterized(svg), _rasterized(_without_outlines(svg))
         enough = float(plain[3].sum()) >= _FLAT_ENOUGH * float(outlined[3].sum())
         return _cut(plain if enough else outlined)
 
@@ -82,6 +83,13 @@ def _name(file: str) -> str:
     if len(marks) != 1 or not re.fullmatch("[0-9A-F]{4,6}", marks[0]) or int(marks[0], 16) > 0x10FFFF:
         return ""
     return unicodedata.name(chr(int(marks[0], 16)), "").lower()
+
+
+def _without_outlines(svg: str) -> str:
+    drawing = ElementTree.fromstring(svg)
+    for layer in [part for part in drawing if part.get("id") == _OUTLINES]:
+        drawing.remove(layer)
+    return ElementTree.tostring(drawing, encoding="unicode")
 
 
 def _rasterized(svg: str) -> Tensor:

@@ -1,0 +1,286 @@
+"""Paintings towards words, judged by a network that their planning never asked.
+
+Each prompt is planned, painted by the virtual robot with looks in between, and photographed. The
+judge, a classifier, says how probable each of its thousand classes is in the middle square of the
+photograph. Floors: the picture that the words began with, planned by its pixels alone; that
+picture itself; and strokes at random. They are judged as simulated, which flatters them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.experiments.execution import open_easel
+from frida_painter.experiments.ledger import Finding, Ledger
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
+from frida_painter.experiments.page import Cell, Line, page
+from frida_painter.frames import CanvasSize
+from frida_painter.goal import Goal, ImageTerm, TextTerm
+from frida_painter.objectives.encoders.base import Reader
+from frida_painter.objectives.encoders.class_names import class_names
+from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.planning.initialize import uniform
+from frida_painter.planning.planner import Effort, Planner
+from frida_painter.render import render
+from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.events import Event, Planned, PlanningStep, StrokePainted
+from frida_painter.session.eye import Eye
+from frida_painter.session.loop import PaintingSession, Rhythm
+
+NAME = "text"
+CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
+PAINTED, PIXELS, BEGUN, RANDOM = "words", "pixels of the beginning", "the beginning itself", "random strokes"
+WAYS = (PAINTED, PIXELS, BEGUN, RANDOM)
+_SEEN = 260  # pixels of the square that the judge was made for
+_PLANNING = 0.5  # share of the time that a first plan takes
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """Words, and the numbers of the classes that they may mean."""
+
+    words: str
+    classes: tuple[int, ...]
+
+
+PROMPTS = (
+    Prompt("a banana", (954,)),
+    Prompt("a castle", (483,)),
+    Prompt("a goldfish", (1,)),
+    Prompt("a green apple", (948,)),
+    Prompt("a hot air balloon", (417,)),
+    Prompt("a ladybug", (301,)),
+    Prompt("a lemon", (951,)),
+    Prompt("a lighthouse", (437,)),
+    Prompt("a monarch butterfly", (323,)),
+    Prompt("a mushroom", (947, 992)),  # mushroom, agaric
+    Prompt("a pineapple", (953,)),
+    Prompt("a pizza", (963,)),
+    Prompt("a red strawberry", (949,)),
+    Prompt("a sailing ship", (780, 914, 724)),  # schooner, yawl, pirate ship
+    Prompt("a steam train", (820,)),
+    Prompt("a teapot", (849,)),
+    Prompt("a traffic light", (920,)),
+    Prompt("an umbrella", (879,)),
+    Prompt("a volcano", (980,)),
+    Prompt("a yellow school bus", (779,)),
+)
+
+
+@dataclass(frozen=True)
+class Scale:
+    """strokes and paints of every painting, rows in which is planned, looks in between, and how long is planned."""
+
+    strokes: int
+    colors: int
+    rows: int
+    replans: int
+    effort: float
+
+
+FULL = Scale(strokes=100, colors=12, rows=256, replans=2, effort=0.7)
+QUICK = Scale(strokes=6, colors=3, rows=64, replans=1, effort=0.05)
+
+
+class Unjudged(Encoders):
+    """The encoders without a reader that is kept aside: the judge's network is not asked while it is planned."""
+
+    def reader_aside(self) -> Reader | None:
+        """None."""
+        return None
+
+
+def run(
+    *,
+    encoders: Encoders,
+    judge: EfficientNetLite,
+    prompts: Sequence[Prompt] = PROMPTS,
+    brush: str = "broad",
+    canvas: CanvasSize = CANVAS,
+    seeds: Sequence[int] = (0,),
+    scale: Scale = FULL,
+    keep: Path | None = None,
+    notify: Notify = silent,
+) -> Outcome:
+    """Paints every prompt once per seed. keep: a folder of what was finished, from which it goes on."""
+    model = StrokeTable.of(load_stroke_model(brush))
+    bench = _Bench(encoders, judge, model, canvas, scale)
+    readers = " and ".join(reader.name for reader in encoders.readers())
+    settings: dict[str, str | int | float] = {
+        "brush": brush, "canvas": str(canvas), "strokes": scale.strokes, "colors": scale.colors, "rows": scale.rows,
+        "looks": scale.replans, "effort": scale.effort, "seen through": readers,
+    }  # fmt: skip
+    ledger = Ledger(keep, settings)
+    found: dict[tuple[int, int], Finding] = {}
+    tasks = [(number, seed) for seed in seeds for number in range(len(prompts))]
+    for done, (number, seed) in enumerate(tasks):
+        telling = within(notify, done / len(tasks), (done + 1) / len(tasks))
+
+        def paint(prompt: Prompt = prompts[number], seed: int = seed, tell: Notify = telling) -> Finding:
+            return bench.paint(prompt, seed, tell)
+
+        name = prompts[number].words.replace(" ", "-")
+        found[number, seed] = ledger.recall(f"{name}-{seed}", paint)
+    rows = [_row(prompts, number, seed, finding, found) for (number, seed), finding in found.items()]
+    summary = tuple(_summary(way, prompts, found) for way in WAYS)
+    return Outcome(
+        NAME,
+        "Paintings towards words, and what an unseen network takes them for",
+        {"prompts": [prompt.words for prompt in prompts], "seeds": tuple(seeds), **settings},
+        (Table("Over all paintings", summary), Table("Every painting", tuple(rows))),
+        (_note(summary),),
+        {"paintings": _sheet(prompts, seeds[0], found)},
+    )
+
+
+@dataclass(frozen=True)
+class _Bench:
+    """What all paintings have in common."""
+
+    encoders: Encoders
+    judge: EfficientNetLite
+    model: StrokeModel
+    canvas: CanvasSize
+    scale: Scale
+
+    def paint(self, prompt: Prompt, seed: int, notify: Notify) -> Finding:
+        """One prompt: its painting and its floors, with the judge's log probability of every class for each."""
+        planner = self._planner(Goal((TextTerm(prompt.words),)), seed)
+        begun = next(term.image for term in planner.goal.initial if isinstance(term, ImageTerm))
+        bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
+        plan, photograph = self._session(planner, seed, prompt.words, notify)
+        by_pixels = self._planner(Goal((ImageTerm(begun),)), seed)
+        pixels = by_pixels.expected(by_pixels.plan(bare, self.scale.strokes, self.scale.colors, _unheard), bare)
+        generator = torch.Generator().manual_seed(seed)
+        scattered = uniform(self.scale.strokes, self.model.limits.within(self.canvas), self.canvas, generator)
+        random = render(scattered, self.model, bare, self.canvas)
+        judged = dict(zip(WAYS, (photograph, pixels, begun, random), strict=True))
+        numbers = {
+            f"{way} {number}": value
+            for way, picture in judged.items()
+            for number, value in enumerate(self._log_probabilities(picture).tolist())
+        }
+        return Finding(numbers, {"begun": begun, "plan": plan, "painting": photograph, "pixels": pixels})
+
+    def _planner(self, goal: Goal, seed: int) -> Planner:
+        effort = Effort().scaled(self.scale.effort)
+        return Planner(
+            goal, self.canvas, self.model, rows=self.scale.rows, effort=effort, seed=seed, encoders=self.encoders
+        )
+
+    def _session(self, planner: Planner, seed: int, words: str, notify: Notify) -> tuple[Tensor, Tensor]:
+        """The first plan as simulated, and the photograph of the painting, both at the plan's resolution."""
+        easel = open_easel(self.canvas, self.model.brush, seed)
+        plans: list[Tensor] = []
+
+        def hear(event: Event) -> None:
+            match event:
+                case PlanningStep("plan", iteration, of):
+                    notify(Progress(_PLANNING * iteration / of, f"{words}: planning"))
+                case StrokePainted(done, of):
+                    notify(Progress(_PLANNING + (1 - _PLANNING) * done / of, f"{words}: painting"))
+                case Planned(done=0, expected=picture):
+                    plans.append(picture)
+                case _:
+                    pass
+
+        session = PaintingSession(
+            planner,
+            Brushwork(easel, brush_kind(self.model.brush)),
+            Eye(easel, ground=(1.0, 1.0, 1.0)),
+            Rhythm(self.scale.replans, glimpses=0),
+            stop_asked=lambda: False,
+            notify=hear,
+        )
+        painting = session.run(self.scale.strokes, self.scale.colors)
+        return plans[0], images.fit(painting.photograph, planner.fine.rows, planner.fine.columns)
+
+    @torch.no_grad()
+    def _log_probabilities(self, picture: Tensor) -> Tensor:
+        """Of each class, [1000], in the middle square of a picture [3, H, W]."""
+        return self.judge.logits(images.fit(picture, _SEEN, _SEEN)[None]).log_softmax(1)[0]
+
+
+def _unheard(step: object) -> None:
+    """Where nobody listens."""
+
+
+def _of(finding: Finding, way: str) -> Tensor:
+    """The judge's log probabilities of one way, [1000]."""
+    return torch.tensor([finding.numbers[f"{way} {number}"] for number in range(len(class_names()))])
+
+
+def _rank(logs: Tensor, prompt: Prompt) -> int:
+    """1 where one of the prompt's classes is the most probable of all."""
+    return int((logs > logs[list(prompt.classes)].max()).sum()) + 1
+
+
+_Found = Mapping[tuple[int, int], Finding]
+
+
+def _is_first(prompts: Sequence[Prompt], number: int, seed: int, way: str, found: _Found) -> bool:
+    """Whether no other prompt's picture shows this prompt's classes with a higher probability."""
+    classes = list(prompts[number].classes)
+    logs = {other: float(_of(found[other, seed], way)[classes].logsumexp(0)) for other in range(len(prompts))}
+    return logs[number] == max(logs.values())
+
+
+def _row(prompts: Sequence[Prompt], number: int, seed: int, finding: Finding, found: _Found) -> Row:
+    logs = _of(finding, PAINTED)
+    return {
+        "prompt": prompts[number].words,
+        "seed": seed,
+        "rank": _rank(logs, prompts[number]),
+        "probability": float(logs[list(prompts[number].classes)].exp().sum()),
+        "first among all": _is_first(prompts, number, seed, PAINTED, found),
+        "taken for": ", ".join(_top(logs)),
+        **{f"rank, {way}": _rank(_of(finding, way), prompts[number]) for way in WAYS[1:]},
+    }
+
+
+def _top(logs: Tensor) -> list[str]:
+    best = logs.exp().topk(3)
+    return [
+        f"{class_names()[number][0]} {100 * share:.0f} %"
+        for share, number in zip(best.values.tolist(), best.indices.tolist(), strict=True)
+    ]
+
+
+def _summary(way: str, prompts: Sequence[Prompt], found: _Found) -> Row:
+    ranks = torch.tensor([_rank(_of(finding, way), prompts[number]) for (number, _), finding in found.items()]).float()
+    firsts = torch.tensor([float(_is_first(prompts, number, seed, way, found)) for number, seed in found])
+    return {
+        "judged": way if way != PAINTED else "painted towards the words",
+        "within 5": float((ranks <= 5).float().mean()),
+        "within 50": float((ranks <= 50).float().mean()),
+        "median rank": float(ranks.median()),
+        "first among all": float(firsts.mean()),
+    }
+
+
+def _note(summary: Sequence[Row]) -> str:
+    ours = summary[0]
+    return (
+        f"The right class is within the judge's best 5 of 1000 for {100 * float(ours['within 5'] or 0):.0f} % of the "
+        f"paintings (wanted: 50 %), and a prompt's own painting comes first among all for "
+        f"{100 * float(ours['first among all'] or 0):.0f} % (wanted: 60 %)."
+    )
+
+
+def _sheet(prompts: Sequence[Prompt], seed: int, found: _Found) -> Tensor:
+    lines = []
+    for number, prompt in enumerate(prompts):
+        finding = found[number, seed]
+        logs = _of(finding, PAINTED)
+        label = "\n".join((f"“{prompt.words}”", f"rank {_rank(logs, prompt)}", "", *_top(logs)))
+        lines.append(Line(label, [Cell(finding.pictures[name]) for name in ("begun", "plan", "painting")]))
+    return page("Painted towards words", ("begun with", "planned", "painted, photographed"), lines, width=260)

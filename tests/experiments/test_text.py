@@ -1,0 +1,84 @@
+import json
+from types import SimpleNamespace
+
+import pytest
+import torch
+
+from frida_painter.brush.table import StrokeTable, TableDetail
+from frida_painter.experiments import text
+from frida_painter.experiments.text import PROMPTS, QUICK, WAYS, Unjudged
+from frida_painter.frames import CanvasSize
+from frida_painter.objectives.encoders.class_names import class_names
+from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+from networks import QuickEncoders, random_lite_tensors
+
+CANVAS = CanvasSize(0.12, 0.09)
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    return tmp_path_factory.mktemp("kept")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def coarse_brush():
+    """Plans with a coarsely tabulated brush, which is there sooner."""
+    coarse = SimpleNamespace(of=lambda model: StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8)))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(text, "StrokeTable", coarse)
+        yield
+
+
+def run(kept):
+    return text.run(
+        encoders=QuickEncoders(),
+        judge=EfficientNetLite(random_lite_tensors()),
+        prompts=PROMPTS[:2],
+        brush="fine",
+        canvas=CANVAS,
+        scale=QUICK,
+        keep=kept,
+    )
+
+
+@pytest.fixture(scope="module")
+def outcome(kept):
+    return run(kept)
+
+
+def test_every_way_is_judged_and_exactly_one_painting_comes_first(outcome):
+    summary, every = (table.rows for table in outcome.tables)
+    assert len(summary) == len(WAYS) and len(every) == 2
+    for row in summary:
+        assert 0 <= row["within 5"] <= row["within 50"] <= 1 <= row["median rank"] <= 1000
+    for row in every:
+        assert 1 <= row["rank"] <= 1000 and 0 <= row["probability"] <= 1
+    assert set(outcome.pictures) == {"paintings"}
+    assert summary[0]["first among all"] == sum(row["first among all"] for row in every) / 2
+
+
+def test_numbers_are_the_judges_for_the_photograph(outcome, kept):
+    record = json.loads((kept / "a-banana-0.json").read_text())["numbers"]
+    logs = torch.tensor([record[f"words {number}"] for number in range(1000)])
+    assert float(logs.exp().sum()) == pytest.approx(1, abs=1e-4)
+    row = outcome.tables[1].rows[0]
+    assert row["rank"] == int((logs > logs[954]).sum()) + 1
+    assert row["probability"] == pytest.approx(float(logs[954].exp()), rel=1e-4)
+
+
+def test_what_was_finished_is_not_painted_again(outcome, kept, monkeypatch):
+    monkeypatch.setattr(text, "Planner", lambda *args, **kwargs: pytest.fail("it was finished"))
+    assert run(kept).tables == outcome.tables
+
+
+def test_prompts_mean_classes_that_are_called_so():
+    assert len(PROMPTS) == 20 and len({prompt.words for prompt in PROMPTS}) == 20
+    names = class_names()
+    for prompt in PROMPTS:
+        assert all(0 <= number < 1000 for number in prompt.classes)
+    classes = {prompt.words: prompt.classes[0] for prompt in PROMPTS}
+    assert "lighthouse" in names[classes["a lighthouse"]] and "pizza" in names[classes["a pizza"]][0]
+
+
+def test_the_judge_is_not_asked_while_planning():
+    assert Unjudged().reader_aside() is None
