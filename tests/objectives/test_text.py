@@ -1,13 +1,20 @@
 import torch
 
+from frida_painter.frames import PixelGrid
+from frida_painter.goal import Goal, TextTerm
+from frida_painter.objectives.base import prepare
 from frida_painter.objectives.text import Text, distance_to
-from networks import random_reader
+from networks import QuickEncoders, random_reader
+from scenes import CANVAS
 
 
 class Toy:
     """Sees the mean colour, and reads the names of colours."""
 
     name, side = "toy", 24
+
+    def reads_all(self, prompt: str) -> bool:
+        return True
 
     def embed_text(self, prompt: str) -> torch.Tensor:
         return torch.eye(3)[["red", "green", "blue"].index(prompt)]
@@ -57,3 +64,12 @@ def test_class_names_give_a_slope_to_every_picture() -> None:
     picture = torch.rand(3, 40, 50, generator=torch.Generator().manual_seed(1)).requires_grad_()
     Text("a lighthouse", [random_reader()], seed=0)(picture).backward()
     assert torch.isfinite(picture.grad).all() and float(picture.grad.abs().max()) > 0
+
+
+def test_words_that_are_cut_off_are_told_of_once() -> None:
+    encoders, grid = QuickEncoders(), PixelGrid.of_height(CANVAS, 24)
+    prepare(Goal((TextTerm("ship " * 200),)), grid, encoders)
+    assert not encoders.remarks
+    prepare(Goal((TextTerm("ship " * 300), TextTerm("ship " * 300))), grid, encoders)
+    (remark,) = encoders.remarks
+    assert "the last were cut off" in remark and len(remark) < 120

@@ -86,7 +86,10 @@ def _(term: SketchTerm, setting: Setting) -> Prepared:
 def _(term: TextTerm, setting: Setting) -> Prepared:
     from frida_painter.objectives.text import Text
 
-    words = Text(term.prompt, setting.encoders.readers(), setting.seed)
+    readers = setting.encoders.readers()
+    if not all(reader.reads_all(term.prompt) for reader in readers):
+        setting.encoders.remark(f"The words {term.prompt[:40]!r}... are too many to be read; the last were cut off.")
+    words = Text(term.prompt, readers, setting.seed)
     aside = setting.encoders.reader_aside()
     judge = words if aside is None else Text(term.prompt, [aside], setting.seed)
     return Prepared(words, judge.judge)

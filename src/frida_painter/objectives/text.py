@@ -53,19 +53,13 @@ class Text:
 def distance_to(prompt: str, reader: Reader) -> Callable[[Tensor], Tensor]:
     """How far pictures [n, 3, h, w] are from showing what the prompt says, [n]: 0 for the same, about 1 for anything.
 
-    The cosine distance of the embeddings. Through class names it is joined, half and half, by the
-    cross-entropy against the classes that the prompt asks for.
+    The cosine distance of the embeddings, or what a reader by class names says in its place.
     """
+    if isinstance(reader, ConSE):
+        return reader.distance_to(prompt)
     meaning = reader.embed_text(prompt)
 
     def apart(pictures: Tensor) -> Tensor:
         return 1 - reader.embed_pictures(pictures) @ meaning.to(pictures)
 
-    if not isinstance(reader, ConSE):
-        return apart
-    wanted, classes = reader.wanted(prompt), reader
-
-    def joined(pictures: Tensor) -> Tensor:
-        return (apart(pictures) + classes.surprise(pictures, wanted)) / 2
-
-    return joined
+    return apart

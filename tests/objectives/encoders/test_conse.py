@@ -1,3 +1,5 @@
+import math
+
 import pytest
 import torch
 
@@ -31,14 +33,15 @@ def test_words_ask_for_the_class_that_has_one_of_their_names(prompt: str, number
     assert int(wanted.argmax()) == number and float(wanted[number]) > 0.5
 
 
-def test_surprise_falls_towards_the_class_even_where_the_mixture_is_flat() -> None:
+def test_the_distance_is_half_cosine_and_half_cross_entropy_and_has_a_slope_everywhere() -> None:
     reader, pictures = random_reader(), views().requires_grad_()
-    reader.surprise(pictures, reader.wanted("a strawberry")).sum().backward()
-    assert float(pictures.grad.abs().max()) > 0
-    exact = reader._classifier.logits(views()).log_softmax(1)[:, 949]
-    only = torch.zeros(1000)
-    only[949] = 1
-    assert torch.allclose(reader.surprise(views(), only), -exact / torch.log(torch.tensor(1000.0)), atol=1e-5)
+    apart = reader.distance_to("a strawberry")(pictures)
+    apart.sum().backward()
+    assert float(pictures.grad.abs().amax((1, 2, 3)).min()) > 0
+    cosine = 1 - reader.embed_pictures(views()) @ reader.embed_text("a strawberry")
+    seen = reader._classifier.logits(views()).log_softmax(1)
+    surprise = -(seen @ reader.wanted("a strawberry")) / math.log(1000)
+    assert torch.allclose(apart, (cosine + surprise) / 2, atol=1e-4)
 
 
 @pytest.mark.skipif(

@@ -18,6 +18,10 @@ class Reader(Protocol):
     @property
     def side(self) -> int: ...  # noqa: D102
 
+    def reads_all(self, prompt: str) -> bool:
+        """Whether all of the words are read; otherwise the last of them are cut off."""
+        ...
+
     def embed_text(self, prompt: str) -> Tensor:
         """The meaning of words, [d], of unit length. What is too long is cut off."""
         ...
