@@ -85,3 +85,4 @@ def test_the_command_line_does_not_load_what_only_tests_need() -> None:
     )
     assert "frida_painter" in loaded
     assert not loaded & {"torchvision", "skimage", "pytest", "hypothesis", "matplotlib", "pandas", "transformers"}
+    assert not loaded & {"mujoco", "mink"}, "an extra is imported when its robot is connected, and not before"

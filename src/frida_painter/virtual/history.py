@@ -43,6 +43,8 @@ def relive(
                         "The virtual studio's paint no longer does what it did when this was painted (another version "
                         "of frida-painter or of its libraries); go on with the version that began the painting."
                     )
+            case "arm":
+                robot.remember_arm(entry["state"])
             case "photograph":
                 clock.now = entry["now"]
                 camera.remember(entry["exposed"])

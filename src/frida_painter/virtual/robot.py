@@ -1,7 +1,6 @@
-"""The studio's robot: it moves the tip exactly along its waypoints, and its clock is the studio's."""
+"""The studio's robot: an arm moves the tip along its waypoints, and its clock is the studio's."""
 
 import threading
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,14 +8,14 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped, WorkspaceViolation
 from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter.hardware.workspace import Point, Workspace
+from frida_painter.virtual.arm import Arm, Way
+from frida_painter.virtual.diary import Note, unnoted
 from frida_painter.virtual.faults import NO_FAULTS, Faults
+from frida_painter.virtual.stand import Stand
 from frida_painter.virtual.table import Table
 
 _FASTEST = 1.0
 _TOLERANCE = 1e-6
-# In its own pace the robot heeds a stop this often, s.
-_SLICE = 0.005
 _SLOW = 10.0
 
 
@@ -27,54 +26,39 @@ class Clock:
     now: float = 0.0
 
 
-@dataclass(frozen=True)
-class _Way:
-    """A path [k, 3] (m) and when, s after the start of the motion, each of its points is reached [k]."""
-
-    path: NDArray[np.float64]
-    when: NDArray[np.float64]
-
-    @property
-    def seconds(self) -> float:
-        return float(self.when[-1])
-
-    def until(self, seconds: float) -> "_Way":
-        """What of it is done after that time; all of it where that is longer than the way takes."""
-        if seconds >= self.seconds:
-            return self
-        done = self.when < seconds
-        here = [np.interp(seconds, self.when, column) for column in self.path.T]
-        return _Way(np.concatenate([self.path[done], [here]]), np.append(self.when[done], seconds))
-
-    def to_waypoint(self, number: int) -> "_Way":
-        """What of it is done when waypoint `number` is reached; the first point is where the tip was."""
-        return _Way(self.path[: number + 2], self.when[: number + 2])
-
-
 class VirtualRobot:
     """Implements hardware.robot.Robot over a table. After `stop` it moves again only when it is re-armed.
 
     pace: seconds that a second of its motions really takes: 1 moves as a robot would, 0 as fast as can
-    be computed. faults, motions: what goes wrong, and how many motions were begun.
+    be computed. faults, motions: what goes wrong, and how many motions were begun; note: told of the
+    state of the arm after every motion.
     """
 
-    def __init__(self, table: Table, workspace: Workspace, home: Point, clock: Clock, pace: float = 0.0) -> None:
+    def __init__(self, table: Table, stand: Stand, arm: Arm, clock: Clock, pace: float = 0.0) -> None:
         self.faults: Faults = NO_FAULTS
         self.motions = 0
-        self._table, self._workspace, self._home, self._clock = table, workspace, np.array(home), clock
+        self.note: Note = unnoted
+        self._table, self._workspace, self._arm, self._clock = table, stand.workspace, arm, clock
         self._pace = pace
-        self._tip = np.array(home)
+        self._home = np.array(stand.home)
+        self._tip = np.array(stand.home)
         self._connected = False
         self._stopped = threading.Event()
 
     def connect(self) -> None:
-        """Switches the robot on; doing it twice changes nothing."""
+        """Switches the robot on; doing it twice changes nothing. Raises RobotError where its arm cannot be had."""
+        if not self._connected:
+            self._arm.connect(self._tip)
         self._connected = True
 
     def remember(self, tip: NDArray[np.float64]) -> None:
         """Takes up after a motion of which the diary tells, which ended at `tip` [3] metres."""
         self._tip = tip.copy()
         self.motions += 1
+
+    def remember_arm(self, state: list[float]) -> None:
+        """Takes up with the arm in the state of which the diary tells."""
+        self._arm.remember(state)
 
     def rearm(self) -> None:
         """Allows motions again after a stop; for the person who has looked."""
@@ -93,8 +77,9 @@ class VirtualRobot:
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Moves the tip in straight lines to the first waypoint and on through all of them.
 
-        Raises WorkspaceViolation, without moving, where one lies outside the workspace or is not a
-        number; RobotStopped where the robot is or becomes stopped; RobotError where it is closed or fails.
+        Raises WorkspaceViolation, without moving, where one lies outside the workspace, is not a number
+        or is out of the arm's reach; RobotStopped where the robot is or becomes stopped; RobotError
+        where it is closed or fails.
         """
         self._require_there(waypoints.label)
         self._require_armed(waypoints.label)
@@ -103,12 +88,18 @@ class VirtualRobot:
         self._require_alive(waypoints.label, number)
         way, error = self._as_it_goes(waypoints, number)
         started = self._clock.now
-        walked = self._walk(way)
-        self._clock.now += walked.seconds
+        try:
+            course = self._arm.move(way, self._stopped, self._pace)
+        except WorkspaceViolation:
+            self.motions = number  # it was not begun
+            raise
+        self._clock.now += course.seconds
         # The brush feels the way as a whole: what it leaves does not depend on how often a stop is looked for.
-        self._table.move(walked.path, self._clock.now, self.faults)
-        self._tip = walked.path[-1].copy()
-        if walked is not way:
+        self._table.move(course.places, self._clock.now, self.faults)
+        self._tip = course.places[-1].copy()
+        if state := self._arm.state():
+            self.note({"did": "arm", "state": list(state)})
+        if course.stopped:
             self._require_armed(waypoints.label)
         if error is not None:
             raise error
@@ -121,17 +112,16 @@ class VirtualRobot:
 
     def close(self) -> None:
         """Switches the robot off."""
+        if self._connected:
+            self._arm.close()
         self._connected = False
 
-    def _as_it_goes(self, waypoints: Waypoints, number: int) -> tuple[_Way, RobotError | None]:
+    def _as_it_goes(self, waypoints: Waypoints, number: int) -> tuple[Way, RobotError | None]:
         """The way that motion `number` takes, and the error with which it ends, where something goes wrong."""
         faults, label = self.faults, waypoints.label
-        path = np.concatenate([self._tip[None], waypoints.position])
-        legs = np.linalg.norm(np.diff(path, axis=0), axis=1)
-        legs[0] /= self._workspace.travel_speed
-        legs[1:] /= waypoints.speed
         slowness = _SLOW if number in faults.slow_motions else 1.0
-        way = _Way(path, slowness * np.concatenate([[0.0], np.cumsum(legs)]))
+        path = np.concatenate([self._tip[None], waypoints.position])
+        way = Way(label, path, waypoints.speed / slowness, self._workspace.travel_speed / slowness)
         halfway = way.to_waypoint(max(0, len(path) // 2 - 2))
         if number in faults.hanging_motions:
             threading.Event().wait()
@@ -147,16 +137,6 @@ class VirtualRobot:
         if number in faults.stuck_motions | faults.lying_motions:
             return halfway, None
         return way, None
-
-    def _walk(self, way: _Way) -> _Way:
-        """Takes the time that the way takes, and returns what of it was gone before a stop."""
-        if self._pace == 0:
-            return way
-        began = time.monotonic()
-        while (gone := (time.monotonic() - began) / self._pace) < way.seconds:
-            if self._stopped.wait(min(_SLICE, (way.seconds - gone) * self._pace)):
-                return way.until((time.monotonic() - began) / self._pace)
-        return way
 
     def _require_there(self, label: str) -> None:
         if not self._connected:

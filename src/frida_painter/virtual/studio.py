@@ -15,8 +15,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.workspace import Point, Workspace
-from frida_painter.palette import MOST_COLORS
+from frida_painter.virtual.arm import Arm, FreeArm
 from frida_painter.virtual.attendant import StudioAttendant
 from frida_painter.virtual.bristles import Tuft
 from frida_painter.virtual.brushes import BristleBrush, brush_named
@@ -28,16 +27,16 @@ from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.history import faults_entry, relive
 from frida_painter.virtual.paint import to_linear, to_srgb
 from frida_painter.virtual.robot import Clock, VirtualRobot
+from frida_painter.virtual.sawyer.arm import SawyerArm
+from frida_painter.virtual.stand import Stand, free_stand, sawyer_stand
 from frida_painter.virtual.table import HandNoise, PlacementError, Table
 
 _MM = 1000.0
 _MOST_CELLS = 3_000_000
-# The stand: the canvas's corner and angle in the robot's frame, and the wells left of it.
-_CANVAS_ORIGIN: Point = (0.25, -0.15, 0.12)
-_CANVAS_ANGLE = math.radians(4)
-_WELL_PITCH, _WELL_COLUMNS = 0.045, 4
-_MARGIN = 0.06
-_HOVER = 0.03
+FREE, SAWYER = "free", "sawyer"
+ARMS = (FREE, SAWYER)
+"""The arms of the studio: one that does exactly what it is told, and the simulated Rethink Sawyer."""
+_EASELS = {FREE: "virtual studio", SAWYER: "simulated Sawyer"}
 _MOST_RISE = 0.02
 _SLOWEST = 100.0
 # A film of the default thickness sets in this time; the rate is the same for thick and thin.
@@ -51,9 +50,9 @@ class StudioSettings:
     cell: side of a cell of the canvas, mm (None: 0.4, coarser where the canvas would have more than
     3 million cells); drying_time: seconds until a full film has set; ground: sRGB of the primed
     canvas; placement_error: None draws one from the seed; rise: how much higher (m) the canvas lies
-    than the workspace says; pace: seconds that a second of the robot's motions really takes, 0 for as
-    fast as can be computed; noise, camera, faults: as their records say.
-    Raises ConfigError.
+    than the workspace says; arm: which arm holds the brush, one of ARMS; pace: seconds that a second of
+    the robot's motions really takes, 0 for as fast as can be computed; noise: of the hand, None for what
+    its arm has beside its own errors; camera, faults: as their records say. Raises ConfigError.
     """
 
     cell: float | None = None
@@ -61,12 +60,15 @@ class StudioSettings:
     ground: tuple[float, float, float] = (1.0, 1.0, 1.0)
     placement_error: PlacementError | None = None
     rise: float = 0.0
+    arm: str = FREE
     pace: float = 0.0
-    noise: HandNoise = field(default_factory=HandNoise)
+    noise: HandNoise | None = None
     camera: CameraSpec = field(default_factory=CameraSpec)
     faults: Faults = NO_FAULTS
 
     def __post_init__(self) -> None:
+        if self.arm not in ARMS:
+            raise ConfigError(f"There is no arm {self.arm!r} in the virtual studio; take {' or '.join(ARMS)}.")
         if self.cell is not None and not 0.1 <= self.cell <= 5:
             raise ConfigError(f"A canvas cell of {self.cell} mm was given; allowed is 0.1 to 5 mm.")
         if not abs(self.rise) <= _MOST_RISE:
@@ -121,21 +123,23 @@ class VirtualStudio:
             ground=to_linear(np.array(settings.ground)), drying_rate=_FILM / settings.drying_time, random=for_canvas,
         )  # fmt: skip
         self.placement_error = settings.placement_error or PlacementError.drawn_from(for_error)
-        workspace, home = _stand(canvas, brush)
-        self.touch_height = _CANVAS_ORIGIN[2] + settings.rise
+        stand, arm, noise = _with_arm(settings.arm, canvas, brush, seed)
+        touch_height = stand.workspace.canvas_origin[2]
+        self.touch_height = touch_height + settings.rise
         tuft = Tuft(brush, for_brush)
         self.table = Table(
-            self._fresh_canvas(), tuft, workspace, self.touch_height, self.placement_error, settings.noise, for_hand
+            self._fresh_canvas(), tuft, stand.workspace, self.touch_height, self.placement_error,
+            settings.noise or noise, for_hand,
         )  # fmt: skip
-        self.robot = VirtualRobot(self.table, workspace, home, self.clock, settings.pace)
+        self.robot = VirtualRobot(self.table, stand, arm, self.clock, settings.pace)
         self.camera = VirtualCamera(settings.camera, self.table, self.clock, for_camera)
         calibration = Calibration(
-            easel=f"virtual studio {seed}",
+            easel=f"{_EASELS[settings.arm]} {seed}",
             brush=brush.name,
             corners=self.camera.corners,
             photograph=settings.camera.photograph,
-            touch_height=_CANVAS_ORIGIN[2],
-            press_height=_CANVAS_ORIGIN[2] - brush.press_depth / _MM,
+            touch_height=touch_height,
+            press_height=touch_height - brush.press_depth / _MM,
             protrusion=0.0,  # The studio's robot moves the tip itself.
             camera="virtual camera",
             canvas=canvas,
@@ -143,11 +147,13 @@ class VirtualStudio:
         )
         checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
         self._attendant = StudioAttendant(self.table, checker, self._fresh_canvas)
-        self.easel = Easel(self.robot, self.camera, self._attendant, workspace, calibration, canvas, simulated=True)
+        self.easel = Easel(
+            self.robot, self.camera, self._attendant, stand.workspace, calibration, canvas, simulated=True
+        )
         self._diary, self._note = diary, unnoted
         if diary is not None:
             relive(diary.past, self.clock, self.table, self.robot, self.camera, self._attendant)
-            self._note = self.table.note = self.camera.note = self._attendant.note = diary.note
+            self._note = self.table.note = self.robot.note = self.camera.note = self._attendant.note = diary.note
         self.break_things(settings.faults)
 
     def close(self) -> None:
@@ -227,37 +233,9 @@ def _furnishing(canvas: CanvasSize, brush: str, settings: StudioSettings, seed: 
     return {"canvas": asdict(canvas), "brush": brush, "seed": seed, **furniture}
 
 
-def _stand(canvas: CanvasSize, brush: BristleBrush) -> tuple[Workspace, Point]:
-    """The workspace around a canvas, and where the robot waits while the camera looks."""
-    x, y, z = _CANVAS_ORIGIN
-    cos, sin = math.cos(_CANVAS_ANGLE), math.sin(_CANVAS_ANGLE)
-    corners = [
-        (x + cos * u - sin * v, y + sin * u + cos * v)
-        for u in (-_MARGIN, canvas.width + _MARGIN)
-        for v in (-_MARGIN, canvas.height + _MARGIN)
-    ]
-    left = min(corner[0] for corner in corners) - _WELL_PITCH
-    wells = tuple(
-        (left - _WELL_PITCH * (i % _WELL_COLUMNS), y + _WELL_PITCH * (i // _WELL_COLUMNS), z)
-        for i in range(MOST_COLORS)
-    )
-    water: Point = (left, y - 0.08, z)
-    rag: Point = (left - 0.11, y - 0.08, z)
-    home: Point = (rag[0], rag[1], z + 0.10)
-    everything = np.array([*corners, *((w[0], w[1]) for w in wells), water[:2], rag[:2]])
-    lower, upper = everything.min(0) - _MARGIN, everything.max(0) + _MARGIN
-    deepest = z - brush.press_depth / _MM - 0.002
-    workspace = Workspace(
-        lower=(float(lower[0]), float(lower[1]), deepest),
-        upper=(float(upper[0]), float(upper[1]), z + 0.15),
-        canvas_origin=_CANVAS_ORIGIN,
-        canvas_angle=_CANVAS_ANGLE,
-        wells=wells,
-        water=water,
-        rag=rag,
-        rag_width=0.08,
-        hover=_HOVER,
-        painting_speed=0.06,
-        travel_speed=0.25,
-    )
-    return workspace, home
+def _with_arm(arm: str, canvas: CanvasSize, brush: BristleBrush, seed: int) -> tuple[Stand, Arm, HandNoise]:
+    """The stand, the arm and the noise of the hand that go with the arm of that name."""
+    if arm == SAWYER:
+        stand = sawyer_stand(canvas, brush)
+        return stand, SawyerArm(stand.workspace, canvas, seed), HandNoise(0.0, 0.0)
+    return free_stand(canvas, brush), FreeArm(), HandNoise()

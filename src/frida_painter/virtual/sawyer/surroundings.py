@@ -1,0 +1,177 @@
+"""What stands around the arm: table, canvas, paint wells, water, rag; they complete the arm's description.
+
+For the physics only the table counts: the arm must not touch it. The rest is there to be looked at.
+"""
+
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco import mjtGeom, mjtTexture, mjtTextureRole
+from numpy.typing import NDArray
+
+from frida_painter.frames import CanvasSize
+from frida_painter.hardware.workspace import Point, Workspace
+
+CANVAS, CANVAS_PIXELS = "canvas", 1024
+_PLANKS, _PLANK_PIXELS = "planks", 512
+_THICKNESS = 0.018
+_FLOOR = -0.78
+_WELL_RADIUS, _WELL_WALL = 0.0175, 0.0025
+_EMPTY = (0.93, 0.92, 0.90, 1.0)
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Where things are around one arm: its workspace, and the size of the canvas in it."""
+
+    workspace: Workspace
+    canvas: CanvasSize
+
+    def model(self) -> mujoco.MjModel:
+        """The arm in these surroundings, ready to be simulated and looked at."""
+        spec = mujoco.MjSpec.from_string(resources.files(__package__).joinpath("sawyer.xml").read_text("utf-8"))
+        self._add_room(spec)
+        self._add_table(spec)
+        self._add_canvas(spec)
+        for number, well in enumerate(self.workspace.wells):
+            self._add_bowl(spec, f"well {number}", well, _WELL_RADIUS)
+        self._add_bowl(spec, "water", self.workspace.water, 0.042, rgba=(0.55, 0.68, 0.74, 1))
+        self._add_rag(spec)
+        model = spec.compile()
+        paper(model, _PLANKS, _planks())
+        return model
+
+    @property
+    def _table_top(self) -> float:
+        return self.workspace.canvas_origin[2] - _THICKNESS
+
+    def _add_room(self, spec: mujoco.MjSpec) -> None:
+        spec.visual.headlight.ambient = (0.42, 0.42, 0.43)
+        spec.visual.headlight.diffuse = (0.18, 0.18, 0.18)
+        spec.visual.headlight.specular = (0.0, 0.0, 0.0)
+        spec.visual.quality.shadowsize = 4096
+        spec.visual.quality.offsamples = 4
+        spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 1280
+        spec.visual.map.znear = 0.02
+        spec.stat.center, spec.stat.extent = (0.45, 0.0, 0.2), 1.5
+        spec.add_texture(
+            type=mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+            rgb1=(0.90, 0.90, 0.88), rgb2=(0.60, 0.61, 0.62), width=256, height=256 * 6,
+        )  # fmt: skip
+        spec.add_material(name="floor", rgba=(0.60, 0.59, 0.57, 1), reflectance=0.06, specular=0.1)
+        self._stand(spec, mjtGeom.mjGEOM_PLANE, (6, 6, 0.1), (0, 0, _FLOOR), material="floor")
+        self._stand(spec, mjtGeom.mjGEOM_CYLINDER, (0.09, -_FLOOR / 2), (0, 0, _FLOOR / 2), material="black")
+        self._stand(spec, mjtGeom.mjGEOM_CYLINDER, (0.27, 0.015), (0, 0, _FLOOR + 0.015), material="black")
+        lamp: dict[str, Any] = {"type": mujoco.mjtLightType.mjLIGHT_SPOT, "cutoff": 60, "exponent": 6}
+        spec.worldbody.add_light(
+            pos=(1.5, -1.0, 2.2), dir=(-0.55, 0.42, -0.95), diffuse=(0.62, 0.60, 0.56), specular=(0.35, 0.35, 0.33),
+            castshadow=True, **lamp,
+        )  # fmt: skip
+        spec.worldbody.add_light(
+            pos=(0.7, 1.8, 1.7), dir=(-0.1, -0.75, -0.7), diffuse=(0.22, 0.23, 0.26), specular=(0.1, 0.1, 0.1),
+            castshadow=False, **lamp,
+        )  # fmt: skip
+
+    def _add_table(self, spec: mujoco.MjSpec) -> None:
+        lower, upper = np.array(self.workspace.lower), np.array(self.workspace.upper)
+        middle, half = (lower + upper) / 2, (upper - lower) / 2
+        near = max(0.16, lower[0])  # the table ends before the pedestal
+        half[0], middle[0] = (upper[0] - near) / 2, (upper[0] + near) / 2
+        spec.add_texture(
+            name=_PLANKS, type=mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+            width=_PLANK_PIXELS, height=_PLANK_PIXELS, nchannel=3,
+        )  # fmt: skip
+        table = spec.add_material(name="table", specular=0.25, shininess=0.35, reflectance=0.03, texrepeat=(1, 1))
+        table.textures[mjtTextureRole.mjTEXROLE_RGB] = _PLANKS
+        top = (middle[0], middle[1], self._table_top - 0.018)
+        board = self._stand(spec, mjtGeom.mjGEOM_BOX, (half[0], half[1], 0.018), top, material="table", name="table")
+        board.contype = board.conaffinity = 1
+        for x in (-1, 1):
+            for y in (-1, 1):
+                leg = (middle[0] + x * (half[0] - 0.05), middle[1] + y * (half[1] - 0.05))
+                tall = (self._table_top - 0.036 - _FLOOR) / 2
+                self._stand(spec, mjtGeom.mjGEOM_BOX, (0.022, 0.022, tall), (*leg, _FLOOR + tall), material="wood")
+
+    def _add_canvas(self, spec: mujoco.MjSpec) -> None:
+        workspace, size = self.workspace, self.canvas
+        x, y = workspace.to_robot(np.array([[size.width / 2, size.height / 2]]), np.zeros(1))[0, :2]
+        z = workspace.canvas_origin[2]
+        turned = (np.cos(workspace.canvas_angle / 2), 0, 0, np.sin(workspace.canvas_angle / 2))
+        half = (size.width / 2, size.height / 2)
+        self._stand(
+            spec, mjtGeom.mjGEOM_BOX, (half[0] + 0.001, half[1] + 0.001, _THICKNESS / 2),
+            (x, y, z - _THICKNESS / 2 - 0.0008), quat=turned, rgba=(0.90, 0.88, 0.84, 1),
+        )  # fmt: skip
+        spec.add_texture(
+            name=CANVAS, type=mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+            rgb1=(1, 1, 1), rgb2=(1, 1, 1), width=CANVAS_PIXELS, height=CANVAS_PIXELS, nchannel=3,
+        )  # fmt: skip
+        painting = spec.add_material(name=CANVAS, specular=0.08, shininess=0.2, texrepeat=(1, 1))
+        painting.textures[mjtTextureRole.mjTEXROLE_RGB] = CANVAS
+        self._stand(spec, mjtGeom.mjGEOM_PLANE, (*half, 0.01), (x, y, z), quat=turned, material=CANVAS)
+
+    def _add_bowl(
+        self, spec: mujoco.MjSpec, name: str, place: Point, radius: float, rgba: tuple[float, ...] = _EMPTY
+    ) -> None:
+        """A bowl of glazed clay; `name` is the surface of what is in it."""
+        x, y, z = place
+        tall = (z - 0.002 - self._table_top) / 2
+        at = (x, y, self._table_top + tall)
+        self._stand(spec, mjtGeom.mjGEOM_CYLINDER, (radius + _WELL_WALL, tall), at, material="white")
+        self._stand(
+            spec, mjtGeom.mjGEOM_CYLINDER, (radius, 0.001), (x, y, self._table_top + 2 * tall), name=name, rgba=rgba
+        )
+
+    def _add_rag(self, spec: mujoco.MjSpec) -> None:
+        x, y, z = self.workspace.rag
+        cloth = (0.80, 0.79, 0.74, 1)
+        half = self.workspace.rag_width / 2 + 0.02
+        self._stand(
+            spec,
+            mjtGeom.mjGEOM_BOX,
+            (half, 0.045, (z - self._table_top) / 2),
+            (x, y, (z + self._table_top) / 2 - 0.001),
+            rgba=cloth,
+        )
+        for number, turn in enumerate((0.04, -0.06)):
+            self._stand(
+                spec,
+                mjtGeom.mjGEOM_BOX,
+                (half - 0.006, 0.04 - 0.004 * number, 0.001),
+                (x, y, z - 0.0005 + 0.001 * number),
+                quat=(np.cos(turn), 0, 0, np.sin(turn)),
+                rgba=cloth,
+            )
+
+    @staticmethod
+    def _stand(
+        spec: mujoco.MjSpec, kind: mjtGeom, size: tuple[float, ...], place: tuple[float, ...], **look: object
+    ) -> mujoco.MjsGeom:
+        """Puts a thing there that nothing bumps into."""
+        full = (*size, *(0.0,) * (3 - len(size)))
+        return spec.worldbody.add_geom(type=kind, size=full, pos=place, contype=0, conaffinity=0, group=1, **look)
+
+
+def paper(model: mujoco.MjModel, texture: str, picture: NDArray[np.uint8]) -> int:
+    """Makes a picture [n, n, 3], its first row at the lower edge, the texture of that name; returns its number."""
+    number = model.texture(texture).id
+    first = model.tex_adr[number]
+    model.tex_data[first : first + picture.size] = picture.reshape(-1)
+    return int(number)
+
+
+def _planks() -> NDArray[np.uint8]:
+    """A table top of light planks [512, 512, 3]: grain along them, each a little different."""
+    random = np.random.default_rng(7)
+    row = np.arange(512)
+    plank = row // 86
+    tone = random.normal(0, 0.035, plank.max() + 1)[plank][:, None]
+    grain = np.cumsum(random.normal(0, 1, (512, 512)), axis=1)
+    grain -= np.linspace(0, 1, 512) * grain[:, -1:]
+    grain = 0.018 * grain / grain.std()
+    seam = np.where(row % 86 < 2, -0.18, 0.0)[:, None]
+    color = np.array([0.62, 0.47, 0.33]) * (1 + tone + grain + seam)[..., None]
+    return np.asarray(np.clip(255 * color, 0, 255), np.uint8)
