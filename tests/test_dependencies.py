@@ -30,24 +30,52 @@ def extras() -> set[str]:
     return {plain(name) for extra, names in optional.items() if extra != "dev" for name in names}
 
 
+def imports(*, inside_functions: bool) -> dict[str, list[str]]:
+    """What every file of the package imports, by its dotted name: with the file itself, or inside its functions."""
+    found = {}
+    for path in ROOT.rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        unseen = [
+            node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+        ]
+        never = {inner for node in unseen for inner in ast.walk(node)}
+        functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+        inner = {node for function in functions for node in ast.walk(function)}
+        names = []
+        for node in (inner if inside_functions else set(ast.walk(tree)) - inner) - never:
+            if isinstance(node, ast.Import):
+                names += [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                names += [node.module or ""]
+        parts = ("frida_painter", *path.relative_to(ROOT).with_suffix("").parts)
+        found[".".join(part for part in parts if part != "__init__")] = names
+    return found
+
+
+def loaded_when_connecting() -> set[str]:
+    """Files that no other imports but inside its functions: all that they import comes only then."""
+    with_files, in_functions = imports(inside_functions=False), imports(inside_functions=True)
+    late = {name for names in in_functions.values() for name in names}
+    while early := late & {name for file, names in with_files.items() if file not in late for name in names}:
+        late -= early
+    return late
+
+
 def imported(*, when_connecting: bool = False) -> dict[str, set[str]]:
     """Modules that are neither Python's nor ours, by name, with the files that import them.
 
-    With `when_connecting` those that functions import, otherwise those that are imported with the file.
+    With `when_connecting` those that functions import, themselves or with a file that only they
+    import; otherwise those that are imported with the file.
     """
+    late = loaded_when_connecting()
     found: dict[str, set[str]] = {}
-    for path in ROOT.rglob("*.py"):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
-        inner = {node for function in functions for node in ast.walk(function)}
-        for node in inner if when_connecting else set(ast.walk(tree)) - inner:
-            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            if isinstance(node, ast.ImportFrom):
-                names = [node.module or ""]
+    for inside in (False, True):
+        for file, names in imports(inside_functions=inside).items():
             for name in names:
                 top = name.partition(".")[0]
-                if top not in sys.stdlib_module_names and top != "frida_painter":
-                    found.setdefault(top, set()).add(str(path.relative_to(ROOT)))
+                known = top in sys.stdlib_module_names or top == "frida_painter"
+                if not known and when_connecting == (inside or file in late):
+                    found.setdefault(top, set()).add(file)
     return found
 
 
