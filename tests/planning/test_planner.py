@@ -9,7 +9,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm
 from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
-from frida_painter.planning.optimize import Step
+from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.planning.scene import Scene
 from networks import NoEncoders, QuickEncoders
@@ -108,7 +108,7 @@ def test_planning_a_quarter_again_takes_a_small_part_of_the_work() -> None:
     assert time.process_time() - started < whole / 3
 
 
-def test_where_planning_again_diverges_the_plan_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_f29_where_planning_again_diverges_the_plan_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     by, plan = planner(), planned(8)
     calls = 0
 
@@ -167,3 +167,45 @@ def test_meaning_is_come_nearer_to_than_by_pixels_alone() -> None:
     rest, half = plan.part(slice(6, None)), by.expected(plan.part(slice(6)), BARE)
     again = by.replan(rest, half, lambda step: None)
     assert by.judge(by.expected(again, half)) <= by.judge(by.expected(rest, half))
+
+
+@pytest.mark.parametrize(
+    "failure",
+    [
+        MemoryError(),
+        RuntimeError("CUDA out of memory. Tried to allocate 2.00 GiB."),
+        RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried to allocate 99 bytes."),
+    ],
+)
+def test_f28_without_memory_enough_it_is_planned_again_with_less_and_else_the_plan_stays(
+    monkeypatch: pytest.MonkeyPatch, failure: Exception
+) -> None:
+    by, plan = planner(effort=Effort().scaled(0.1)), planned(8)
+    photograph = BARE * 0.7
+    sizes: list[int] = []
+
+    def starving(largest: int) -> None:
+        def optimizing(strokes, scene, **rest):  # type: ignore[no-untyped-def]
+            sizes.append(scene.canvas.shape[1])
+            if scene.canvas.shape[1] > largest:
+                raise failure
+            return optimize(strokes, scene, **rest)
+
+        monkeypatch.setattr("frida_painter.planning.planner.optimize", optimizing)
+
+    starving(by.coarse.rows)
+    again = by.replan(plan, photograph, lambda step: None)
+    assert sizes == [by.coarse.rows, by.fine.rows, by.coarse.rows, by.coarse.rows]
+    assert again is not plan
+    assert by.judge(by.expected(again, photograph)) < by.judge(by.expected(plan, photograph))
+    starving(0)
+    assert by.replan(plan, photograph, lambda step: None) is plan
+
+
+def test_failures_of_another_kind_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*args: object, **rest: object) -> None:
+        raise RuntimeError("shapes do not match")
+
+    monkeypatch.setattr("frida_painter.planning.planner.optimize", broken)
+    with pytest.raises(RuntimeError, match="shapes"):
+        planner().replan(planned(8), BARE * 0.7, lambda step: None)

@@ -103,7 +103,8 @@ def test_a_stroke_in_doubt_that_is_painted_again_is_in_doubt_again(tmp_path: Pat
     journal.close()
     again, told = Journal.reopen(tmp_path)
     assert (told.painted, told.in_doubt) == (0, 1)
-    again.resumed(0, told.in_doubt, repaint=True)
+    again.resumed(told, repaint=True)
+    assert (told.painted, told.in_doubt) == (0, None)
     assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (0, None)
     again.note("began", what=["stroke 1"], stroke=1)
     assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (0, 1)
@@ -112,8 +113,10 @@ def test_a_stroke_in_doubt_that_is_painted_again_is_in_doubt_again(tmp_path: Pat
 def test_the_one_in_doubt_is_given_up_where_it_is_skipped(tmp_path: Path) -> None:
     journal = begun(tmp_path)
     journal.note("began", what=["stroke 1"], stroke=1)
-    journal.resumed(0, 1, repaint=False)
+    before = read(tmp_path)
+    journal.resumed(before, repaint=False)
     told = read(tmp_path)
+    assert (before.painted, before.in_doubt, before.given_up) == (1, None, [1])
     assert (told.painted, told.in_doubt, told.given_up, told.sittings) == (1, None, [1], 2)
 
 

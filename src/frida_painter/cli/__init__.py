@@ -13,9 +13,11 @@ from frida_painter.cli.export import export
 from frida_painter.cli.mix import register as register_mix
 from frida_painter.cli.models import build as models
 from frida_painter.cli.painting import register
+from frida_painter.cli.resume import register as register_resume
 from frida_painter.cli.strokes import build as strokes
-from frida_painter.errors import FridaError
+from frida_painter.errors import FridaError, PaintingPaused
 
+_PAUSED = 3
 # Typer keeps the class of all errors of usage to itself; this one of its children is public.
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
@@ -32,6 +34,7 @@ def build() -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     register(app)
+    register_resume(app)
     app.command("export")(export)
     register_calibration(app)
     register_check(app)
@@ -45,13 +48,14 @@ def build() -> typer.Typer:
 def main() -> None:
     """Runs the command line.
 
-    Exit status 0 when done, 2 with one sentence when something has to be mended, 130 when stopped.
+    Exit status 0 when done, 2 with one sentence when something has to be mended, 3 when a painting has
+    paused and can be resumed, 130 when stopped.
     """
     try:
         status = build()(prog_name="frida-painter", standalone_mode=False)
     except FridaError as error:
         _complain(str(error))
-        status = 2
+        status = _PAUSED if isinstance(error, PaintingPaused) else 2
     except _UsageError as error:
         _complain(_advice(error))
         status = 2

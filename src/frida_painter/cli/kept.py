@@ -17,6 +17,7 @@ SETTINGS = "settings.json"
 GOAL = "goal"
 STUDIO = DIARY
 _MOST_BYTES = 2**20
+_GLIMPSES = 120
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,11 @@ class Kept:
     calibration: Path | None
     placement_error: str | None
     film: bool
+
+    @property
+    def glimpses(self) -> int:
+        """How many pictures the film gets."""
+        return min(self.settings.strokes, _GLIMPSES) if self.film else 0
 
     def write(self, folder: Path) -> None:
         """Puts it into the folder, for people to read. Raises StorageError."""
@@ -75,6 +81,11 @@ class Kept:
         return {what: "none" if path is None else _hash(path) for what, path in files.items()}
 
 
+def as_read_again(settings: PaintingSettings) -> PaintingSettings:
+    """The settings as they will be read from the folder: to the last digit those that it is begun with."""
+    return PaintingSettings.of(**settings.model_dump(mode="json"))
+
+
 def keep_goal(wanted: goals.Wanted, folder: Path) -> None:
     """Copies the pictures of a goal into the folder, and how they matter. Raises StorageError."""
     lines: list[str] = []
@@ -93,6 +104,11 @@ def keep_goal(wanted: goals.Wanted, folder: Path) -> None:
 def read_goal(folder: Path) -> goals.Wanted:
     """The goal as it was kept. Raises ConfigError and ImageError."""
     return goals.read_goal(None, {"goal": folder / GOAL / "goal.toml"})
+
+
+def _quoted(text: str) -> str:
+    """As a TOML string."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _copy(source: Path, copy: Path) -> None:

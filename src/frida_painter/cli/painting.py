@@ -1,14 +1,10 @@
 """The commands that make and show paintings: paint, plan, render."""
 
-import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
+from contextlib import ExitStack
 from datetime import datetime
 from pathlib import Path
-from types import FrameType
 from typing import Annotated, Any
 
 import torch
@@ -19,19 +15,18 @@ from frida_painter import images, storage
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.cli import goals, kept
 from frida_painter.cli.numbers import number, whole_number
-from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress, duration
+from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress
+from frida_painter.cli.sitting import Pauses, occasion, order, say, stopping, tell, tell_encoders
 from frida_painter.cli.virtual import PaceOption, PlacementErrorOption, read_placement_error
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.render import render as render_strokes
 from frida_painter.report.palette_sheet import palette_sheet
-from frida_painter.report.recorder import Occasion, Recorder
-from frida_painter.session.easel_process import EaselProcess, state_folder
-from frida_painter.session.easels import EaselOrder
+from frida_painter.report.recorder import Recorder
+from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PHOTOGRAPH_ROWS, Rhythm
 from frida_painter.session.opening import on_record, open_planner, open_session, settle_threads
@@ -158,31 +153,22 @@ def paint(
     tells the story. Ctrl-C stops after the current stroke and keeps what was made.
     """
     wanted, target, chosen = _prepare(photo, settings, locals())
-    error = read_placement_error(placement_error)
     console = Console(stderr=True, highlight=False)
-    glimpses = min(chosen.strokes, 120) if film else 0
+    how = kept.Kept(chosen, calibration, placement_error, film)
+    error = read_placement_error(placement_error)
+    glimpses = how.glimpses
     with ExitStack() as stack:
-        stop = stack.enter_context(_stopping())
+        stop = stack.enter_context(stopping())
         started = time.monotonic()
         settle_threads()
         process = stack.enter_context(EaselProcess())  # it loads while the planner does
         planner = open_planner(chosen, wanted.goal, calibration)
-        _tell_encoders(planner.encoders)
+        tell_encoders(planner.encoders)
         folder = _new_folder(out, wanted.name, needed=200 * 2**20)
-        order = EaselOrder(
-            robot="virtual",
-            canvas=chosen.canvas,
-            brush=planner.model.brush,
-            seed=chosen.seed,
-            state=state_folder(),
-            folder=folder.absolute(),
-            pace=pace,
-            placement_error=error,
-        )
-        easel = on_record(process.open(order), calibration)
+        easel = on_record(process.open(order(chosen, planner.model.brush, folder, error, pace)), calibration)
         stop.at_once = easel.robot.stop
         stack.enter_context(process.hearing_signals())
-        journal = _begin_journal(folder, wanted, kept.Kept(chosen, calibration, placement_error, film))
+        journal = _begin_journal(folder, wanted, how)
         stack.callback(journal.close)
         rhythm = Rhythm(chosen.replans, glimpses)
         effort_per_replan = planner.effort.refining + planner.effort.replanning
@@ -190,8 +176,8 @@ def paint(
             chosen.strokes, rhythm, started, planning=planner.iterations(chosen.strokes), replanning=effort_per_replan
         )
         bar = stack.enter_context(PaintingProgress(console, forecast))
-        occasion = _occasion(photo, wanted, target, chosen, planner.encoders)
-        recorder = stack.enter_context(Recorder(folder, occasion, planner.model, glimpses))
+        telling = occasion(wanted, target, chosen, planner.encoders)
+        recorder = stack.enter_context(Recorder(folder, telling, planner.model, glimpses))
         easel.robot.connect()
         easel.camera.connect()
 
@@ -199,14 +185,23 @@ def paint(
             bar.hear(event)
             recorder.hear(event)
 
+        pauses = Pauses(folder, stop, console)
         session = open_session(
-            chosen, planner, easel, glimpses=glimpses, stop_asked=lambda: stop.asked, notify=hear, journal=journal
+            chosen,
+            planner,
+            easel,
+            glimpses=glimpses,
+            stop_asked=lambda: stop.asked,
+            pause_asked=pauses.asked,
+            go_on=pauses.go_on,
+            notify=hear,
+            journal=journal,
         )
         painting = session.run(chosen.strokes, chosen.colors)
         bar.say("finishing the film and the page")
         page = recorder.finish(painting)
         stopped = stop.asked
-    _tell(folder, page, painting.painted, chosen.strokes, time.monotonic() - started)
+    tell(folder, page, painting.painted, chosen.strokes, time.monotonic() - started)
     if stopped:
         sys.exit(130)
 
@@ -240,10 +235,10 @@ def plan(
     """Plan the strokes for a photograph, or for words, without painting: plan, picture of it, palette to mix."""
     wanted, _, chosen = _prepare(photo, settings, {**locals(), "replans": 0})
     with ExitStack() as stack:
-        stop = stack.enter_context(_stopping())
+        stop = stack.enter_context(stopping())
         settle_threads()
         planner = open_planner(chosen, wanted.goal)
-        _tell_encoders(planner.encoders)
+        tell_encoders(planner.encoders)
         folder = _new_folder(out, wanted.name, needed=20 * 2**20)
         bar = stack.enter_context(PlanningProgress(Console(stderr=True, highlight=False)))
 
@@ -257,7 +252,7 @@ def plan(
     made.save(folder / "plan.json")
     images.save(planner.expected(made, bare), folder / "plan.png")
     images.save(palette_sheet(made), folder / "palette.png")
-    _say(
+    say(
         f"The plan:    {folder / 'plan.json'}",
         f"As picture:  {folder / 'plan.png'}",
         f"Palette:     {folder / 'palette.png'}",
@@ -286,7 +281,7 @@ def render(
     with torch.no_grad():
         picture = render_strokes(loaded.strokes, model, ground.contiguous(), loaded.canvas)
     images.save(picture, out)
-    _say(f"{len(loaded)} strokes at {grid.columns} x {grid.rows} pixels: {out}")
+    say(f"{len(loaded)} strokes at {grid.columns} x {grid.rows} pixels: {out}")
 
 
 def _prepare(
@@ -300,9 +295,15 @@ def _prepare(
     picture = wanted.picture
     if picture is not None and "canvas" not in chosen.model_fields_set:
         chosen = chosen.model_copy(update={"canvas": chosen.canvas.turned_like(*picture.shape[1:])})
+    chosen = kept.as_read_again(chosen)
+    return *fit_to_canvas(wanted, chosen), chosen
+
+
+def fit_to_canvas(wanted: goals.Wanted, chosen: PaintingSettings) -> tuple[goals.Wanted, torch.Tensor | None]:
+    """The goal, and its first picture if it has one, as they will fill the canvas."""
     grid = PixelGrid.of_height(chosen.canvas, max(PHOTOGRAPH_ROWS, chosen.render_height))
-    target = None if picture is None else images.fit(picture, grid.rows, grid.columns)
-    return wanted.fitted(grid), target, chosen
+    picture = wanted.picture
+    return wanted.fitted(grid), None if picture is None else images.fit(picture, grid.rows, grid.columns)
 
 
 def _new_folder(out: Path | None, name: str, needed: int) -> Path:
@@ -317,85 +318,3 @@ def _begin_journal(folder: Path, wanted: goals.Wanted, how: kept.Kept) -> Journa
     kept.keep_goal(wanted, folder)
     how.write(folder)
     return Journal.begin(folder, how.plain(), how.rests_on(folder))
-
-
-def _occasion(
-    photo: Path | None, wanted: goals.Wanted, target: torch.Tensor | None, chosen: PaintingSettings, encoders: Encoders
-) -> Occasion:
-    facts = (
-        *wanted.facts,
-        *((f"{choice.purpose.capitalize()} seen through", choice.used) for choice in encoders.choices),
-        *((f"Better for {choice.purpose}", choice.better) for choice in encoders.choices if choice.better),
-        *(("Remark", remark) for remark in encoders.remarks),
-        ("Canvas", str(chosen.canvas)),
-        ("Brush", chosen.brush),
-        ("Looks and replans", str(chosen.replans)),
-        ("Planned at", f"{chosen.render_height} rows"),
-        ("Seed", str(chosen.seed)),
-        ("Robot", "virtual studio"),
-    )
-    record = {
-        **({"photo": photo.name} if photo else {}),
-        "goal": [list(fact) for fact in wanted.facts],
-        "encoders": [asdict(choice) for choice in encoders.choices],
-        "remarks": list(encoders.remarks),
-        **chosen.model_dump(mode="json"),
-    }
-    return Occasion(wanted.title, target, facts, record)
-
-
-def _tell_encoders(encoders: Encoders) -> None:
-    for choice in encoders.choices:
-        better = f" (better: {choice.better})" if choice.better else ""
-        print(f"Seeing {choice.purpose} through {choice.used}{better}.", file=sys.stderr)
-    for remark in encoders.remarks:
-        print(remark, file=sys.stderr)
-
-
-class _Stop:
-    """Whether a person has asked to stop, and what stops the robot at once when they ask again."""
-
-    def __init__(self) -> None:
-        self.asked = False
-        self.at_once: Callable[[], None] = _nothing
-
-    def hear(self, number: int, frame: FrameType | None) -> None:
-        if self.asked:
-            self.at_once()
-            raise KeyboardInterrupt
-        self.asked = True
-        print("\nStopping after this stroke. Once more stops the robot at once.", file=sys.stderr)
-
-
-def _nothing() -> None:
-    """There is no robot to stop yet."""
-
-
-@contextmanager
-def _stopping() -> Iterator[_Stop]:
-    """Ctrl-C and a polite kill ask the painter to stop after the current stroke."""
-    stop = _Stop()
-    before = {number: signal.signal(number, stop.hear) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _tell(folder: Path, page: Path | None, painted: int, of: int, seconds: float) -> None:
-    if page is None:
-        _say(f"Stopped before there was a plan; nothing was painted. ({folder})")
-        return
-    begun = f"{painted} strokes" if painted == of else f"Stopped after {painted} of {of} strokes; what was made is kept"
-    _say(
-        f"{begun} in {duration(seconds)}.",
-        f"  The painting  {folder / 'painting.png'}",
-        *([f"  The film      {folder / 'film.mp4'}"] if (folder / "film.mp4").exists() else []),
-        f"  The page      {page}",
-    )
-
-
-def _say(*lines: str) -> None:
-    for line in lines:
-        print(line)

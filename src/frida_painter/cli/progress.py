@@ -11,7 +11,17 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.text import Text
 
 from frida_painter.planning.optimize import Step
-from frida_painter.session.events import Event, Glimpsed, Looked, PaintsWanted, Planned, PlanningStep, StrokePainted
+from frida_painter.session.events import (
+    Event,
+    Glimpsed,
+    Looked,
+    PaintsWanted,
+    Paused,
+    Planned,
+    PlanningStep,
+    Resumed,
+    StrokePainted,
+)
 from frida_painter.session.loop import Rhythm
 
 _GROWING_COST = 1.4
@@ -45,7 +55,8 @@ class Forecast:
 
     def __init__(self, strokes: int, rhythm: Rhythm, now: float, *, planning: int, replanning: int) -> None:
         self._strokes = strokes
-        self._replans = [replanning * (strokes - done) for done in _running(rhythm.batches(strokes)) if done < strokes]
+        self._looks = [done for done in _running(rhythm.batches(strokes)) if done < strokes]
+        self._replans = [replanning * (strokes - done) for done in self._looks]
         self._plan_left = float(planning * strokes)
         self._painted = 0
         self._last = now
@@ -71,6 +82,9 @@ class Forecast:
                 self._plan_left = 0.0
                 if done and self._replans:
                     del self._replans[0]
+            case Resumed(done=done):
+                self._plan_left, self._painted = 0.0, done
+                del self._replans[: sum(look < done for look in self._looks)]
             case StrokePainted() | Glimpsed() | Looked():
                 self._painting.measure(passed, int(isinstance(event, StrokePainted)))
                 if isinstance(event, StrokePainted):
@@ -106,8 +120,12 @@ class PaintingProgress:
         self._bar.stop()
 
     def hear(self, event: Event) -> None:
-        """Shows an event."""
+        """Shows an event; while the painting pauses, the terminal is for questions."""
         now = time.monotonic()
+        if isinstance(event, Paused):
+            self._bar.stop()
+        else:
+            self._bar.start()
         self._forecast.hear(event, now)
         passed, left = now - self._started, self._forecast.remaining
         self._bar.update(
@@ -176,6 +194,10 @@ def _words(event: Event) -> str:
             return f"stroke {done} of {of}"
         case Looked():
             return "looking at the canvas"
+        case Resumed(done=done):
+            return f"going on after stroke {done}"
+        case Paused():
+            return "paused"
         case _:
             return ""
 

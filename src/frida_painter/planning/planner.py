@@ -18,6 +18,7 @@ from frida_painter.objectives.imagination import imagined
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.initialize import Growth, progressive
+from frida_painter.planning.memory import is_lack_of_memory
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement, locate
 from frida_painter.planning.refine import discretize, draw_together, relocate
@@ -140,25 +141,32 @@ class Planner:
     def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None]) -> Plan:
         """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their palette stays.
 
-        The work is in proportion to the number of strokes that are left. Where the optimiser
-        diverges, or finds nothing better, `rest` stays as it is.
+        The work is in proportion to the number of strokes that are left; where there is not memory
+        enough for it, it is tried once more at half the resolution, without moving strokes far. Where
+        that fails as well, the optimiser diverges, or finds nothing better, `rest` stays as it is.
         """
         if len(rest) == 0:
             return rest
-        try:
-            again = self._again(rest, canvas, notify)
-        except PlanningDiverged:
-            return rest
-        return min((rest, again), key=lambda plan: self.judge(self.expected(plan, canvas)))
+        for sparing in (False, True):
+            try:
+                again = self._again(rest, canvas, notify, sparing=sparing)
+                return min((rest, again), key=lambda plan: self.judge(self.expected(plan, canvas)))
+            except PlanningDiverged:
+                return rest
+            except (MemoryError, RuntimeError) as failure:
+                if not is_lack_of_memory(failure):
+                    raise
+        return rest
 
-    def _again(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None]) -> Plan:
+    def _again(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None], *, sparing: bool) -> Plan:
         generator = torch.Generator().manual_seed(self.seed + len(rest))
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
         steps = _Progress(notify, self.effort.refining + self.effort.replanning)
         # Never back to a lighter paint: it would pick up the dark paint that is still wet.
         paints: Paints | None = Paints(rest.palette.color, rest.paint, first=int(rest.paint.min()))
         found = rest.strokes
-        if self.goal.opening is self.goal.terms:  # elsewhere the guide is only what the plan began with
+        # Elsewhere the guide is only what the plan began with.
+        if self.goal.opening is self.goal.terms and not sparing:
             found, paints = relocate(
                 found,
                 paints,
@@ -168,7 +176,8 @@ class Planner:
                 proposals=_PROPOSALS,
                 generator=generator,
             )
-        for scene, iterations in ((coarse, self.effort.refining), (fine, self.effort.replanning)):
+        last = coarse if sparing else fine
+        for scene, iterations in ((coarse, self.effort.refining), (last, self.effort.replanning)):
             found, paints = optimize(
                 found, scene, iterations=iterations, paints=paints, vary_colors=False, notify=steps.begin(iterations)
             )

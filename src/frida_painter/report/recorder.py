@@ -10,6 +10,7 @@ from torch import Tensor
 
 from frida_painter import images, storage
 from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.errors import ImageError, StorageError
 from frida_painter.export.bezier import mark_widths
 from frida_painter.export.svg import svg
 from frida_painter.export.table import table
@@ -22,8 +23,10 @@ from frida_painter.report.film import FilmWriter
 from frida_painter.report.mixing_sheet import mixing_sheet
 from frida_painter.report.page import write_page
 from frida_painter.report.palette_sheet import palette_sheet
+from frida_painter.report.sketchbook import Sketchbook
 from frida_painter.report.story import Comparison, Download, Look, Phase, Story, compare, paints
-from frida_painter.session.events import Dipped, Event, Glimpsed, Looked, Planned, PlanningStep, Stopped
+from frida_painter.session.events import Dipped, Event, Glimpsed, Looked, Planned, PlanningStep, Resumed, Stopped
+from frida_painter.session.history import History
 from frida_painter.session.loop import Painting
 
 _RESULT = "result.json"
@@ -49,13 +52,16 @@ class Occasion:
 class Recorder:
     """Writes everything about one painting into `folder`, while it is made; used in a `with` block.
 
-    glimpses: how many pictures the film will get. Every file is whole or not there. Raises StorageError.
+    glimpses: how many pictures the film will get; before: what the journal tells of earlier sittings, if
+    there were any. Every file is whole or not there. While it is painted, pictures for which the disk has
+    no room are left out. Raises StorageError where page or painting cannot be written.
     """
 
     folder: Path
     occasion: Occasion
     model: StrokeModel
     glimpses: int
+    before: History | None = None
     _plan: Plan | None = field(default=None, init=False)
     _first_expected: Tensor | None = field(default=None, init=False)
     _looks: list[Look] = field(default_factory=list, init=False)
@@ -66,9 +72,15 @@ class Recorder:
     _cleanings: int = field(default=0, init=False)
     _stopped: bool = field(default=False, init=False)
     _recipes: tuple[Recipe, ...] = field(default=(), init=False)
+    _left_out: int = field(default=0, init=False)
+    _filming: bool = field(default=True, init=False)
 
     def __enter__(self) -> Self:
         self._started = time.monotonic()
+        self._sketchbook = Sketchbook(self.folder)
+        if self.before is not None:
+            self._dips, self._cleanings = self.before.dips, self.before.cleanings
+            self._started -= self.before.seconds
         self._film = FilmWriter(self.folder / "film.mp4", self.glimpses)
         if self.occasion.target is not None:
             images.save(self.occasion.target, self.folder / "target.jpg")
@@ -81,16 +93,25 @@ class Recorder:
 
     def hear(self, event: Event) -> None:
         """Keeps what the event brings."""
+        try:
+            self._keep(event)
+        except StorageError:  # what is on the canvas is worth more than its pictures
+            self._left_out += 1
+
+    def _keep(self, event: Event) -> None:
         match event:
             case PlanningStep(iteration=iteration, loss=loss):
                 self._curve.append((iteration, loss))
             case Planned():
                 self._keep_plan(event)
+            case Resumed():
+                self._keep_on(event)
             case Dipped(cleaned=cleaned):
                 self._dips += 1
                 self._cleanings += int(cleaned)
-            case Glimpsed(photograph=photograph, color=color):
-                self._film.add(images.to_uint8(photograph), color)
+            case Glimpsed(photograph=photograph, color=color, done=done):
+                self._sketchbook.keep_glimpse(done, photograph)
+                self._show(photograph, color)
             case Looked():
                 self._seen = event
             case Stopped():
@@ -103,7 +124,10 @@ class Recorder:
 
         None where the work was stopped before there was a plan: then there is nothing to tell.
         """
-        self._film.__exit__(None, None, None)
+        try:
+            self._film.__exit__(None, None, None)
+        except StorageError:
+            self._left_out += 1
         if self._plan is None or self._first_expected is None:
             return None
         painted = self._plan.part(slice(painting.painted))
@@ -114,6 +138,8 @@ class Recorder:
         comparisons = self._compare(painting.photograph, self._first_expected)
         story = self._story(self._plan, painting.painted, comparisons)
         page = write_page(story, self.folder)
+        if painting.painted == len(self._plan):
+            self._sketchbook.clear_away()
         self._write_result(self._plan, painting.painted, comparisons)
         return page
 
@@ -130,6 +156,33 @@ class Recorder:
             self._plan = self._plan.part(slice(event.done)).followed_by(event.plan)
             if self._seen is not None:
                 self._looks.append(self._keep_look(self._seen, event))
+        self._sketchbook.keep_story(self._looks, self._phases)
+
+    def _keep_on(self, event: Resumed) -> None:
+        """Takes up film and story where an earlier sitting left them."""
+        self._plan = event.plan
+        self._keep_recipes(event.plan)
+        self._looks, self._phases = self._sketchbook.story()
+        try:
+            self._first_expected = images.load(self.folder / "plan.png")
+        except ImageError:
+            self._first_expected = event.expected
+        for stroke, picture in self._sketchbook.glimpses(event.done):
+            red, green, blue = event.plan.strokes.color[stroke - 1].tolist()
+            self._show(picture, (red, green, blue))
+
+    def _show(self, picture: Tensor, color: tuple[float, float, float]) -> None:
+        """Films a picture, unless the film could not be written any more."""
+        if self._filming:
+            try:
+                self._film.add(images.to_uint8(picture), color)
+            except StorageError:
+                self._filming = False
+                raise
+
+    @property
+    def _sittings(self) -> int:
+        return 1 if self.before is None else self.before.sittings + 1
 
     def _keep_recipes(self, plan: Plan) -> None:
         """How to mix the palette, for whoever stands before the wells now."""
@@ -183,6 +236,7 @@ class Recorder:
             ("Dips into paint", str(self._dips)),
             ("Brush cleaned", f"{self._cleanings} times"),
             ("Made in", f"{time.monotonic() - self._started:.0f} s"),
+            *self._mishaps(),
         )
         return Story(
             title=self.occasion.title,
@@ -202,6 +256,17 @@ class Recorder:
             stopped=self._stopped,
         )
 
+    def _mishaps(self) -> tuple[tuple[str, str], ...]:
+        """What did not go as it should, for the page."""
+        facts: list[tuple[str, str]] = []
+        if self.before is not None:
+            facts.append(("Sittings", str(self._sittings)))
+        if self.before is not None and self.before.given_up:
+            facts.append(("Strokes given up", ", ".join(map(str, self.before.given_up))))
+        if self._left_out:
+            facts.append(("Pictures left out", f"{self._left_out}, for want of space on the disk"))
+        return tuple(facts)
+
     def _write_result(self, plan: Plan, painted: int, comparisons: tuple[Comparison, ...]) -> None:
         storage.write_json(
             self.folder / _RESULT,
@@ -216,6 +281,8 @@ class Recorder:
                 "dips": self._dips,
                 "cleanings": self._cleanings,
                 "seconds": round(time.monotonic() - self._started, 3),
+                "sittings": self._sittings,
+                "strokes_given_up": self.before.given_up if self.before is not None else [],
                 "plan_digest": plan.digest,
                 "palette": [paint.hex for paint in paints(plan)],
                 "comparisons": [

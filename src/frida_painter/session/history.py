@@ -82,7 +82,7 @@ class History:
         self.last = at
         match kind:
             case "resumed":
-                self._decide(record)
+                self.decide(repaint=record.get("decision") == "repaint")
             case "planned":
                 placement = record["placement"]
                 known = Placement(tuple(placement["error"]), tuple(map(tuple, placement["information"])))
@@ -103,8 +103,9 @@ class History:
             case _:
                 pass
 
-    def _decide(self, record: dict[str, Any]) -> None:
+    def decide(self, *, repaint: bool) -> None:
+        """Settles the stroke in doubt, if there is one: it is painted again, or given up."""
+        if self.in_doubt is not None and not repaint:
+            self.painted = self.in_doubt
+            self.given_up.append(self.in_doubt)
         self.in_doubt = None
-        if record.get("decision") == "skip":
-            self.painted = record["in_doubt"]
-            self.given_up.append(record["in_doubt"])

@@ -76,10 +76,12 @@ class Journal:
         if self._book is not None:
             self._book.close()
 
-    def resumed(self, painted: int, in_doubt: int | None, *, repaint: bool) -> None:
-        """A person has had the painting resumed after `painted` strokes, and decided on the one in doubt."""
+    def resumed(self, history: History, *, repaint: bool) -> None:
+        """A person has had the painting resumed, and decided on the stroke in doubt; so `history` has it then."""
+        in_doubt = history.in_doubt
         decision = {} if in_doubt is None else {"in_doubt": in_doubt, "decision": "repaint" if repaint else "skip"}
-        self.note("resumed", painted=painted, **decision, **_who())
+        self.note("resumed", painted=history.painted, **decision, **_who())
+        history.decide(repaint=repaint)
 
     def planned(self, plan: Plan, done: int, placement: Placement) -> None:
         """From stroke `done` + 1 on, painting goes by this plan of all strokes, which is put into the folder.

@@ -15,9 +15,11 @@ from frida_painter.errors import CalibrationError
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.hardware.easel import Easel
+from frida_painter.perception.flatfield import FlatField
+from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.events import Notify
+from frida_painter.session.events import Notify, Paused
 from frida_painter.session.eye import Eye
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession, Rhythm
@@ -62,13 +64,30 @@ def open_session(
     stop_asked: Callable[[], bool],
     notify: Notify,
     journal: Journal,
+    go_on: Callable[[Paused], bool] = lambda paused: False,
+    pause_asked: Callable[[], bool] = lambda: False,
+    light: FlatField | None = None,
+    placement: Placement | None = None,
 ) -> PaintingSession:
-    """A session on an easel whose robot and camera are connected. Raises ConfigError where colours exceed wells."""
+    """A session on an easel whose robot and camera are connected. Raises ConfigError where colours exceed wells.
+
+    light, placement: what an earlier sitting learned of the room and of where strokes land.
+    """
     kind = brush_kind(planner.model.brush)
-    brushwork = Brushwork(easel, kind)
-    eye = Eye(easel, ground=(1.0, 1.0, 1.0))
+    brushwork = Brushwork(easel, kind, placement or Placement.unknown())
+    eye = Eye(easel, (1.0, 1.0, 1.0), light)
     rhythm = Rhythm(settings.replans, glimpses)
-    return PaintingSession(planner, brushwork, eye, rhythm, stop_asked=stop_asked, notify=notify, journal=journal)
+    return PaintingSession(
+        planner,
+        brushwork,
+        eye,
+        rhythm,
+        stop_asked=stop_asked,
+        notify=notify,
+        journal=journal,
+        pause_asked=pause_asked,
+        go_on=go_on,
+    )
 
 
 def on_record(easel: Easel, record: Path | None) -> Easel:

@@ -1,0 +1,199 @@
+"""The command that goes on with a painting that broke off, was stopped or has paused."""
+
+import sys
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import torch
+import typer
+from rich.console import Console
+
+from frida_painter import images
+from frida_painter.cli import goals, kept
+from frida_painter.cli.painting import fit_to_canvas
+from frida_painter.cli.progress import Forecast, PaintingProgress, duration
+from frida_painter.cli.sitting import Pauses, confirm, occasion, order, say, stopping, tell, tell_encoders
+from frida_painter.cli.virtual import PaceOption, read_placement_error
+from frida_painter.errors import ConfigError, Interrupted
+from frida_painter.planning.planner import Planner
+from frida_painter.report.doubt import doubt
+from frida_painter.report.recorder import Recorder
+from frida_painter.session import resuming
+from frida_painter.session.easel_process import EaselProcess
+from frida_painter.session.history import History
+from frida_painter.session.journal import Journal
+from frida_painter.session.loop import Halfway, Rhythm
+from frida_painter.session.opening import on_record, open_planner, open_session, settle_threads
+from frida_painter.session.resuming import KeptPlan
+
+NOW = "now.png"
+
+Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of the painting.", show_default=False)]
+Repaint = Annotated[
+    bool | None,
+    typer.Option("--repaint/--skip", help="What to do with a stroke that may be painted or not. [dim]asks; skip[/]"),
+]
+Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; a stroke in doubt is skipped.")]
+AcceptChanges = Annotated[
+    bool, typer.Option("--accept-changes", help="Go on although settings, pictures or the plan were changed since.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("resume")(resume)
+
+
+def resume(
+    folder: Folder,
+    repaint: Repaint = None,
+    yes: Yes = False,
+    accept_changes: AcceptChanges = False,
+    pace: PaceOption = 0.0,
+) -> None:
+    """Go on with a painting that was stopped or broke off, from its folder.
+
+    Shows how far it came, photographs the canvas, asks about the one stroke that may be in doubt, cleans
+    the brush, and paints what is left. Nothing moves before you say so, or give --yes.
+    """
+    with ExitStack() as stack:
+        journal, history = Journal.reopen(folder)
+        stack.callback(journal.close)
+        if history.finished:
+            say(f"This painting is finished: {history.painted} strokes, and nothing is left to do.")
+            return
+        begun = _Begun.read(folder, history, accept_changes=accept_changes)
+        _show(begun, history)
+        if not (
+            yes or confirm("The arm will lift and move aside to have the canvas photographed. Go on?", default=True)
+        ):
+            raise Interrupted("Nothing was moved; the painting stays as it is.")
+        started = time.monotonic()
+        stop = stack.enter_context(stopping())
+        settle_threads()
+        process = stack.enter_context(EaselProcess())  # it loads while the planner does
+        how, of = begun.how, begun.how.settings.strokes
+        planner = open_planner(how.settings, begun.wanted.goal, how.calibration)
+        tell_encoders(planner.encoders)
+        error = read_placement_error(how.placement_error)
+        easel = on_record(process.open(order(how.settings, planner.model.brush, folder, error, pace)), how.calibration)
+        stop.at_once = easel.robot.stop
+        stack.enter_context(process.hearing_signals())
+        easel.robot.connect()
+        easel.camera.connect()
+        console = Console(stderr=True, highlight=False)
+        forecast = _forecast(how.settings.strokes, Rhythm(how.settings.replans, how.glimpses), planner, started)
+        bar = PaintingProgress(console, forecast)
+        telling = occasion(begun.wanted, begun.target, how.settings, planner.encoders)
+        recorder = Recorder(folder, telling, planner.model, how.glimpses, before=history)
+        pauses = Pauses(folder, stop, console)
+
+        def hear(event: Any) -> None:
+            bar.hear(event)
+            recorder.hear(event)
+
+        session = open_session(
+            how.settings,
+            planner,
+            easel,
+            glimpses=how.glimpses,
+            stop_asked=lambda: stop.asked,
+            pause_asked=pauses.asked,
+            go_on=pauses.go_on,
+            notify=hear,
+            journal=journal,
+            light=resuming.light(history),
+            placement=begun.plan.planning.placement if begun.plan else None,
+        )
+        now = session.look()
+        images.save(now, folder / NOW)
+        say(f"The canvas as it is now: {folder / NOW}")
+        again = _repaint(begun, history, planner, now, folder, repaint=repaint, yes=yes)
+        journal.resumed(history, repaint=again)
+        stack.enter_context(bar)
+        stack.enter_context(recorder)
+        if begun.plan is None:
+            painting = session.run(of, how.settings.colors)
+        else:
+            before = resuming.seen_before(folder, begun.plan, session.eye)
+            where = Halfway(begun.plan.plan, history.painted, begun.plan.planning.done, before, now)
+            painting = session.resume(where)
+        bar.say("finishing the film and the page")
+        page = recorder.finish(painting)
+        stopped = stop.asked
+    tell(folder, page, painting.painted, of, time.monotonic() - started)
+    if stopped:
+        sys.exit(130)
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """A painting as its folder keeps it: how it is painted, what it is to show, and its plan if there is one."""
+
+    folder: Path
+    how: kept.Kept
+    wanted: goals.Wanted
+    target: torch.Tensor | None
+    plan: KeptPlan | None
+
+    @classmethod
+    def read(cls, folder: Path, history: History, *, accept_changes: bool) -> "_Begun":
+        """Raises ConfigError, showing all of them, where there are changes that nobody accepted."""
+        how = kept.Kept.read(folder)
+        plan = resuming.kept_plan(folder, history)
+        changes = resuming.changes(history, how.plain(), how.rests_on(folder), plan)
+        settled = resuming.settled_changes(history, how.plain())
+        if changes and (settled or not accept_changes):
+            told = "\n".join(f"  {line}" for line in changes)
+            remedy = (
+                f"{', '.join(settled)} cannot be changed any more; change it back in {folder / kept.SETTINGS}."
+                if settled
+                else "Change it back, or go on with what is there now: --accept-changes"
+            )
+            raise ConfigError(f"Since this painting was begun, something was changed:\n{told}\n{remedy}")
+        wanted, target = fit_to_canvas(kept.read_goal(folder), how.settings)
+        return cls(folder, how, wanted, target, plan)
+
+
+def _show(begun: _Begun, history: History) -> None:
+    """How far it came."""
+    sittings = "one sitting" if history.sittings == 1 else f"{history.sittings} sittings"
+    say(
+        f"{begun.wanted.title}: {history.painted} of {begun.how.settings.strokes} strokes on a canvas of "
+        f"{begun.how.settings.canvas}, painted in {sittings} of {duration(history.seconds)}."
+    )
+    if history.last is not None:
+        say(f"It broke off on {history.last.astimezone():%Y-%m-%d at %H:%M:%S}.")
+    if history.last_photograph is not None:
+        say(f"The last photograph is {begun.folder / history.last_photograph}")
+    if history.in_doubt is not None:
+        say(f"Stroke {history.in_doubt} was begun, and nothing tells whether it was painted.")
+
+
+def _repaint(
+    begun: _Begun,
+    history: History,
+    planner: Planner,
+    now: torch.Tensor,
+    folder: Path,
+    *,
+    repaint: bool | None,
+    yes: bool,
+) -> bool:
+    """Whether the stroke in doubt, if there is one, is painted again; a picture of it is shown."""
+    if history.in_doubt is None or begun.plan is None:
+        return False
+    number, plan = history.in_doubt, begun.plan.plan
+    painted = planner.expected(plan.part(slice(number - 1, number)), now)
+    images.save(doubt(plan, number - 1, now, painted), folder / NOW)
+    if repaint is not None or yes:
+        return bool(repaint)
+    return confirm(f"Look at {folder / NOW}: paint stroke {number} again?", default=False)
+
+
+def _forecast(strokes: int, rhythm: Rhythm, planner: Planner, started: float) -> Forecast:
+    replanning = planner.effort.refining + planner.effort.replanning
+    return Forecast(strokes, rhythm, started, planning=planner.iterations(strokes), replanning=replanning)

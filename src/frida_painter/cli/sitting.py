@@ -1,0 +1,177 @@
+"""What painting and resuming have in common at the terminal: signals, what is told, and facts for the page."""
+
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import FrameType
+
+import torch
+from rich.console import Console
+
+from frida_painter.cli import goals
+from frida_painter.cli.progress import duration
+from frida_painter.config import PaintingSettings
+from frida_painter.errors import Interrupted
+from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.report.recorder import Occasion
+from frida_painter.session.easel_process import state_folder
+from frida_painter.session.easels import EaselOrder
+from frida_painter.session.events import Paused
+from frida_painter.virtual.table import PlacementError
+
+PAUSE_FILE = "pause"
+_GLANCE = 0.2  # seconds between two looks for it
+
+
+def occasion(
+    wanted: goals.Wanted, target: torch.Tensor | None, chosen: PaintingSettings, encoders: Encoders
+) -> Occasion:
+    """What page and record tell of a painting before it begins."""
+    kind, first, _ = wanted.wishes[0]
+    facts = (
+        *wanted.facts,
+        *((f"{choice.purpose.capitalize()} seen through", choice.used) for choice in encoders.choices),
+        *((f"Better for {choice.purpose}", choice.better) for choice in encoders.choices if choice.better),
+        *(("Remark", remark) for remark in encoders.remarks),
+        ("Canvas", str(chosen.canvas)),
+        ("Brush", chosen.brush),
+        ("Looks and replans", str(chosen.replans)),
+        ("Planned at", f"{chosen.render_height} rows"),
+        ("Seed", str(chosen.seed)),
+        ("Robot", "virtual studio"),
+    )
+    record = {
+        **({"photo": first.name} if kind == "image" else {}),
+        "goal": [list(fact) for fact in wanted.facts],
+        "encoders": [asdict(choice) for choice in encoders.choices],
+        "remarks": list(encoders.remarks),
+        **chosen.model_dump(mode="json"),
+    }
+    return Occasion(wanted.title, target, facts, record)
+
+
+def order(
+    settings: PaintingSettings, brush: str, folder: Path, placement_error: PlacementError | None, pace: float
+) -> EaselOrder:
+    """The easel that a painting is painted on: the virtual studio of its folder."""
+    return EaselOrder(
+        robot="virtual",
+        canvas=settings.canvas,
+        brush=brush,
+        seed=settings.seed,
+        state=state_folder(),
+        folder=folder.absolute(),
+        pace=pace,
+        placement_error=placement_error,
+    )
+
+
+def tell_encoders(encoders: Encoders) -> None:
+    """Says through which networks the goal is seen, and which would be better."""
+    for choice in encoders.choices:
+        better = f" (better: {choice.better})" if choice.better else ""
+        print(f"Seeing {choice.purpose} through {choice.used}{better}.", file=sys.stderr)
+    for remark in encoders.remarks:
+        print(remark, file=sys.stderr)
+
+
+class Stop:
+    """Whether a person has asked to stop, and what stops the robot at once when they ask again."""
+
+    def __init__(self) -> None:
+        self.asked = False
+        self.at_once: Callable[[], None] = _nothing
+
+    def hear(self, number: int, frame: FrameType | None) -> None:
+        """A signal's handler: the first asks, the second stops the robot and ends with KeyboardInterrupt."""
+        if self.asked:
+            self.at_once()
+            raise KeyboardInterrupt
+        self.asked = True
+        print("\nStopping after this stroke. Once more stops the robot at once.", file=sys.stderr)
+
+
+def _nothing() -> None:
+    """There is no robot to stop yet."""
+
+
+@dataclass(frozen=True)
+class Pauses:
+    """When a painting pauses and when it goes on: by a file in its folder, or by a person's word at the terminal.
+
+    Where there is neither, nobody answers, and the painting ends as it can be resumed.
+    """
+
+    folder: Path
+    stop: Stop
+    console: Console
+
+    @property
+    def file(self) -> Path:
+        """As long as it is there, nothing is painted."""
+        return self.folder / PAUSE_FILE
+
+    def asked(self) -> bool:
+        """Whether somebody wants a pause."""
+        return self.file.exists()
+
+    def go_on(self, paused: Paused) -> bool:
+        """Waits until the painting may go on; False where it ends here."""
+        if self.asked():
+            self.console.print(f"Paused after {paused.done} strokes; to go on, remove {self.file}")
+            while self.asked() and not self.stop.asked:
+                time.sleep(_GLANCE)
+            return not self.stop.asked
+        if not sys.stdin.isatty():
+            return False
+        return confirm(f"Paused after {paused.done} strokes. {paused.reason}\nGo on?", default=True)
+
+
+def confirm(question: str, *, default: bool) -> bool:
+    """Asks at the terminal until the answer is yes, no or nothing. Raises Interrupted where nobody answers."""
+    choice = "[Y/n]" if default else "[y/N]"
+    while True:
+        try:
+            answer = input(f"{question} {choice} ").strip().lower()
+        except (EOFError, KeyboardInterrupt) as end:
+            raise Interrupted("Nobody answered, and nothing was painted; for scripts there is --yes.") from end
+        if answer in ("", "y", "yes", "n", "no"):
+            return answer[:1] == "y" if answer else default
+        print("Type y or n.")
+
+
+@contextmanager
+def stopping() -> Iterator[Stop]:
+    """Ctrl-C and a polite kill ask the painter to stop after the current stroke."""
+    stop = Stop()
+    before = {number: signal.signal(number, stop.hear) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def tell(folder: Path, page: Path | None, painted: int, of: int, seconds: float) -> None:
+    """Says what came of it, and where it is."""
+    if page is None:
+        say(f"Stopped before there was a plan; nothing was painted. ({folder})")
+        return
+    begun = f"{painted} strokes" if painted == of else f"Stopped after {painted} of {of} strokes; what was made is kept"
+    say(
+        f"{begun} in {duration(seconds)}.",
+        f"  The painting  {folder / 'painting.png'}",
+        *([f"  The film      {folder / 'film.mp4'}"] if (folder / "film.mp4").exists() else []),
+        f"  The page      {page}",
+        *([f"  To go on      frida-painter resume {folder}"] if painted < of else []),
+    )
+
+
+def say(*lines: str) -> None:
+    """Lines for people, on the standard output."""
+    for line in lines:
+        print(line)

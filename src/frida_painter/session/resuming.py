@@ -1,0 +1,100 @@
+"""Going on with a painting that broke off: what its folder tells, and what has changed since it was begun."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.errors import FrameRejected, ImageError, PlanError
+from frida_painter.perception.flatfield import FlatField
+from frida_painter.plan import Plan
+from frida_painter.session.eye import Eye
+from frida_painter.session.history import History, Planning
+from frida_painter.session.journal import PLAN
+from frida_painter.session.loop import PHOTOGRAPH_ROWS
+
+# Settings that say what is painted rather than how: the plan has them, and they are not changed midway.
+_SETTLED = ("strokes", "colors", "canvas", "brush")
+
+
+@dataclass(frozen=True)
+class KeptPlan:
+    """The plan in a painting's folder, and its entry in the journal; foreign: whether the journal knows another."""
+
+    plan: Plan
+    planning: Planning
+    foreign: bool
+
+
+def kept_plan(folder: Path, history: History) -> KeptPlan | None:
+    """The plan by which a painting goes on; None where it broke off before there was one.
+
+    Raises PlanError where it is damaged, or can be no plan of this painting.
+    """
+    if not history.plannings or (history.painted == 0 and not (folder / PLAN).exists()):
+        return None
+    plan = Plan.load(folder)
+    last = history.plannings[-1]
+    if plan.digest == last.digest:
+        return KeptPlan(plan, last, foreign=False)
+    # It was noted that the rest was planned again, and there the painting broke off.
+    earlier = [planning for planning in history.plannings if planning.digest != last.digest]
+    unpainted = history.painted == last.done and history.in_doubt is None
+    if earlier and unpainted and plan.digest == earlier[-1].digest:
+        return KeptPlan(plan, earlier[-1], foreign=False)
+    if len(plan) <= history.painted:
+        raise PlanError(
+            f"{folder / PLAN} has {len(plan)} strokes, of which {history.painted} are painted already; "
+            "bring the plan of this painting back."
+        )
+    return KeptPlan(plan, Planning(plan.digest, last.done, last.photograph, last.placement), foreign=True)
+
+
+def changes(
+    history: History, settings: Mapping[str, Any], rests_on: Mapping[str, str], kept: KeptPlan | None
+) -> list[str]:
+    """What is not as it was when the painting was begun, one line each: what, what it was, what it is."""
+    lines = [
+        f"{name}: it was {history.settings.get(name)!r}, and is {settings.get(name)!r}"
+        for name in sorted({*history.settings, *settings})
+        if history.settings.get(name) != settings.get(name)
+    ]
+    lines += [
+        f"{name}: it was {_short(history.rests_on.get(name))}, and is {_short(rests_on.get(name))}"
+        for name in sorted({*history.rests_on, *rests_on})
+        if history.rests_on.get(name) != rests_on.get(name)
+    ]
+    if kept is not None and kept.foreign:
+        noted = history.plannings[-1].digest
+        lines.append(f"plan: it was {_short(noted)}, and is {_short(kept.plan.digest)}, of {len(kept.plan)} strokes")
+    return lines
+
+
+def settled_changes(history: History, settings: Mapping[str, Any]) -> list[str]:
+    """Names of settings that were changed and cannot be, once there is a plan."""
+    return [name for name in _SETTLED if history.settings.get(name) != settings.get(name)]
+
+
+def light(history: History) -> FlatField | None:
+    """The light of the room as it was learned from the bare canvas; None before the first look."""
+    return FlatField(torch.tensor(history.light)) if history.light is not None else None
+
+
+def seen_before(folder: Path, kept: KeptPlan, eye: Eye) -> Tensor | None:
+    """The canvas [3, H, W] as the plan was made for it, seen again in its photograph; None where that is lost."""
+    if kept.planning.photograph is None:
+        return None
+    try:
+        photograph = images.load_exactly(folder / kept.planning.photograph)
+        return eye.see(photograph, PHOTOGRAPH_ROWS)
+    except (ImageError, FrameRejected):
+        return None
+
+
+def _short(digest: str | None) -> str:
+    """The beginning of a hash, by which people tell two apart."""
+    return "none" if digest is None else digest[:12]

@@ -1,0 +1,175 @@
+"""Paintings from the command line that are killed, and the command that goes on with them."""
+
+import io
+import json
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from PIL import Image
+from skimage import data
+
+from frida_painter import cli
+from frida_painter.brush.table import StrokeTable, TableDetail
+from frida_painter.plan import Plan
+from frida_painter.session.history import History
+from frida_painter.session.logbook import Logbook
+from killing import began, kill_when
+
+STROKES = 10
+SMALL = ("--canvas", "120x90mm", "--render-height", "64", "--effort", "0.05", "--brush", "fine", "--colors", "3")
+Resume = Callable[..., tuple[int, str]]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _coarse_brush(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        coarse = SimpleNamespace(of=lambda model: StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8)))
+        patch.setattr("frida_painter.session.opening.StrokeTable", coarse)
+        yield
+
+
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a painting of ten strokes that was killed in its seventh."""
+    place = tmp_path_factory.mktemp("killed")
+    Image.fromarray(data.coffee()).resize((300, 200)).save(place / "coffee.jpg")
+    words = ("paint", place / "coffee.jpg", "--strokes", STROKES, "--replans", 1, *SMALL, "--out", place / "painting")
+
+    def paint() -> None:
+        sys.argv = ["frida-painter", *map(str, words)]
+        cli.main()
+
+    kill_when(place / "painting" / "journal", began(7), paint)
+    (place / "coffee.jpg").unlink()
+    return place / "painting"
+
+
+@pytest.fixture
+def painting(killed: Path, tmp_path: Path) -> Path:
+    shutil.copytree(killed, tmp_path / "painting")
+    return tmp_path / "painting"
+
+
+@pytest.fixture
+def resume(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], painting: Path) -> Resume:
+    """resume(word, ..., typed=): exit status, and all that was said; `typed` is what the person answers."""
+    monkeypatch.chdir(painting.parent)
+
+    def resuming(*words: object, typed: str = "") -> tuple[int, str]:
+        monkeypatch.setattr("sys.argv", ["frida-painter", "resume", *map(str, words)])
+        monkeypatch.setattr("sys.stdin", io.StringIO(typed))
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        told = capsys.readouterr()
+        return int(end.value.code or 0), told.out + told.err
+
+    return resuming
+
+
+def told(folder: Path) -> History:
+    return History.of(Logbook.read(folder / "journal"), folder)
+
+
+def test_it_shows_what_was_done_and_does_nothing_by_itself(resume: Resume, painting: Path) -> None:
+    before = {path: path.read_bytes() for path in painting.rglob("*") if path.is_file()}
+    status, said = resume("painting", typed="n\n")
+    assert status == 2 and "Nothing was moved" in said
+    assert "Coffee: 6 of 10 strokes on a canvas of 120 x 90 mm, painted in one sitting of" in said
+    assert "Stroke 7 was begun, and nothing tells whether it was painted." in said
+    assert "painting/photographs/look-0001.png" in said
+    assert {path: path.read_bytes() for path in painting.rglob("*") if path.is_file()} == before
+    status, said = resume("painting")
+    assert status == 2 and "Nobody answered" in said and "--yes" in said
+
+
+def test_a_killed_painting_is_finished_and_its_story_is_whole(resume: Resume, painting: Path) -> None:
+    status, said = resume("painting", typed="perhaps\ny\n\n")
+    assert status == 0, said
+    assert "Type y or n." in said and "paint stroke 7 again? [y/N]" in said and "10 strokes in " in said
+    history = told(painting)
+    assert history.finished and history.given_up == [7] and history.sittings == 2
+    result = json.loads((painting / "result.json").read_text())
+    assert result["strokes_painted"] == 10 and result["sittings"] == 2 and result["strokes_given_up"] == [7]
+    assert [look["strokes"] for look in result["looks"]] == [5] and result["settings"]["photo"] == "coffee.jpg"
+    assert result["plan_digest"] == Plan.load(painting).digest
+    assert set(result["files"]) == {path.name for path in painting.iterdir()}
+    page = (painting / "index.html").read_text()
+    assert "Strokes given up" in page and "film.mp4" in page and "look-1-photograph.jpg" in page
+    status, said = resume("painting", "--yes")
+    assert status == 0 and "This painting is finished: 10 strokes" in said
+
+
+def test_in_scripts_the_stroke_in_doubt_is_painted_again_only_where_that_is_said(
+    resume: Resume, painting: Path
+) -> None:
+    status, _ = resume("painting", "--yes", "--repaint")
+    assert status == 0
+    strokes = [
+        one["stroke"] for one in Logbook.read(painting / "journal") if one["kind"] == "ended" and "stroke" in one
+    ]
+    assert strokes == list(range(1, 11)) and told(painting).given_up == []
+    with Image.open(painting / "now.png") as picture:
+        assert picture.width > picture.height > 700
+
+
+def test_f33_what_was_changed_is_shown_and_refused_until_it_is_accepted(resume: Resume, painting: Path) -> None:
+    settings = painting / "settings.json"
+    settings.write_text(settings.read_text().replace('"effort": 0.05', '"effort": 0.06'))
+    Image.new("RGB", (64, 64), "blue").save(painting / "goal" / "1" / "coffee.jpg")
+    plan = Plan.load(painting)
+    plan.part(slice(1, None)).followed_by(plan.part(slice(1))).save(painting / "plan.json")
+    status, said = resume("painting", "--yes")
+    assert status == 2 and "effort: it was 0.05, and is 0.06" in said and "goal: it was " in said
+    assert f"plan: it was {plan.digest[:12]}, and is " in said and "--accept-changes" in said
+    assert told(painting).sittings == 1
+    status, said = resume("painting", "--yes", "--accept-changes")
+    assert status == 0 and told(painting).finished
+
+
+def test_f33_what_is_painted_cannot_become_something_else(resume: Resume, painting: Path) -> None:
+    settings = painting / "settings.json"
+    settings.write_text(settings.read_text().replace('"strokes": 10', '"strokes": 12'))
+    status, said = resume("painting", "--yes", "--accept-changes")
+    assert status == 2 and "strokes: it was 10, and is 12" in said and "strokes cannot be changed any more" in said
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (lambda folder: shutil.rmtree(folder), "is not the folder of a painting"),
+        (lambda folder: (folder / "journal").unlink(), "is not the folder of a painting"),
+        (lambda folder: (folder / "journal").write_bytes(b""), "not a journal"),
+        (lambda folder: (folder / "settings.json").unlink(), "settings.json does not exist"),
+        (lambda folder: (folder / "settings.json").write_text("{"), "does not hold the settings"),
+        (lambda folder: (folder / "settings.json").write_text('{"film": 3}'), "does not hold the settings"),
+        (lambda folder: (folder / "plan.json").write_text("{"), "plan.json is not a plan"),
+        (lambda folder: next(folder.glob("plan-*.safetensors")).write_bytes(b"PK"), "is not the file that belongs to"),
+        (lambda folder: (folder / "goal" / "goal.toml").unlink(), "goal: it was"),
+        (lambda folder: (folder / "studio.jsonl").write_text("{}\n"), "studio.jsonl is damaged"),
+        (lambda folder: change_middle(folder / "journal"), "was changed after it was written"),
+    ],
+)
+def test_what_is_no_painting_any_more_is_refused_with_a_sentence(
+    resume: Resume, painting: Path, spoil: Callable[[Path], object], says: str
+) -> None:
+    spoil(painting)
+    status, said = resume("painting", "--yes")
+    assert status == 2 and says in said.replace("\n", " ") and "Traceback" not in said
+    assert len(said.splitlines()) < 12
+
+
+def change_middle(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+def test_a_painting_that_another_process_works_on_is_left_to_it(resume: Resume, painting: Path) -> None:
+    with Logbook(painting / "journal"):
+        status, said = resume("painting", "--yes")
+    assert status == 2 and "being written by another process" in said
