@@ -15,6 +15,7 @@ from frida_painter.cli.models import build as models
 from frida_painter.cli.painting import register
 from frida_painter.cli.resume import register as register_resume
 from frida_painter.cli.strokes import build as strokes
+from frida_painter.cli.studio import register as register_studio
 from frida_painter.errors import FridaError, PaintingPaused
 
 _PAUSED = 3
@@ -39,6 +40,7 @@ def build() -> typer.Typer:
     register_calibration(app)
     register_check(app)
     register_mix(app)
+    register_studio(app)
     app.add_typer(strokes(), name="strokes")
     app.add_typer(models(), name="models")
     app.add_typer(experiments(), name="experiments")

@@ -1,0 +1,78 @@
+"""The command that opens the studio: a web page on which a person and the robot paint together."""
+
+import ipaddress
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from frida_painter.cli.numbers import whole_number_within
+from frida_painter.errors import ConfigError
+from frida_painter.web.access import Role
+from frida_painter.web.server import LOCAL, listen, serve
+from frida_painter.web.shelf import Shelf
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("studio")(studio)
+
+
+def studio(
+    folder: Annotated[Path, typer.Option(metavar="FOLDER", help="Where paintings are kept.")] = Path("paintings"),
+    port: Annotated[
+        int, typer.Option(parser=whole_number_within(0, 65535), metavar="N", help="The port; 0 takes a free one.")
+    ] = 8350,
+    address: Annotated[
+        str,
+        typer.Option(
+            metavar="IP",
+            help="Listen on this address of this machine. Whoever can reach it and has the link can move the robot, "
+            "and the link can be read on the way: only inside a network that you trust, or through a tunnel.",
+        ),
+    ] = LOCAL,
+    name: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="HOST", help="A name by which browsers call that address, like easel.local. May be repeated."
+        ),
+    ] = None,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
+) -> None:
+    """Open the studio: a page on which you say what to paint, see the plan, and paint together with the robot.
+
+    It can be reached from this machine only, with the address that is printed.
+    """
+    _require_address(address)
+    shelf = Shelf(folder.absolute())
+
+    def tell(links: dict[Role, str]) -> None:
+        print(f"The studio is open: {links[Role.operate]}", flush=True)
+        print(f"  to plan, without starting the robot:  {links[Role.plan]}")
+        print(f"  only to watch:                        {links[Role.watch]}")
+        print(
+            f"Paintings are kept in {shelf.root}. Ctrl-C closes the studio; a painting that is being painted goes on."
+        )
+        if address != LOCAL:
+            print(
+                f"It listens on {address}: whoever has one of these links can use it, and on the way they can be read "
+                "(there is no encryption). Better: an SSH tunnel to this machine.",
+                flush=True,
+            )
+        if browser:
+            webbrowser.open(links[Role.operate])
+
+    serve(shelf, listen(address, port), tuple(name or ()), tell)
+
+
+def _require_address(address: str) -> None:
+    try:
+        known = ipaddress.ip_address(address)
+    except ValueError as error:
+        raise ConfigError(f"--address was given {address[:60]!r}; it is an IP address of this machine.") from error
+    if known.is_unspecified:
+        raise ConfigError(
+            f"--address {address} would listen on all networks that this machine is in; give the one address that "
+            "is meant."
+        )

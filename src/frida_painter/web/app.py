@@ -1,0 +1,77 @@
+"""The studio's web application: routes put together, errors made into sentences, the door and the limits before it."""
+
+import secrets
+import sys
+import traceback
+from pathlib import Path
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse, JSONResponse
+from fastapi.staticfiles import StaticFiles
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp
+
+from frida_painter.errors import FridaError, Interrupted
+from frida_painter.web import gallery, goals, painting, stopping
+from frida_painter.web.access import Door, Keys
+from frida_painter.web.limits import Bucket, Limits
+from frida_painter.web.shelf import Shelf
+from frida_painter.web.watch import Watch
+from frida_painter.web.workers import Workers
+
+_STATIC = Path(__file__).parent / "static"
+
+
+def application(shelf: Shelf) -> FastAPI:
+    """The routes alone, for those who are already inside."""
+    app = FastAPI(title="frida-painter studio", docs_url=None, redoc_url=None, openapi_url=None)
+    app.state.shelf, app.state.watch, app.state.workers = shelf, Watch(), Workers()
+    for part in (stopping, goals, painting, gallery):
+        app.include_router(part.router)
+
+    @app.get("/", include_in_schema=False)
+    def page() -> FileResponse:
+        """The page."""
+        return FileResponse(_STATIC / "index.html")
+
+    app.mount("/static", StaticFiles(directory=_STATIC), name="static")
+    app.add_exception_handler(FridaError, _mendable)
+    app.add_exception_handler(HTTPException, _refused)
+    app.add_exception_handler(RequestValidationError, _not_understood)
+    app.add_exception_handler(Exception, _unforeseen)
+    return app
+
+
+def guarded(app: ASGIApp, keys: Keys, hosts: frozenset[str], cookie: str) -> ASGIApp:
+    """The application behind its door and limits, to be served."""
+    return Door(Limits(app, "/api/pictures", Bucket(rate=40, most=200)), keys, hosts, cookie)
+
+
+def _mendable(request: Request, error: Exception) -> JSONResponse:
+    shelf: Shelf = request.app.state.shelf
+    sentence = str(error).replace(str(shelf.root), "the studio's folder")
+    return JSONResponse({"sentence": sentence}, 409 if isinstance(error, Interrupted) else 422)
+
+
+def _refused(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, HTTPException)
+    return JSONResponse({"sentence": error.detail}, error.status_code, error.headers)
+
+
+def _not_understood(request: Request, error: Exception) -> JSONResponse:
+    """What is wrong with what was sent, without giving any of it back."""
+    assert isinstance(error, RequestValidationError)
+    first = error.errors()[0]
+    own = str(first["msg"]).removeprefix("Value error, ")
+    name = ".".join(str(part) for part in first["loc"] if isinstance(part, int) or str(part).isidentifier())[:80]
+    sentence = own if first["type"] == "value_error" else f"{own} ({name})."
+    return JSONResponse({"sentence": sentence}, 422)
+
+
+def _unforeseen(request: Request, error: Exception) -> JSONResponse:
+    mark = secrets.token_hex(4)
+    print(mark, "".join(traceback.format_exception(error)), file=sys.stderr)
+    return JSONResponse(
+        {"sentence": f"Something went wrong that should not have; its number in the log is {mark}."}, 500
+    )

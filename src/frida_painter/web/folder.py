@@ -1,0 +1,163 @@
+"""The folder of one painting, as the page and its worker share it: who writes what, and under which name.
+
+The page writes wishes, commands and the stop file; the worker everything else. All names are ours.
+"""
+
+import fcntl
+import os
+import re
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from frida_painter import storage
+from frida_painter.errors import StorageError
+from frida_painter.session.easels import STOP_FILE
+from frida_painter.web.wish import Wish
+
+_SHOWN = re.compile(r"[a-z][a-z0-9-]{0,60}\.(png|jpg|mp4|json|svg|csv|gcode|html)")
+_MOST_PLANS = 24
+
+
+@dataclass(frozen=True)
+class PlanFolder:
+    """What belongs to one plan of a painting: the wish that it came from, the plan, and pictures of it."""
+
+    path: Path
+
+    @property
+    def number(self) -> int:
+        """Plans are numbered from 1."""
+        return int(self.path.name)
+
+    @property
+    def goal(self) -> Path:
+        """The goal file (TOML), with its pictures beside it."""
+        return self.path / "goal.toml"
+
+    @property
+    def plan(self) -> Path:
+        """The plan's own file."""
+        return self.path / "plan.json"
+
+    def wish(self) -> Wish:
+        """What was asked for. Raises StorageError."""
+        record = storage.read_json(self.path / "wish.json", "what a person wished")
+        try:
+            return Wish.model_validate(record["wish"])
+        except (KeyError, ValidationError) as cause:
+            raise StorageError("What was wished for this plan is damaged; make another plan.") from cause
+
+
+@dataclass(frozen=True)
+class PaintingFolder:
+    """The folder of one painting."""
+
+    path: Path
+
+    @property
+    def feed(self) -> Path:
+        """What happens, line by line; the worker's."""
+        return self.path / "feed.jsonl"
+
+    @property
+    def commands(self) -> Path:
+        """What the painter is told, line by line; the page's."""
+        return self.path / "commands.jsonl"
+
+    @property
+    def stop(self) -> Path:
+        """Where this file is, the worker stops."""
+        return self.path / "stop"
+
+    @property
+    def robot_stop(self) -> Path:
+        """Where this file appears, the process that owns the robot stops it, whatever the worker does."""
+        return self.painting / STOP_FILE
+
+    def stop_now(self) -> None:
+        """Stops everything that is being done for this painting. Raises OSError."""
+        if self.painting.is_dir():
+            self.robot_stop.touch()
+        self.stop.touch()
+
+    @property
+    def painting(self) -> Path:
+        """What the painting itself leaves: plan, journal, photographs, film, page; as on the command line."""
+        return self.path / "painting"
+
+    @property
+    def live(self) -> Path:
+        """Pictures that are shown while something is being done."""
+        return self.path / "live"
+
+    def plans(self) -> list[PlanFolder]:
+        """All plans, finished or not, in order."""
+        found = (entry for entry in (self.path / "plans").glob("*") if entry.name.isdecimal())
+        return sorted(map(PlanFolder, found), key=lambda folder: folder.number)
+
+    def plan(self, number: int) -> PlanFolder:
+        """The folder of plan `number`, whether it is there or not."""
+        return PlanFolder(self.path / "plans" / str(number))
+
+    def begin_plan(self, wish: Wish, pictures: Path) -> PlanFolder:
+        """A new plan's folder with the wish and copies of its `pictures`. Raises StorageError."""
+        number = max((folder.number for folder in self.plans()), default=0) + 1
+        if number > _MOST_PLANS:
+            raise StorageError(f"There are {_MOST_PLANS} plans already; choose one of them, or begin a new painting.")
+        plan = self.plan(number)
+        storage.new_folder(plan.path)
+        for name in wish.pictures:
+            if not (pictures / f"{name}.png").is_file():
+                raise StorageError("A picture of this goal is gone; choose it again.")
+            shutil.copyfile(pictures / f"{name}.png", plan.path / f"{name}.png")
+        storage.write_text(plan.goal, wish.toml)
+        storage.write_json(plan.path / "wish.json", {"wish": wish.model_dump(mode="json")})
+        return plan
+
+    def shown(self, place: str, name: str) -> Path | None:
+        """The file `name` of a place ("live", "painting", or a plan's number); None where nothing is to be shown."""
+        if not (place in ("live", "painting") or re.fullmatch(r"[1-9]\d?", place)) or not _SHOWN.fullmatch(name):
+            return None
+        folder = self.plan(int(place)).path if place.isdecimal() else self.path / place
+        path = (folder / name).resolve()
+        return path if path.is_file() and path.is_relative_to(self.path.resolve()) else None
+
+
+class WorkerLock:
+    """Held by the one process that works on a painting; free as soon as it ends, however it ends.
+
+    Whoever starts that process takes the lock and hands it on, so that there is no moment in between.
+    """
+
+    def __init__(self, folder: PaintingFolder) -> None:
+        self._file = os.open(folder.path / ".worker", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+
+    def take(self) -> bool:
+        """Whether it was free, and is held from now on."""
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True
+
+    def fileno(self) -> int:
+        """What a child process needs to hold it too."""
+        return self._file
+
+    def release(self) -> None:
+        """Lets others have it."""
+        os.close(self._file)
+
+
+def working(folder: PaintingFolder) -> bool:
+    """Whether a worker is at work on the painting now."""
+    if not (folder.path / ".worker").exists():
+        return False
+    lock = WorkerLock(folder)
+    try:
+        return not lock.take()
+    finally:
+        lock.release()

@@ -1,0 +1,81 @@
+"""Routes for saying what is wanted: pictures, wishes, plans."""
+
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from fastapi import APIRouter, HTTPException, Path, Request
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import FileResponse
+
+from frida_painter.web import uploads
+from frida_painter.web.abilities import abilities
+from frida_painter.web.feed import Feed
+from frida_painter.web.requests import AnySession, Planning, TheShelf, TheWorkers, ThisPainting
+from frida_painter.web.shelf import Entry, Shelf
+from frida_painter.web.wish import Wish
+from frida_painter.web.workers import Workers
+
+router = APIRouter(prefix="/api")
+
+
+@router.get("/studio")
+def studio(session: AnySession) -> dict[str, Any]:
+    """What the page needs to know of this studio, and the sign that its requests carry."""
+    return {"csrf": session.csrf, "role": session.role.name, "abilities": abilities()}
+
+
+@router.post("/pictures")
+async def give_picture(request: Request, session: Planning, shelf: TheShelf) -> dict[str, str]:
+    """Takes a picture, the plain bytes of its file, and gives it an id."""
+    content = await request.body()
+    return {"id": await run_in_threadpool(uploads.keep, content, shelf.pictures)}
+
+
+@router.get("/pictures/{picture}")
+def show_picture(picture: Annotated[str, Path(max_length=64)], shelf: TheShelf) -> FileResponse:
+    """A picture that was given."""
+    path = shelf.pictures / f"{picture}.png"
+    if not re.fullmatch(r"[0-9a-f]{32}", picture) or not path.is_file():
+        raise HTTPException(404, "There is no such picture.")
+    return FileResponse(path, headers={"Content-Disposition": "attachment", "Cache-Control": "private, max-age=86400"})
+
+
+@router.post("/paintings")
+def begin(wish: Wish, session: Planning, shelf: TheShelf, workers: TheWorkers) -> Mapping[str, str]:
+    """Begins a painting, and its first plan."""
+    _require_pictures(wish, shelf)
+    entry = shelf.begin(wish.title or "Untitled")
+    _plan(entry, wish, shelf, workers)
+    return {"id": entry.id}
+
+
+@router.post("/paintings/{identifier}/plans")
+def plan_again(
+    wish: Wish, entry: ThisPainting, session: Planning, shelf: TheShelf, workers: TheWorkers
+) -> Mapping[str, str]:
+    """Has another plan made for a painting, of the same wish or another."""
+    _require_pictures(wish, shelf)
+    _plan(entry, wish, shelf, workers)
+    return {"id": entry.id}
+
+
+def _require_pictures(wish: Wish, shelf: Shelf) -> None:
+    if not all((shelf.pictures / f"{name}.png").is_file() for name in wish.pictures):
+        raise HTTPException(422, "A picture of this goal is gone; choose it again.")
+    missing = [kind for kind in {term.kind for term in (*wish.terms, *wish.initial)} if not abilities()[kind]["ready"]]
+    if missing:
+        raise HTTPException(422, abilities()[missing[0]]["advice"])
+
+
+def _plan(entry: Entry, wish: Wish, shelf: Shelf, workers: Workers) -> None:
+    folder = entry.folder
+    with workers.place_at(folder) as place:
+        folder.stop.unlink(missing_ok=True)
+        plan = folder.begin_plan(wish, shelf.pictures)
+        feed = Feed(folder)
+        feed.tell("wished", plan=plan.number, wish=wish.model_dump(mode="json"))
+        feed.close()
+        if wish.title and wish.title != entry.title:
+            shelf.rename(entry.id, wish.title)
+        place.start("plan", plan)

@@ -1,0 +1,69 @@
+"""What routes need of a request: who asks, which painting is meant, and whether they may do that."""
+
+from typing import Annotated
+
+from fastapi import Depends, HTTPException, Path, Request
+
+from frida_painter.web.access import Role, Session
+from frida_painter.web.shelf import Entry, Shelf
+from frida_painter.web.watch import Watch
+from frida_painter.web.workers import Workers
+
+
+def session_of(request: Request) -> Session:
+    """Whoever asks; the door has let them in."""
+    session: Session = request.state.session
+    return session
+
+
+def shelf_of(request: Request) -> Shelf:
+    """The shelf of this studio."""
+    shelf: Shelf = request.app.state.shelf
+    return shelf
+
+
+def watch_of(request: Request) -> Watch:
+    """Those who watch."""
+    watch: Watch = request.app.state.watch
+    return watch
+
+
+def workers_of(request: Request) -> Workers:
+    """Those who work."""
+    workers: Workers = request.app.state.workers
+    return workers
+
+
+def painting_of(identifier: Annotated[str, Path(max_length=64)], shelf: Annotated[Shelf, Depends(shelf_of)]) -> Entry:
+    """The painting that is meant. Answers 404 where there is none."""
+    entry = shelf.find(identifier)
+    if entry is None:
+        raise HTTPException(404, "There is no such painting; it may have been deleted.")
+    return entry
+
+
+def may_plan(session: Annotated[Session, Depends(session_of)]) -> Session:
+    """Answers 403 to those who may only watch."""
+    return _require(session, Role.plan)
+
+
+def may_operate(session: Annotated[Session, Depends(session_of)]) -> Session:
+    """Answers 403 to those who may not have the robot move."""
+    return _require(session, Role.operate)
+
+
+def _require(session: Session, role: Role) -> Session:
+    if session.role < role:
+        raise HTTPException(
+            403, "You may watch here, but not do that; ask whoever started the studio for another link."
+        )
+    return session
+
+
+AnySession = Annotated[Session, Depends(session_of)]
+Planning = Annotated[Session, Depends(may_plan)]
+Operating = Annotated[Session, Depends(may_operate)]
+ThisPainting = Annotated[Entry, Depends(painting_of)]
+TheShelf = Annotated[Shelf, Depends(shelf_of)]
+TheWatch = Annotated[Watch, Depends(watch_of)]
+TheWorkers = Annotated[Workers, Depends(workers_of)]

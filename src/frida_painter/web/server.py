@@ -1,0 +1,60 @@
+"""Serving the studio: on which address, with which tokens, and what is printed about it."""
+
+import socket
+from collections.abc import Callable
+
+import uvicorn
+
+from frida_painter.errors import ConfigError
+from frida_painter.web.access import Keys, Role
+from frida_painter.web.app import application, guarded
+from frida_painter.web.shelf import Shelf
+
+LOCAL = "127.0.0.1"
+
+
+def listen(address: str, port: int) -> socket.socket:
+    """A socket on that address; port 0 takes a free one. Raises ConfigError where that cannot be had."""
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((address, port))
+    except OSError as error:
+        listening.close()
+        raise ConfigError(
+            f"--address {address} --port {port} cannot be used ({error.strerror}); give another one; "
+            "port 0 takes one that is free."
+        ) from error
+    return listening
+
+
+def hosts(address: str, port: int, names: tuple[str, ...] = ()) -> frozenset[str]:
+    """The names by which browsers may call a studio on that address."""
+    known = {f"[{address}]" if ":" in address else address, *names}
+    if address in (LOCAL, "::1"):
+        known.add("localhost")
+    return frozenset(f"{name}:{port}" for name in known)
+
+
+def serve(
+    shelf: Shelf, listening: socket.socket, names: tuple[str, ...], tell: Callable[[dict[Role, str]], None]
+) -> None:
+    """Serves the studio until it is interrupted; `tell` hears the address for each role once it can be opened."""
+    address, port = listening.getsockname()[:2]
+    known = hosts(address, port, names)
+    keys = Keys()
+    first = f"{names[0]}:{port}" if names else sorted(known)[0]
+    config = uvicorn.Config(
+        guarded(application(shelf), keys, known, f"studio-{port}"),
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        timeout_keep_alive=10,
+        timeout_graceful_shutdown=2,
+        ws="none",
+        h11_max_incomplete_event_size=32 * 1024,
+    )
+    server = uvicorn.Server(config)
+    tell({role: f"http://{first}/?token={token}" for role, token in keys.tokens.items()})
+    server.run(sockets=[listening])

@@ -1,0 +1,48 @@
+// Speaking to the studio. Whatever goes wrong becomes an Error whose message is a sentence to show.
+
+let csrf = "";
+
+const OFFLINE = "The studio does not answer. Look whether it is still running in its terminal.";
+
+async function answer(promise) {
+  let response;
+  try {
+    response = await promise;
+  } catch {
+    throw new Error(OFFLINE);
+  }
+  const body = await response.json().catch(() => ({}));
+  if (!response.ok) throw new Error(typeof body.sentence === "string" ? body.sentence : `The studio refused (${response.status}).`);
+  return body;
+}
+
+/** What the studio can do, and who we are; to be asked first. */
+export async function enter() {
+  const studio = await answer(fetch("/api/studio"));
+  csrf = studio.csrf;
+  return studio;
+}
+
+export const get = (path) => answer(fetch(path));
+
+export const post = (path, record = {}) =>
+  answer(fetch(path, { method: "POST", headers: { "Content-Type": "application/json", "X-CSRF-Token": csrf }, body: JSON.stringify(record) }));
+
+/** Gives a picture (File or Blob) to the studio; returns its id. */
+export async function upload(blob) {
+  if (blob.size > 32 * 2 ** 20) throw new Error("This file is larger than 32 MB; make the picture smaller first.");
+  const headers = { "Content-Type": "application/octet-stream", "X-CSRF-Token": csrf };
+  return (await answer(fetch("/api/pictures", { method: "POST", headers, body: blob }))).id;
+}
+
+export const picture = (id) => `/api/pictures/${id}`;
+export const file = (painting, place, name) => `/paintings/${painting}/${place}/${name}`;
+
+/** Follows a painting: `hear` gets its state whenever it changes, `connected` whether the studio is there. */
+export function follow(id, hear, connected) {
+  const source = new EventSource(`/api/paintings/${id}/events`);
+  source.onmessage = (event) => hear(JSON.parse(event.data));
+  source.onopen = () => connected(true);
+  source.onerror = () => connected(false);
+  return () => source.close();
+}

@@ -1,0 +1,175 @@
+// "Say it": what shall be painted, and how.
+
+import * as api from "./api.js";
+import { shape } from "./canvasview.js";
+import { choices, count, h, show, slider } from "./dom.js";
+
+const KINDS = {
+  image: { label: "A picture", verb: "Paint this picture", button: "A photograph" },
+  style: { label: "A style", verb: "In the style of this picture", button: "A style" },
+  semantic: { label: "A meaning", verb: "What this picture shows, in the robot's own way", button: "A meaning" },
+};
+const WEIGHTS = [[0.2, "a hint"], [0.5, "a little"], [1, "normally"], [2, "strongly"], [5, "above all"]];
+const STROKES = [15, 30, 50, 80, 120, 160, 200, 250, 300, 400, 500, 650, 800, 1000];
+const SIZES = [["14 × 11 in", 355.6, 279.4], ["A4", 297, 210], ["A3", 420, 297], ["30 × 30 cm", 300, 300], ["20 × 20 cm", 200, 200]];
+const PRESETS = [
+  { label: "A quick study", strokes: 80, colors: 6, replans: 2, effort: 0.5 },
+  { label: "A painting", strokes: 300, colors: 12, replans: 4, effort: 1 },
+  { label: "A careful one", strokes: 800, colors: 16, replans: 8, effort: 1.5 },
+];
+
+export const fresh = () => ({
+  title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brush: "broad", replans: 4, effort: 1, seed: 0,
+});
+
+/** The form for a wish; `wish` is changed as the person goes, `changed` is called after that. */
+export function wishForm(house, wish, changed) {
+  const cards = h("ul", { class: "terms" });
+  const how = h("div", { class: "how" });
+  const chooser = h("input", { type: "file", accept: "image/*", hidden: true });
+  let kindToAdd = "image";
+
+  async function add(kind, blob) {
+    const id = await house.attempt(() => api.upload(blob));
+    if (!id) return;
+    wish.terms.push({ kind, picture: id, weight: 1 });
+    if (!wish.title && blob.name) wish.title = blob.name.replace(/\.[^.]*$/, "").replace(/[_-]+/g, " ").slice(0, 80);
+    await turnLike(id);
+    draw();
+    changed();
+  }
+
+  /** Puts the canvas upright or on its side so that it suits the first picture. */
+  async function turnLike(id) {
+    if (wish.terms.length !== 1) return;
+    const image = new Image();
+    image.src = api.picture(id);
+    await image.decode().catch(() => {});
+    const upright = image.naturalHeight > image.naturalWidth;
+    if (upright !== wish.height > wish.width) [wish.width, wish.height] = [wish.height, wish.width];
+  }
+
+  chooser.addEventListener("change", () => {
+    for (const blob of chooser.files) add(kindToAdd, blob);
+    chooser.value = "";
+  });
+
+  function adder(kind) {
+    const { ready, advice } = house.abilities[kind];
+    return h("button", {
+      type: "button", class: "add", disabled: !ready, title: advice,
+      onclick: () => { kindToAdd = kind; chooser.click(); },
+    }, `+ ${KINDS[kind].button}`);
+  }
+
+  function card(term) {
+    const place = WEIGHTS.reduce((best, [weight], index) => (Math.abs(Math.log(weight / term.weight)) < Math.abs(Math.log(WEIGHTS[best][0] / term.weight)) ? index : best), 0);
+    return h("li", {},
+      h("img", { src: api.picture(term.picture), alt: KINDS[term.kind].label }),
+      h("div", {},
+        h("p", {}, KINDS[term.kind].verb),
+        slider({ label: "This matters", min: 0, max: WEIGHTS.length - 1, value: place, words: (index) => WEIGHTS[index][1],
+          oninput: (index) => { term.weight = WEIGHTS[index][0]; changed(); } })),
+      h("button", { type: "button", class: "quiet remove", "aria-label": `Remove: ${KINDS[term.kind].label}`, title: "Remove",
+        onclick: () => { wish.terms.splice(wish.terms.indexOf(term), 1); draw(); changed(); } }, "×"));
+  }
+
+  function drawHow() {
+    const same = (preset) => ["strokes", "colors", "replans", "effort"].every((name) => preset[name] === wish[name]);
+    const nearest = STROKES.reduce((best, strokes, index) => (Math.abs(strokes - wish.strokes) < Math.abs(STROKES[best] - wish.strokes) ? index : best), 0);
+    const set = (name) => (value) => { wish[name] = value; changed(); };
+    show(how,
+      choices({ legend: "How thorough", name: "preset", value: PRESETS.findIndex(same),
+        options: PRESETS.map((preset, index) => ({ value: index, label: preset.label })),
+        onchange: (index) => { const { label, ...values } = PRESETS[index]; Object.assign(wish, values); drawHow(); changed(); } }),
+      h("details", { open: wish.detailsOpen, ontoggle: (event) => Object.defineProperty(wish, "detailsOpen", { value: event.target.open, writable: true, configurable: true, enumerable: false }) },
+        h("summary", {}, "In detail"),
+        slider({ label: "Strokes", min: 0, max: STROKES.length - 1, value: nearest, words: (index) => String(STROKES[index]), oninput: (index) => set("strokes")(STROKES[index]) }),
+        slider({ label: "Paints to mix", min: 1, max: 24, value: wish.colors, oninput: set("colors") }),
+        slider({ label: "Looks at the canvas", min: 0, max: 12, value: wish.replans, words: (looks) => (looks ? `${looks}, and plans again` : "none"), oninput: set("replans") }),
+        choices({ legend: "Brush", name: "brush", value: wish.brush, options: ["fine", "medium", "broad"].map((brush) => ({ value: brush, label: brush })), onchange: set("brush") }),
+        h("label", { class: "field" }, h("span", {}, "Canvas"), canvasChoice()),
+        h("label", { class: "field" }, h("span", {}, "Chance"), h("span", { class: "pair" },
+          h("input", { type: "number", min: 0, max: 2147483647, step: 1, value: wish.seed, onchange: (event) => { wish.seed = Math.max(0, Math.min(2147483647, Math.trunc(Number(event.target.value)) || 0)); event.target.value = wish.seed; changed(); } }),
+          h("small", {}, "Another number gives another painting")))));
+  }
+
+  function canvasChoice() {
+    const place = SIZES.findIndex(([, width, height]) => Math.abs(Math.max(width, height) - Math.max(wish.width, wish.height)) < 0.1 && Math.abs(Math.min(width, height) - Math.min(wish.width, wish.height)) < 0.1);
+    const turned = wish.height > wish.width;
+    const set = (index, upright) => {
+      const [, width, height] = SIZES[Math.max(0, index)];
+      [wish.width, wish.height] = upright ? [height, width] : [width, height];
+      changed();
+      drawHow();
+    };
+    return h("span", { class: "pair" },
+      h("select", { onchange: (event) => set(event.target.selectedIndex, turned) }, SIZES.map(([name], index) => h("option", { selected: index === place }, name))),
+      h("button", { type: "button", class: "quiet", onclick: () => set(place, !turned) }, "Turn"));
+  }
+
+  function draw() {
+    show(cards, wish.terms.map(card));
+    drawHow();
+  }
+
+  const element = h("div", { class: "wish" },
+    h("label", { class: "field title" }, h("span", {}, "Title"), h("input", { type: "text", maxLength: 80, value: wish.title, placeholder: "Untitled", oninput: (event) => { wish.title = event.target.value; } })),
+    cards,
+    h("div", { class: "adders", role: "group", "aria-label": "Add to what shall be painted" }, Object.keys(KINDS).filter((kind) => kind in house.abilities).map(adder)),
+    chooser, how);
+  draw();
+  return { element, add, redraw: draw };
+}
+
+/** The first view of a new painting. */
+export function composer(house) {
+  const wish = fresh();
+  const mount = h("div", { class: "mount drop" });
+  const button = h("button", { type: "button", class: "button wide", disabled: true, onclick: begin }, "Plan it");
+  const form = wishForm(house, wish, changed);
+
+  function changed() {
+    const title = form.element.querySelector(".title input");
+    if (title && !title.value && wish.title) title.value = wish.title;
+    shape(mount, wish);
+    const first = wish.terms.find((term) => term.kind === "image") ?? wish.terms[0];
+    show(mount, first
+      ? h("img", { src: api.picture(first.picture), alt: "What the canvas will be planned from" })
+      : h("p", {}, "Drop a photograph here, or choose one beside it."));
+    button.disabled = wish.terms.length === 0;
+  }
+
+  async function begin() {
+    button.disabled = true;
+    const begun = await house.attempt(() => api.post("/api/paintings", wish));
+    button.disabled = false;
+    if (begun) location.hash = `#/p/${begun.id}`;
+  }
+
+  mount.addEventListener("dragover", (event) => { event.preventDefault(); mount.classList.add("over"); });
+  mount.addEventListener("dragleave", () => mount.classList.remove("over"));
+  mount.addEventListener("drop", (event) => {
+    event.preventDefault();
+    mount.classList.remove("over");
+    for (const blob of event.dataTransfer.files) form.add("image", blob);
+  });
+  changed();
+  const element = h("section", { class: "workbench" },
+    steps("say"),
+    h("div", { class: "easel" }, mount, h("p", { class: "caption" }, "The canvas")),
+    h("aside", { class: "panel" }, h("h1", {}, "Say it"), h("p", {}, "Give the robot something to go by: one picture or several, each mattering as much as you like."), form.element, button));
+  return { element };
+}
+
+const STEPS = [["say", "Say it"], ["plan", "See the plan"], ["prepare", "Prepare"], ["paint", "Paint"], ["done", "Finished"]];
+
+/** Where one is on the way to a painting. */
+export function steps(current) {
+  const place = STEPS.findIndex(([name]) => name === current);
+  return h("ol", { class: "steps", "aria-label": "The way to a painting" }, STEPS.map(([, label], index) =>
+    h("li", { class: index < place ? "past" : "", "aria-current": index === place ? "step" : null }, label)));
+}
+
+/** What was wished, in a line. */
+export const summary = (wish) => `${count(wish.strokes, "stroke", "strokes")}, ${count(Math.min(wish.colors, wish.strokes), "paint", "paints")}, ${wish.brush} brush`;

@@ -1,0 +1,56 @@
+// "Finished": the painting, its film, what it was meant to be, and what to take along.
+
+import * as api from "./api.js";
+import { shape } from "./canvasview.js";
+import { summary } from "./composer.js";
+import { count, h, show } from "./dom.js";
+
+const FILES = [
+  ["painting.png", "The painting, photographed"], ["film.mp4", "The film"], ["palette.png", "The palette, to print"],
+  ["strokes.svg", "The strokes, for plotters and Inkscape (SVG)"], ["strokes.csv", "The strokes as a table (CSV)"], ["plan.json", "The plan"],
+];
+
+export function finishedStage(house, here, first) {
+  const { painting } = first;
+  const plan = first.plans.find((each) => each.number === painting.plan);
+  const { wish } = plan;
+  const whole = painting.kept;
+  const place = (name) => api.file(here.id, "painting", name);
+  const hero = h("div", { class: "mount" });
+  shape(hero, wish);
+  const best = whole ? place("painting.png") : painting.photograph && api.file(here.id, "live", painting.photograph);
+  show(hero, best ? h("img", { class: "picture", src: best, alt: `The painting: ${here.title}` }) : h("p", {}, "Nothing was photographed."));
+
+  const verdict = {
+    finished: `${count(painting.done, "stroke", "strokes")} are on the canvas.`,
+    stopped: `You stopped after ${count(painting.done, "stroke", "strokes")} of ${painting.of}. Look at the robot before anything else.`,
+    failed: `It broke off after ${count(painting.done, "stroke", "strokes")} of ${painting.of}.`,
+  }[painting.status];
+
+  async function again() {
+    const begun = await house.attempt(() => api.post("/api/paintings", { ...wish, title: here.title === "Untitled" ? "" : here.title }));
+    if (begun) location.hash = `#/p/${begun.id}`;
+  }
+
+  async function remove() {
+    if (!window.confirm(`Delete "${here.title}" with all its pictures, for good?`)) return;
+    const gone = await house.attempt(() => api.post(`/api/paintings/${here.id}/delete`));
+    if (gone) location.hash = "#/";
+  }
+
+  const compare = h("div", { class: "trio wide-trio" },
+    h("figure", {}, h("img", { src: api.file(here.id, plan.number, "plan.jpg"), alt: "The plan" }), h("figcaption", {}, "The plan")),
+    best ? h("figure", {}, h("img", { src: best, alt: "The canvas" }), h("figcaption", {}, "The canvas")) : null,
+    wish.terms.filter((term) => term.picture).slice(0, 1).map((term) => h("figure", {}, h("img", { src: api.picture(term.picture), alt: "What was wished" }), h("figcaption", {}, "What was wished"))));
+
+  const easel = h("div", { class: "easel" }, hero,
+    painting.film ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("film.mp4"), "aria-label": "Film of the painting, stroke by stroke, without sound" }) : null,
+    compare);
+  const panel = h("aside", { class: "panel" }, h("h1", {}, here.title || "Finished"), h("p", {}, verdict), h("p", { class: "label" }, summary(wish), `, chance ${wish.seed}`),
+    whole ? [h("h2", {}, "To take along"), h("ul", { class: "files" }, FILES.filter(([name]) => name !== "film.mp4" || painting.film).map(([name, label]) => h("li", {}, h("a", { href: place(name), download: name }, label))),
+      h("li", {}, h("a", { href: `/api/paintings/${here.id}/everything.zip`, download: "painting.zip" }, "Everything, with a page that tells the story (ZIP)")))] : null,
+    h("p", { class: "actions" },
+      h("button", { type: "button", class: "button second", disabled: house.role === "watch", onclick: again }, "Paint again"),
+      h("button", { type: "button", class: "quiet danger", disabled: house.role !== "operate", onclick: remove }, "Delete")));
+  return { elements: [easel, panel], update() {} };
+}

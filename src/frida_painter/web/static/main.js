@@ -1,0 +1,82 @@
+// The page as a whole: which view is shown, the stop button, notices.
+
+import * as api from "./api.js";
+import { composer } from "./composer.js";
+import { h, show } from "./dom.js";
+import { gallery } from "./gallery.js";
+import { painting } from "./painting.js";
+
+const view = document.getElementById("view");
+const noticeBoard = document.getElementById("notice");
+const connection = document.getElementById("connection");
+const stopButton = document.getElementById("stop");
+
+let studio = null;
+let leave = () => {};
+let noticeTimer = 0;
+
+/** Shows a sentence for a while. */
+function notice(sentence) {
+  show(noticeBoard, h("p", {}, sentence), h("button", { type: "button", class: "quiet", onclick: () => show(noticeBoard) }, "Close"));
+  clearTimeout(noticeTimer);
+  noticeTimer = setTimeout(() => show(noticeBoard), 12000);
+}
+
+/** Does something that may fail, and shows the sentence if it does. */
+async function attempt(work) {
+  try {
+    return await work();
+  } catch (error) {
+    notice(error.message);
+    return undefined;
+  }
+}
+
+const house = {
+  notice,
+  attempt,
+  get abilities() { return studio.abilities; },
+  get role() { return studio.role; },
+  connected(there) { connection.textContent = there ? "" : "No connection; trying again"; },
+  active(working) { stopButton.classList.toggle("live", working); },
+};
+
+async function route() {
+  leave();
+  house.active(false);
+  house.connected(true);
+  show(noticeBoard);
+  const [, place = "", id = ""] = location.hash.split("/");
+  const views = { "": gallery, new: composer, p: painting };
+  const page = views[place] ?? gallery;
+  for (const link of document.querySelectorAll(".bar nav a")) {
+    link.toggleAttribute("aria-current", link.getAttribute("href") === (place === "new" ? "#/new" : "#/") && place !== "p");
+  }
+  const { element, close } = page(house, id);
+  show(view, element);
+  leave = close ?? (() => {});
+  window.scrollTo(0, 0);
+}
+
+async function stop() {
+  stopButton.classList.add("pressed");
+  setTimeout(() => stopButton.classList.remove("pressed"), 1500);
+  const done = await attempt(() => api.post("/api/stop"));
+  if (done && done.stopped === 0) notice("Nothing is being done at the moment.");
+}
+
+let escaped = 0;
+stopButton.addEventListener("click", stop);
+document.addEventListener("keydown", (event) => {
+  if (event.key !== "Escape") return;
+  if (event.timeStamp - escaped < 700) stop();
+  escaped = event.timeStamp;
+});
+
+try {
+  studio = await api.enter();
+  window.addEventListener("hashchange", route);
+  await route();
+} catch (error) {
+  show(view, h("p", { class: "lede alone" }, error.message));
+}

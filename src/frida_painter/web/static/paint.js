@@ -1,0 +1,69 @@
+// "Paint": the live photograph beside the plan, stroke by stroke, and what every look has changed.
+
+import * as api from "./api.js";
+import { canvasView } from "./canvasview.js";
+import { duration, h, show } from "./dom.js";
+
+const WORDS = {
+  preparing: "getting ready", mixing: "the paints are being laid out", painting: "painting", planning: "looking, and planning the rest again",
+  paused: "paused", finishing: "putting the film and the page together", stopped: "stopped", finished: "finished", failed: "broken off",
+};
+
+export function paintStage(house, here, first) {
+  const wish = first.plans.find((plan) => plan.number === first.painting.plan).wish;
+  const photograph = canvasView(wish);
+  const plan = canvasView(wish);
+  const bar = h("progress", { max: 1, value: 0, "aria-label": "Strokes painted" });
+  const said = h("p", { class: "status", role: "status" });
+  const left = h("p", { class: "label" });
+  const looks = h("ol", { class: "looks" });
+  const easel = h("div", { class: "easel pair-of-canvases" },
+    h("figure", {}, photograph.element, h("figcaption", {}, "The canvas, photographed")),
+    h("figure", {}, plan.element, h("figcaption", {}, "The plan, with the stroke that comes next")));
+  const panel = h("aside", { class: "panel" }, h("h1", {}, "Paint"), bar, said, left, h("h2", {}, "What it saw"), looks);
+  let strokes = { key: "", paths: null, palette: [], from: 0, place: "", prefix: "" };
+  let shownLooks = "";
+
+  /** The strokes that are being painted: of the first plan, or of the one made at the last look. */
+  async function followPlan(state) {
+    const { painting } = state;
+    const made = painting.replanned;
+    const source = made
+      ? { key: made.prefix, place: "live", prefix: made.prefix, palette: made.palette, from: made.done, frames: made.frames }
+      : ((base) => ({ key: "first", place: base.number, prefix: base.made.prefix, palette: base.made.palette, from: 0, frames: base.made.frames }))(state.plans.find((each) => each.number === painting.plan));
+    if (source.key === strokes.key) return;
+    strokes = { ...source, paths: null };
+    strokes.paths = await api.get(api.file(here.id, source.place, `${source.prefix}strokes.json`)).catch(() => null);
+  }
+
+  function lookCard(look) {
+    const picture = (name, caption) => h("figure", {}, h("img", { src: api.file(here.id, "live", look[name]), alt: `${caption}, after ${look.done} strokes`, loading: "lazy" }), h("figcaption", {}, caption));
+    const gain = look.gain === undefined ? "" : look.gain > 0.005
+      ? `It planned the rest again, and means to come ${Math.round(100 * look.gain)} % nearer to the goal than without looking.`
+      : "All was as expected; the plan stays as it was.";
+    return h("li", {}, h("h3", {}, `After ${look.done} strokes`), gain ? h("p", {}, gain) : null,
+      h("div", { class: "trio" }, picture("expected", "Expected"), picture("seen", "Seen"), picture("difference", "Difference")));
+  }
+
+  function update(state) {
+    const { painting } = state;
+    bar.value = painting.of ? painting.done / painting.of : 0;
+    said.textContent = painting.status === "painting" ? `Stroke ${painting.done} of ${painting.of}` : `${painting.done ? `Stroke ${painting.done} of ${painting.of}: ` : ""}${WORDS[painting.status] ?? ""}`;
+    left.textContent = painting.left && painting.status !== "finishing" ? `about ${duration(painting.left)} left` : "";
+    if (painting.photograph) photograph.picture(api.file(here.id, "live", painting.photograph), `The canvas after ${painting.done} strokes`);
+    followPlan(state).then(() => {
+      const growing = painting.status === "planning" && painting.growing;
+      plan.picture(growing ? api.file(here.id, "live", painting.growing) : api.file(here.id, strokes.place, `${strokes.prefix}plan.jpg`), "The plan");
+      const index = painting.done - strokes.from;
+      const paint = strokes.paths && strokes.palette[strokes.paths.paint[index]];
+      plan.highlight(strokes.paths, painting.status === "painting" ? index : null, paint?.hex);
+    });
+    const key = JSON.stringify(painting.looks);
+    if (key !== shownLooks) {
+      shownLooks = key;
+      show(looks, painting.looks.length ? [...painting.looks].reverse().map(lookCard) : h("li", { class: "label" }, "It has not looked yet."));
+    }
+  }
+
+  return { elements: [easel, panel], update };
+}

@@ -1,0 +1,61 @@
+// One painting, from its first plan to the last stroke: follows the studio, and shows the stage it is at.
+
+import * as api from "./api.js";
+import { steps } from "./composer.js";
+import { h, show } from "./dom.js";
+import { finishedStage } from "./finished.js";
+import { paintStage } from "./paint.js";
+import { planStage } from "./plan.js";
+
+const STAGES = { plan: planStage, prepare: planStage, paint: paintStage, done: finishedStage };
+
+function stageOf(state) {
+  if (!state.painting) return "plan";
+  return !state.working && ["finished", "stopped", "failed"].includes(state.painting.status) ? "done" : "paint";
+}
+
+export function painting(house, id) {
+  const element = h("section", { class: "workbench" });
+  const trouble = h("div", { class: "trouble", role: "alert" });
+  let stage = null;
+  let name = "";
+  let step = "";
+  let title = "";
+  let last = null;
+
+  function go(steps) { step = steps; if (last) hear(last); }
+
+  function hear(state) {
+    last = state;
+    house.active(state.working);
+    const next = stageOf(state);
+    if (next !== name) {
+      stage?.close?.();
+      name = next;
+      step = next;
+      stage = STAGES[next](house, { id, get title() { return title; }, go }, state);
+    }
+    const shown = name === "plan" ? step : name;
+    if (element.dataset.step !== `${name}/${shown}`) {
+      element.dataset.step = `${name}/${shown}`;
+      show(element, steps(shown), trouble, ...stage.elements);
+    }
+    show(trouble, state.trouble ? h("p", {}, state.trouble) : null);
+    stage.update(state, shown);
+  }
+
+  let stopFollowing = () => {};
+  let closed = false;
+  house.attempt(async () => {
+    const state = await api.get(`/api/paintings/${id}`);
+    if (closed) return;
+    title = state.title;
+    document.title = `${title} · The studio`;
+    hear(state);
+    stopFollowing = api.follow(id, hear, house.connected);
+  });
+  return {
+    element,
+    close() { closed = true; stopFollowing(); stage?.close?.(); document.title = "The studio"; },
+  };
+}

@@ -1,0 +1,155 @@
+// "See the plan" and "Prepare": plans as they grow, side by side, stroke by stroke; then the palette to mix.
+
+import * as api from "./api.js";
+import { canvasView } from "./canvasview.js";
+import { summary, wishForm } from "./composer.js";
+import { count, duration, h, show } from "./dom.js";
+
+export function planStage(house, here, first) {
+  const canvas = canvasView(first.plans[0].wish);
+  const caption = h("p", { class: "caption" });
+  const scrub = h("input", { type: "range", min: 0, max: 1, value: 1, "aria-label": "Strokes painted so far" });
+  const scrubbing = h("div", { class: "scrub" }, scrub, h("output", {}));
+  const easel = h("div", { class: "easel" }, canvas.element, scrubbing, caption);
+  const panel = h("aside", { class: "panel" });
+  const others = h("ul", { class: "plans" });
+  const strokes = new Map();
+  let state = first;
+  let chosen = null;
+  let newest = 0;
+  let drawn = "";
+
+  const current = () => state.plans.find((plan) => plan.number === chosen);
+
+  scrub.addEventListener("input", () => scrubbed());
+
+  async function strokesOf(plan) {
+    if (!strokes.has(plan.number)) {
+      strokes.set(plan.number, null);
+      strokes.set(plan.number, await api.get(api.file(here.id, plan.number, `${plan.made.prefix}strokes.json`)).catch(() => null));
+    }
+    return strokes.get(plan.number);
+  }
+
+  async function scrubbed() {
+    const plan = current();
+    if (!plan?.made) return;
+    const done = Number(scrub.value);
+    const whole = done >= plan.made.strokes;
+    const frame = plan.made.frames.reduce((best, after) => (after <= done ? after : best), 0);
+    scrubbing.querySelector("output").textContent = `${done} of ${plan.made.strokes}`;
+    canvas.picture(api.file(here.id, plan.number, whole ? "plan.jpg" : `after-${frame}.jpg`), whole ? "The plan, as it will look" : `The canvas after ${done} strokes`);
+    const paths = await strokesOf(plan);
+    if (plan !== current() && plan.number !== chosen) return;
+    const paint = paths && done > 0 ? plan.made.palette[paths.paint[done - 1]] : null;
+    canvas.highlight(paths, whole || done === 0 ? null : done - 1, paint?.hex ?? "#000");
+  }
+
+  function choose(number) {
+    chosen = number;
+    const plan = current();
+    if (plan?.made) {
+      scrub.max = plan.made.strokes;
+      scrub.value = plan.made.strokes;
+    }
+    drawn = "";
+    update(state, "plan");
+  }
+
+  function planCard(plan) {
+    const picture = plan.made ? api.file(here.id, plan.number, "after-" + plan.made.frames.at(-1) + ".jpg") : plan.growing && api.file(here.id, plan.number, plan.growing);
+    const said = { planning: `${Math.round(100 * plan.share)} %`, ready: `${Math.round(100 * plan.nearer)} % of the way to the goal`, failed: "did not succeed", stopped: "stopped" }[plan.status];
+    return h("li", {}, h("button", { type: "button", "aria-pressed": String(plan.number === chosen), onclick: () => choose(plan.number) },
+      h("span", { class: "frame" }, picture ? h("img", { src: picture, alt: "" }) : h("span", { class: "bare" })),
+      h("strong", {}, `Plan ${plan.number}`), h("small", {}, said)));
+  }
+
+  async function another(wish) {
+    await house.attempt(() => api.post(`/api/paintings/${here.id}/plans`, wish));
+  }
+
+  function paletteList(plan) {
+    return h("ol", { class: "palette" }, plan.made.palette.map((paint) =>
+      h("li", {}, h("b", { style: { background: paint.hex } }), h("span", {}, h("strong", {}, String(paint.number)), ` ${paint.hex}`),
+        h("small", {}, `${count(paint.strokes, "stroke", "strokes")}, ${paint.share < 0.005 ? "hardly any" : Math.round(100 * paint.share) + " %"}`))));
+  }
+
+  function planning(plan) {
+    show(panel, h("h1", {}, "See the plan"),
+      h("p", {}, "The robot is thinking: it places strokes, moves them about and mixes colours, all in its head. Nothing moves yet."),
+      h("progress", { max: 1, "aria-label": "Planning" }), h("p", { class: "left label" }),
+      h("p", { class: "label" }, summary(plan.wish)));
+  }
+
+  function ready(plan) {
+    const again = { ...plan.wish, seed: (Math.max(...state.plans.map((other) => other.wish.seed)) + 1) % 2147483647 };
+    const wish = structuredClone(plan.wish);
+    const form = wishForm(house, wish, () => {});
+    show(panel, h("h1", {}, "See the plan"),
+      h("p", {}, "This is what the robot means to paint. Move the slider under the canvas to see stroke after stroke."),
+      plan.made ? h("button", { type: "button", class: "button wide", disabled: house.role !== "operate", onclick: () => here.go("prepare") }, `Take plan ${plan.number}`) : null,
+      h("h2", {}, "Not quite it?"),
+      h("p", {}, h("button", { type: "button", class: "button second", disabled: state.working || house.role === "watch", onclick: () => another(again) }, "Make another plan")),
+      h("details", {}, h("summary", {}, "Change what was said"), form.element, h("button", { type: "button", class: "button second wide", disabled: state.working || house.role === "watch", onclick: () => another(wish) }, "Plan it so")),
+      h("p", { class: "label" }, summary(plan.wish)),
+      plan.made ? [h("h2", {}, "The palette"), paletteList(plan)] : null);
+  }
+
+  function prepare(plan) {
+    const boxes = [];
+    const start = h("button", { type: "button", class: "button wide", disabled: true, onclick: () => {
+      start.disabled = true;
+      house.attempt(() => api.post(`/api/paintings/${here.id}/start`, { plan: plan.number, ready: true })).then((begun) => { if (!begun) start.disabled = false; });
+    } }, "Start painting");
+    const check = (text) => {
+      const box = h("input", { type: "checkbox", onchange: () => { start.disabled = !boxes.every((other) => other.checked); } });
+      boxes.push(box);
+      return h("label", { class: "check" }, box, h("span", {}, text));
+    };
+    show(panel, h("h1", {}, "Prepare"),
+      h("p", {}, `Mix ${count(plan.made.palette.length, "paint", "paints")} from light to dark and fill the wells in this order. (The virtual studio fills its own.)`),
+      paletteList(plan),
+      h("p", {}, h("a", { href: api.file(here.id, plan.number, "palette.png"), download: "palette.png" }, "The palette as a sheet to print")),
+      h("div", { class: "checks" }, check("A bare canvas is on the easel."), check("The paints are in their wells, water and rag beside them.")),
+      start,
+      h("p", {}, h("button", { type: "button", class: "quiet", onclick: () => here.go("plan") }, "Back to the plan")));
+  }
+
+  function update(next, step) {
+    state = next;
+    const last = state.plans.at(-1);
+    if (chosen === null || last.number > newest) {
+      newest = last.number;
+      chosen = last.number;
+    }
+    const plan = current();
+    const key = `${step}/${plan.number}/${plan.status}/${state.working}`;
+    if (key !== drawn) {
+      drawn = key;
+      if (plan.made) { scrub.max = plan.made.strokes; if (step === "prepare" || Number(scrub.value) <= 1) scrub.value = plan.made.strokes; }
+      if (step === "prepare" && plan.made) prepare(plan);
+      else if (plan.status === "planning" && state.working) planning(plan);
+      else ready(plan);
+      if (plan.made) scrubbed();
+    }
+    scrubbing.hidden = !plan.made || step === "prepare";
+    others.hidden = state.plans.length < 2 || step === "prepare";
+    const cards = JSON.stringify(state.plans.map((other) => [other.number, other.status, Math.round(20 * other.share), other.number === chosen]));
+    if (cards !== others.dataset.shown) {
+      others.dataset.shown = cards;
+      show(others, state.plans.map(planCard));
+    }
+    if (plan.status === "planning") {
+      canvas.highlight(null, null);
+      if (plan.growing) canvas.picture(api.file(here.id, plan.number, plan.growing), "The plan, as far as it has grown");
+      const bar = panel.querySelector("progress");
+      if (bar) {
+        bar.value = plan.share;
+        panel.querySelector(".left").textContent = plan.share < 0.02 ? "getting ready" : `about ${duration(plan.left)} left`;
+      }
+    }
+    caption.textContent = plan.made ? `Plan ${plan.number}` : "The plan, as it grows";
+  }
+
+  return { elements: [easel, panel, others], update };
+}

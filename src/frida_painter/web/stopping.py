@@ -1,0 +1,22 @@
+"""The route that stops: it needs nothing but the files of the paintings that somebody works on."""
+
+import contextlib
+
+from fastapi import APIRouter
+
+from frida_painter.errors import StorageError
+from frida_painter.web.folder import PaintingFolder, working
+from frida_painter.web.requests import AnySession, TheShelf
+
+router = APIRouter(prefix="/api")
+
+
+@router.post("/stop")
+async def stop(session: AnySession, shelf: TheShelf) -> dict[str, int]:
+    """Stops everything that is being done in this studio; whoever may look may stop."""
+    stopped = [folder for folder in map(PaintingFolder, shelf.root.iterdir()) if working(folder)]
+    for folder in stopped:
+        folder.stop_now()
+    with contextlib.suppress(StorageError):
+        shelf.note(session.id, ", ".join(folder.path.name for folder in stopped), "stop")
+    return {"stopped": len(stopped)}

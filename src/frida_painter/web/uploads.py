@@ -1,0 +1,32 @@
+"""Pictures that people give: decoded, checked, and written anew, so that nothing of the file itself is kept."""
+
+import secrets
+import tempfile
+from pathlib import Path
+
+from frida_painter import images, storage
+from frida_painter.errors import ImageError
+
+_MOST_PIXELS = 50_000_000
+_LONGEST = 2048
+
+
+def keep(content: bytes, folder: Path) -> str:
+    """Puts a picture into `folder` as PNG under a new id, which is returned.
+
+    Raises ImageError, in words that name no path, for what is not a picture or is too large; StorageError.
+    """
+    if not content:
+        raise ImageError("The file is empty; choose another picture.")
+    with tempfile.NamedTemporaryFile(prefix="upload-") as file:
+        file.write(content)
+        file.flush()
+        try:
+            picture = images.load(Path(file.name), most_pixels=_MOST_PIXELS, longest=_LONGEST)
+        except ImageError as trouble:
+            raise ImageError(str(trouble).replace(file.name, "The file")) from trouble
+    identifier = secrets.token_hex(16)
+    folder.mkdir(parents=True, exist_ok=True)
+    storage.require_space(folder, 2**26)
+    images.save(picture, folder / f"{identifier}.png")
+    return identifier

@@ -1,0 +1,127 @@
+"""Telling browsers what happens, as server-sent events: always the newest state, never a queue of old ones."""
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+
+from starlette.responses import Response
+from starlette.types import Receive, Scope, Send
+
+from frida_painter.web.folder import PaintingFolder, working
+from frida_painter.web.lines import LineReader
+from frida_painter.web.state import PaintingState
+
+MOST_WATCHERS = 40
+_BETWEEN_READS = 0.06  # seconds
+_BETWEEN_TELLINGS = 0.1
+_QUIET = 15.0  # seconds after which a sign of life is sent
+_PATIENCE = 20.0  # seconds that a browser may take to accept a message
+
+
+def current(folder: PaintingFolder) -> dict[str, object]:
+    """The state of a painting now, read from its folder."""
+    state = PaintingState()
+    for told in LineReader(folder.feed).read():
+        state.hear(told)
+    return state.shown(working(folder))
+
+
+@dataclass
+class _Watched:
+    """One painting that somebody watches: its state as text, and how many look."""
+
+    folder: PaintingFolder
+    state: PaintingState = field(default_factory=PaintingState)
+    text: str = ""
+    watchers: int = 0
+    changed: asyncio.Event = field(default_factory=asyncio.Event)
+    task: asyncio.Task[None] | None = None
+
+    async def follow(self) -> None:
+        reader = LineReader(self.folder.feed)
+        while True:
+            for told in await asyncio.to_thread(reader.read):
+                self.state.hear(told)
+            text = json.dumps(self.state.shown(working(self.folder)))
+            if text != self.text:
+                self.text = text
+                self.changed.set()
+                self.changed = asyncio.Event()
+            await asyncio.sleep(_BETWEEN_READS)
+
+
+class Watch:
+    """All that is being watched; each painting is read once, however many look at it."""
+
+    def __init__(self) -> None:
+        self._watched: dict[str, _Watched] = {}
+        self.watchers = 0
+
+    @asynccontextmanager
+    async def states(self, identifier: str, folder: PaintingFolder) -> AsyncIterator[AsyncIterator[str]]:
+        """The states of a painting as text, from the present one on; some are left out for whoever is slow."""
+        watched = self._watched.setdefault(identifier, _Watched(folder))
+        watched.watchers += 1
+        self.watchers += 1
+        if watched.task is None:
+            watched.task = asyncio.create_task(watched.follow())
+        try:
+            yield _following(watched)
+        finally:
+            self.watchers -= 1
+            watched.watchers -= 1
+            if watched.watchers == 0:
+                watched.task.cancel()
+                del self._watched[identifier]
+
+
+async def _following(watched: _Watched) -> AsyncIterator[str]:
+    last = ""
+    while True:
+        changed = watched.changed
+        if watched.text != last:
+            last = watched.text
+            yield last
+            await asyncio.sleep(_BETWEEN_TELLINGS)
+        else:
+            try:
+                await asyncio.wait_for(changed.wait(), _QUIET)
+            except TimeoutError:
+                yield ""
+
+
+class EventStream(Response):
+    """The answer that tells states of one painting for as long as the browser listens."""
+
+    media_type = "text/event-stream"
+
+    def __init__(self, watch: Watch, identifier: str, folder: PaintingFolder) -> None:
+        super().__init__()
+        self._watch, self._identifier, self._folder = watch, identifier, folder
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Sends until the browser is gone, or does not take what is sent."""
+        headers = [(b"content-type", b"text/event-stream"), (b"cache-control", b"no-store")]
+        await send({"type": "http.response.start", "status": 200, "headers": headers})
+        gone = asyncio.create_task(_gone(receive))
+        telling = asyncio.create_task(self._tell(send))
+        try:
+            await asyncio.wait((gone, telling), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in (gone, telling):
+                task.cancel()
+            await asyncio.gather(gone, telling, return_exceptions=True)
+
+    async def _tell(self, send: Send) -> None:
+        async with self._watch.states(self._identifier, self._folder) as states:
+            async for text in states:
+                body = f"data: {text}\n\n" if text else ": still here\n\n"
+                message = {"type": "http.response.body", "body": body.encode(), "more_body": True}
+                await asyncio.wait_for(send(message), _PATIENCE)
+
+
+async def _gone(receive: Receive) -> None:
+    while (await receive())["type"] != "http.disconnect":
+        pass

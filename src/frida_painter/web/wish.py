@@ -1,0 +1,91 @@
+"""What a person says on the page: goals with weights, and how to paint, checked before anything is begun."""
+
+import json
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+from frida_painter.config import PaintingSettings
+from frida_painter.frames import CanvasSize
+
+Identifier = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
+Words = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=300)]
+Kind = Literal["image", "style", "semantic", "sketch", "text"]
+_LARGEST, _SMALLEST = 2000.0, 60.0  # mm
+
+
+class _Checked(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Term(_Checked):
+    """One goal: words where kind is "text", the id of an uploaded picture elsewhere; weight: how much it matters."""
+
+    kind: Kind
+    picture: Identifier | None = None
+    words: Words | None = None
+    weight: float = Field(1.0, ge=0.01, le=100, allow_inf_nan=False)
+
+    @model_validator(mode="after")
+    def _is_one_thing(self) -> Self:
+        given, other = (self.words, self.picture) if self.kind == "text" else (self.picture, self.words)
+        if given is None or other is not None:
+            raise ValueError("A goal is either words or a picture; say which words, or choose a picture.")
+        if self.words is not None and not self.words.isprintable():
+            raise ValueError("The words hold characters that cannot be printed; type them anew.")
+        return self
+
+    @property
+    def toml(self) -> str:
+        """The lines of a goal file's table for this term; pictures lie beside it under their id."""
+        value = self.words if self.kind == "text" else f"{self.picture}.png"
+        return f"{self.kind} = {json.dumps(value, ensure_ascii=False)}\nweight = {self.weight}\n"
+
+
+class Wish(_Checked):
+    """All that is asked for: goals, what to begin with, and how it shall be painted; canvas in mm."""
+
+    title: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = ""
+    terms: tuple[Term, ...] = Field(max_length=8)
+    initial: tuple[Term, ...] = Field((), max_length=2)
+    strokes: int = Field(200, ge=1, le=3000)
+    colors: int = Field(12, ge=1, le=24)
+    width: float = Field(14 * 25.4, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
+    height: float = Field(11 * 25.4, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
+    brush: Literal["fine", "medium", "broad"] = "broad"
+    replans: int = Field(4, ge=0, le=50)
+    effort: float = Field(1.0, ge=0.05, le=5, allow_inf_nan=False)
+    seed: int = Field(0, ge=0, le=2**31 - 1)
+
+    @model_validator(mode="after")
+    def _wants_something(self) -> Self:
+        if not self.terms:
+            raise ValueError("There is nothing to paint yet: give a picture, or words, or draw something.")
+        if not self.title.isprintable():
+            raise ValueError("The title holds characters that cannot be printed; type it anew.")
+        if not 1 / 4 <= self.width / self.height <= 4:
+            raise ValueError("The canvas is too narrow: its longer side is at most four times the shorter one.")
+        return self
+
+    @property
+    def pictures(self) -> frozenset[str]:
+        """The ids of the pictures that are needed."""
+        return frozenset(term.picture for term in (*self.terms, *self.initial) if term.picture is not None)
+
+    @property
+    def toml(self) -> str:
+        """The goal file (TOML) that says the same to the command line."""
+        goals = [f"[[goal]]\n{term.toml}" for term in self.terms]
+        return "\n".join(goals + [f"[[initial]]\n{term.toml}" for term in self.initial])
+
+    def settings(self) -> PaintingSettings:
+        """How it is painted, in the terms of the command line."""
+        return PaintingSettings.of(
+            strokes=self.strokes,
+            colors=min(self.colors, self.strokes),
+            canvas=CanvasSize(self.width / 1000, self.height / 1000),
+            brush=self.brush,
+            replans=min(self.replans, self.strokes - 1),
+            effort=self.effort,
+            seed=self.seed,
+        )

@@ -1,0 +1,58 @@
+"""Starting the processes that plan and paint; they outlive the page's own process."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Literal
+
+from frida_painter.errors import Interrupted, StorageError
+from frida_painter.web.folder import PaintingFolder, PlanFolder, WorkerLock
+
+_MOST = 2
+
+
+class Workers:
+    """Those that were started here and are still at work."""
+
+    def __init__(self) -> None:
+        self._started: list[subprocess.Popen[bytes]] = []
+
+    @contextmanager
+    def place_at(self, folder: PaintingFolder) -> Iterator["Place"]:
+        """The one place at a painting, for as long as it takes to prepare the work.
+
+        Raises Interrupted where somebody is at this painting already, or too many are at work.
+        """
+        self._started = [process for process in self._started if process.poll() is None]
+        lock = WorkerLock(folder)
+        try:
+            if not lock.take():
+                raise Interrupted("The painter is at work on this painting already.")
+            if len(self._started) >= _MOST:
+                raise Interrupted("The painter is busy with other paintings; wait until one is done, or stop it.")
+            yield Place(folder, lock, self._started)
+        finally:
+            lock.release()
+
+
+class Place:
+    """Where a worker can be put."""
+
+    def __init__(self, folder: PaintingFolder, lock: WorkerLock, started: list[subprocess.Popen[bytes]]) -> None:
+        self._folder, self._lock, self._started = folder, lock, started
+
+    def start(self, job: Literal["plan", "paint"], plan: PlanFolder) -> None:
+        """Starts a worker in a session of its own, and hands it the lock on the painting. Raises StorageError."""
+        program = [sys.executable, "-m", "frida_painter.web.worker", job, str(self._folder.path), str(plan.number)]
+        program += [str(self._lock.fileno())]
+        try:
+            with (self._folder.path / "worker.log").open("ab") as log:
+                self._started.append(
+                    subprocess.Popen(
+                        program, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
+                        pass_fds=[self._lock.fileno()],
+                    )
+                )  # fmt: skip
+        except OSError as error:
+            raise StorageError(f"The painter cannot be started ({error.strerror}).") from error

@@ -1,0 +1,48 @@
+"""A studio to knock at: its application behind the door, on a shelf of its own."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from httpx import Response
+from starlette.testclient import TestClient
+
+from frida_painter.web.access import Keys, Role
+from frida_painter.web.app import application, guarded
+from frida_painter.web.shelf import Shelf
+
+HOST = "127.0.0.1:8350"
+ORIGIN = f"http://{HOST}"
+
+
+@dataclass
+class Visitor:
+    """A browser that came with the token of a role."""
+
+    client: TestClient
+    csrf: str
+
+    def get(self, path: str, **more: Any) -> Response:
+        return self.client.get(path, **more)
+
+    def post(self, path: str, headers: dict[str, str] | None = None, **more: Any) -> Response:
+        return self.client.post(path, headers={"Origin": ORIGIN, "X-CSRF-Token": self.csrf, **(headers or {})}, **more)
+
+
+class Studio:
+    """The whole application as it is served, without a socket."""
+
+    def __init__(self, root: Path) -> None:
+        self.shelf = Shelf(root)
+        self.keys = Keys()
+        self.app = application(self.shelf)
+        self.served = guarded(self.app, self.keys, frozenset({HOST, "localhost:8350"}), "studio-8350")
+
+    def client(self) -> TestClient:
+        return TestClient(self.served, base_url=ORIGIN, follow_redirects=False, raise_server_exceptions=False)
+
+    def visitor(self, role: Role = Role.operate) -> Visitor:
+        client = self.client()
+        entered = client.get("/", params={"token": self.keys.tokens[role]})
+        assert entered.status_code == 303
+        return Visitor(client, client.get("/api/studio").json()["csrf"])

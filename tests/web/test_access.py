@@ -1,0 +1,144 @@
+from pathlib import Path
+
+import pytest
+from starlette.websockets import WebSocketDisconnect
+
+from frida_painter.web.access import Keys, Role
+from studios import HOST, ORIGIN, Studio
+
+ROUTES = [
+    ("GET", "/"), ("GET", "/static/main.js"), ("GET", "/static/nothing"), ("GET", "/api/studio"),
+    ("GET", "/api/paintings"),
+    ("GET", "/api/paintings/0123456789abcdef"), ("GET", "/api/paintings/0123456789abcdef/events"),
+    ("GET", "/paintings/0123456789abcdef/live/a.jpg"), ("POST", "/api/stop"), ("POST", "/api/pictures"),
+    ("POST", "/api/paintings"), ("POST", "/api/paintings/0123456789abcdef/start"), 
+    ("GET", "/openapi.json"), ("GET", "/docs"),
+    ("PUT", "/"), ("DELETE", "/api/paintings"), ("OPTIONS", "/api/stop"),
+]  # fmt: skip
+
+
+@pytest.fixture
+def studio(tmp_path: Path) -> Studio:
+    return Studio(tmp_path / "shelf")
+
+
+@pytest.mark.parametrize(("method", "path"), ROUTES)
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {},
+        {"Cookie": "studio-8350=guess"},
+        {"Cookie": "studio-8350"},
+        {"Cookie": 'studio-8350="; x=\x7f'},
+        {"Authorization": "Bearer guess"},
+        {"Authorization": "Bearer "},
+        {"Authorization": "Bearer größer".encode()},
+    ],
+)
+def test_without_the_token_nothing_is_had(
+    studio: Studio, method: str, path: str, headers: dict[str, str | bytes]
+) -> None:
+    answer = studio.client().request(method, path, headers=headers)  # type: ignore[arg-type]
+    assert answer.status_code == 401
+    assert "set-cookie" not in answer.headers
+
+
+def test_the_token_is_taken_out_of_the_address_and_becomes_a_cookie_that_no_script_reads(studio: Studio) -> None:
+    client = studio.client()
+    entered = client.get("/", params={"token": studio.keys.tokens[Role.watch], "view": "gallery"})
+    assert entered.status_code == 303 and entered.headers["location"] == "/?view=gallery"
+    cookie = entered.headers["set-cookie"].lower()
+    assert "httponly" in cookie and "samesite=strict" in cookie
+    assert studio.keys.tokens[Role.watch] not in entered.text + str(entered.headers)
+    assert client.get("/").status_code == 200
+
+
+def test_every_start_has_new_tokens_and_every_role_its_own() -> None:
+    first, second = Keys(), Keys()
+    tokens = [*first.tokens.values(), *second.tokens.values()]
+    assert len(set(tokens)) == 6 and all(len(token) >= 32 for token in tokens)
+
+
+def test_after_many_wrong_tokens_only_one_a_second_is_looked_at() -> None:
+    keys = Keys()
+    assert all(keys.admit(f"guess {number}") is None for number in range(10))
+    assert keys.admit(keys.tokens[Role.operate]) is None
+    assert keys.bearer(keys.tokens[Role.operate]) is not None
+
+
+def test_sessions_are_not_kept_without_end() -> None:
+    keys = Keys()
+    for _ in range(250):
+        assert keys.admit(keys.tokens[Role.watch]) is not None
+    assert len(keys.sessions) == 200
+
+
+@pytest.mark.parametrize("host", ["evil.example:8350", "127.0.0.1", "127.0.0.1:80", "127.0.0.1:8350.evil.example", ""])
+def test_other_names_for_this_machine_are_refused(studio: Studio, host: str) -> None:
+    visitor = studio.visitor()
+    assert visitor.get("/api/studio", headers={"Host": host}).status_code == 403
+    assert visitor.post("/api/stop", headers={"Host": host, "Origin": f"http://{host}"}).status_code == 403
+    token = studio.keys.tokens[Role.operate]
+    assert studio.client().get("/", params={"token": token}, headers={"Host": host}).status_code == 403
+
+
+@pytest.mark.parametrize(
+    "origin",
+    ["http://evil.example", "null", "https://127.0.0.1:8350", "http://127.0.0.1:8351", "http://localhost:8350",
+     f"{ORIGIN}/", ""],
+)  # fmt: skip
+def test_what_another_page_sends_is_refused(studio: Studio, origin: str) -> None:
+    visitor = studio.visitor()
+    assert visitor.post("/api/stop", headers={"Origin": origin}).status_code == 403
+
+
+def test_a_cookie_alone_changes_nothing(studio: Studio) -> None:
+    visitor = studio.visitor()
+    assert visitor.client.post("/api/stop").status_code == 403, "no origin"
+    assert visitor.client.post("/api/stop", headers={"Origin": ORIGIN}).status_code == 403, "no sign"
+    other = studio.visitor()
+    assert visitor.post("/api/stop", headers={"X-CSRF-Token": other.csrf}).status_code == 403, "of another browser"
+    assert visitor.post("/api/stop").status_code == 200
+
+
+def test_a_program_brings_its_token_and_needs_no_origin(studio: Studio) -> None:
+    headers = {"Authorization": f"Bearer {studio.keys.tokens[Role.operate]}"}
+    assert studio.client().post("/api/stop", headers=headers).status_code == 200
+    assert studio.client().post("/api/stop", headers={**headers, "Origin": "http://evil.example"}).status_code == 403
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_pictures_cannot_be_shown_on_other_pages(studio: Studio, site: str) -> None:
+    visitor = studio.visitor()
+    assert visitor.get("/api/paintings", headers={"Sec-Fetch-Site": site}).status_code == 403
+    assert visitor.get("/api/paintings", headers={"Sec-Fetch-Site": "same-origin"}).status_code == 200
+
+
+def test_who_may_only_watch_may_stop_but_neither_plan_nor_start(studio: Studio) -> None:
+    entry = studio.shelf.begin("A painting")
+    watching, planning = studio.visitor(Role.watch), studio.visitor(Role.plan)
+    assert watching.post("/api/stop").status_code == 200
+    assert watching.post("/api/pictures", content=b"x").status_code == 403
+    assert watching.post("/api/paintings", json={"terms": []}).status_code == 403
+    for visitor in (watching, planning):
+        start = visitor.post(f"/api/paintings/{entry.id}/start", json={"plan": 1, "ready": True})
+        assert start.status_code == 403 and "another link" in start.json()["sentence"]
+        assert visitor.post(f"/api/paintings/{entry.id}/delete").status_code == 403
+    assert planning.post("/api/pictures", content=b"x").status_code == 422
+
+
+def test_every_answer_carries_safe_headers(studio: Studio) -> None:
+    visitor = studio.visitor()
+    for answer in (visitor.get("/"), visitor.get("/nothing"), studio.client().get("/"), visitor.get("/static/main.js")):
+        assert answer.headers["content-security-policy"].startswith("default-src 'self';")
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        assert answer.headers["x-frame-options"] == "DENY"
+        assert answer.headers["referrer-policy"] == "no-referrer"
+        assert "server" not in answer.headers
+
+
+def test_there_are_no_websockets(studio: Studio) -> None:
+    visitor = studio.visitor()
+    with pytest.raises(WebSocketDisconnect) as caught, visitor.client.websocket_connect(f"ws://{HOST}/"):
+        pass
+    assert caught.value.code == 1008

@@ -1,0 +1,214 @@
+import io
+import sqlite3
+import zipfile
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+
+from frida_painter import web
+from frida_painter.web.folder import WorkerLock
+from frida_painter.web.shelf import Entry
+from frida_painter.web.workers import Place
+from studios import Studio, Visitor
+
+
+@pytest.fixture
+def studio(tmp_path: Path) -> Studio:
+    return Studio(tmp_path / "shelf")
+
+
+@pytest.fixture
+def visitor(studio: Studio) -> Visitor:
+    return studio.visitor()
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
+    """What would have been started, by job and number of the plan; nobody is really at work."""
+    jobs: list[tuple[str, int]] = []
+    monkeypatch.setattr(Place, "start", lambda self, job, plan: jobs.append((job, plan.number)))
+    return jobs
+
+
+def give(visitor: Visitor) -> str:
+    file = io.BytesIO()
+    Image.new("RGB", (64, 48), (200, 120, 60)).save(file, "PNG")
+    answer = visitor.post("/api/pictures", content=file.getvalue())
+    assert answer.status_code == 200
+    return str(answer.json()["id"])
+
+
+def wish(picture: str, **more: Any) -> dict[str, Any]:
+    return {"title": "Tea", "terms": [{"kind": "image", "picture": picture}], "strokes": 5, "colors": 2, **more}
+
+
+def begun(studio: Studio, visitor: Visitor) -> Entry:
+    identifier = visitor.post("/api/paintings", json=wish(give(visitor))).json()["id"]
+    entry = studio.shelf.find(identifier)
+    assert entry is not None
+    return entry
+
+
+def deeds(studio: Studio) -> list[str]:
+    """What was asked for, in order."""
+    with closing(sqlite3.connect(studio.shelf.root / "studio.sqlite")) as base:
+        return [what for (what,) in base.execute("SELECT what FROM deed ORDER BY rowid")]
+
+
+def finish_plan(entry: Entry) -> None:
+    entry.folder.plan(1).plan.write_text("{}")
+
+
+def test_the_page_and_all_that_it_needs_come_from_here(visitor: Visitor) -> None:
+    page = visitor.get("/")
+    assert page.status_code == 200 and "http" not in page.text.replace("http-equiv", "")
+    assert "style=" not in page.text and "<script>" not in page.text
+    static = Path(web.__file__).parent / "static"
+    for file in static.iterdir():
+        answer = visitor.get(f"/static/{file.name}")
+        assert answer.status_code == 200 and answer.content == file.read_bytes()
+        assert "http" not in answer.text.replace("http://www.w3.org/2000/svg", ""), f"{file.name} asks somebody else"
+
+
+def test_a_picture_is_taken_and_given_back(visitor: Visitor) -> None:
+    answer = visitor.get(f"/api/pictures/{give(visitor)}")
+    assert answer.headers["content-type"] == "image/png" and answer.headers["content-disposition"] == "attachment"
+    assert visitor.get("/api/pictures/" + "0" * 32).status_code == 404
+
+
+def test_a_painting_begins_with_a_plan(studio: Studio, visitor: Visitor, started: list[tuple[str, int]]) -> None:
+    entry = begun(studio, visitor)
+    assert started == [("plan", 1)]
+    state = visitor.get(f"/api/paintings/{entry.id}").json()
+    assert state["title"] == "Tea" and state["plans"][0]["wish"]["strokes"] == 5
+    assert visitor.post(f"/api/paintings/{entry.id}/plans", json=wish(give(visitor), seed=7)).status_code == 200
+    assert started == [("plan", 1), ("plan", 2)]
+    assert [plan["wish"]["seed"] for plan in visitor.get(f"/api/paintings/{entry.id}").json()["plans"]] == [0, 7]
+    gallery = visitor.get("/api/paintings").json()
+    assert [(each["title"], each["picture"]) for each in gallery] == [("Tea", None)]
+
+
+def test_the_robot_starts_only_when_the_person_says_that_all_is_ready(
+    studio: Studio, visitor: Visitor, started: list[tuple[str, int]]
+) -> None:
+    entry = begun(studio, visitor)
+    path = f"/api/paintings/{entry.id}/start"
+    assert "not finished" in visitor.post(path, json={"plan": 1, "ready": True}).json()["sentence"]
+    finish_plan(entry)
+    assert "ready" in visitor.post(path, json={"plan": 1, "ready": False}).json()["sentence"]
+    assert visitor.post(path, json={"plan": 1, "ready": True}).status_code == 200
+    assert started == [("plan", 1), ("paint", 1)]
+    entry.folder.painting.mkdir()
+    again = visitor.post(path, json={"plan": 1, "ready": True})
+    assert again.status_code == 409 and "begun already" in again.json()["sentence"]
+
+
+def test_two_clicks_at_once_start_one_painter(studio: Studio, visitor: Visitor, started: list[tuple[str, int]]) -> None:
+    entry = begun(studio, visitor)
+    finish_plan(entry)
+    lock = WorkerLock(entry.folder)
+    assert lock.take()
+    answer = visitor.post(f"/api/paintings/{entry.id}/start", json={"plan": 1, "ready": True})
+    assert answer.status_code == 409 and "already" in answer.json()["sentence"]
+    assert visitor.post(f"/api/paintings/{entry.id}/delete").status_code == 409
+    lock.release()
+    assert started == [("plan", 1)]
+
+
+def test_stop_reaches_those_who_work_and_is_put_down(studio: Studio, visitor: Visitor, started: Any) -> None:
+    entry, other = begun(studio, visitor), begun(studio, visitor)
+    assert visitor.post("/api/stop").json() == {"stopped": 0}
+    lock = WorkerLock(entry.folder)
+    assert lock.take()
+    assert visitor.post("/api/stop").json() == {"stopped": 1}
+    assert entry.folder.stop.exists() and not other.folder.stop.exists()
+    assert not entry.folder.robot_stop.exists(), "nothing is painted yet"
+    assert deeds(studio) == ["stop", "stop"]
+    lock.release()
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "live/..%2f..%2fstudio.sqlite", "live/../wish.json", "..%2f..%2f/x.jpg", "1/wish.json%00.jpg", "1/goal.toml",
+        "live/%2e%2e",
+        "painting/C:%5cx.jpg", "01/plan.jpg", "live/.hidden.jpg", "live/link.jpg", "painting2/a.jpg",
+    ],
+)  # fmt: skip
+def test_only_files_that_are_meant_to_be_seen_are_given(
+    studio: Studio, visitor: Visitor, started: Any, tmp_path: Path, path: str
+) -> None:
+    entry = begun(studio, visitor)
+    for folder in ("live", "painting", "painting2"):
+        (entry.folder.path / folder).mkdir()
+    (entry.folder.path / "painting2" / "a.jpg").write_bytes(b"x")
+    (tmp_path / "secret.jpg").write_bytes(b"secret")
+    (entry.folder.live / "link.jpg").symlink_to(tmp_path / "secret.jpg")
+    (entry.folder.live / ".hidden.jpg").write_bytes(b"x")
+    answer = visitor.get(f"/paintings/{entry.id}/{path}")
+    assert answer.status_code in (404, 405) and b"secret" not in answer.content
+    (entry.folder.live / "seen.jpg").write_bytes(b"x")
+    assert visitor.get(f"/paintings/{entry.id}/live/seen.jpg").content == b"x"
+
+
+@pytest.mark.parametrize(
+    "identifier", ["0123456789abcdef", "..", "%2e%2e", "x" * 80, "' OR 1=1 --", "0123456789ABCDEF"]
+)
+def test_paintings_that_are_not_there_are_not_found(visitor: Visitor, identifier: str) -> None:
+    assert visitor.get(f"/api/paintings/{identifier}").status_code in (404, 422)
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        (b"", "required"), (b"{", "JSON"), (b"[]", "dictionary"), (b'{"terms": []}', "nothing to paint yet"),
+        (b'{"terms": [{"kind": "image", "picture": "' + b"0" * 32 + b'"}]}', "gone"),
+        (b'{"terms": [{"kind": "image", "picture": "' + b"0" * 32 + b'", "weight": NaN}]}', "finite"),
+        (b'{"terms": [], "<script>": 1}', ""), (b'{"a":' * 20000, "parsing"), (b"\xff\xfe", ""),
+    ],
+)  # fmt: skip
+def test_what_is_not_understood_is_refused_in_a_sentence(visitor: Visitor, body: bytes, says: str) -> None:
+    answer = visitor.post("/api/paintings", content=body, headers={"Content-Type": "application/json"})
+    assert 400 <= answer.status_code < 500 and says in answer.json()["sentence"]
+    assert "script" not in answer.text and "Traceback" not in answer.text
+
+
+def test_what_nobody_foresaw_gets_a_number_and_nothing_else(
+    studio: Studio, visitor: Visitor, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError(f"secret in {studio.shelf.root}")
+
+    monkeypatch.setattr(type(studio.shelf), "all", fail)
+    answer = visitor.get("/api/paintings")
+    assert answer.status_code == 500 and "secret" not in answer.text and "Traceback" not in answer.text
+    number = answer.json()["sentence"].rstrip(".").split()[-1]
+    assert number in capsys.readouterr().err
+
+
+def test_a_full_disk_is_told_without_a_path(studio: Studio, visitor: Visitor, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("frida_painter.storage.shutil.disk_usage", lambda path: type("Usage", (), {"free": 1000})())
+    file = io.BytesIO()
+    Image.new("RGB", (64, 48)).save(file, "PNG")
+    answer = visitor.post("/api/pictures", content=file.getvalue())
+    assert answer.status_code == 422 and "free" in answer.json()["sentence"]
+    assert str(studio.shelf.root) not in answer.text
+
+
+def test_a_painting_can_be_taken_along_and_deleted(studio: Studio, visitor: Visitor, started: Any) -> None:
+    entry = begun(studio, visitor)
+    path = f"/api/paintings/{entry.id}"
+    assert visitor.get(f"{path}/everything.zip").status_code == 404
+    (entry.folder.painting / "photographs").mkdir(parents=True)
+    (entry.folder.painting / "index.html").write_text("page")
+    (entry.folder.painting / ".reserve").write_text("hidden")
+    (entry.folder.painting / "photographs" / "look.png").write_text("look")
+    packed = zipfile.ZipFile(io.BytesIO(visitor.get(f"{path}/everything.zip").content))
+    assert packed.namelist() == ["painting/index.html", "painting/photographs/look.png"]
+    assert not list(entry.folder.path.glob(".take-along*"))
+    assert visitor.post(f"{path}/delete").status_code == 200
+    assert not entry.folder.path.exists() and visitor.get(path).status_code == 404
+    assert visitor.get("/api/paintings").json() == []

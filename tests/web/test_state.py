@@ -1,0 +1,97 @@
+import json
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from frida_painter.web.state import PaintingState
+
+MADE = {"prefix": "", "frames": [0, 2, 4], "strokes": 4, "palette": []}
+PLANNED: list[dict[str, Any]] = [
+    {"kind": "wished", "plan": 1, "wish": {"strokes": 4}},
+    {"kind": "planning", "plan": 1, "share": 0.5, "left": 3.0},
+    {"kind": "sprouting", "plan": 1, "picture": "growing-0000.jpg"},
+    {"kind": "planned", "plan": 1, "nearer": 0.8, "seconds": 6.0, **MADE},
+]
+PAINTED: list[dict[str, Any]] = [
+    {"kind": "begun", "plan": 1, "of": 4},
+    {"kind": "mixing"},
+    {"kind": "dipped", "paint": 2},
+    {"kind": "stroke", "done": 1, "of": 4, "left": 9.0},
+    {"kind": "photograph", "picture": "photograph-00000.jpg", "done": 1},
+    {"kind": "looked", "done": 2, "seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg"},
+    {"kind": "replanning", "share": 0.1, "left": 8.0},
+    {"kind": "replanned", "done": 2, "gain": 0.25, **MADE, "prefix": "plan-2-"},
+    {"kind": "stroke", "done": 3, "of": 4, "left": 2.0},
+]
+
+
+def told(*lines: dict[str, Any]) -> PaintingState:
+    state = PaintingState()
+    for line in lines:
+        state.hear(line)
+    return state
+
+
+def test_a_plan_grows_until_it_is_ready() -> None:
+    growing = told(*PLANNED[:3]).shown(working=True)["plans"][0]
+    assert (growing["status"], growing["share"], growing["growing"]) == ("planning", 0.5, "growing-0000.jpg")
+    ready = told(*PLANNED).shown(working=False)
+    assert ready["plans"][0]["status"] == "ready" and ready["plans"][0]["made"]["frames"] == [0, 2, 4]
+    assert ready["trouble"] == "" and ready["painting"] is None
+
+
+def test_a_painting_is_followed_stroke_by_stroke() -> None:
+    painting = told(*PLANNED, *PAINTED).shown(working=True)["painting"]
+    assert (painting["status"], painting["done"], painting["of"], painting["paint"]) == ("painting", 3, 4, 2)
+    assert painting["looks"] == [
+        {
+            "done": 2, "seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg", "gain": 0.25,
+            "plan": "plan-2-plan.jpg",
+        }
+    ]  # fmt: skip
+    assert painting["replanned"]["prefix"] == "plan-2-"
+
+
+def test_while_the_rest_is_planned_again_it_is_said_so() -> None:
+    assert told(*PLANNED, *PAINTED[:7]).shown(working=True)["painting"]["status"] == "planning"
+
+
+def test_how_a_painting_ends_is_kept() -> None:
+    stopped = told(*PLANNED, *PAINTED, {"kind": "stopped", "done": 3}).shown(working=False)
+    assert stopped["painting"]["status"] == "stopped" and stopped["stopped"] and not stopped["trouble"]
+    failed = told(*PLANNED, *PAINTED, {"kind": "failed", "sentence": "The robot is gone."}).shown(working=False)
+    assert failed["painting"]["status"] == "failed" and failed["trouble"] == "The robot is gone."
+    kept = told(*PLANNED, *PAINTED, {"kind": "stopped"}, {"kind": "finishing"}, {"kind": "finished", "film": True})
+    assert kept.stage == "stopped" and kept.shown(working=False)["painting"]["kept"]
+    finished = told(*PLANNED, *PAINTED, {"kind": "finished", "film": True}, {"kind": "stopped"})
+    assert finished.stage == "finished"
+
+
+def test_a_worker_that_vanished_is_noticed() -> None:
+    state = told(*PLANNED, *PAINTED)
+    assert state.shown(working=True)["trouble"] == ""
+    assert "without saying why" in state.shown(working=False)["trouble"]
+    assert "without saying why" in told(*PLANNED[:2]).shown(working=False)["trouble"]
+
+
+def test_trouble_is_forgotten_when_something_else_is_begun() -> None:
+    state = told(PLANNED[0], {"kind": "failed", "sentence": "No."}, {"kind": "wished", "plan": 2, "wish": {}})
+    shown = state.shown(working=True)
+    assert shown["trouble"] == "" and [plan["status"] for plan in shown["plans"]] == ["failed", "planning"]
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=5,
+)
+kinds = st.sampled_from(sorted({line["kind"] for line in PLANNED + PAINTED} | {"failed", "stopped", "finished", "?"}))
+keys = st.sampled_from(["plan", "done", "of", "share", "picture", "made", "sentence", "wish", "frames", "left"])
+
+
+@given(st.lists(st.tuples(kinds, st.dictionaries(keys, json_values, max_size=5)), max_size=8))
+def test_whatever_stands_in_the_feed_something_can_be_shown(lines: list[tuple[str, dict[str, Any]]]) -> None:
+    state = told(*PLANNED, *({"kind": kind, **facts} for kind, facts in lines))
+    assert json.loads(json.dumps(state.shown(working=True)))["version"] == len(PLANNED) + len(lines)
+    assert isinstance(state.stage, str)

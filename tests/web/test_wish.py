@@ -1,0 +1,65 @@
+import tomllib
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from frida_painter.web.wish import Term, Wish
+
+PICTURE = "0" * 32
+
+
+def wish(**more: Any) -> Wish:
+    return Wish.model_validate({"terms": [{"kind": "image", "picture": PICTURE}], **more})
+
+
+def test_a_wish_is_told_to_the_command_line_in_its_own_terms() -> None:
+    asked = wish(strokes=5, colors=12, replans=9, width=297, height=210, initial=[{"kind": "text", "words": 'a "sea"'}])
+    assert tomllib.loads(asked.toml) == {
+        "goal": [{"image": f"{PICTURE}.png", "weight": 1.0}],
+        "initial": [{"text": 'a "sea"', "weight": 1.0}],
+    }
+    settings = asked.settings()
+    assert (settings.strokes, settings.colors, settings.replans) == (5, 5, 4)
+    assert settings.canvas.width == pytest.approx(0.297) and settings.brush == "broad"
+    assert asked.pictures == {PICTURE}
+
+
+@given(st.text(max_size=300))
+def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
+    try:
+        term = Term(kind="text", words=words)
+    except ValidationError:
+        assert not words.strip() or not words.isprintable()
+    else:
+        assert tomllib.loads(term.toml) == {"text": term.words, "weight": 1.0} and term.words in words
+
+
+@pytest.mark.parametrize(
+    ("record", "says"),
+    [
+        ({"terms": []}, "nothing to paint yet"),
+        ({"terms": [{"kind": "image"}]}, "either words or a picture"),
+        ({"terms": [{"kind": "text", "picture": PICTURE}]}, "either words or a picture"),
+        ({"terms": [{"kind": "text", "words": "a", "picture": PICTURE}]}, "either words or a picture"),
+        ({"terms": [{"kind": "text", "words": "   "}]}, "at least 1"),
+        ({"terms": [{"kind": "text", "words": "a\x1b[2J"}]}, "cannot be printed"),
+        ({"terms": [{"kind": "image", "picture": "../../etc/passwd"}]}, "match"),
+        ({"terms": [{"kind": "pickle", "picture": PICTURE}]}, "image"),
+        ({"terms": [{"kind": "image", "picture": PICTURE, "weight": float("nan")}]}, "finite"),
+        ({"terms": [{"kind": "image", "picture": PICTURE, "weight": 0}]}, "greater"),
+        ({"terms": [{"kind": "image", "picture": PICTURE}] * 9}, "at most 8"),
+        ({"strokes": 0}, "greater"),
+        ({"strokes": 3001}, "less"),
+        ({"width": float("inf")}, "finite"),
+        ({"width": 1900, "height": 70}, "too narrow"),
+        ({"brush": "/dev/sda"}, "fine"),
+        ({"title": "a\nb"}, "cannot be printed"),
+        ({"address": "http://evil"}, "Extra"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(record: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValidationError, match=says):
+        wish(**record)
