@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 from torch import Tensor
 
@@ -15,10 +16,14 @@ _BROAD = 1 / 40  # of a canvas's shorter side: about as fine as brushes paint
 
 @dataclass(frozen=True)
 class ImageTerm:
-    """Paint this picture: `image` [3, H, W] in [0, 1], mattering by `weight` > 0. Raises ConfigError."""
+    """Paint this picture: `image` [3, H, W] in [0, 1], mattering by `weight` > 0. Raises ConfigError.
+
+    importance [h, w]: how much each of its places matters, 1 in the mean; None: all the same.
+    """
 
     image: Tensor
     weight: float = 1.0
+    importance: Tensor | None = None
 
     def __post_init__(self) -> None:
         _require_weight(self.weight, "a picture")
@@ -101,7 +106,7 @@ class Goal:
         if not self.terms:
             raise ConfigError("A goal without any term was given; name at least one picture or some words to paint.")
 
-    @property
+    @cached_property
     def opening(self) -> tuple[Term, ...]:
         """What a plan begins with: the initial terms, or the pictures to paint, the sketches, or whatever there is.
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import torch
 
 from frida_painter.planning.proposals import layers, pick, propose, weigh
@@ -35,6 +37,21 @@ def test_the_gain_of_a_stroke_on_a_blank_canvas_is_the_fall_of_the_squared_error
     fall = torch.tensor([bare - squared_error(colored[[number]]) for number in range(len(colored))])
     assert (gain - fall).abs().mean() < 0.05 * fall.abs().mean()
     assert abs(gain.sum() - fall.sum()) < 0.04 * fall.sum()
+
+
+def test_gains_count_by_how_much_each_place_matters() -> None:
+    matters = torch.linspace(0.1, 1.9, SCENE.canvas.shape[2]).expand(*SCENE.canvas.shape[1:])
+    weighted = replace(SCENE, importance=matters)
+
+    def error(strokes: Strokes) -> float:
+        with torch.no_grad():
+            return float((matters * (TARGET - SCENE.render(strokes)).square()).sum())
+
+    gain, colored, _ = weigh(
+        proposals(60), layers(Strokes.empty(), weighted, light_to_dark=True), TARGET, None, weighted
+    )
+    fall = torch.tensor([error(Strokes.empty()) - error(colored[[number]]) for number in range(len(colored))])
+    assert (gain - fall).abs().mean() < 0.06 * fall.abs().mean()
 
 
 def test_a_proposal_takes_the_mean_colour_of_what_it_covers() -> None:

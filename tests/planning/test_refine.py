@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import torch
 
 from frida_painter.palette import to_lab
@@ -35,6 +37,22 @@ def test_the_loss_without_a_stroke_is_that_of_leaving_it_out() -> None:
     assert off.mean(0).abs().max() < 0.3 and off.mean().abs() < 0.05
     assert 0.35 < off.std() < 0.65
     assert torch.corrcoef(torch.stack((estimates.mean(0), true)))[0, 1] > 0.97
+
+
+def test_the_loss_counts_by_how_much_each_place_matters() -> None:
+    """Where only the left half matters, a stroke in the right half is missed by nobody."""
+    strokes = some_strokes(16, seed=5)
+    matters = torch.zeros(SCENE.canvas.shape[1:])
+    matters[:, : matters.shape[1] // 2] = 2
+    weighted = replace(SCENE, importance=matters)
+    with torch.no_grad():
+        pictures = [SCENE.render(strokes), *(SCENE.render(without(strokes, index)) for index in range(16))]
+    error = torch.stack([(matters * (TARGET - one).square()).sum() for one in pictures])
+    estimates = torch.stack([loss_without(strokes, weighted, TARGET, chance(seed)) for seed in range(40)]).mean(0)
+    true = error[1:] - error[0]
+    assert torch.corrcoef(torch.stack((estimates, true)))[0, 1] > 0.97
+    unseen = true.abs() < 1e-6
+    assert bool(unseen.any()) and bool((estimates[unseen].abs() < 1e-4).all())
 
 
 def test_a_stroke_that_cannot_be_seen_is_missed_by_nobody() -> None:

@@ -1,31 +1,43 @@
-"""The semantic replication objective: show what a picture shows, as a network sees it, rather than its pixels."""
+"""The semantic replication objective: show what a picture shows, as networks see it, rather than its pixels."""
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from frida_painter.objectives.augment import Views
-from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+from frida_painter.objectives.encoders.base import Seer
+from frida_painter.objectives.encoders.vgg import Vgg16
 
 _VIEWS = 12
 _AT_A_TIME = 2
 _SIDE = 176  # pixels of a view
+_LAYERS = ("conv3_3", "conv4_3")  # of the trunk: small shapes, and parts of things
+_PIXELS = 12_500  # of the picture that the trunk sees, about 100 x 125
+_COLORS = 0.02  # of the shorter side: colours are to be right over so much
+_HELD = 2.0  # of colours, against the squared difference to a picture
 _BALANCE = 0.05  # against the squared difference to a picture, when both have a weight of 1
 
 
 class Semantic:
-    """Mean squared difference of deep spatial features (paper, Eq. "clip_conv_loss"), over augmented views.
+    """How differently networks see a picture and a target, place by place (paper, Eq. "clip_conv_loss").
 
-    image [3, H, W] in [0, 1]: what is to be shown; seer: the network whose features are compared,
-    each map relative to the strength of the target's. What the target looks like in each of the
-    views is prepared once. Every call looks in the next two of them, in an order drawn from `seed`.
+    image [3, H, W] in [0, 1]: what is to be shown; seer: the network whose deep features are
+    compared, in augmented views; trunk: where given, the shapes that it sees are compared as well,
+    and so are colours, blurred. Features are compared by their direction (cosine distance): paint
+    has textures of its own, which make them stronger or weaker all over. What the target looks
+    like in each of the views is prepared once. Every call looks in the next two of them, in an
+    order drawn from `seed`.
     """
 
-    def __init__(self, image: Tensor, seer: EfficientNetLite, seed: int) -> None:
+    def __init__(self, image: Tensor, seer: Seer, seed: int, trunk: Vgg16 | None = None) -> None:
         self._seer = seer
+        self._trunk = trunk
+        self._image = image
         self._views = Views(_VIEWS, _SIDE, seed)
         self._generator = torch.Generator().manual_seed(seed)
         with torch.no_grad():
             self._targets = seer.features(self._views.of(image, torch.arange(_VIEWS)))
+            self._shapes = [] if trunk is None else trunk.features(_shrunk(image), _LAYERS)
 
     def __call__(self, picture: Tensor) -> Tensor:
         """picture [3, H, W] in [0, 1] -> its distance in two random views; differentiable."""
@@ -38,6 +50,29 @@ class Semantic:
     def _distance(self, picture: Tensor, which: Tensor) -> Tensor:
         total = picture.new_zeros(())
         for seen, targets in zip(self._seer.features(self._views.of(picture, which)), self._targets, strict=True):
-            wanted = targets[which].to(seen)
-            total = total + (seen - wanted).square().mean() / wanted.square().mean().clamp(min=1e-8)
-        return _BALANCE * total
+            total = total + _apart(seen, targets[which])
+        if self._trunk is None:
+            return _BALANCE * total
+        for shapes, wanted in zip(self._trunk.features(_shrunk(picture), _LAYERS), self._shapes, strict=True):
+            total = total + _apart(shapes[None], wanted[None])
+        colors = (_blurred(picture) - _blurred(self._image.to(picture))).square().mean()
+        return _BALANCE * total + _HELD * colors
+
+
+def _apart(seen: Tensor, wanted: Tensor) -> Tensor:
+    """The mean cosine distance of maps [n, c, h, w] over all places."""
+    return (1 - functional.cosine_similarity(seen, wanted.to(seen), dim=1)).mean()
+
+
+def _shrunk(picture: Tensor) -> Tensor:
+    """The picture at about the number of pixels in which shapes are compared, its own proportions kept."""
+    _, rows, columns = picture.shape
+    scale = (_PIXELS / (rows * columns)) ** 0.5
+    size = [max(16, round(rows * scale)), max(16, round(columns * scale))]
+    return functional.interpolate(picture[None], size, mode="bilinear", antialias=True)[0]
+
+
+def _blurred(picture: Tensor) -> Tensor:
+    """The picture, each pixel the mean of its neighbourhood."""
+    reach = round(_COLORS * min(picture.shape[1:]))
+    return functional.avg_pool2d(picture[None], 2 * reach + 1, 1, reach, count_include_pad=False)[0]

@@ -129,7 +129,10 @@ def best_proposals(
 ) -> Found:
     """From 1 to `count` strokes that would gain most and keep clear of each other; `proposals` are weighed for each."""
     under = layers(strokes, scene, light_to_dark=light_to_dark)
-    error = _blurred((target - under.picture).square().sum(0))
+    error = (target - under.picture).square().sum(0)
+    if scene.importance is not None:
+        error = error * scene.importance
+    error = _blurred(error)
     candidates = propose(error, max(64, proposals * count), scene.limits, scene.size, generator)
     gain, candidates, paint = weigh(candidates, under, target, paints, scene)
     chosen = pick(candidates, gain, count, scene.model)

@@ -11,10 +11,12 @@ from frida_painter import images
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal, TextTerm
+from frida_painter.goal import Goal, ImageTerm, TextTerm
+from frida_painter.objectives.attention import attended
 from frida_painter.objectives.base import prepare
 from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.objectives.imagination import imagined
+from frida_painter.objectives.replication import spread
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.initialize import Growth, progressive
@@ -90,7 +92,7 @@ class Planner:
         self.coarse = PixelGrid.of_height(size, max(rows // 2, 32))
         self.seed = seed
         self.encoders = encoders or Encoders()
-        self.goal = goal = imagined(goal, self.fine, self.encoders)
+        self.goal = goal = attended(imagined(goal, self.fine, self.encoders), self.encoders)
         self._aims = {grid: prepare(goal, grid, self.encoders, seed) for grid in (self.fine, self.coarse)}
         self._opening = self._aims[self.coarse]
         if goal.opening is not goal.terms:
@@ -102,7 +104,7 @@ class Planner:
         colors = min(colors, strokes)
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
         target = self._guide(self.coarse)
-        opening = Scene(coarse.canvas, self.size, self.model, self._opening, self._opening.judge)
+        opening = replace(coarse, objective=self._opening, judge=self._opening.judge)
         steps = _Progress(notify, self.iterations(strokes))
         found, _ = progressive(
             strokes,
@@ -165,8 +167,9 @@ class Planner:
         # Never back to a lighter paint: it would pick up the dark paint that is still wet.
         paints: Paints | None = Paints(rest.palette.color, rest.paint, first=int(rest.paint.min()))
         found = rest.strokes
-        # Elsewhere the guide is only what the plan began with.
-        if self.goal.opening is self.goal.terms and not sparing:
+        # Elsewhere than with pictures and what they mean, the guide is only what the plan began with.
+        guided = self.goal.opening is self.goal.terms or coarse.importance is not None
+        if guided and not sparing:
             found, paints = relocate(
                 found,
                 paints,
@@ -208,12 +211,19 @@ class Planner:
 
     def _scene(self, canvas: Tensor, grid: PixelGrid) -> Scene:
         aim = self._aims[grid]
-        return Scene(images.fit(canvas, grid.rows, grid.columns), self.size, self.model, aim, aim.judge)
+        bare = images.fit(canvas, grid.rows, grid.columns)
+        return Scene(bare, self.size, self.model, aim, aim.judge, self._importance(grid))
 
     def _guide(self, grid: PixelGrid) -> Tensor:
         """The picture that says where strokes are needed."""
         pictures = [term.image for term in self.goal.opening if not isinstance(term, TextTerm)]
         return images.fit(pictures[0], grid.rows, grid.columns)
+
+    def _importance(self, grid: PixelGrid) -> Tensor | None:
+        """How much errors matter where, while strokes are placed."""
+        first = self.goal.opening[0]
+        matters = first.importance if isinstance(first, ImageTerm) else None
+        return None if matters is None else spread(matters, grid.rows, grid.columns)
 
     def _growing(self, strokes: int) -> int:
         return min(self.effort.growth.rounds, strokes) * self.effort.growth.settling

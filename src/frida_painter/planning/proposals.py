@@ -98,13 +98,15 @@ def weigh(
 
     Returns the gains [m], the proposals coloured, and with paints the paint of each [m]. A stroke
     of alpha a changes the picture by o a (c - below), o the share left open above it; with
-    r = target - picture, the gain is |r|^2 - |r - o a (c - below)|^2.
+    r = target - picture, the gain is |r|^2 - |r - o a (c - below)|^2, each pixel by its importance.
     """
     alpha, place = _cells(proposals, scene)
     wanted = _sample(target, place)  # [m, 3, cells]
     residual = wanted - _sample(under.picture, place)
     alpha = alpha[:, None]  # [m, 1, cells]
-    color = (alpha * wanted).sum(2) / alpha.sum(2).clamp(min=1e-6)
+    matters = torch.ones_like(alpha) if scene.importance is None else _sample(scene.importance[None], place)
+    share = alpha * matters
+    color = (share * wanted).sum(2) / share.sum(2).clamp(min=1e-6)
     paint = None
     if paints is not None:
         paint = paints.first + torch.cdist(to_lab(color), to_lab(paints.color[paints.first :])).argmin(1)
@@ -115,7 +117,7 @@ def weigh(
         mine = layer == number
         visible = alpha[mine] * _sample(under.open[number][None], place[mine])
         change = visible * (color[mine][:, :, None] - _sample(under.below[number], place[mine]))
-        gain[mine] = (2 * residual[mine] * change - change.square()).sum((1, 2))
+        gain[mine] = (matters[mine] * (2 * residual[mine] * change - change.square())).sum((1, 2))
     return gain * _pixels_per_cell(scene), proposals.with_groups(color=color), paint
 
 

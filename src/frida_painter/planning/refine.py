@@ -20,6 +20,8 @@ _WORTHWHILE = 1.5  # a gain is foreseen on a coarse picture, and neighbours may 
 def loss_without(strokes: Strokes, scene: Scene, target: Tensor, generator: torch.Generator) -> Tensor:
     """How much the summed squared error to target [3, H, W] rises when one stroke is left out, for each, [n].
 
+    Errors count by the scene's importance w, where it has one: r and D_i below are then those times its root.
+
     The picture is linear in the opacity of a single stroke: leaving out stroke i takes D_i from
     it, and the error rises by 2 r.D_i + |D_i|^2 with r = target - picture. r.D_i is a derivative;
     |D_i|^2 is the mean of (z.D_i)^2 over random signs z (Hutchinson's estimator), a derivative too.
@@ -37,9 +39,10 @@ def loss_without(strokes: Strokes, scene: Scene, target: Tensor, generator: torc
         (slope,) = torch.autograd.grad(picture, magnitude, direction, retain_graph=True)
         return (slope * magnitude).sum((1, 2)).detach()
 
+    matters = torch.ones_like(target[0]) if scene.importance is None else scene.importance
     signs = [torch.randint(0, 2, picture.shape, generator=generator).to(picture) * 2 - 1 for _ in range(_PROBES)]
-    squared = torch.stack([along(sign).square() for sign in signs]).mean(0)
-    return 2 * along((target - picture).detach()) + squared
+    squared = torch.stack([along(sign * matters.sqrt()).square() for sign in signs]).mean(0)
+    return 2 * along((matters * (target - picture)).detach()) + squared
 
 
 def visible_area(strokes: Strokes, scene: Scene) -> Tensor:

@@ -16,7 +16,8 @@ class Scene:
     """A canvas picture [3, H, W] (blank, or a photograph of the real one) of `size`, a brush and an objective.
 
     judge: says which of several plans is best where the objective cannot: where it looks at a picture
-    in another way every time, or could be fooled.
+    in another way every time, or could be fooled. importance [H, W]: how much an error matters at each
+    place when strokes are placed, 1 in the mean; None: everywhere the same.
     """
 
     canvas: Tensor
@@ -24,6 +25,7 @@ class Scene:
     model: StrokeModel
     objective: Objective
     judge: Objective | None = None
+    importance: Tensor | None = None
 
     @property
     def limits(self) -> StrokeLimits:

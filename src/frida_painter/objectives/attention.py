@@ -1,0 +1,59 @@
+"""Where a picture says what it shows: with few strokes, those places are worth more of them than others."""
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter import images
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm
+from frida_painter.objectives.encoders.base import Seer
+from frida_painter.objectives.encoders.hed import Hed
+from frida_painter.objectives.encoders.shelf import Encoders
+
+_ROWS = 112  # of the picture that is looked at
+_AROUND = 9  # pixels of it over which an edge matters
+_SIDE = 224  # of the view in which things are seen
+_EDGES, _THINGS = 1.0, 0.7  # against what every place matters by itself
+_STRONGEST = 6.0  # times the mean that a place may matter
+
+
+def attended(goal: Goal, encoders: Encoders) -> Goal:
+    """The goal, which begins with a picture that is to be painted by its meaning there where its meaning is.
+
+    A goal that begins with anything else stays as it is. Raises WeightsError where a network is missing.
+    """
+    begins = goal.opening
+    meant = [term.image for term in goal.terms if isinstance(term, SemanticTerm)]
+    if goal.initial or not meant or not any(term.image is meant[0] for term in begins if isinstance(term, ImageTerm)):
+        return goal
+    seer, hed = encoders.meaning(), encoders.edges_if_any()
+    initial = tuple(
+        replace(term, importance=importance(term.image, seer, hed)) if isinstance(term, ImageTerm) else term
+        for term in begins
+    )
+    return replace(goal, initial=initial)
+
+
+@torch.no_grad()
+def importance(picture: Tensor, seer: Seer, hed: Hed | None) -> Tensor:
+    """How much each place of a picture [3, H, W] matters for what it shows, [h, w], 1 in the mean.
+
+    More along edges, as HED sees them, and where a network's last layer answers most strongly.
+    """
+    _, rows, columns = picture.shape
+    small = images.fit(picture, _ROWS, max(16, round(_ROWS * columns / rows)))
+    shape = small.shape[1:]
+    total = torch.ones(shape).to(picture)
+    if hed is not None:
+        edges = hed.edges(small)[None, None]
+        edges = functional.avg_pool2d(edges, _AROUND, 1, _AROUND // 2, count_include_pad=False)[0, 0]
+        total = total + _EDGES * edges / edges.mean().clamp(min=1e-6)
+    view = functional.interpolate(picture[None], (_SIDE, _SIDE), mode="bilinear", antialias=True)
+    answer = seer.features(view)[-1].square().sum(1, keepdim=True).sqrt()
+    answer = answer - answer.amin()
+    things = functional.interpolate(answer, list(shape), mode="bilinear")[0, 0]
+    total = total + _THINGS * things / things.mean().clamp(min=1e-6)
+    total = (total / total.mean()).clamp(max=_STRONGEST)
+    return total / total.mean()

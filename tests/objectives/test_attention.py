@@ -1,0 +1,56 @@
+import torch
+
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm
+from frida_painter.objectives.attention import attended, importance
+from frida_painter.objectives.replication import spread
+from networks import NoEncoders, QuickEncoders, QuickHed
+from scenes import picture
+
+
+class Spot:
+    """Answers strongly in the upper left quarter only."""
+
+    def features(self, views: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        answer = torch.zeros(len(views), 4, 8, 8)
+        answer[:, :, :4, :4] = 1
+        return (answer,)
+
+
+def test_edges_and_things_matter_more_than_the_rest() -> None:
+    image = torch.full((3, 120, 160), 0.8)
+    image[:, 90:110, 100:140] = 0.1
+    matters = importance(image, Spot(), QuickHed())
+    assert abs(float(matters.mean()) - 1) < 1e-5 and float(matters.min()) > 0
+    rows, columns = matters.shape
+    edge, thing, nothing = (
+        float(matters[int(y * rows), int(x * columns)]) for y, x in ((0.83, 0.63), (0.2, 0.2), (0.25, 0.85))
+    )
+    assert edge > 2 * nothing and thing > 1.5 * nothing
+    without = importance(image, Spot(), None)
+    assert float(without[int(0.83 * rows), int(0.63 * columns)]) < edge
+
+
+def test_a_goal_that_begins_with_what_is_meant_begins_where_its_meaning_is() -> None:
+    goal = attended(Goal((SemanticTerm(picture(), 2.0), StyleTerm(picture()))), QuickEncoders())
+    (begun,) = goal.initial
+    assert isinstance(begun, ImageTerm) and begun.importance is not None and begun.weight == 2
+    assert goal.opening == goal.initial
+
+
+def test_other_goals_ask_no_network() -> None:
+    meant = SemanticTerm(picture())
+    for goal in (
+        Goal((ImageTerm(picture()),)),
+        Goal((ImageTerm(picture()), meant)),
+        Goal((meant,), (ImageTerm(picture()),)),
+    ):
+        assert attended(goal, NoEncoders()) is goal
+
+
+def test_importance_is_fitted_as_the_picture_is() -> None:
+    matters = torch.ones(40, 80)
+    matters[:, :20] = 9
+    fitted = spread(matters, 20, 20)
+    assert fitted.shape == (20, 20) and abs(float(fitted.mean()) - 1) < 1e-6
+    assert float(fitted.std()) < 1e-6, "the strong columns are cropped away"
+    assert float(spread(matters, 20, 40)[10, 5] / spread(matters, 20, 40)[10, 30]) > 8
