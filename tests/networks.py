@@ -145,8 +145,14 @@ class QuickEncoders(Encoders):
     def meaning(self) -> EfficientNetLite:
         return EfficientNetLite(random_lite_tensors())
 
+    def shapes(self) -> Vgg16:
+        return QuickVgg()
+
     def edges(self) -> Hed:
         return QuickHed()
+
+    def edges_if_any(self) -> Hed:
+        return self.edges()
 
     def aside(self) -> EfficientNetLite:
         return self.meaning()

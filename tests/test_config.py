@@ -44,7 +44,7 @@ def test_few_strokes_bring_their_own_colors_and_replans() -> None:
         ({"canvas": "nanxnanmm"}, "'nanxnanmm' is not understood; give width x height with a unit"),
         ({"canvas": float("nan")}, "'nan' is not understood"),
         ({"brush": ""}, "--brush was given ''; it is a name or a path"),
-        ({"colour": 3}, "'colour' is not a setting; there are brush, canvas, colors"),
+        ({"colour": 3}, "'colour' is not a setting; there are brush, canvas, clip, colors"),
         ({"strokes": 5, "colors": 6}, "6 colors for 5 strokes; give at most as many colors as strokes"),
         ({"strokes": 5, "colors": 5, "replans": 5}, "5 replans for 5 strokes; .* at most 4"),
         ({"strokes": "x" * 10_000}, r"--strokes was given 'x{36}\.\.\.; it is"),

@@ -36,7 +36,8 @@ class PaintingSettings(BaseModel):
     strokes: exactly how many are painted; colors: how many paints are mixed; canvas: its size;
     brush: name of a brush, or a file of learned weights; render_height: rows of the picture in
     which is planned; replans: how often the painter looks and plans the rest again; effort: 1 is
-    the default amount of planning, 2 twice as much; seed: of every random choice.
+    the default amount of planning, 2 twice as much; seed: of every random choice; clip: a CLIP to see
+    words and meaning through, a folder, a name on the hub, or a file; None: what was fetched.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
@@ -49,6 +50,7 @@ class PaintingSettings(BaseModel):
     replans: int = Field(4, ge=0)
     effort: float = Field(1.0, ge=0.05, le=20, allow_inf_nan=False)
     seed: int = Field(0, ge=0, le=2**31 - 1)
+    clip: str | None = Field(None, min_length=1)
 
     @model_validator(mode="after")
     def _fit_together(self) -> Self:

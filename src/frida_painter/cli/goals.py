@@ -59,6 +59,16 @@ GoalFile = Annotated[
     Path | None,
     typer.Option("--goal", metavar="FILE", help="A TOML file with goals and weights.", rich_help_panel=_PANEL),
 ]
+ClipSource = Annotated[
+    str | None,
+    typer.Option(
+        "--clip",
+        metavar="NAME|FOLDER",
+        help="The CLIP that words and meaning are seen through: a name on the hub, a folder, or a safetensors file of "
+        "its ResNet kind. [dim]clip-vit-b-32 where it was fetched, or else smaller networks[/]",
+        rich_help_panel=_PANEL,
+    ),
+]
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ def prepare_term(term: Any, setting: Setting) -> Prepared:
 
 @prepare_term.register
 def _(term: ImageTerm, setting: Setting) -> Prepared:
-    return Prepared(replication(term.image, setting.grid))
+    return Prepared(replication(term.image, setting.grid, term.importance))
 
 
 @prepare_term.register
@@ -67,8 +67,9 @@ def _(term: SemanticTerm, setting: Setting) -> Prepared:
 
     # What will fill the canvas is what is shown, and the judge is a network that the optimiser never asks.
     shown = images.fit(term.image, setting.grid.rows, setting.grid.columns)
-    aside = Semantic(shown, setting.encoders.aside(), setting.seed)
-    return Prepared(Semantic(shown, setting.encoders.meaning(), setting.seed), aside.judge)
+    trunk = setting.encoders.shapes()
+    aside = Semantic(shown, setting.encoders.aside(), setting.seed, trunk)
+    return Prepared(Semantic(shown, setting.encoders.meaning(), setting.seed, trunk), aside.judge)
 
 
 @prepare_term.register

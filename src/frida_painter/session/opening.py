@@ -15,6 +15,7 @@ from frida_painter.errors import CalibrationError
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.hardware.easel import Easel
+from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Effort, Planner
@@ -43,7 +44,7 @@ def open_planner(settings: PaintingSettings, goal: Goal, record: Path | None = N
 
     record: the easel's calibration record; what its own strokes taught of that brush goes before what
     the project ships. Raises CalibrationError where it is damaged, and WeightsError and ConfigError
-    where there is no such brush.
+    where there is no such brush, or a network that the goal needs is missing.
     """
     source: str | Path = settings.brush
     if record is not None:
@@ -52,7 +53,15 @@ def open_planner(settings: PaintingSettings, goal: Goal, record: Path | None = N
             source = Path(known.weights.path)
     model = StrokeTable.of(load_stroke_model(source))
     effort = Effort().scaled(settings.effort)
-    return Planner(goal, settings.canvas, model, rows=settings.render_height, effort=effort, seed=settings.seed)
+    return Planner(
+        goal,
+        settings.canvas,
+        model,
+        rows=settings.render_height,
+        effort=effort,
+        seed=settings.seed,
+        encoders=Encoders(clip=settings.clip),
+    )
 
 
 def open_session(

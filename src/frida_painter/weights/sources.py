@@ -128,6 +128,18 @@ class Hub:
             raise WeightsError("HF_HUB_OFFLINE is set")
         self._site.bring(originals, scratch, received)
 
+    def require(self, path: str) -> None:
+        """Asks for one file's head, so that a hub that is not there costs seconds. Raises WeightsError."""
+        if os.environ.get("HF_HUB_OFFLINE", "").upper() in ("1", "ON", "YES", "TRUE"):
+            raise WeightsError("HF_HUB_OFFLINE is set")
+        request = urllib.request.Request(f"{self._site.address}/{path}", method="HEAD")
+        try:
+            urllib.request.urlopen(request, timeout=_PATIENCE).close()
+        except urllib.error.HTTPError as cause:
+            raise WeightsError(f"{self.words} answers {cause.code} {cause.reason}") from cause
+        except (TimeoutError, HTTPException, urllib.error.URLError, ConnectionError, ValueError) as cause:
+            raise WeightsError(f"{self.words} cannot be reached ({_plain(cause)})") from cause
+
     @property
     def _endpoint(self) -> str:
         return os.environ.get("HF_ENDPOINT", "").rstrip("/") or "https://huggingface.co"

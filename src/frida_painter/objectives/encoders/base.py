@@ -29,3 +29,11 @@ class Reader(Protocol):
     def embed_pictures(self, pictures: Tensor) -> Tensor:
         """What pictures [n, 3, h, w], sRGB in [0, 1], show: [n, d], each of unit length; differentiable."""
         ...
+
+
+class Seer(Protocol):
+    """Sees what is shown where in a picture, layer by layer."""
+
+    def features(self, views: Tensor) -> tuple[Tensor, ...]:
+        """What is seen where in views [n, 3, h, w], sRGB in [0, 1]: maps [n, c, h', w'], shallow ones first."""
+        ...

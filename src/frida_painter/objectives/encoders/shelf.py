@@ -3,16 +3,22 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from frida_painter import weights
+from frida_painter import storage, weights
 from frida_painter.errors import WeightsError
-from frida_painter.objectives.encoders.base import Reader
+from frida_painter.objectives.encoders.base import Reader, Seer
 from frida_painter.objectives.encoders.class_names import class_names
+from frida_painter.objectives.encoders.clip import Clip
+from frida_painter.objectives.encoders.clip_resnet import ClipResNet
 from frida_painter.objectives.encoders.conse import ConSE
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.hed import Hed
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.pictograms import Pictograms
+
+_CLIP = "clip-vit-b-32"
+CLIP_MISSING = f"CLIP: frida-painter models fetch {_CLIP}"
+"""What is said where CLIP would see better and is not at hand."""
 
 
 @dataclass(frozen=True)
@@ -27,17 +33,20 @@ class Choice:
 class Encoders:
     """The networks of one painting.
 
-    cache: the folder of fetched weights, by default the usual one; choices: those used so far; remarks:
-    what else a person is to be told of how the goal was understood.
+    cache: the folder of fetched weights, by default the usual one; clip: a CLIP to be used in place of
+    what was fetched: a folder, a name on the hub, or a file of CLIP's ResNet kind; choices: those
+    used so far; remarks: what else a person is to be told of how the goal was understood.
     Everything that loads raises WeightsError, with the command that mends it, where weights are
     missing or altered.
     """
 
-    def __init__(self, cache: Path | None = None) -> None:
+    def __init__(self, cache: Path | None = None, clip: str | None = None) -> None:
         self._cache = cache
+        self._clip_source = clip
+        self._clip: Clip | ClipResNet | None = None
         self._vgg: Vgg16 | None = None
-        self._meaning: EfficientNetLite | None = None
-        self._aside: EfficientNetLite | None = None
+        self._meaning: Seer | None = None
+        self._aside: Seer | None = None
         self._edges: Hed | None = None
         self._sentences: SentenceEncoder | None = None
         self._readers: tuple[Reader, ...] = ()
@@ -58,12 +67,35 @@ class Encoders:
                 self.choices.append(Choice("style", "VGG16 trunk of the edge detector HED", better))
         return self._vgg
 
-    def meaning(self) -> EfficientNetLite:
-        """What sees what a picture shows."""
+    def meaning(self) -> Seer:
+        """What sees what a picture shows: CLIP, or else EfficientNet-Lite."""
         if self._meaning is None:
-            self._meaning = EfficientNetLite(weights.tensors("efficientnet-lite0", self._cache))
-            self.choices.append(Choice("meaning", "EfficientNet-Lite0"))
+            clip = self.clip()
+            if clip is not None:
+                self._meaning = clip
+                self.choices.append(Choice("meaning", clip.name))
+            else:
+                self._meaning = EfficientNetLite(weights.tensors("efficientnet-lite0", self._cache))
+                self.choices.append(Choice("meaning", "EfficientNet-Lite0", CLIP_MISSING))
         return self._meaning
+
+    def clip(self) -> Clip | ClipResNet | None:
+        """The CLIP that was asked for, or that was fetched; None where there is none."""
+        if self._clip is None:
+            if self._clip_source is not None:
+                self._clip = _given_clip(self._clip_source)
+            elif (folder := weights.find(_CLIP, self._cache)) is not None:
+                self._clip = Clip.load(folder, "CLIP ViT-B/32")
+        return self._clip
+
+    def shapes(self) -> Vgg16 | None:
+        """What sees shapes beside what sees meaning; None, and it is said, where neither VGG16 nor HED was fetched."""
+        if self._vgg is None and all(weights.find(name, self._cache) is None for name in ("vgg16", "hed")):
+            missing = Choice("shapes", "nothing", "the trunk of HED: frida-painter models fetch hed")
+            if missing not in self.choices:
+                self.choices.append(missing)
+            return None
+        return self.style()
 
     def edges(self) -> Hed:
         """What sees where a picture has edges."""
@@ -72,27 +104,34 @@ class Encoders:
             self.choices.append(Choice("edges", "HED"))
         return self._edges
 
-    def aside(self) -> EfficientNetLite:
+    def edges_if_any(self) -> Hed | None:
+        """The same, or None where it was not fetched."""
+        return None if self._edges is None and weights.find("hed", self._cache) is None else self.edges()
+
+    def aside(self) -> Seer:
         """What the optimiser never asks, and which says when to stop: the best of the others, or else the same."""
         if self._aside is None:
             other = weights.find("efficientnet-lite2", self._cache)
             if other is None:
                 better = "an eye kept aside: frida-painter models fetch efficientnet-lite2"
-                self.choices.append(Choice("progress", "EfficientNet-Lite0", better))
+                self.choices.append(Choice("progress", "the same network", better))
                 return self.meaning()
             self._aside = EfficientNetLite(weights.tensors("efficientnet-lite2", self._cache))
             self.choices.append(Choice("progress", "EfficientNet-Lite2, kept aside"))
         return self._aside
 
     def readers(self) -> tuple[Reader, ...]:
-        """What reads words and sees whether a picture shows them: classifiers with the names of their classes."""
+        """What reads words and sees whether a picture shows them: CLIP, or classifiers whose classes have names."""
+        clip = self.clip()
+        if not self._readers and isinstance(clip, Clip):
+            self._readers = (clip,)
+            self.choices.append(Choice("words", clip.name))
         if not self._readers:
             self._require_for_words()
             found = [number for number in (0, 1) if self._has(f"efficientnet-lite{number}")]
             self._readers = tuple(self._conse(number) for number in found)
             names = " and ".join(f"EfficientNet-Lite{number}" for number in found)
-            better = "CLIP: frida-painter models fetch clip-vit-b-32"
-            self.choices.append(Choice("words", f"{names} by the names of classes (ConSE)", better))
+            self.choices.append(Choice("words", f"{names} by the names of classes (ConSE)", CLIP_MISSING))
         return self._readers
 
     def reader_aside(self) -> Reader | None:
@@ -145,3 +184,12 @@ class Encoders:
         names = class_names()
         meanings = self.sentences().embed_once([name for some in names for name in some], self._kept)
         return ConSE(classifier, names, meanings, self.sentences(), f"EfficientNet-Lite{number}")
+
+
+def _given_clip(source: str) -> Clip | ClipResNet:
+    """The CLIP of a folder, of a name on the hub, or of a safetensors file with OpenAI's names. Raises WeightsError."""
+    path = Path(source)
+    if path.is_file():
+        tensors, _ = storage.read_tensors(path, "the weights of a CLIP", WeightsError)
+        return ClipResNet(tensors, f"CLIP {path.stem}")
+    return Clip.load(source)

@@ -1,0 +1,161 @@
+"""CLIP of the ViT kind, of random weights made on the spot, through `transformers` as a real one would be."""
+
+import json
+import pickle
+import socket
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from frida_painter import images
+from frida_painter.errors import WeightsError
+from frida_painter.objectives.encoders.clip import Clip
+from frida_painter.objectives.encoders.clip_resnet import MEAN, SPREAD
+from tiny_clip import MOST_TOKENS, PATCH, SIDE, write_clip
+from tiny_weights import Trap, serving
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_clip(tmp_path_factory.mktemp("clip"))
+
+
+@pytest.fixture(scope="module")
+def clip(folder: Path) -> Clip:
+    return Clip.load(folder)
+
+
+def test_words_and_pictures_have_places_in_one_space(clip: Clip) -> None:
+    words = clip.embed_text("cat")
+    pictures = clip.embed_pictures(torch.rand(3, 3, 40, 50))
+    assert words.shape == (8,) and pictures.shape == (3, 8)
+    assert float(words.norm()) == pytest.approx(1)
+    torch.testing.assert_close(pictures.norm(dim=1), torch.ones(3))
+    assert torch.equal(words, clip.embed_text("cat")) and not torch.equal(words, clip.embed_text("dog"))
+
+
+def test_the_network_is_asked_as_transformers_asks_it(clip: Clip, folder: Path) -> None:
+    from transformers import CLIPModel
+
+    model = CLIPModel.from_pretrained(folder).eval()
+    picture = torch.rand(1, 3, SIDE, SIDE, generator=torch.Generator().manual_seed(0))
+    normal = (picture - torch.tensor(MEAN)[:, None, None]) / torch.tensor(SPREAD)[:, None, None]
+    with torch.no_grad():
+        wanted = model.get_image_features(normal).pooler_output
+        last = model.vision_model(normal).last_hidden_state
+        torch.testing.assert_close(clip.embed_pictures(picture), wanted / wanted.norm())
+        (seen,) = clip.features(picture)
+    cells = SIDE // PATCH
+    assert seen.shape == (1, 16, cells, cells)
+    torch.testing.assert_close(seen[0, :, 1, 2], last[0, 1 + cells + 2])
+
+
+@pytest.mark.parametrize("size", [(50, 70), (70, 50), (20, 90)])
+def test_pictures_are_prepared_as_pillow_would(clip: Clip, size: tuple[int, int]) -> None:
+    """Resized by the shorter side, bicubic, and the middle taken, as CLIP's own image processor does it."""
+    rows, columns = size
+    smooth = torch.nn.functional.interpolate(
+        torch.rand(1, 3, 5, 6, generator=torch.Generator().manual_seed(0)), size, mode="bicubic"
+    )[0].clamp(0, 1)
+    short = min(size)
+    wanted_size = (columns * SIDE // short, rows * SIDE // short)
+    resized = Image.fromarray(images.to_uint8(smooth)).resize(wanted_size, Image.Resampling.BICUBIC)
+    left, top = (wanted_size[0] - SIDE) // 2, (wanted_size[1] - SIDE) // 2
+    middle = np.asarray(resized.crop((left, top, left + SIDE, top + SIDE)))
+    wanted = (images.from_uint8(middle) - torch.tensor(MEAN)[:, None, None]) / torch.tensor(SPREAD)[:, None, None]
+    torch.testing.assert_close(clip._as_input(smooth[None])[0], wanted, atol=0.03, rtol=0)
+
+
+def test_slopes_reach_the_pictures(clip: Clip) -> None:
+    pictures = torch.rand(2, 3, 40, 50, requires_grad=True)
+    (slope,) = torch.autograd.grad(clip.embed_pictures(pictures)[1, 0] + clip.features(pictures)[0][1].sum(), pictures)
+    assert float(slope[1].abs().sum()) > 0 and float(slope[0].abs().sum()) == 0
+
+
+def test_words_beyond_what_it_can_read_are_cut_and_it_is_known(clip: Clip) -> None:
+    readable = MOST_TOKENS - 2
+    assert clip.reads_all("a" * readable) and not clip.reads_all("a" * (readable + 1))
+    assert torch.equal(clip.embed_text("a" * readable + "bcd"), clip.embed_text("a" * readable + "xyz"))
+
+
+def test_the_statistics_of_the_folder_are_used(folder: Path, tmp_path: Path) -> None:
+    other = write_clip(tmp_path / "other")
+    settings = other / "preprocessor_config.json"
+    settings.write_text(json.dumps({"image_mean": [0.5, 0.5, 0.5], "image_std": [0.5, 0.5, 0.5]}))
+    seen = Clip.load(other)._as_input(torch.full((1, 3, SIDE, SIDE), 0.75))
+    torch.testing.assert_close(seen, torch.full_like(seen, 0.5))
+    settings.write_text(json.dumps({"image_mean": [0.5, 0.5, 0.5], "image_std": [0.5, 0.0, 0.5]}))
+    with pytest.raises(WeightsError, match="three numbers each"):
+        Clip.load(other)
+
+
+@pytest.mark.parametrize("name", ["model.safetensors", "pytorch_model.bin"])
+def test_a_pickle_is_never_opened(tmp_path: Path, name: str) -> None:
+    hostile = write_clip(tmp_path / "hostile")
+    (hostile / "model.safetensors").unlink()
+    sprung = tmp_path / "sprung"
+    (hostile / name).write_bytes(pickle.dumps(Trap(sprung)))
+    with pytest.raises(WeightsError, match=r"cannot be loaded as CLIP .*; a folder holds config.json"):
+        Clip.load(hostile)
+    assert not sprung.exists()
+
+
+def test_code_that_comes_with_weights_does_not_run(tmp_path: Path) -> None:
+    hostile = write_clip(tmp_path / "hostile")
+    sprung = tmp_path / "sprung"
+    (hostile / "own.py").write_text(f"import pathlib\npathlib.Path({str(sprung)!r}).touch()\n")
+    record = json.loads((hostile / "config.json").read_text())
+    record |= {"model_type": "own", "auto_map": {"AutoConfig": "own.Config", "AutoModel": "own.Model"}}
+    (hostile / "config.json").write_text(json.dumps(record))
+    with pytest.raises(WeightsError):
+        Clip.load(hostile)
+    assert not sprung.exists()
+
+
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (lambda folder: (folder / "config.json").unlink(), "cannot be loaded as CLIP"),
+        (
+            lambda folder: (folder / "config.json").write_text('{"model_type": "bert"}'),
+            "cannot be loaded as CLIP .it is a 'bert' network",
+        ),
+        (lambda folder: (folder / "model.safetensors").write_bytes(b"\0" * 40), "cannot be loaded as CLIP"),
+        (lambda folder: (folder / "tokenizer.json").unlink(), "cannot be loaded as CLIP"),
+    ],
+    ids=["no settings", "another kind", "damaged", "no tokenizer"],
+)
+def test_folders_that_are_no_clip(tmp_path: Path, damage: object, says: str) -> None:
+    broken = write_clip(tmp_path / "broken")
+    damage(broken)
+    with pytest.raises(WeightsError, match=says):
+        Clip.load(broken)
+
+
+def test_a_name_that_cannot_be_reached_costs_no_retries(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("HF_HUB_OFFLINE", raising=False)
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # bound and not listening: whoever calls is refused
+        monkeypatch.setenv("HF_ENDPOINT", f"http://127.0.0.1:{taken.getsockname()[1]}")
+        with pytest.raises(WeightsError, match=r"no-such/clip cannot be loaded as CLIP .*cannot be reached.*a folder"):
+            Clip.load("no-such/clip")
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    for name in ("no-such/clip", "/no/such/folder", "a b"):
+        with pytest.raises(WeightsError, match=r"cannot be loaded as CLIP .HF_HUB_OFFLINE is set"):
+            Clip.load(name)
+
+
+def test_a_hub_that_has_no_such_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("HF_HUB_OFFLINE", raising=False)
+    with serving({}) as server:
+        monkeypatch.setenv("HF_ENDPOINT", server.address)
+        with pytest.raises(WeightsError, match=r"no-such/clip cannot be loaded as CLIP .*answers"):
+            Clip.load("no-such/clip")
+
+
+def test_nothing_brings_torchvision_in(clip: Clip) -> None:
+    assert clip.name and "torchvision" not in sys.modules
