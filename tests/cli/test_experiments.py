@@ -43,6 +43,9 @@ def test_all_experiments_are_listed_with_what_they_are_for(run: Run) -> None:
         "sim2real",
         "replanning",
         "robustness",
+        "style",
+        "semantic",
+        "sketch",
     )
     for name in names:
         (line,) = (line for line in out.splitlines() if line.startswith(name))

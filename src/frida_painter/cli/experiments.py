@@ -17,13 +17,17 @@ from frida_painter.cli.numbers import whole_number_within
 from frida_painter.cli.progress import duration
 from frida_painter.experiments import (
     continuous_strokes,
+    goal_paintings,
     outcome,
     real_strokes,
     replanning,
     robustness,
+    semantic,
     sim2real,
+    sketch,
     stroke_model,
     strokes_needed,
+    style,
     targets,
     text,
 )
@@ -74,6 +78,9 @@ def build() -> typer.Typer:
     app.command(replanning.NAME)(looking)
     app.command(robustness.NAME)(dirt)
     app.command(text.NAME)(words)
+    app.command(style.NAME)(styles)
+    app.command(semantic.NAME)(meanings)
+    app.command(sketch.NAME)(drawings)
     return app
 
 
@@ -222,6 +229,63 @@ def words(
         )  # fmt: skip
 
     _conduct(out, experiment, unfinished=keep)
+
+
+def styles(
+    brush: BrushName = "broad",
+    seeds: Seeds = "0,1",
+    target: Targets = None,
+    image: Annotated[
+        list[Path] | None,
+        typer.Option("--style", metavar="PICTURE", help="A style; may be given again. [dim]two of the project's[/]"),
+    ] = None,
+    quick: Quick = False,
+    out: Out = HERE,
+) -> None:
+    """How near in style a styled painting is, on features that the optimiser did not see."""
+    scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / style.NAME / "unfinished"
+    pictures = targets.given(target) if target else targets.shipped(["cat", "astronaut"])
+    wanted, chosen = targets.given(image) if image else targets.shipped(targets.STYLES), seeds_of(seeds)
+    _conduct(
+        out,
+        lambda notify: style.run(pictures, wanted, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
+        unfinished=keep,
+    )
+
+
+def meanings(
+    brush: BrushName = "broad", seeds: Seeds = "0,1", target: Targets = None, quick: Quick = False, out: Out = HERE
+) -> None:
+    """Photographs painted by what they show and by their pixels, judged by what no optimiser asked."""
+    scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / semantic.NAME / "unfinished"
+    pictures = targets.given(target) if target else targets.shipped(targets.PHOTOGRAPHS)
+    chosen = seeds_of(seeds)
+    _conduct(
+        out,
+        lambda notify: semantic.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
+        unfinished=keep,
+    )
+
+
+def drawings(
+    brush: BrushName = "broad",
+    seeds: Seeds = "0,1",
+    target: Annotated[
+        list[Path] | None,
+        typer.Option("--target", metavar="DRAWING", help="Called as what it shows. [dim]four of the project's[/]"),
+    ] = None,
+    quick: Quick = False,
+    out: Out = HERE,
+) -> None:
+    """Words painted along the lines of a drawing, with and without the sketch objective."""
+    scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / sketch.NAME / "unfinished"
+    pictures = targets.given(target) if target else targets.shipped(targets.DRAWINGS)
+    chosen = seeds_of(seeds)
+    _conduct(
+        out,
+        lambda notify: sketch.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
+        unfinished=keep,
+    )
 
 
 def seeds_of(text: str) -> tuple[int, ...]:

@@ -1,5 +1,6 @@
 """The pictures that experiments paint: those that come with the project, or a person's own."""
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,9 @@ from frida_painter import images
 from frida_painter.errors import ConfigError
 
 SHIPPED = ("astronaut", "cat", "coffee", "retina", "rocket")
+PHOTOGRAPHS = (*SHIPPED, "cameraman", "coins", "galaxies")
+STYLES = ("tissue", "galaxies")
+DRAWINGS = ("sailing-boat", "mug", "pear", "house")
 
 
 @dataclass(frozen=True)
@@ -19,10 +23,16 @@ class Target:
     name: str
     picture: Tensor
 
+    @property
+    def fingerprint(self) -> str:
+        """sha256 of the picture."""
+        return hashlib.sha256(self.picture.numpy().tobytes()).hexdigest()
+
 
 def shipped(names: Sequence[str] = SHIPPED) -> tuple[Target, ...]:
     """The project's own pictures of these names."""
-    return tuple(Target(name, images.load(Path(__file__).with_name(f"{name}.jpg"))) for name in names)
+    paths = [Path(__file__).with_name(f"{name}.{'png' if name in DRAWINGS else 'jpg'}") for name in names]
+    return tuple(Target(name, images.load(path)) for name, path in zip(names, paths, strict=True))
 
 
 def given(paths: Sequence[Path]) -> tuple[Target, ...]:

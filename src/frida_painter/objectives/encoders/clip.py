@@ -50,7 +50,7 @@ class Clip:
 
         given = str(source)
         folder = Path(source).is_dir()
-        local = folder or isinstance(_cached(given), str)
+        local = folder or _is_here(given)
         try:
             if not local:
                 Hub(given, "main").require("config.json")
@@ -110,15 +110,15 @@ class Clip:
         return ((middle - self._mean.to(middle)) / self._spread.to(middle)).to(self._model.dtype)
 
 
-def _cached(name: str) -> str | object | None:
-    """The settings file of that name where `transformers` has fetched it before."""
-    from huggingface_hub import try_to_load_from_cache
-    from huggingface_hub.errors import HFValidationError
+def _is_here(name: str) -> bool:
+    """Whether `transformers` has fetched that name before."""
+    from transformers import AutoConfig
 
     try:
-        return try_to_load_from_cache(name, "config.json")
-    except HFValidationError:
-        return None
+        AutoConfig.from_pretrained(name, local_files_only=True, trust_remote_code=False)
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+    return True
 
 
 def _statistics(folder: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:

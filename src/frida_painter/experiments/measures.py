@@ -1,0 +1,105 @@
+"""How near a painting is to what it was to be, in ways that its planner did not optimise."""
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter import images
+from frida_painter.objectives.augment import Views
+from frida_painter.objectives.encoders.base import Seer
+from frida_painter.objectives.encoders.vgg import Vgg16
+
+_ROWS = 256  # of the pictures in which edges are sought
+_BLUR = 1.6  # pixels of those
+_LOW, _HIGH = 40, 100  # slopes, of 255, at which Canny's edges go on and begin
+_TOLERANCE = 0.015  # of the picture's diagonal
+_VIEWS = 6
+
+
+def psnr(picture: Tensor, target: Tensor) -> float:
+    """Peak signal to noise of two pictures [3, H, W] in [0, 1], in dB."""
+    return -10 * float((picture - target).square().mean().clamp(min=1e-12).log10())
+
+
+@torch.no_grad()
+def feature_distance(seer: Seer, picture: Tensor, target: Tensor, side: int, seed: int = 0) -> float:
+    """Mean cosine distance, in [0, 2], of what a network sees where, over its layers and several views.
+
+    picture, target: [3, H, W] in [0, 1]; side: pixels of a view.
+    """
+    views, which = Views(_VIEWS, side, seed), torch.arange(_VIEWS)
+    seen, wanted = seer.features(views.of(picture, which)), seer.features(views.of(target, which))
+    return float(np.mean([_cosine(a, b) for a, b in zip(seen, wanted, strict=True)]))
+
+
+@torch.no_grad()
+def perceptual_distance(vgg: Vgg16, picture: Tensor, target: Tensor) -> float:
+    """A distance in the manner of LPIPS (Zhang et al. 2018), without its learned weights for channels.
+
+    Squared differences of unit features of five layers of VGG16, each averaged over places.
+    """
+    layers = ("conv1_2", "conv2_2", "conv3_3", "conv4_3", "conv5_3")
+    a, b = vgg.features(picture, layers), vgg.features(target, layers)
+    return float(np.mean([2 * _cosine(x[None], y[None]) for x, y in zip(a, b, strict=True)]))
+
+
+def edge_score(picture: Tensor, target: Tensor) -> float:
+    """How well the edges of two pictures [3, H, W] agree: the F-score of Canny's edges, in [0, 1].
+
+    An edge is found again where there is one within 1.5 % of the picture's diagonal.
+    """
+    found, wanted = _edges(picture), _edges(target)
+    reach = _TOLERANCE * float(np.hypot(*wanted.shape))
+    precision, recall = _share_near(found, wanted, reach), _share_near(wanted, found, reach)
+    return 2 * precision * recall / (precision + recall) if precision + recall > 0 else 0.0
+
+
+def edge_correlation(picture: Tensor, target: Tensor) -> float:
+    """The correlation, in [-1, 1], of the steps of lightness of two pictures [3, H, W], where they are."""
+    steps = [_steps(images.fit(one, *_shape(target)).mean(0)).flatten() for one in (picture, target)]
+    return float(torch.corrcoef(torch.stack(steps))[0, 1])
+
+
+def exact_emd(cost: Tensor) -> float:
+    """The Earth Mover's Distance for a square cost [n, n] between two clouds of n equal weights.
+
+    Between equal weights the best transport is an assignment, so this is exact.
+    """
+    values = cost.detach().cpu().double().numpy()
+    rows, columns = linear_sum_assignment(values)
+    return float(values[rows, columns].mean())
+
+
+def _cosine(a: Tensor, b: Tensor) -> float:
+    return float((1 - functional.cosine_similarity(a, b, dim=1)).mean())
+
+
+def _edges(picture: Tensor) -> NDArray[np.bool_]:
+    """Canny's edges [h, w] of a picture, blurred first: the grain of a brush is no edge."""
+    pixels = images.to_uint8(images.fit(picture, *_shape(picture)))
+    gray = cv2.GaussianBlur(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), (0, 0), _BLUR)
+    found: NDArray[np.bool_] = cv2.Canny(gray, _LOW, _HIGH, L2gradient=True) > 0
+    return found
+
+
+def _steps(gray: Tensor) -> Tensor:
+    """How steeply lightness [h, w] changes over four pixels."""
+    smooth = functional.avg_pool2d(gray[None, None], 9, 1, 4, count_include_pad=False)[0, 0]
+    across, down = smooth[2:-2, 4:] - smooth[2:-2, :-4], smooth[4:, 2:-2] - smooth[:-4, 2:-2]
+    return (across.square() + down.square()).sqrt()
+
+
+def _shape(picture: Tensor) -> tuple[int, int]:
+    return _ROWS, round(_ROWS * picture.shape[2] / picture.shape[1])
+
+
+def _share_near(edges: NDArray[np.bool_], others: NDArray[np.bool_], reach: float) -> float:
+    """The share of edges that have one of the others within `reach` pixels."""
+    if not edges.any() or not others.any():
+        return 0.0
+    away = cv2.distanceTransform((~others).astype(np.uint8), cv2.DIST_L2, 5)
+    return float((away[edges] <= reach).mean())

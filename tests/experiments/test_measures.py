@@ -1,0 +1,46 @@
+import numpy as np
+import ot
+import pytest
+import torch
+
+from frida_painter.experiments.measures import (
+    edge_correlation,
+    edge_score,
+    exact_emd,
+    feature_distance,
+    perceptual_distance,
+    psnr,
+)
+from networks import QuickEncoders, QuickVgg
+from scenes import picture
+
+
+def test_the_same_picture_is_perfect_by_every_measure() -> None:
+    image = picture(120, 160)
+    assert psnr(image, image) > 100
+    assert edge_score(image, image) == 1 and edge_correlation(image, image) == pytest.approx(1)
+    assert feature_distance(QuickEncoders().meaning(), image, image, 48) == pytest.approx(0, abs=1e-5)
+    assert perceptual_distance(QuickVgg(), image, image) == pytest.approx(0, abs=1e-5)
+
+
+def test_another_picture_is_not() -> None:
+    image, other = picture(120, 160), picture(120, 160).flip(1).flip(2)
+    assert psnr(image, torch.zeros_like(image)) < 10
+    assert edge_score(image, other) < 0.6 and edge_score(image, torch.ones_like(image)) == 0
+    assert edge_correlation(image, other) < 0.5
+    assert feature_distance(QuickEncoders().meaning(), image, other, 48) > 0.01
+    assert perceptual_distance(QuickVgg(), image, other) > 0.01
+
+
+def test_an_edge_that_is_a_little_off_is_found_again() -> None:
+    image = torch.ones(3, 256, 320)
+    image[:, 100:] = 0.2
+    near, far = (torch.roll(image, shift, 1) for shift in (4, 30))
+    near[:, :50], far[:, :50] = 1, 1
+    assert edge_score(near[:, :200], image[:, :200]) == 1 and edge_score(far[:, :200], image[:, :200]) == 0
+
+
+def test_an_assignment_is_the_exact_transport_between_equal_weights() -> None:
+    cost = torch.rand(30, 30, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    equal = np.full(30, 1 / 30)
+    assert exact_emd(cost) == pytest.approx(ot.emd2(equal, equal, cost.numpy()))
