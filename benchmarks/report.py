@@ -85,6 +85,12 @@ SECTIONS = (
         "What is left of a plan is planned again on the picture that the strokes before would leave.",
     ),
     Section(
+        "goals",
+        "Goals that networks judge",
+        "A plan of 100 strokes of the broad brush at 256 rows, from loading the networks on. [Goals](goals.md) tells\n"
+        "what each kind of goal is judged by.",
+    ),
+    Section(
         "painting",
         "A whole painting",
         "From the photograph to the finished film and page, in the virtual studio, on all cores.",
