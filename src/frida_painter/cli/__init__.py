@@ -6,6 +6,7 @@ from typing import Any
 import typer
 from rich.console import Console
 
+from frida_painter.cli.arm import register as register_arm
 from frida_painter.cli.calibration import register as register_calibration
 from frida_painter.cli.check import register as register_check
 from frida_painter.cli.experiments import build as experiments
@@ -38,6 +39,7 @@ def build() -> typer.Typer:
     register_resume(app)
     app.command("export")(export)
     register_calibration(app)
+    register_arm(app)
     register_check(app)
     register_mix(app)
     register_studio(app)

@@ -25,16 +25,15 @@ from frida_painter.errors import (
 )
 from frida_painter.hardware import limits
 from frida_painter.hardware.latch import Latch, Stopped
-from frida_painter.hardware.patience import Caller, steady
+from frida_painter.hardware.patience import Caller, Overdue, steady
 from frida_painter.hardware.robot import MotionReport, Robot, Waypoints
 from frida_painter.hardware.workspace import Workspace
 
 T = TypeVar("T")
 
 HOW_TO_ARM = "look at it, free what has to be freed, then re-arm it: frida-painter arm"
-# How long a driver may take to end its motion after a stop, and to send the stop itself, s.
-_WIND_DOWN, _SENDING = 1.0, 1.0
-_CONNECTING = 30.0
+# How long, s, a driver may take to end its motion after a stop and to send the stop itself, and a disk to take it down.
+_WIND_DOWN, _SENDING, _WRITING = 1.0, 1.0, 10.0
 _TOLERANCE, _ARRIVED = 1e-6, 0.002
 
 
@@ -42,14 +41,22 @@ class GuardedRobot:
     """Implements hardware.robot.Robot over another.
 
     patience, grace: a motion is given up after `patience` times the time that its way takes, and
-    `grace` seconds more. Raises RobotStopped where a person has to re-arm first.
+    `grace` seconds more; connecting: seconds that the robot may take to be reached. Raises RobotStopped
+    where a person has to re-arm first.
     """
 
     def __init__(
-        self, robot: Robot, workspace: Workspace, latch: Latch, *, patience: float = 2.0, grace: float = 5.0
+        self,
+        robot: Robot,
+        workspace: Workspace,
+        latch: Latch,
+        *,
+        patience: float = 2.0,
+        grace: float = 5.0,
+        connecting: float = 30.0,
     ) -> None:
         self.robot, self.workspace, self.latch = robot, workspace, latch
-        self._patience, self._grace = patience, grace
+        self._patience, self._grace, self._connecting = patience, grace, connecting
         self._caller = Caller("robot")
         self._lock = threading.RLock()  # a signal may come while it is held, and stop as well
         self._stop: Stopped | None = latch.read()
@@ -72,7 +79,7 @@ class GuardedRobot:
     def connect(self) -> None:
         """Reaches the robot and reads where it is. Raises RobotStopped; WorkspaceViolation where it is outside."""
         self._require_armed("connect")
-        self._call("connect", self.robot.connect, _CONNECTING)
+        self._call("connect", self.robot.connect, self._connecting)
         tip = self.pose()
         lower, upper = np.array(self.workspace.lower), np.array(self.workspace.upper)
         if not ((tip >= lower - _TOLERANCE) & (tip <= upper + _TOLERANCE)).all():
@@ -121,9 +128,10 @@ class GuardedRobot:
     def close(self) -> None:
         """Lets go of the robot, and waits until a stop is on the disk."""
         if self._latching is not None:
-            self._latching.join(self._grace)
+            self._latching.join(_WRITING)
         with contextlib.suppress(FridaError):  # whatever is wrong was said before
             self._call("close", self.robot.close, self._grace)
+        self._caller.end()
 
     def _send_stop(self) -> None:
         with contextlib.suppress(Exception):  # of any driver: the latch holds all the same
@@ -174,7 +182,7 @@ class GuardedRobot:
 
         try:
             return self._caller.call(act, until)
-        except TimeoutError as error:
+        except Overdue as error:
             raise RobotDisconnected(
                 f"{label}: the robot did not come back within {steady() - began:.1f} s; nothing more is sent to it. "
                 "Look at it and at its cable before going on."

@@ -8,7 +8,7 @@ import numpy as np
 
 from frida_painter.errors import CameraError, FridaError
 from frida_painter.hardware.camera import Camera, Frame
-from frida_painter.hardware.patience import Caller, steady
+from frida_painter.hardware.patience import Caller, Overdue, steady
 
 T = TypeVar("T")
 
@@ -37,13 +37,16 @@ class GuardedCamera:
 
     def close(self) -> None:
         """Lets go of the camera. Raises CameraError and its kinds."""
-        self._call(self.camera.close)
+        try:
+            self._call(self.camera.close)
+        finally:
+            self._caller.end()
 
     def _call(self, act: Callable[[], T]) -> T:
         until = steady() + self._patience
         try:
             return self._caller.call(act, lambda: until)
-        except TimeoutError as error:
+        except Overdue as error:
             raise CameraError(
                 f"The camera did not answer within {self._patience:g} s; look at it and at its cable, then take "
                 "another photograph."

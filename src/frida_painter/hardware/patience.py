@@ -18,6 +18,10 @@ def steady() -> float:
     return time.monotonic()
 
 
+class Overdue(Exception):
+    """A call was given up; not a TimeoutError, which drivers raise themselves."""
+
+
 class Caller:
     """Makes calls one after another on a thread of its own, and waits for each only as long as it is told to.
 
@@ -25,7 +29,7 @@ class Caller:
     """
 
     def __init__(self, name: str) -> None:
-        self._calls: queue.SimpleQueue[_Call] = queue.SimpleQueue()
+        self._calls: queue.SimpleQueue[_Call | None] = queue.SimpleQueue()
         self._current: _Call | None = None
         self._name = name
         self._thread: threading.Thread | None = None
@@ -33,7 +37,7 @@ class Caller:
     def call(self, act: Callable[[], T], until: Callable[[], float]) -> T:
         """What `act` returns or raises; until: the moment of `steady` to give up at, asked again while waiting.
 
-        Raises TimeoutError where that moment passes first; an earlier call that was given up is waited for, too.
+        Raises Overdue where that moment passes first; an earlier call that was given up is waited for, too.
         """
         if self._current is not None:
             self._wait_for(self._current, until)
@@ -47,15 +51,20 @@ class Caller:
             raise call.error
         return call.result
 
+    def end(self) -> None:
+        """Ends the thread, once the call that it makes has come back; a later call begins another."""
+        self._calls.put(None)
+        self._thread = None
+
     @staticmethod
     def _wait_for(call: "_Call", until: Callable[[], float]) -> None:
         while not call.finished.wait(_LOOK_EVERY):
             if not steady() <= until():
-                raise TimeoutError
+                raise Overdue
 
     def _work(self) -> None:
-        while True:
-            self._calls.get().make()
+        while (call := self._calls.get()) is not None:
+            call.make()
 
 
 class _Call:

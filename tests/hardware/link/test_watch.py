@@ -1,0 +1,189 @@
+"""The watch: heartbeats, stops on a line of their own, the system's signals, a stop file, and a computer that slept."""
+
+import os
+import signal
+import socket
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from frida_painter.hardware import patience
+from frida_painter.hardware.link import watch
+from frida_painter.hardware.link.watch import BEAT, STOP, Pulse, StopFile, Watch
+
+
+@dataclass
+class Stops:
+    """What the watch stopped the robot for, and when."""
+
+    reasons: list[str] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+
+    def __call__(self, reason: str) -> None:
+        self.reasons.append(reason)
+        self.times.append(time.monotonic())
+
+    def wait(self, seconds: float = 5.0) -> str:
+        """The first reason, once there is one."""
+        deadline = time.monotonic() + seconds
+        while not self.reasons:
+            assert time.monotonic() < deadline, "nothing was stopped"
+            time.sleep(0.002)
+        return self.reasons[0]
+
+
+@pytest.fixture
+def line() -> Iterator[tuple[socket.socket, socket.socket]]:
+    ours, its = socket.socketpair()
+    yield ours, its
+    ours.close()
+    its.close()
+
+
+@pytest.fixture
+def keeping(line: tuple[socket.socket, socket.socket]) -> Iterator[Callable[..., Watch]]:
+    watches: list[Watch] = []
+
+    def keep(stop: Stops, moving: bool = True, **settings: float) -> Watch:
+        watches.append(Watch(line[1], stop, lambda: moving, **settings))
+        return watches[-1]
+
+    yield keep
+    for each in watches:
+        each.dismiss()
+
+
+def test_a_stop_is_heeded_within_a_tenth_of_a_second(line, keeping) -> None:
+    stops = Stops()
+    keeping(stops)
+    time.sleep(0.05)
+    asked = time.monotonic()
+    line[0].send(STOP)
+    assert "asked for it" in stops.wait()
+    assert stops.times[0] - asked < 0.1
+
+
+def test_heartbeats_keep_it_calm_and_silence_does_not(line, keeping) -> None:
+    stops = Stops()
+    keeping(stops, most_silence=0.6)
+    pulse = Pulse(line[0])
+    time.sleep(1.5)
+    assert stops.reasons == []
+    pulse._ended.set()  # the thread is held up; the line stays open
+    silent = time.monotonic()
+    assert "fell silent" in stops.wait()
+    assert 0.2 < stops.times[0] - silent < 3.0
+
+
+def test_what_is_no_heartbeat_does_not_count_as_one(line, keeping) -> None:
+    stops = Stops()
+    keeping(stops, most_silence=0.3)
+    deadline = time.monotonic() + 5
+    while not stops.reasons and time.monotonic() < deadline:
+        line[0].send(b"\x1c\x07")  # a window was resized
+        time.sleep(0.01)
+    assert "fell silent" in stops.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("content", "stopped"),
+    [
+        (bytes([signal.SIGINT]), False),
+        (bytes([signal.SIGINT, signal.SIGINT]), True),
+        (BEAT + bytes([signal.SIGINT]) + BEAT + bytes([signal.SIGINT]), True),
+        (bytes([signal.SIGTERM]), True),
+        (bytes([signal.SIGHUP]), False),
+        (bytes([signal.SIGCHLD, signal.SIGWINCH]), False),
+    ],
+)
+def test_signals_say_what_they_say_to_the_painter(line, keeping, content: bytes, stopped: bool) -> None:
+    stops = Stops()
+    keeping(stops)
+    line[0].send(content)
+    if stopped:
+        stops.wait()
+    else:
+        time.sleep(0.15)
+        assert stops.reasons == []
+
+
+def test_where_the_painter_has_ended_a_motion_may_end_as_well_but_not_for_long(line, keeping) -> None:
+    still, moving = Stops(), Stops()
+    keeping(still, moving=False, most_silence=0.2)
+    other, its = socket.socketpair()
+    second = Watch(its, moving, lambda: True, most_silence=0.2)
+    line[0].close()
+    other.close()
+    assert "fell silent" in moving.wait()
+    second.dismiss()
+    its.close()
+    time.sleep(0.3)
+    assert still.reasons == [], "nothing moves, and nothing needs a person"
+
+
+def test_f31_a_computer_that_slept_stops_the_robot_on_waking_whatever_was_sent_before(
+    line, keeping, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stops = Stops()
+    slept = [0.0]
+    monkeypatch.setattr(watch, "steady", lambda: patience.steady() + slept[0])
+    keeping(stops, moving=False)
+    Pulse(line[0])
+    time.sleep(0.1)
+    assert stops.reasons == []
+    slept[0] = 600.0
+    assert "slept" in stops.wait() and "600 s" in stops.reasons[0]
+
+
+def test_f31_the_clock_on_the_wall_may_jump(line, keeping, monkeypatch: pytest.MonkeyPatch) -> None:
+    stops = Stops()
+    keeping(stops, most_silence=0.6)
+    Pulse(line[0])
+    for jump in (3600, -3600):
+        monkeypatch.setattr(time, "time", lambda jump=jump: jump)
+        time.sleep(0.3)
+    assert stops.reasons == []
+
+
+def test_the_system_itself_sends_a_signal_on_while_python_is_busy(line, keeping) -> None:
+    """A painter that computes for seconds on end runs no handler of Python's; the line hears of it all the same."""
+    stops = Stops()
+    keeping(stops)
+    heard: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, frame: heard.append(number))
+    pulse = Pulse(line[0])
+    wakeup = signal.set_wakeup_fd(pulse.file, warn_on_full_buffer=False)
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert "SIGTERM" in stops.wait()
+    finally:
+        signal.set_wakeup_fd(wakeup)
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_the_stop_file_stops_at_once_and_is_taken_away(tmp_path: Path) -> None:
+    stops = Stops()
+    file = tmp_path / "not there yet" / "stop"
+    watching = StopFile(file, stops)
+    time.sleep(0.05)
+    file.parent.mkdir()
+    asked = time.monotonic()
+    file.touch()
+    assert "stop file" in stops.wait()
+    assert stops.times[0] - asked < 0.1
+    deadline = time.monotonic() + 5
+    while file.exists():
+        assert time.monotonic() < deadline
+    watching.dismiss()
+
+
+def test_a_pulse_whose_line_is_full_or_gone_troubles_nobody(line) -> None:
+    pulse = Pulse(line[0])
+    for _ in range(100_000):
+        pulse._send(BEAT)
+    line[1].close()
+    pulse.stop()
+    pulse.end()

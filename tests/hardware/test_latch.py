@@ -1,0 +1,43 @@
+import os
+from pathlib import Path
+
+import pytest
+
+from frida_painter.errors import StorageError
+from frida_painter.hardware.latch import Latch, latch_path, latches
+
+
+def test_it_holds_until_it_is_released_and_keeps_the_first_reason(tmp_path: Path) -> None:
+    latch = Latch(latch_path(tmp_path, "virtual studio 0"), "virtual studio 0")
+    assert latch.read() is None and latches(tmp_path) == []
+    latch.engage("a child ran by")
+    latch.engage("the cable broke")
+    again = Latch(latch.path, "virtual studio 0").read()
+    assert again is not None and again.reason == "a child ran by" and "virtual studio 0 was stopped on" in str(again)
+    latch.release()
+    assert latch.read() is None
+    latch.release()
+
+
+def test_every_easel_has_its_own(tmp_path: Path) -> None:
+    names = ["xarm 10.0.0.3", "virtual studio 1", "ros/left ../arm"]
+    for name in names:
+        Latch(latch_path(tmp_path, name), name).engage("because")
+    assert [stop.easel for latch in latches(tmp_path) if (stop := latch.read())] == names
+    assert all(path.parent == tmp_path / "stopped" for path in (latch.path for latch in latches(tmp_path)))
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"{}", b"\x00" * 100])
+def test_a_damaged_record_still_holds(tmp_path: Path, content: bytes) -> None:
+    latch = Latch(latch_path(tmp_path, "arm"), "arm")
+    latch.path.parent.mkdir(parents=True)
+    latch.path.write_bytes(content)
+    stopped = latch.read()
+    assert stopped is not None and "damaged" in stopped.reason
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_disk_that_cannot_be_written_is_told_of(tmp_path: Path) -> None:
+    (tmp_path / "stopped").mkdir(mode=0o500)
+    with pytest.raises(StorageError):
+        Latch(latch_path(tmp_path, "arm"), "arm").engage("because")
