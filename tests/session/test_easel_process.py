@@ -3,37 +3,17 @@
 import hashlib
 import os
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 from frida_painter.errors import ConfigError, RobotBusy, RobotDisconnected, StaleFrame, WorkspaceViolation
-from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.palette import Palette
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.easels import DIARY, EaselOrder, open_easel
-
-PAINTS = Palette(torch.tensor([[0.9, 0.8, 0.2], [0.1, 0.1, 0.3]]))
-
-
-def order_in(folder: Path, **wishes: object) -> EaselOrder:
-    wanted = {"robot": "virtual", "canvas": CanvasSize(0.12, 0.09), "brush": "fine", "seed": 3, **wishes}
-    return EaselOrder(state=folder / "state", folder=folder, **wanted)  # type: ignore[arg-type]
-
-
-@contextmanager
-def easel_of(order: EaselOrder) -> Iterator[tuple[Easel, EaselProcess]]:
-    with EaselProcess() as process:
-        easel = process.open(order)
-        easel.robot.connect()
-        easel.camera.connect()
-        yield easel, process
+from session.easel_errands import PAINTS, easel_of, kill, order_in, paint
 
 
 def here(order: EaselOrder) -> Easel:
@@ -43,35 +23,9 @@ def here(order: EaselOrder) -> Easel:
     return easel
 
 
-def stroke(easel: Easel, number: int) -> Waypoints:
-    """A stroke across the canvas, pressed lightly, number by number further up."""
-    across = np.linspace(0.02, 0.07, 12)
-    place = np.c_[across, np.full(12, 0.02 + 0.01 * number)]
-    path = easel.workspace.to_robot(place, easel.calibration.height(np.full(12, 0.6)))
-    above = path[[0, -1]] + (0, 0, easel.workspace.hover)
-    return Waypoints(f"stroke {number}", np.concatenate([above[:1], path, above[1:]]), 0.06)
-
-
-def dip(easel: Easel, well: int) -> Waypoints:
-    place, above = np.array(easel.workspace.wells[well]), np.array((0, 0, easel.workspace.hover))
-    return Waypoints("dip", np.stack([place + above, place, place + above]), 0.2)
-
-
-def paint(easel: Easel, strokes: range) -> None:
-    for number in strokes:
-        easel.robot.follow(dip(easel, number % 2))
-        easel.robot.follow(stroke(easel, number))
-
-
 def look(easel: Easel) -> str:
     frame = easel.camera.capture(easel.robot.home().finished_at)
     return hashlib.sha256(frame.image.tobytes()).hexdigest() + f" {frame.captured_at} {frame.sequence}"
-
-
-def kill(process: EaselProcess) -> None:
-    """As a lack of memory does it: at once, and nothing is written any more."""
-    process._process.kill()
-    process._process.wait(10)
 
 
 def test_the_painting_is_the_same_to_the_byte_and_so_is_all_that_is_known(tmp_path: Path) -> None:

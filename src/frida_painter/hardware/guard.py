@@ -7,6 +7,7 @@ fault the robot is stopped and latched.
 
 import contextlib
 import threading
+import time
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -93,6 +94,7 @@ class GuardedRobot:
 
     def home(self) -> MotionReport:
         """Goes aside. Raises RobotError and its kinds."""
+        self._lift_first()
         reach = float(np.linalg.norm(np.subtract(self.workspace.upper, self.workspace.lower)))
         return self._move("home", self.robot.home, reach / self.workspace.travel_speed)
 
@@ -116,13 +118,14 @@ class GuardedRobot:
     def stop(self, reason: str = "it was asked for") -> None:
         """Stops at once, from any thread, and latches. As often as one likes: the first reason stays."""
         with self._lock:
-            if self._stop is None:
-                self._stop, self._stopped_at = Stopped(self.latch.easel, reason, 0.0), steady()
-                # The disk may be slow or gone; the robot is stopped beside it.
-                self._latching = threading.Thread(target=self._latch, args=(reason,), daemon=True)
-                self._latching.start()
+            first = self._stop is None
+            if first:
+                self._stop, self._stopped_at = Stopped(self.latch.easel, reason, time.time()), steady()
         sending = threading.Thread(target=self._send_stop, daemon=True)
         sending.start()
+        if first:  # the disk may be slow or gone; the robot is stopped beside it, and sooner
+            self._latching = threading.Thread(target=self._latch, args=(reason,), daemon=True)
+            self._latching.start()
         sending.join(_SENDING)
 
     def close(self) -> None:

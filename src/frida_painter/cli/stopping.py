@@ -1,0 +1,77 @@
+"""Ctrl-C and its like: the first asks the painter to end well, the second stops the robot at once."""
+
+import contextlib
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Stop:
+    """Whether somebody has asked to stop, and what stops the robot at once.
+
+    asked: finish the stroke, lift, look, and write what there is; signal: the number of the first that
+    came. The easel's process hears of signals by itself and sooner; `at_once` is for an easel without one.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self.signal: int | None = None
+        self.at_once: Callable[[], None] = _nothing
+        self._interrupts = 0
+
+    @property
+    def exit_status(self) -> int:
+        """What a process ends with that was asked to stop, by custom."""
+        return 128 + (self.signal or signal.SIGINT)
+
+    def hear(self, number: int, frame: FrameType | None) -> None:
+        """A handler: SIGHUP and the first SIGINT ask, SIGTERM and the second SIGINT stop, a third ends the program."""
+        self.asked, self.signal = True, self.signal or number
+        if number == signal.SIGHUP:
+            _leave_terminal()
+        elif number == signal.SIGTERM:
+            self.at_once()
+        else:
+            self._interrupts += 1
+            if self._interrupts == 1:
+                _say("\nStopping after this stroke. Once more stops the robot at once.")
+            elif self._interrupts == 2:
+                self.at_once()
+                _say("\nThe robot was stopped at once; writing down what there is.")
+            else:
+                raise KeyboardInterrupt
+
+
+@contextmanager
+def stopping() -> Iterator[Stop]:
+    """While it lasts, signals ask the painter to stop."""
+    stop = Stop()
+    before = {number: signal.signal(number, stop.hear) for number in _SIGNALS}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _nothing() -> None:
+    """There is no robot to stop yet."""
+
+
+def _say(line: str) -> None:
+    with contextlib.suppress(OSError, RuntimeError):  # the terminal is gone, or was just being written to
+        print(line, file=sys.stderr)
+
+
+def _leave_terminal() -> None:
+    """The terminal was closed: whatever is still said goes nowhere, instead of failing."""
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for file in (0, 1, 2):
+        if os.isatty(file):
+            os.dup2(nowhere, file)
+    os.close(nowhere)

@@ -1,0 +1,196 @@
+"""Rows of the fault matrix that speak of processes and of time: real processes and signals, a robot at its own pace."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from frida_painter.errors import MotionFailed, PoseMismatch, RobotDisconnected, RobotStopped
+from frida_painter.hardware.latch import Latch, latch_path
+from frida_painter.hardware.robot import Waypoints
+from frida_painter.session.easel_process import EaselProcess
+from frida_painter.session.easels import STOP_FILE
+from frida_painter.virtual.faults import FailedMotion, Faults
+from session.easel_errands import PAINTS, easel_of, moves, order_in, paint, stroke, until
+
+pytestmark = pytest.mark.slow
+
+STUDIO = "virtual studio 3"
+# A painting process that paints one stroke after another and says so.
+PAINTER = """
+import sys, pathlib
+from session.easel_errands import PAINTS, dip, easel_of, order_in, stroke
+with easel_of(order_in(pathlib.Path(sys.argv[1]), pace=1.0)) as (easel, process):
+    easel.attendant.fill_wells(PAINTS)
+    easel.robot.follow(dip(easel, 0))
+    for number in range(6):
+        print(number, process.pid, flush=True)
+        easel.robot.follow(stroke(easel, number))
+"""
+
+
+def latch(folder: Path) -> Latch:
+    return Latch(latch_path(folder.parent / "state", STUDIO), STUDIO)
+
+
+def gone(entry: dict) -> float:
+    """Metres gone in a motion."""
+    return float(np.linalg.norm(np.diff(np.array(entry["path"]), axis=0), axis=1).sum())
+
+
+def painter(folder: Path) -> subprocess.Popen[str]:
+    tests = str(Path(__file__).parents[1])
+    return subprocess.Popen(
+        [sys.executable, "-c", PAINTER, str(folder)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([tests, os.environ.get("PYTHONPATH", "")])},
+    )
+
+
+@pytest.mark.parametrize("way", ["line", "file"])
+def test_f8_stop_within_a_stroke_acts_at_once_and_f9_holds_until_a_person_re_arms(tmp_path: Path, way: str) -> None:
+    folder = tmp_path / "painting"
+    order = order_in(folder, pace=1.0)
+    asked = []
+    with easel_of(order) as (easel, _):
+        path = stroke(easel, 0)
+        easel.robot.follow(Waypoints("there", path.position[:1], 0.5))
+        quiet = len(moves(folder))
+
+        def stop() -> None:
+            asked.append(time.time())
+            easel.robot.stop() if way == "line" else (folder / STOP_FILE).touch()
+
+        timer = threading.Timer(0.6, stop)
+        began = time.time()
+        timer.start()
+        with pytest.raises(RobotStopped):
+            easel.robot.follow(path)
+        heard = time.time() - asked[0]
+        stopped = until(lambda: latch(folder).read())
+        for deed in (easel.robot.home, lambda: easel.robot.follow(path), easel.robot.connect):
+            with pytest.raises(RobotStopped, match="frida-painter arm"):
+                deed()
+        easel.robot.stop()  # as often as one likes
+    # The robot says so itself: it went for as long as nobody asked, hardly longer, and never again. How long a stop
+    # takes is measured where a thousand of them are (test_guard.py); here the computer may be busy with other tests.
+    assert len(moves(folder)) == quiet + 1
+    cut = moves(folder)[-1]
+    assert cut["now"] - moves(folder)[-2]["now"] <= asked[0] - began + 0.5 < path.length / path.speed
+    assert heard < 3.0 and stopped.at - asked[0] < 3.0
+    assert not (folder / STOP_FILE).exists()
+
+    with EaselProcess() as restarted, pytest.raises(RobotStopped, match=f"{STUDIO} was stopped on .*frida-painter arm"):
+        restarted.open(order)
+    with EaselProcess() as new_job, pytest.raises(RobotStopped, match="frida-painter arm"):
+        new_job.open(order_in(tmp_path / "another painting"))
+    if way == "file":
+        return
+    latch(folder).release()
+    with easel_of(order_in(folder)) as (easel, _):
+        easel.robot.home()
+    lifted, home = moves(folder)[quiet + 1 :]
+    assert np.allclose(lifted["path"][0][:2], lifted["path"][-1][:2]), "a brush that stands on the canvas: straight up"
+    assert lifted["path"][0] == cut["path"][-1] and home["path"][0] == lifted["path"][-1]
+
+
+def test_f12_a_painting_process_that_is_held_up_has_its_robot_stopped_within_three_seconds(tmp_path: Path) -> None:
+    folder = tmp_path / "painting"
+    process = painter(folder)
+    with process:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("0"), process.stderr and process.stderr.read()
+        time.sleep(0.3)
+        process.send_signal(signal.SIGSTOP)
+        held = time.time()
+        stopped = until(lambda: latch(folder).read(), 10)
+        assert "fell silent" in stopped.reason and stopped.at - held < 3.3
+        told = len(moves(folder))
+        process.send_signal(signal.SIGCONT)
+        _, complaint = process.communicate(timeout=60)
+        assert "RobotStopped" in complaint and len(moves(folder)) <= told + 1
+
+
+def test_f2_a_painting_process_killed_within_a_stroke_leaves_it_done_and_nothing_moves_on(tmp_path: Path) -> None:
+    folder = tmp_path / "painting"
+    process = painter(folder)
+    with process:
+        assert process.stdout is not None
+        while not (line := process.stdout.readline()).startswith("2"):  # by then all that computes has been loaded
+            assert line
+        host = int(line.split()[1])
+        time.sleep(0.8)
+        before = len(moves(folder))
+        process.kill()
+    until(lambda: not Path(f"/proc/{host}/stat").exists() or Path(f"/proc/{host}/stat").read_text().split()[2] == "Z")
+    assert len(moves(folder)) == before + 1
+    assert latch(folder).read() is None, "it ended well within the three seconds, and nobody has anything to free"
+    with easel_of(order_in(folder)) as (easel, _):
+        assert np.allclose(easel.robot.pose(), moves(folder)[-1]["path"][-1])
+        paint(easel, range(1, 2))
+
+
+def test_f15_f17_a_robot_that_lies_and_then_fails_is_told_of_as_it_is(tmp_path: Path) -> None:
+    folder = tmp_path / "painting"
+    faults = Faults(lying_motions=frozenset({1}), failed_motions=(FailedMotion(2, 3, 31),))
+    with easel_of(order_in(folder, faults=faults)) as (easel, _):
+        easel.attendant.fill_wells(PAINTS)
+        easel.robot.home()
+        with pytest.raises(PoseMismatch, match="repeat the robot calibration"):
+            easel.robot.follow(stroke(easel, 0))
+        with pytest.raises(MotionFailed, match="error 31 at waypoint 3") as fault:
+            easel.robot.follow(stroke(easel, 1))
+        assert (fault.value.code, fault.value.waypoint) == (31, 3)
+        with pytest.raises(RobotStopped, match="error 31"):
+            easel.robot.home()
+    held = latch(folder).read()
+    assert held is not None and "error 31" in held.reason, "never cleared by the program"
+    assert len(moves(folder)) == 3
+
+
+def test_f14_f18_a_robot_that_meets_with_resistance_and_one_that_is_gone(tmp_path: Path) -> None:
+    for name, faults, kind in (
+        ("resisted", Faults(protective_stops=frozenset({0})), RobotStopped),
+        ("gone", Faults(dead_from_motion=0), RobotDisconnected),
+    ):
+        folder = tmp_path / name / "painting"
+        folder.parent.mkdir()
+        with easel_of(order_in(folder, faults=faults)) as (easel, _):
+            with pytest.raises(kind):
+                easel.robot.follow(stroke(easel, 0))
+            with pytest.raises(RobotStopped, match="frida-painter arm"):
+                easel.robot.home()
+        assert latch(folder).read() is not None
+
+
+def test_f16_a_robot_whose_call_never_returns_is_given_up(tmp_path: Path) -> None:
+    folder = tmp_path / "painting"
+    with easel_of(order_in(folder, faults=Faults(hanging_motions=frozenset({1})))) as (easel, _):
+        easel.robot.home()
+        here = easel.robot.pose()
+        began = time.monotonic()
+        with pytest.raises(RobotDisconnected, match="did not come back within 5"):
+            easel.robot.follow(Waypoints("stroke 4", np.stack([here, here - np.array([0, 0, 0.001])]), 0.1))
+        assert 5 <= time.monotonic() - began < 10
+        with pytest.raises(RobotStopped):
+            easel.robot.home()
+    assert latch(folder).read() is not None and len(moves(folder)) == 1
+
+
+def test_an_easels_process_that_is_told_to_end_stops_its_robot_and_loses_nothing(tmp_path: Path) -> None:
+    folder = tmp_path / "painting"
+    with pytest.raises(RobotDisconnected), easel_of(order_in(folder, pace=1.0)) as (easel, process):
+        timer = threading.Timer(0.5, process._process.terminate)
+        timer.start()
+        easel.robot.follow(stroke(easel, 0))
+    held = latch(folder).read()
+    assert held is not None and "SIGTERM" in held.reason
+    assert len(moves(folder)) == 1 and gone(moves(folder)[0]) > 0
