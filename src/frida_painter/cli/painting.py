@@ -1,6 +1,5 @@
 """The commands that make and show paintings: paint, plan, render."""
 
-import sys
 import time
 from contextlib import ExitStack
 from datetime import datetime
@@ -16,7 +15,8 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.cli import goals, kept
 from frida_painter.cli.numbers import number, whole_number
 from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress
-from frida_painter.cli.sitting import Pauses, occasion, order, say, stopping, tell, tell_encoders
+from frida_painter.cli.sitting import Pauses, occasion, order, say, tell, tell_encoders, to_its_end
+from frida_painter.cli.stopping import stopping
 from frida_painter.cli.virtual import PaceOption, PlacementErrorOption, read_placement_error
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, Interrupted
@@ -151,7 +151,8 @@ def paint(
     --semantic by what a picture shows, with --sketch along the lines of a drawing; docs/goals.md tells of all goals.
 
     Afterwards the folder holds the painting, a film, a palette to mix, the strokes, and a page that
-    tells the story. Ctrl-C stops after the current stroke and keeps what was made.
+    tells the story. Ctrl-C stops after the current stroke and keeps what was made; once more stops the
+    robot at once, and it stays stopped until `frida-painter arm`.
     """
     wanted, target, chosen = _prepare(photo, settings, locals())
     console = Console(stderr=True, highlight=False)
@@ -198,13 +199,11 @@ def paint(
             notify=hear,
             journal=journal,
         )
-        painting = session.run(chosen.strokes, chosen.colors)
+        ending = to_its_end(session, lambda: session.run(chosen.strokes, chosen.colors), hear)
         bar.say("finishing the film and the page")
-        page = recorder.finish(painting)
-        stopped = stop.asked
-    tell(folder, page, painting.painted, chosen.strokes, time.monotonic() - started)
-    if stopped:
-        sys.exit(130)
+        page = None if ending.painting is None else recorder.finish(ending.painting)
+    tell(folder, page, ending.painting, chosen.strokes, time.monotonic() - started)
+    ending.conclude(stop)
 
 
 def plan(

@@ -1,6 +1,5 @@
 """The command that goes on with a painting that broke off, was stopped or has paused."""
 
-import sys
 import time
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -15,7 +14,8 @@ from frida_painter import images
 from frida_painter.cli import goals, kept
 from frida_painter.cli.painting import fit_to_canvas
 from frida_painter.cli.progress import Forecast, PaintingProgress, duration
-from frida_painter.cli.sitting import Pauses, confirm, occasion, order, say, stopping, tell, tell_encoders
+from frida_painter.cli.sitting import Pauses, confirm, occasion, order, say, tell, tell_encoders, to_its_end
+from frida_painter.cli.stopping import stopping
 from frida_painter.cli.virtual import PaceOption, read_placement_error
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.planning.planner import Planner
@@ -116,17 +116,15 @@ def resume(
         stack.enter_context(bar)
         stack.enter_context(recorder)
         if begun.plan is None:
-            painting = session.run(of, how.settings.colors)
+            ending = to_its_end(session, lambda: session.run(of, how.settings.colors), hear)
         else:
             before = resuming.seen_before(folder, begun.plan, session.eye)
             where = Halfway(begun.plan.plan, history.painted, begun.plan.planning.done, before, now)
-            painting = session.resume(where)
+            ending = to_its_end(session, lambda: session.resume(where), hear)
         bar.say("finishing the film and the page")
-        page = recorder.finish(painting)
-        stopped = stop.asked
-    tell(folder, page, painting.painted, of, time.monotonic() - started)
-    if stopped:
-        sys.exit(130)
+        page = None if ending.painting is None else recorder.finish(ending.painting)
+    tell(folder, page, ending.painting, of, time.monotonic() - started)
+    ending.conclude(stop)
 
 
 @dataclass(frozen=True)

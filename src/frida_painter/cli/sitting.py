@@ -1,26 +1,25 @@
-"""What painting and resuming have in common at the terminal: signals, what is told, and facts for the page."""
+"""What painting and resuming have in common at the terminal: how they end, what is told, and facts for the page."""
 
-import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import FrameType
 
 import torch
 from rich.console import Console
 
 from frida_painter.cli import goals
 from frida_painter.cli.progress import duration
+from frida_painter.cli.stopping import Stop
 from frida_painter.config import PaintingSettings
-from frida_painter.errors import Interrupted
+from frida_painter.errors import CameraError, FridaError, Interrupted, PaintingPaused, RobotError, RobotStopped
 from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.report.recorder import Occasion
 from frida_painter.session.easel_process import state_folder
 from frida_painter.session.easels import EaselOrder
-from frida_painter.session.events import Paused
+from frida_painter.session.events import Notify, Paused, Stopped
+from frida_painter.session.loop import Painting, PaintingSession
 from frida_painter.virtual.table import PlacementError
 
 PAUSE_FILE = "pause"
@@ -79,24 +78,30 @@ def tell_encoders(encoders: Encoders) -> None:
         print(remark, file=sys.stderr)
 
 
-class Stop:
-    """Whether a person has asked to stop, and what stops the robot at once when they ask again."""
+@dataclass(frozen=True)
+class Ending:
+    """How a sitting ended: what came of it, None where nothing was seen yet, and the fault that ended it, if any."""
 
-    def __init__(self) -> None:
-        self.asked = False
-        self.at_once: Callable[[], None] = _nothing
+    painting: Painting | None
+    trouble: FridaError | None = None
 
-    def hear(self, number: int, frame: FrameType | None) -> None:
-        """A signal's handler: the first asks, the second stops the robot and ends with KeyboardInterrupt."""
-        if self.asked:
-            self.at_once()
-            raise KeyboardInterrupt
-        self.asked = True
-        print("\nStopping after this stroke. Once more stops the robot at once.", file=sys.stderr)
+    def conclude(self, stop: Stop) -> None:
+        """Leaves as a program that was asked to, or raises the fault; returns where neither was the case."""
+        if stop.asked and (self.trouble is None or isinstance(self.trouble, RobotStopped)):
+            sys.exit(stop.exit_status)
+        if self.trouble is not None:
+            raise self.trouble
 
 
-def _nothing() -> None:
-    """There is no robot to stop yet."""
+def to_its_end(session: PaintingSession, paint: Callable[[], Painting], hear: Notify) -> Ending:
+    """Paints; where robot or camera fail on the way, what there is by then is kept as after a stop."""
+    try:
+        return Ending(paint())
+    except (RobotError, CameraError, PaintingPaused) as trouble:
+        so_far = session.so_far
+        if so_far is not None:
+            hear(Stopped(so_far.painted))
+        return Ending(so_far, trouble)
 
 
 @dataclass(frozen=True)
@@ -144,23 +149,12 @@ def confirm(question: str, *, default: bool) -> bool:
         print("Type y or n.")
 
 
-@contextmanager
-def stopping() -> Iterator[Stop]:
-    """Ctrl-C and a polite kill ask the painter to stop after the current stroke."""
-    stop = Stop()
-    before = {number: signal.signal(number, stop.hear) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def tell(folder: Path, page: Path | None, painted: int, of: int, seconds: float) -> None:
+def tell(folder: Path, page: Path | None, painting: Painting | None, of: int, seconds: float) -> None:
     """Says what came of it, and where it is."""
-    if page is None:
+    if page is None or painting is None:
         say(f"Stopped before there was a plan; nothing was painted. ({folder})")
         return
+    painted = painting.painted
     begun = f"{painted} strokes" if painted == of else f"Stopped after {painted} of {of} strokes; what was made is kept"
     say(
         f"{begun} in {duration(seconds)}.",

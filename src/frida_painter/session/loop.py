@@ -147,6 +147,12 @@ class PaintingSession:
             raise PlanError("Nothing has been planned yet; wait until the first plan is made.")
         return self._plan.part(slice(self._painted, None))
 
+    @property
+    def so_far(self) -> Painting | None:
+        """What has come of it, as it was last seen; None where the canvas was never seen."""
+        rest = None if self._plan is None else self._plan.part(slice(self._painted, None))
+        return None if self._before is None else Painting(self._before, self._painted, rest)
+
     def look_again(self) -> None:
         """Looks at what a person has made of the canvas, and plans the rest again; while the painting has paused."""
         self._look_and_plan_again()
@@ -171,7 +177,8 @@ class PaintingSession:
             with contextlib.suppress(StorageError):
                 self.journal.note("broken off", reason=str(trouble))
             raise
-        self._clean()
+        if self.brushwork.load.paint is not None:
+            self._clean()
         photograph = self.look()
         self._insist(partial(self.journal.note, end, painted=self._painted))
         rest = None if self._plan is None else self._plan.part(slice(self._painted, None))

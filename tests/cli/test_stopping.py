@@ -1,0 +1,122 @@
+"""Stopping a painting from outside, in every state: real processes, real signals."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from skimage import data
+
+from frida_painter.hardware.latch import latches
+from frida_painter.session.easels import STOP_FILE
+from session.easel_errands import moves, until
+
+pytestmark = pytest.mark.slow
+
+SMALL = ("--canvas", "120x90mm", "--render-height", "64", "--effort", "0.05", "--brush", "fine", "--no-film")
+
+
+class Painter:
+    """`frida-painter` in a process of its own, in a folder with a photograph."""
+
+    def __init__(self, place: Path, *words: str) -> None:
+        self.folder, self.state = place / "painted", place / "state"
+        photo = place / "cup.png"
+        if not photo.exists():
+            Image.fromarray(data.coffee()).resize((300, 200)).save(photo)
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "frida_painter", *words],
+            cwd=place,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "XDG_STATE_HOME": str(self.state)},
+        )
+
+    def wait_for(self, name: str, strokes: int = 0) -> None:
+        """Until it has written that file, and has begun that many motions at its pace."""
+        until(lambda: self.process.poll() is not None or (self.folder / name).exists(), 180)
+        until(lambda: self.process.poll() is not None or len(moves(self.folder)) >= strokes, 60)
+        assert self.process.poll() is None, self.process.communicate()
+
+    def end(self, within: float = 120) -> tuple[int, str, str]:
+        out, err = self.process.communicate(timeout=within)
+        return self.process.returncode, out, err
+
+
+def paint(place: Path, *words: str) -> Painter:
+    return Painter(place, "paint", "cup.png", "--strokes", "24", "--replans", "1", *SMALL, "--out", "painted", *words)
+
+
+def held(painter: Painter) -> list[str]:
+    found = [latch.read() for latch in latches(painter.state / "frida-painter")]
+    return [stop.reason for stop in found if stop is not None]
+
+
+def result(painter: Painter) -> dict:
+    assert (painter.folder / "index.html").exists() and (painter.folder / "painting.png").exists()
+    return json.loads((painter.folder / "result.json").read_text())
+
+
+def test_f8_f34_ctrl_c_twice_stops_the_robot_and_writes_the_page(tmp_path: Path) -> None:
+    painter = paint(tmp_path, "--pace", "1")
+    painter.wait_for("plan.json", strokes=4)
+    painter.process.send_signal(signal.SIGINT)
+    time.sleep(0.3)
+    asked = time.monotonic()
+    painter.process.send_signal(signal.SIGINT)
+    until(lambda: held(painter), 10)
+    status, out, err = painter.end()
+    assert status == 130, err
+    assert time.monotonic() - asked < 60 and "Traceback" not in err
+    assert held(painter) == ["Ctrl-C was pressed twice"]
+    told = result(painter)
+    assert told["stopped"] and told["strokes_painted"] < 24 and "Stopped after" in out
+    count = len(moves(painter.folder))
+
+    refused = Painter(tmp_path, "resume", "painted", "--yes")
+    status, _, err = refused.end()
+    assert status == 2 and "frida-painter arm" in err and len(moves(painter.folder)) == count
+
+
+@pytest.mark.parametrize(
+    ("number", "status", "latched"), [(signal.SIGTERM, 143, True), (signal.SIGHUP, 129, False)], ids=["TERM", "HUP"]
+)
+def test_f34_the_system_ends_it_within_a_stroke(tmp_path: Path, number: int, status: int, latched: bool) -> None:
+    painter = paint(tmp_path, "--pace", "0.3")
+    painter.wait_for("plan.json", strokes=3)
+    painter.process.send_signal(number)
+    ended, _, err = painter.end()
+    assert ended == status and "Traceback" not in err, err
+    assert bool(held(painter)) == latched
+    told = result(painter)
+    assert told["stopped"] and 0 <= told["strokes_painted"] < 24
+
+
+def test_f34_a_closed_terminal_while_planning_leaves_nothing_half_done(tmp_path: Path) -> None:
+    painter = paint(tmp_path, "--effort", "5")
+    painter.wait_for("studio.diary")
+    painter.process.send_signal(signal.SIGHUP)
+    asked = time.monotonic()
+    status, _, err = painter.end()
+    assert status == 129 and "Traceback" not in err, err
+    assert time.monotonic() - asked < 60 and not held(painter)
+    assert not (painter.folder / "plan.json").exists()
+
+
+def test_f8_the_stop_file_stops_a_painting_that_is_planning(tmp_path: Path) -> None:
+    painter = paint(tmp_path, "--effort", "5")
+    painter.wait_for("studio.diary", strokes=1)
+    (painter.folder / STOP_FILE).touch()
+    until(lambda: held(painter), 5)
+    painter.process.send_signal(signal.SIGINT)  # the planner goes on for as long as nobody tells it
+    status, _, err = painter.end()
+    assert status == 130 and "Traceback" not in err, err
+    assert held(painter) == ["the stop file stop appeared"]
+    assert len(moves(painter.folder)) == 1, "the first look, and nothing since"
