@@ -4,6 +4,7 @@ import os
 import signal
 import socket
 import statistics
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -81,6 +82,25 @@ def test_heartbeats_keep_it_calm_and_silence_does_not(line, keeping) -> None:
     silent = time.monotonic()
     assert "fell silent" in stops.wait()
     assert 0.2 < stops.times[0] - silent < 3.0
+
+
+def test_while_nothing_moves_a_painter_may_be_busy_but_not_forgotten(line, keeping) -> None:
+    stops = Stops()
+    keeping(stops, moving=False, most_silence=0.1, most_absence=1.0)
+    time.sleep(0.6)
+    assert stops.reasons == []
+    assert "fell silent" in stops.wait()
+
+
+def test_a_motion_that_was_asked_for_after_a_long_thought_is_not_stopped_for_it(line) -> None:
+    stops, moving = Stops(), threading.Event()
+    watching = Watch(line[1], stops, moving.is_set, most_silence=0.5)
+    time.sleep(0.8)
+    moving.set()
+    time.sleep(0.2)
+    assert stops.reasons == []
+    assert "fell silent" in stops.wait()
+    watching.dismiss()
 
 
 def test_what_is_no_heartbeat_does_not_count_as_one(line, keeping) -> None:

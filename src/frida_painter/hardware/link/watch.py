@@ -18,16 +18,18 @@ from frida_painter.hardware.patience import steady
 # system's own handler writes there (signal.set_wakeup_fd) whatever the painting process is doing.
 BEAT, STOP = b"\x00", b"\xff"
 BEAT_EVERY = 0.25
-# A robot is stopped within 3 s of silence; half a second of it is for the stop itself.
-MOST_SILENCE = 2.5
+# A robot that moves is stopped within 3 s of silence; half a second of it is for the stop itself. While nothing moves
+# a painting process may be busy with itself for longer, but not so long that everybody has forgotten it.
+MOST_SILENCE, MOST_ABSENCE = 2.5, 30.0
 _LOOK_EVERY = 0.02
 
 
 class Watch:
     """Stops the robot by `stop(reason)`, from a thread of its own, until `dismiss`.
 
-    line: bytes as above come over it. Silence of more than `most_silence` seconds stops the robot;
-    where the line was closed (the painting process ended) that holds only while `moving()`.
+    line: bytes as above come over it. Silence of more than `most_silence` seconds while `moving()`, or of
+    more than `most_absence` at any time, stops the robot; so does a computer that slept. A line that was
+    closed (the painting process ended) is silent, and nothing can move any more but what moves already.
     """
 
     def __init__(
@@ -37,9 +39,11 @@ class Watch:
         moving: Callable[[], bool],
         *,
         most_silence: float = MOST_SILENCE,
+        most_absence: float = MOST_ABSENCE,
     ) -> None:
-        self._line, self._stop, self._moving, self._most_silence = line, stop, moving, most_silence
-        self._heard = self._looked = steady()
+        self._line, self._stop, self._moving = line, stop, moving
+        self._most_silence, self._most_absence = most_silence, most_absence
+        self._heard = self._looked = self._still = steady()
         self._interrupts = 0
         self._open = True
         self._dismissed = threading.Event()
@@ -65,8 +69,12 @@ class Watch:
             self._looked = now
             if self._open:
                 self._read(now)
-            if now - self._heard > self._most_silence and (self._open or self._moving()):
-                self._stop(f"the painting process fell silent for {now - self._heard:.1f} s")
+            if not self._moving():
+                self._still = now
+            # Whoever asked for a motion was there when it began.
+            silent, absent = now - max(self._heard, self._still), now - self._heard
+            if silent > self._most_silence or (self._open and absent > self._most_absence):
+                self._stop(f"the painting process fell silent for {absent:.1f} s")
                 self._heard = now
 
     def _read(self, now: float) -> None:
