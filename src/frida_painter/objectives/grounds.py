@@ -1,6 +1,7 @@
 """Where a thing stands: two bands of colour, above and below a horizon, chosen by words."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -9,6 +10,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
 Color = tuple[float, float, float]
+_PAPER: Color = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,11 @@ class Ground:
     below: Color
     horizon: float
 
+    @classmethod
+    def paper(cls) -> Self:
+        """Bare paper."""
+        return cls("bare paper", "", _PAPER, _PAPER, 0.5)
+
     def picture(self, grid: PixelGrid) -> Tensor:
         """The bands, [3, H, W]; they pass into each other over a twentieth of the height."""
         height = (torch.arange(grid.rows) + 0.5) / grid.rows
@@ -29,9 +36,8 @@ class Ground:
         return ((1 - share) * above + share * below).expand(3, grid.rows, grid.columns).contiguous()
 
 
-_PAPER: Color = (1.0, 1.0, 1.0)
 _GROUNDS = (
-    Ground("the sea", "sea, ocean, ship, boat, fish, swimming", (0.80, 0.90, 0.97), (0.28, 0.52, 0.72), 0.70),
+    Ground("the sea", "sea, coast, ship, boat, fish, swimming", (0.80, 0.90, 0.97), (0.28, 0.52, 0.72), 0.70),
     Ground("a meadow", "grass, garden, animal, flower, insect", (0.86, 0.93, 0.97), (0.50, 0.68, 0.36), 0.72),
     Ground("a table", "food, fruit, kitchen, cup, dish", _PAPER, (0.78, 0.62, 0.44), 0.70),
     Ground("the sky", "sky, flying, bird, balloon, aircraft, kite", (0.68, 0.83, 0.95), (0.86, 0.93, 0.98), 0.80),
@@ -49,5 +55,5 @@ def ground_of(prompt: str, sentences: SentenceEncoder) -> Ground:
     likeness = meanings[1:] @ meanings[0]
     best = int(likeness.argmax())
     if not float(likeness[best]) >= _LEAST_LIKENESS:
-        return Ground("bare paper", "", _PAPER, _PAPER, 0.5)
+        return Ground.paper()
     return _GROUNDS[best]

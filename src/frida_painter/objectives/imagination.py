@@ -9,7 +9,7 @@ from torch.nn import functional
 from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, TextTerm
 from frida_painter.objectives.encoders.shelf import Encoders
-from frida_painter.objectives.grounds import ground_of
+from frida_painter.objectives.grounds import Ground, ground_of
 from frida_painter.objectives.pictograms import CREDIT
 
 _FILLS = 0.8  # of the canvas's width or height
@@ -38,10 +38,10 @@ def imagined(goal: Goal, grid: PixelGrid, encoders: Encoders) -> Goal:
 
 def _composed(prompt: str, grid: PixelGrid, encoders: Encoders) -> Tensor:
     """The picture [3, H, W] of the grid; the encoders remember what it was made of."""
-    ground = ground_of(prompt, encoders.sentences())
-    picture = ground.picture(grid)
     pictograms = encoders.pictograms()
-    found = pictograms.nearest(prompt) if pictograms is not None else None
+    ground = Ground.paper() if pictograms is None else ground_of(prompt, encoders.sentences())
+    picture = ground.picture(grid)
+    found = None if pictograms is None else pictograms.nearest(prompt)
     if pictograms is None or found is None:
         encoders.remark(f"No pictogram was found for {prompt[:60]!r}; begun with {ground.name} alone.")
         return picture

@@ -127,7 +127,12 @@ class Encoders:
             self._readers = (clip,)
             self.choices.append(Choice("words", clip.name))
         if not self._readers:
-            self._require_for_words()
+            missing = [name for name in ("minilm", "efficientnet-lite0") if not self._has(name)]
+            if missing:
+                raise WeightsError(
+                    f"Painting towards words needs {' and '.join(missing)}, not here yet; "
+                    f"fetch with `frida-painter models fetch {' '.join(missing)}`."
+                )
             found = [number for number in (0, 1) if self._has(f"efficientnet-lite{number}")]
             self._readers = tuple(self._conse(number) for number in found)
             names = " and ".join(f"EfficientNet-Lite{number}" for number in found)
@@ -136,7 +141,7 @@ class Encoders:
 
     def reader_aside(self) -> Reader | None:
         """A reader that the optimiser never asks, and which says when to stop; None where there is none."""
-        if self._reader_aside is None and self._has("efficientnet-lite2"):
+        if self._reader_aside is None and self._has("efficientnet-lite2") and self._has("minilm"):
             self._reader_aside = self._conse(2)
             self.choices.append(Choice("progress", "EfficientNet-Lite2, kept aside"))
         return self._reader_aside
@@ -144,16 +149,15 @@ class Encoders:
     def sentences(self) -> SentenceEncoder:
         """What reads words without seeing anything."""
         if self._sentences is None:
-            self._require_for_words()
             self._sentences = SentenceEncoder.load(self._cache)
         return self._sentences
 
     def pictograms(self) -> Pictograms | None:
-        """The picture dictionary, or None, with a remark on how to get it, where it was not fetched."""
+        """The picture dictionary, or None, with a remark on how to get it, where it cannot be read."""
         if self._pictograms is None:
             folder = weights.find("openmoji", self._cache)
-            if folder is None:
-                self.remark("Better to begin from a pictogram: frida-painter models fetch openmoji")
+            if folder is None or not self._has("minilm"):
+                self.remark("Better begun from a pictogram: frida-painter models fetch openmoji minilm")
                 return None
             self._pictograms = Pictograms(folder / "pictograms.zip", self.sentences(), self._kept)
         return self._pictograms
@@ -170,14 +174,6 @@ class Encoders:
 
     def _has(self, name: str) -> bool:
         return weights.find(name, self._cache) is not None
-
-    def _require_for_words(self) -> None:
-        missing = [name for name in ("minilm", "efficientnet-lite0") if not self._has(name)]
-        if missing:
-            raise WeightsError(
-                f"Painting towards words needs {' and '.join(missing)}, not here yet; "
-                f"fetch with `frida-painter models fetch {' '.join(missing)}`."
-            )
 
     def _conse(self, number: int) -> ConSE:
         classifier = EfficientNetLite(weights.tensors(f"efficientnet-lite{number}", self._cache))
