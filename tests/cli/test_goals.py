@@ -206,5 +206,8 @@ def test_words_that_make_no_goal(given: dict[str, Any], says: str) -> None:
 
 
 def test_words_without_networks_say_what_to_fetch(tmp_path: Path) -> None:
+    encoders = Encoders(tmp_path)
     with pytest.raises(WeightsError, match="fetch minilm efficientnet-lite0"):
-        Encoders(tmp_path).readers()
+        encoders.readers()
+    assert encoders.pictograms() is None and encoders.reader_aside() is None
+    assert "models fetch openmoji minilm" in encoders.remarks[0]

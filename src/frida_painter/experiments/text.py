@@ -87,7 +87,7 @@ class Scale:
     effort: float
 
 
-FULL = Scale(strokes=100, colors=12, rows=256, replans=2, effort=0.7)
+FULL = Scale(strokes=100, colors=12, rows=256, replans=2, effort=1.0)
 QUICK = Scale(strokes=6, colors=3, rows=64, replans=1, effort=0.05)
 
 

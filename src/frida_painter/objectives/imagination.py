@@ -13,7 +13,7 @@ from frida_painter.objectives.grounds import Ground, ground_of
 from frida_painter.objectives.pictograms import CREDIT
 
 _FILLS = 0.8  # of the canvas's width or height
-_KEPT = 0.5  # weight of the composition beside the words' own
+_KEPT = 1.0  # weight of the composition beside the words' own
 
 
 def imagined(goal: Goal, grid: PixelGrid, encoders: Encoders) -> Goal:

@@ -11,16 +11,17 @@ from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.conse import ConSE
 
 _VIEWS = 24
+_AT_A_TIME = 2
 _STEADY = 4  # views by which a picture is judged
 _NOISE = 0.03  # standard deviation, of sRGB
-_BALANCE = 1.0  # against the squared difference to a picture, when both have a weight of 1
+_BALANCE = 0.7  # against the squared difference to a picture, when both have a weight of 1
 
 
 class Text:
     """l_text of the paper (Eq. "clip_text_loss"): the distance of meanings, over augmented views.
 
     prompt: what is to be shown; readers: networks that see it, one after the other in every call, so that
-    strokes cannot please a single one. A call looks in one random view (perspective, crop), blurred half of
+    strokes cannot please a single one. A call looks in two random views (perspective, crop), blurred half of
     the times and always noisy; what comes next is drawn from `seed`.
     """
 
@@ -31,9 +32,9 @@ class Text:
         self._next = 0
 
     def __call__(self, picture: Tensor) -> Tensor:
-        """picture [3, H, W] in [0, 1] -> its distance in a random view; differentiable."""
+        """picture [3, H, W] in [0, 1] -> its distance in two random views; differentiable."""
         reader, self._next = self._next, (self._next + 1) % len(self._distances)
-        which = torch.randint(_VIEWS, (1,), generator=self._generator)
+        which = torch.randperm(_VIEWS, generator=self._generator)[:_AT_A_TIME]
         seen = self._views[reader].of(picture, which)
         if torch.rand((), generator=self._generator) < 0.5:
             seen = functional.avg_pool2d(seen, 3, 1, 1, count_include_pad=False)
