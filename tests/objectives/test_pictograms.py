@@ -20,14 +20,15 @@ def test_words_find_the_drawing_that_is_called_so(pictograms: Pictograms) -> Non
     assert pictograms.nearest("a lighthouse") is None, "none is like enough"
 
 
-def test_a_drawing_is_cut_to_what_is_drawn_and_loses_its_outlines(pictograms: Pictograms) -> None:
-    drawing = pictograms.draw(pictograms.nearest("strawberry"))
-    assert drawing.shape[0] == 4 and drawing.shape[1] == drawing.shape[2] == pytest.approx(20 / 72 * 512, abs=2)
-    assert torch.allclose(drawing[:, 70, 70], torch.tensor([1.0, 0, 0, 1])) and float(drawing[:3, 2, 70].sum()) > 0.9
+def test_drawings_are_cut_to_what_is_drawn_without_and_with_outlines(pictograms: Pictograms) -> None:
+    plain, outlined = pictograms.drawings(pictograms.nearest("strawberry"))
+    assert plain.shape[0] == 4 and plain.shape[1] == plain.shape[2] == pytest.approx(20 / 72 * 512, abs=2)
+    assert torch.allclose(plain[:, 70, 70], torch.tensor([1.0, 0, 0, 1])) and float(plain[:3, 2, 70].sum()) > 0.9
+    assert outlined.shape[1] == pytest.approx(22 / 72 * 512, abs=2) and float(outlined[:3, 4, 70].sum()) < 0.1
 
 
 def test_where_outlines_are_all_there_is_they_stay(pictograms: Pictograms) -> None:
-    drawing = pictograms.draw(pictograms.nearest("umbrella"))
+    (drawing,) = pictograms.drawings(pictograms.nearest("umbrella"))
     assert float(drawing[3].max()) == 1 and float(drawing[:3].max()) < 0.1
 
 

@@ -73,3 +73,17 @@ def test_words_that_are_cut_off_are_told_of_once() -> None:
     prepare(Goal((TextTerm("ship " * 300), TextTerm("ship " * 300))), grid, encoders)
     (remark,) = encoders.remarks
     assert "the last were cut off" in remark and len(remark) < 120
+
+
+def test_what_is_seen_is_square_and_not_squeezed() -> None:
+    class Circle(Toy):
+        def embed_pictures(self, pictures: torch.Tensor) -> torch.Tensor:
+            dark = pictures[0, 0] < 0.5
+            assert abs(int(dark.any(0).sum()) - int(dark.any(1).sum())) <= 1
+            return super().embed_pictures(pictures)
+
+    y, x = torch.meshgrid(torch.arange(60) - 29.5, torch.arange(120) - 59.5, indexing="ij")
+    disc = ((x.square() + y.square()).sqrt() > 20).float().expand(3, -1, -1)
+    words = Text("red", [Circle()], seed=0)
+    words._views[0]._maps = torch.eye(3).expand(24, 3, 3)
+    words.judge(disc)

@@ -47,7 +47,7 @@ _GROUNDS = (
     Ground("hills", "mountain, castle, tower, building, landscape", _PAPER, (0.55, 0.66, 0.42), 0.80),
     Ground("a road", "street, car, bus, train, traffic, city", _PAPER, (0.58, 0.57, 0.56), 0.76),
     Ground("a room", "music, instrument, furniture, clothes, tool", _PAPER, (0.66, 0.50, 0.38), 0.80),
-    Ground("the night", "night, moon, stars, dark, ghost", (0.12, 0.15, 0.30), (0.18, 0.22, 0.34), 0.75),
+    Ground("the night", "night, moon, stars, dark", (0.12, 0.15, 0.30), (0.18, 0.22, 0.34), 0.75),
 )  # fmt: skip
 _LEAST_LIKENESS = 0.2
 

@@ -11,12 +11,13 @@ from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, TextTe
 from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.objectives.grounds import Ground, ground_of
 from frida_painter.objectives.pictograms import CREDIT
+from frida_painter.objectives.text import Text
 
-_FILLS = 0.8  # of the canvas's width or height
+_FILLS = 0.85  # of the canvas's shorter side
 _KEPT = 1.0  # weight of the composition beside the words' own
 
 
-def imagined(goal: Goal, grid: PixelGrid, encoders: Encoders) -> Goal:
+def imagined(goal: Goal, grid: PixelGrid, encoders: Encoders, seed: int) -> Goal:
     """The goal with a picture to begin with, where words are all there is to begin with.
 
     It stays in the goal, beside the words, so that the composition is kept while they shape it.
@@ -26,17 +27,17 @@ def imagined(goal: Goal, grid: PixelGrid, encoders: Encoders) -> Goal:
         words = [term for term in goal.initial if isinstance(term, TextTerm)]
         if not words or any(isinstance(term, ImageTerm) for term in goal.initial):
             return goal
-        begun = ImageTerm(_composed(words[0].prompt, grid, encoders))
+        begun = ImageTerm(_composed(words[0].prompt, grid, encoders, seed))
         return replace(goal, initial=(begun, *goal.initial))
     words = [term for term in goal.terms if isinstance(term, TextTerm)]
     if not words or any(isinstance(term, ImageTerm | SemanticTerm | SketchTerm) for term in goal.terms):
         return goal
     main = max(words, key=lambda term: term.weight)
-    begun = ImageTerm(_composed(main.prompt, grid, encoders), _KEPT * main.weight)
+    begun = ImageTerm(_composed(main.prompt, grid, encoders, seed), _KEPT * main.weight)
     return Goal((*goal.terms, begun), (replace(begun, weight=1.0),))
 
 
-def _composed(prompt: str, grid: PixelGrid, encoders: Encoders) -> Tensor:
+def _composed(prompt: str, grid: PixelGrid, encoders: Encoders, seed: int) -> Tensor:
     """The picture [3, H, W] of the grid; the encoders remember what it was made of."""
     pictograms = encoders.pictograms()
     ground = Ground.paper() if pictograms is None else ground_of(prompt, encoders.sentences())
@@ -46,13 +47,16 @@ def _composed(prompt: str, grid: PixelGrid, encoders: Encoders) -> Tensor:
         encoders.remark(f"No pictogram was found for {prompt[:60]!r}; begun with {ground.name} alone.")
         return picture
     encoders.remark(f"Begun with the pictogram {found.name!r} on {ground.name}; it is of {CREDIT}.")
-    return lay(pictograms.draw(found), picture)
+    words = Text(prompt, encoders.readers(), seed)
+    with torch.no_grad():
+        laid = [lay(drawing, picture) for drawing in pictograms.drawings(found)]
+        return min(laid, key=lambda one: float(words.judge(one)))
 
 
 def lay(drawing: Tensor, ground: Tensor) -> Tensor:
     """The ground [3, H, W] with a drawing, colour and opacity [4, h, w], large in its middle."""
     _, rows, columns = ground.shape
-    scale = _FILLS * min(rows / drawing.shape[1], columns / drawing.shape[2])
+    scale = _FILLS * min(rows, columns) / max(drawing.shape[1:])
     size = [max(1, round(side * scale)) for side in drawing.shape[1:]]
     # Colours are resampled as far as they are seen: what is transparent has none.
     seen = torch.cat((drawing[:3] * drawing[3:], drawing[3:]))[None]

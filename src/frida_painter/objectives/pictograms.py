@@ -63,10 +63,11 @@ class Pictograms:
         name = self._names[best]
         return Pictogram(name, float(likeness[best]), self._files[name])
 
-    def draw(self, pictogram: Pictogram) -> Tensor:
-        """The drawing, cut to what is drawn, sRGB and opacity [4, h, w] in [0, 1]; without outlines where it can be.
+    def drawings(self, pictogram: Pictogram) -> list[Tensor]:
+        """The drawing without its outlines, where enough of it is left, and with them.
 
-        Outlines are for small signs; a brush gives its own edges.
+        Each is cut to what is drawn: sRGB and opacity [4, h, w] in [0, 1]. Outlines are for small signs, and a brush
+        gives its own edges; but some hold what makes a thing that thing.
         """
         with zipfile.ZipFile(self._archive) as opened:
             if opened.getinfo(pictogram.file).file_size > _MOST_BYTES:
@@ -74,7 +75,7 @@ class Pictograms:
             svg = opened.read(pictogram.file).decode("utf-8")
         outlined, plain = _rasterized(svg), _rasterized(_without_outlines(svg))
         enough = float(plain[3].sum()) >= _FLAT_ENOUGH * float(outlined[3].sum())
-        return _cut(plain if enough else outlined)
+        return [_cut(plain), _cut(outlined)] if enough else [_cut(outlined)]
 
 
 def _name(file: str) -> str:

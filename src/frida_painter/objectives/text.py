@@ -14,15 +14,15 @@ _VIEWS = 24
 _AT_A_TIME = 2
 _STEADY = 4  # views by which a picture is judged
 _NOISE = 0.03  # standard deviation, of sRGB
-_BALANCE = 0.7  # against the squared difference to a picture, when both have a weight of 1
+_BALANCE = 1.0  # against the squared difference to a picture, when both have a weight of 1
 
 
 class Text:
     """l_text of the paper (Eq. "clip_text_loss"): the distance of meanings, over augmented views.
 
     prompt: what is to be shown; readers: networks that see it, one after the other in every call, so that
-    strokes cannot please a single one. A call looks in two random views (perspective, crop), blurred half of
-    the times and always noisy; what comes next is drawn from `seed`.
+    strokes cannot please a single one. A call looks at a square of the picture in two random views
+    (perspective, crop), blurred half of the times and always noisy; what comes next is drawn from `seed`.
     """
 
     def __init__(self, prompt: str, readers: Sequence[Reader], seed: int) -> None:
@@ -35,20 +35,28 @@ class Text:
         """picture [3, H, W] in [0, 1] -> its distance in two random views; differentiable."""
         reader, self._next = self._next, (self._next + 1) % len(self._distances)
         which = torch.randperm(_VIEWS, generator=self._generator)[:_AT_A_TIME]
-        seen = self._views[reader].of(picture, which)
+        seen = self._views[reader].of(_square(picture, float(torch.rand((), generator=self._generator))), which)
         if torch.rand((), generator=self._generator) < 0.5:
             seen = functional.avg_pool2d(seen, 3, 1, 1, count_include_pad=False)
         noise = torch.randn(seen.shape, generator=self._generator).to(seen)
         return _BALANCE * self._distances[reader](seen + _NOISE * noise).mean()
 
     def judge(self, picture: Tensor) -> Tensor:
-        """The distance by all readers in the same few views every time."""
+        """The distance by all readers in the same few views of the middle every time."""
         which = torch.arange(_STEADY)
         found = [
-            distance(views.of(picture, which)).mean()
+            distance(views.of(_square(picture, 0.5), which)).mean()
             for distance, views in zip(self._distances, self._views, strict=True)
         ]
         return _BALANCE * torch.stack(found).mean()
+
+
+def _square(picture: Tensor, place: float) -> Tensor:
+    """As large a square of the picture [3, H, W] as there is, from one end, 0, to the other, 1: nothing is squeezed."""
+    _, rows, columns = picture.shape
+    side = min(rows, columns)
+    top, left = round(place * (rows - side)), round(place * (columns - side))
+    return picture[:, top : top + side, left : left + side]
 
 
 def distance_to(prompt: str, reader: Reader) -> Callable[[Tensor], Tensor]:

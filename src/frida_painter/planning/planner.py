@@ -92,7 +92,7 @@ class Planner:
         self.coarse = PixelGrid.of_height(size, max(rows // 2, 32))
         self.seed = seed
         self.encoders = encoders or Encoders()
-        self.goal = goal = attended(imagined(goal, self.fine, self.encoders), self.encoders)
+        self.goal = goal = attended(imagined(goal, self.fine, self.encoders, seed), self.encoders)
         self._aims = {grid: prepare(goal, grid, self.encoders, seed) for grid in (self.fine, self.coarse)}
         self._opening = self._aims[self.coarse]
         if goal.opening is not goal.terms:
