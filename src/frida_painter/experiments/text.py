@@ -227,11 +227,15 @@ def _rank(logs: Tensor, prompt: Prompt) -> int:
 _Found = Mapping[tuple[int, int], Finding]
 
 
-def _is_first(prompts: Sequence[Prompt], number: int, seed: int, way: str, found: _Found) -> bool:
-    """Whether no other prompt's picture shows this prompt's classes with a higher probability."""
+def _first(prompts: Sequence[Prompt], number: int, seed: int, way: str, found: _Found) -> float:
+    """1 where every other prompt's picture shows this prompt's classes with a lower probability, else 0.
+
+    Where several are equally probable, one of them is drawn, so to speak: the share of the chances.
+    """
     classes = list(prompts[number].classes)
     logs = {other: float(_of(found[other, seed], way)[classes].logsumexp(0)) for other in range(len(prompts))}
-    return logs[number] == max(logs.values())
+    best = [other for other, value in logs.items() if value == max(logs.values())]
+    return 1 / len(best) if number in best else 0.0
 
 
 def _row(prompts: Sequence[Prompt], number: int, seed: int, finding: Finding, found: _Found) -> Row:
@@ -241,7 +245,7 @@ def _row(prompts: Sequence[Prompt], number: int, seed: int, finding: Finding, fo
         "seed": seed,
         "rank": _rank(logs, prompts[number]),
         "probability": float(logs[list(prompts[number].classes)].exp().sum()),
-        "first among all": _is_first(prompts, number, seed, PAINTED, found),
+        "first among all": _first(prompts, number, seed, PAINTED, found) == 1,
         "taken for": ", ".join(_top(logs)),
         **{f"rank, {way}": _rank(_of(finding, way), prompts[number]) for way in WAYS[1:]},
     }
@@ -257,7 +261,7 @@ def _top(logs: Tensor) -> list[str]:
 
 def _summary(way: str, prompts: Sequence[Prompt], found: _Found) -> Row:
     ranks = torch.tensor([_rank(_of(finding, way), prompts[number]) for (number, _), finding in found.items()]).float()
-    firsts = torch.tensor([float(_is_first(prompts, number, seed, way, found)) for number, seed in found])
+    firsts = torch.tensor([_first(prompts, number, seed, way, found) for number, seed in found])
     return {
         "judged": way if way != PAINTED else "painted towards the words",
         "within 5": float((ranks <= 5).float().mean()),
