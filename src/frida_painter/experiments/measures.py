@@ -17,6 +17,7 @@ _ROWS = 256  # of the pictures in which edges are sought
 _BLUR = 1.6  # pixels of those
 _LOW, _HIGH = 40, 100  # slopes, of 255, at which Canny's edges go on and begin
 _TOLERANCE = 0.015  # of the picture's diagonal
+_AREA = 12  # pixels of those, half the width over which a composition's edges are looked at
 _VIEWS = 6
 
 
@@ -59,8 +60,11 @@ def edge_score(picture: Tensor, target: Tensor) -> float:
 
 
 def edge_correlation(picture: Tensor, target: Tensor) -> float:
-    """The correlation, in [-1, 1], of the steps of lightness of two pictures [3, H, W], where they are."""
-    steps = [_steps(images.fit(one, *_shape(target)).mean(0)).flatten() for one in (picture, target)]
+    """The correlation, in [-1, 1], of the coarse steps of lightness of two pictures, where they are.
+
+    target is cropped as it fills the shape of `picture` [3, H, W].
+    """
+    steps = [_steps(images.fit(one, *_shape(picture)).mean(0)).flatten() for one in (picture, target)]
     return float(torch.corrcoef(torch.stack(steps))[0, 1])
 
 
@@ -87,9 +91,10 @@ def _edges(picture: Tensor) -> NDArray[np.bool_]:
 
 
 def _steps(gray: Tensor) -> Tensor:
-    """How steeply lightness [h, w] changes over four pixels."""
-    smooth = functional.avg_pool2d(gray[None, None], 9, 1, 4, count_include_pad=False)[0, 0]
-    across, down = smooth[2:-2, 4:] - smooth[2:-2, :-4], smooth[4:, 2:-2] - smooth[:-4, 2:-2]
+    """How steeply lightness [h, w] changes over the size of an area rather than of a mark."""
+    smooth = functional.avg_pool2d(gray[None, None], 2 * _AREA + 1, 1, _AREA, count_include_pad=False)[0, 0]
+    across = smooth[_AREA:-_AREA, 2 * _AREA :] - smooth[_AREA:-_AREA, : -2 * _AREA]
+    down = smooth[2 * _AREA :, _AREA:-_AREA] - smooth[: -2 * _AREA, _AREA:-_AREA]
     return (across.square() + down.square()).sqrt()
 
 

@@ -189,8 +189,8 @@ def _composition_note(summary: Sequence[Row]) -> str:
     by = {row["painted"]: row for row in summary}
     figures = [float(by[way]["edges like the style's"] or 0) for way in (BEGUN, STYLED)]
     return (
-        "Begun with the style picture, a painting keeps its composition: their edges correlate by "
-        f"{figures[0]:.2f}, against {figures[1]:.2f} where the painting began with the photograph."
+        "The edges of a painting begun with the style picture correlate with that picture's own composition by "
+        f"{figures[0]:.2f}; by {figures[1]:.2f} where the painting began with the photograph."
     )
 
 
