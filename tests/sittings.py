@@ -40,7 +40,7 @@ class NotingPlanner:
         paint = torch.arange(strokes) * colors // strokes
         return Plan.of(some_strokes(strokes), palette, paint, canvas=CANVAS, brush="small", limits=SMALL.limits)
 
-    def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None]) -> Plan:
+    def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None], rounds: int = 1) -> Plan:
         self.asked.append(len(rest))
         self.canvases.append(canvas)
         notify(Step(1, 1, 0.3))

@@ -13,7 +13,7 @@ from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal, ImageTerm, TextTerm
 from frida_painter.objectives.attention import attended
-from frida_painter.objectives.base import prepare
+from frida_painter.objectives.base import Aim, prepare
 from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.objectives.imagination import imagined
 from frida_painter.objectives.replication import spread
@@ -24,6 +24,7 @@ from frida_painter.planning.memory import is_lack_of_memory
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement, locate
 from frida_painter.planning.refine import discretize, draw_together, relocate
+from frida_painter.planning.region import Region
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
@@ -71,7 +72,8 @@ class Planner:
 
     rows: height of the picture in which is planned; the start is planned at half of it. Every
     random choice comes from `seed`. encoders: the networks that the goal is seen through, by default
-    those that were fetched. Raises WeightsError where the goal needs one that is missing.
+    those that were fetched. region: what strokes keep clear of, from the next plan on.
+    Raises WeightsError where the goal needs one that is missing.
     """
 
     def __init__(
@@ -91,6 +93,7 @@ class Planner:
         self.fine = PixelGrid.of_height(size, rows)
         self.coarse = PixelGrid.of_height(size, max(rows // 2, 32))
         self.seed = seed
+        self.region: Region | None = None
         self.encoders = encoders or Encoders()
         self.goal = goal = attended(imagined(goal, self.fine, self.encoders, seed), self.encoders)
         self._aims = {grid: prepare(goal, grid, self.encoders, seed) for grid in (self.fine, self.coarse)}
@@ -103,8 +106,8 @@ class Planner:
         generator = torch.Generator().manual_seed(self.seed)
         colors = min(colors, strokes)
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
-        target = self._guide(self.coarse)
-        opening = replace(coarse, objective=self._opening, judge=self._opening.judge)
+        target = self._guide(coarse)
+        opening = self._scene(canvas, self.coarse, self._opening)
         steps = _Progress(notify, self.iterations(strokes))
         found, _ = progressive(
             strokes,
@@ -140,18 +143,24 @@ class Planner:
         ordered, palette, paint = as_palette(found, paints)
         return self._as_plan(ordered, palette, paint)
 
-    def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None]) -> Plan:
+    def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None], rounds: int = 1) -> Plan:
         """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their palette stays.
 
-        The work is in proportion to the number of strokes that are left; where there is not memory
-        enough for it, it is tried once more at half the resolution, without moving strokes far. Where
-        that fails as well, the optimiser diverges, or finds nothing better, `rest` stays as it is.
+        The work is in proportion to the number of strokes that are left, and to `rounds`, of which more
+        than one are worth it where the goal has changed; where there is not memory enough for it, it is
+        tried once more at half the resolution, without moving strokes far. Where that fails as well, the
+        optimiser diverges, or finds nothing better, `rest` stays as it is, but for strokes that would
+        touch the region.
         """
+        rest = self._clear(rest)
         if len(rest) == 0:
             return rest
         for sparing in (False, True):
             try:
-                again = self._again(rest, canvas, notify, sparing=sparing)
+                again = rest
+                for number in range(rounds):
+                    told = _part(notify, number, rounds)
+                    again = self._again(again, canvas, told, sparing=sparing) if len(again) else again
                 return min((rest, again), key=lambda plan: self.judge(self.expected(plan, canvas)))
             except PlanningDiverged:
                 return rest
@@ -174,7 +183,7 @@ class Planner:
                 found,
                 paints,
                 coarse,
-                self._guide(self.coarse),
+                self._guide(coarse),
                 share=_MOVED,
                 proposals=_PROPOSALS,
                 generator=generator,
@@ -186,6 +195,13 @@ class Planner:
             )
         assert paints is not None
         return self._as_plan(found, rest.palette, paints.paint)
+
+    def towards(self, goal: Goal) -> "Planner":
+        """A planner for another goal, everything else being the same."""
+        rows, effort, encoders = self.fine.rows, self.effort, self.encoders
+        planner = Planner(goal, self.size, self.model, rows=rows, effort=effort, seed=self.seed, encoders=encoders)
+        planner.region = self.region
+        return planner
 
     def locate(self, painted: Plan, known: Placement, before: Tensor, seen: Tensor) -> Placement:
         """Where strokes really land, from those just painted and the canvas [3, H, W] before and after them."""
@@ -205,19 +221,27 @@ class Planner:
 
     def _as_plan(self, strokes: Strokes, palette: Palette, paint: Tensor) -> Plan:
         limits = self.model.limits.within(self.size)
-        return Plan.of(
-            strokes.project(limits, self.size), palette, paint, canvas=self.size, brush=self.model.brush, limits=limits
-        )
+        strokes = strokes.project(limits, self.size)
+        return self._clear(Plan.of(strokes, palette, paint, canvas=self.size, brush=self.model.brush, limits=limits))
 
-    def _scene(self, canvas: Tensor, grid: PixelGrid) -> Scene:
-        aim = self._aims[grid]
+    def _clear(self, plan: Plan) -> Plan:
+        """The plan without a stroke that touches the region; each is moved out of it where it can be."""
+        if self.region is None or len(plan) == 0:
+            return plan
+        strokes, kept = self.region.keep_clear(plan.strokes, self.model, self.size, self.fine.rows)
+        return replace(plan, strokes=strokes, paint=plan.paint[kept])
+
+    def _scene(self, canvas: Tensor, grid: PixelGrid, aim: Aim | None = None) -> Scene:
+        aim = aim or self._aims[grid]
         bare = images.fit(canvas, grid.rows, grid.columns)
-        return Scene(bare, self.size, self.model, aim, aim.judge, self._importance(grid))
+        scene = Scene(bare, self.size, self.model, aim, aim.judge, self._importance(grid))
+        return scene if self.region is None else self.region.guarded(scene)
 
-    def _guide(self, grid: PixelGrid) -> Tensor:
-        """The picture that says where strokes are needed."""
+    def _guide(self, scene: Scene) -> Tensor:
+        """The picture, of the scene's resolution, that says where strokes are needed."""
         pictures = [term.image for term in self.goal.opening if not isinstance(term, TextTerm)]
-        return images.fit(pictures[0], grid.rows, grid.columns)
+        guide = images.fit(pictures[0], *scene.canvas.shape[1:])
+        return guide if self.region is None else self.region.spared(guide, scene.canvas, self.size)
 
     def _importance(self, grid: PixelGrid) -> Tensor | None:
         """How much errors matter where, while strokes are placed."""
@@ -237,6 +261,11 @@ class Planner:
             + self.effort.binding
             + self.effort.polishing
         )
+
+
+def _part(notify: Callable[[Step], None], number: int, of: int) -> Callable[[Step], None]:
+    """Where the steps of the round of that number, of so many, are to be reported."""
+    return lambda step: notify(replace(step, iteration=number * step.of + step.iteration, of=of * step.of))
 
 
 class _Progress:

@@ -153,9 +153,12 @@ class PaintingSession:
         rest = None if self._plan is None else self._plan.part(slice(self._painted, None))
         return None if self._before is None else Painting(self._before, self._painted, rest)
 
-    def look_again(self) -> None:
-        """Looks at what a person has made of the canvas, and plans the rest again; while the painting has paused."""
-        self._look_and_plan_again()
+    def look_again(self, rounds: int = 1) -> None:
+        """Looks at what a person has made of the canvas, and plans the rest again; while the painting has paused.
+
+        rounds: of planning; more than one where the goal has changed.
+        """
+        self._look_and_plan_again(rounds)
 
     def paint_instead(self, rest: Plan) -> None:
         """Takes the place of what was still to be painted, palette and canvas being the same; in a pause as well."""
@@ -230,7 +233,7 @@ class PaintingSession:
             self._heed()
         return True
 
-    def _look_and_plan_again(self) -> None:
+    def _look_and_plan_again(self, rounds: int = 1) -> None:
         assert self._plan is not None and self._before is not None
         canvas = self.look()
         batch, rest = self._plan.part(slice(self._seen, self._painted)), self._plan.part(slice(self._painted, None))
@@ -242,7 +245,7 @@ class PaintingSession:
         if len(rest):
             before = self.planner.judge(self.planner.expected(rest, canvas))
             try:
-                again = self._arranged(self.planner.replan(rest, canvas, self._heeding("replan")))
+                again = self._arranged(self.planner.replan(rest, canvas, self._heeding("replan"), rounds))
             except _Overtaken:
                 return
             self._adopt(self._plan.part(slice(self._painted)).followed_by(again))
@@ -252,6 +255,8 @@ class PaintingSession:
 
     def _arranged(self, rest: Plan) -> Plan:
         """The strokes that are left, those of the next batch in the order in which they are quickest to paint."""
+        if len(rest) == 0:  # all that was left would have touched what is protected
+            return rest
         until = self.rhythm.next_look(self._painted, self._painted + len(rest))
         return self.brushwork.arranged(rest, until - self._painted)
 
