@@ -16,7 +16,7 @@ from frida_painter import images
 from scenes import picture
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-PATIENCE = 120_000  # ms; the machine that tests may be busy
+PATIENCE = 300_000  # ms; the machine that tests may be busy
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium; `make browser` installs it where it can"),
@@ -34,7 +34,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     assert match is not None
     yield match[0]
     studio.send_signal(signal.SIGINT)
-    assert studio.wait(10) == 0 or studio.returncode is not None
+    studio.wait(60)
     studio.stdout.close()
 
 

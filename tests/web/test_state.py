@@ -11,7 +11,7 @@ PLANNED: list[dict[str, Any]] = [
     {"kind": "wished", "plan": 1, "wish": {"strokes": 4}},
     {"kind": "planning", "plan": 1, "share": 0.5, "left": 3.0},
     {"kind": "sprouting", "plan": 1, "picture": "growing-0000.jpg"},
-    {"kind": "planned", "plan": 1, "nearer": 0.8, "seconds": 6.0, **MADE},
+    {"kind": "planned", "plan": 1, "nearer": 0.8, "seconds": 6.0, "mixtures": [], **MADE},
 ]
 PAINTED: list[dict[str, Any]] = [
     {"kind": "begun", "plan": 1, "of": 4},

@@ -8,6 +8,8 @@ _NEEDED: dict[Kind, tuple[tuple[str, ...], ...]] = {
     "image": (),
     "style": (("vgg16", "hed"),),
     "semantic": (("efficientnet-lite0",),),
+    "sketch": (("hed",),),
+    "text": (("minilm",), ("efficientnet-lite0",)),
 }
 
 

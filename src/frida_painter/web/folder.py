@@ -93,6 +93,26 @@ class PaintingFolder:
         """Pictures that are shown while something is being done."""
         return self.path / "live"
 
+    def region(self, number: int) -> Path:
+        """What a person drew over the canvas: light where they mean."""
+        return self.live / f"region-{number}.png"
+
+    def change(self, number: int) -> PlanFolder:
+        """What a person wished in the middle of the painting, with its goal; there is no plan in it."""
+        return PlanFolder(self.path / "changes" / str(number))
+
+    def keep_region(self, picture: Path) -> int:
+        """Puts a copy of a drawing into the folder; returns its number. Raises StorageError."""
+        number = 1 + sum(1 for _ in self.live.glob("region-*.png"))
+        _copy(picture, self.region(number))
+        return number
+
+    def begin_change(self, wish: Wish, pictures: Path) -> int:
+        """A folder with a wish and copies of its `pictures`; returns its number. Raises StorageError."""
+        number = 1 + sum(1 for _ in (self.path / "changes").glob("*"))
+        _fill(self.change(number), wish, pictures)
+        return number
+
     def plans(self) -> list[PlanFolder]:
         """All plans, finished or not, in order."""
         found = (entry for entry in (self.path / "plans").glob("*") if entry.name.isdecimal())
@@ -108,13 +128,7 @@ class PaintingFolder:
         if number > _MOST_PLANS:
             raise StorageError(f"There are {_MOST_PLANS} plans already; choose one of them, or begin a new painting.")
         plan = self.plan(number)
-        storage.new_folder(plan.path)
-        for name in wish.pictures:
-            if not (pictures / f"{name}.png").is_file():
-                raise StorageError("A picture of this goal is gone; choose it again.")
-            shutil.copyfile(pictures / f"{name}.png", plan.path / f"{name}.png")
-        storage.write_text(plan.goal, wish.toml)
-        storage.write_json(plan.path / "wish.json", {"wish": wish.model_dump(mode="json")})
+        _fill(plan, wish, pictures)
         return plan
 
     def shown(self, place: str, name: str) -> Path | None:
@@ -124,6 +138,21 @@ class PaintingFolder:
         folder = self.plan(int(place)).path if place.isdecimal() else self.path / place
         path = (folder / name).resolve()
         return path if path.is_file() and path.is_relative_to(self.path.resolve()) else None
+
+
+def _fill(place: PlanFolder, wish: Wish, pictures: Path) -> None:
+    storage.new_folder(place.path)
+    for name in wish.pictures:
+        _copy(pictures / f"{name}.png", place.path / f"{name}.png")
+    storage.write_text(place.goal, wish.toml)
+    storage.write_json(place.path / "wish.json", {"wish": wish.model_dump(mode="json")})
+
+
+def _copy(picture: Path, to: Path) -> None:
+    if not picture.is_file():
+        raise StorageError("A picture of this goal is gone; choose it again.")
+    with storage.replacing(to) as temporary:
+        shutil.copyfile(picture, temporary)
 
 
 class WorkerLock:

@@ -44,7 +44,7 @@ def show_picture(picture: Annotated[str, Path(max_length=64)], shelf: TheShelf) 
 @router.post("/paintings")
 def begin(wish: Wish, session: Planning, shelf: TheShelf, workers: TheWorkers) -> Mapping[str, str]:
     """Begins a painting, and its first plan."""
-    _require_pictures(wish, shelf)
+    require_possible(wish, shelf)
     entry = shelf.begin(wish.title or "Untitled")
     _plan(entry, wish, shelf, workers)
     return {"id": entry.id}
@@ -55,12 +55,13 @@ def plan_again(
     wish: Wish, entry: ThisPainting, session: Planning, shelf: TheShelf, workers: TheWorkers
 ) -> Mapping[str, str]:
     """Has another plan made for a painting, of the same wish or another."""
-    _require_pictures(wish, shelf)
+    require_possible(wish, shelf)
     _plan(entry, wish, shelf, workers)
     return {"id": entry.id}
 
 
-def _require_pictures(wish: Wish, shelf: Shelf) -> None:
+def require_possible(wish: Wish, shelf: Shelf) -> None:
+    """Answers 422 where a picture is gone, or a network that is needed is not here."""
     if not all((shelf.pictures / f"{name}.png").is_file() for name in wish.pictures):
         raise HTTPException(422, "A picture of this goal is gone; choose it again.")
     missing = [kind for kind in {term.kind for term in (*wish.terms, *wish.initial)} if not abilities()[kind]["ready"]]

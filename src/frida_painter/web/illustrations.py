@@ -14,6 +14,9 @@ from frida_painter import images, storage
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.export.bezier import mark_widths
 from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.mixing.amounts import volumes
+from frida_painter.mixing.recipe import recipes
+from frida_painter.mixing.shelf import usual_paints
 from frida_painter.plan import Plan
 from frida_painter.render import render
 from frida_painter.report.palette_sheet import palette_sheet
@@ -80,6 +83,15 @@ def palette(plan: Plan) -> list[dict[str, Any]]:
     return [
         {"number": paint.number, "hex": paint.hex, "strokes": paint.strokes, "share": round(paint.share, 4)}
         for paint in paints(plan)
+    ]
+
+
+def mixtures(plan: Plan) -> list[dict[str, Any]]:
+    """How each paint of a plan is mixed from common acrylics, its millilitres, and whether that comes near."""
+    found = recipes(plan.palette.color, usual_paints())
+    return [
+        {"recipe": recipe.words, "millilitres": round(amount, 1), "near": recipe.within_reach}
+        for recipe, amount in zip(found, volumes(plan).tolist(), strict=True)
     ]
 
 

@@ -1,15 +1,20 @@
 """Routes for painting: watch, start, stop."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 from fastapi import APIRouter, HTTPException
 from pydantic import BaseModel, ConfigDict, Field
 
 from frida_painter import storage
+from frida_painter.web.commands import tell_painter
 from frida_painter.web.feed import Feed
+from frida_painter.web.folder import working
+from frida_painter.web.goals import require_possible
 from frida_painter.web.requests import Operating, TheShelf, TheWatch, TheWorkers, ThisPainting
+from frida_painter.web.shelf import Entry
 from frida_painter.web.watch import MOST_WATCHERS, EventStream, current
+from frida_painter.web.wish import Identifier, Wish
 
 router = APIRouter(prefix="/api/paintings/{identifier}")
 
@@ -21,6 +26,24 @@ class Start(BaseModel):
 
     plan: int = Field(ge=1, le=99)
     ready: bool
+
+
+class Say(BaseModel):
+    """Something to tell the painter that needs no more than a number."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    kind: Literal["pause", "go on", "look", "leave out", "turns", "free"]
+    count: int = Field(0, ge=0, le=20_000)
+
+
+class Drawn(BaseModel):
+    """A part of the canvas, drawn light on dark: not to be touched, or the only one that may be."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    picture: Identifier
+    only: bool
 
 
 @router.get("")
@@ -59,3 +82,38 @@ def start(
         feed.close()
         place.start("paint", plan)
     return {"id": entry.id}
+
+
+@router.post("/say")
+def say(order: Say, entry: ThisPainting, session: Operating, shelf: TheShelf) -> Mapping[str, str]:
+    """Tells the painter to pause, to go on, to look, and the like."""
+    _require_painting(entry)
+    shelf.note(session.id, entry.id, f"{order.kind} {order.count}")
+    tell_painter(entry.folder, order.kind, session.id, count=order.count)
+    return {"id": entry.id}
+
+
+@router.post("/region")
+def protect(drawn: Drawn, entry: ThisPainting, session: Operating, shelf: TheShelf) -> Mapping[str, str]:
+    """Tells the painter which part of the canvas it must not touch, or which alone it may."""
+    _require_painting(entry)
+    number = entry.folder.keep_region(shelf.pictures / f"{drawn.picture}.png")
+    shelf.note(session.id, entry.id, f"region {number}")
+    tell_painter(entry.folder, "only" if drawn.only else "spare", session.id, record=number)
+    return {"id": entry.id}
+
+
+@router.post("/goal")
+def change_goal(wish: Wish, entry: ThisPainting, session: Operating, shelf: TheShelf) -> Mapping[str, str]:
+    """Tells the painter to go on towards something else; canvas, brush and paints stay."""
+    _require_painting(entry)
+    require_possible(wish, shelf)
+    number = entry.folder.begin_change(wish, shelf.pictures)
+    shelf.note(session.id, entry.id, f"goal {number}")
+    tell_painter(entry.folder, "goal", session.id, record=number)
+    return {"id": entry.id}
+
+
+def _require_painting(entry: Entry) -> None:
+    if not (entry.folder.painting.is_dir() and working(entry.folder)):
+        raise HTTPException(409, "Nothing is being painted here at the moment.")

@@ -26,7 +26,9 @@ class PaintState:
     """The painting itself; status: "preparing", "mixing", "painting", "planning", "paused", "finishing",
     "finished", "stopped" or "failed".
 
-    plan: the number it was painted from; looks: what was seen, expected and planned again, in order;
+    plan: the number it was painted from; turn: whether it is the person's turn; turns: strokes after
+    which it is, 0 where nobody takes turns; region: what is protected; remark: what could not be done
+    as it was asked; wish: as it was changed in the middle; looks: what was seen, expected and planned again, in order;
     film, kept: whether there is a film, and all else that is kept of a painting.
     """
 
@@ -42,6 +44,11 @@ class PaintState:
     reason: str = ""
     looks: list[dict[str, Any]] = field(default_factory=list)
     replanned: dict[str, Any] | None = None
+    turn: bool = False
+    turns: int = 0
+    region: dict[str, Any] | None = None
+    remark: str = ""
+    wish: dict[str, Any] | None = None
     film: bool = False
     kept: bool = False
 
@@ -118,11 +125,15 @@ class PaintingState:
                 plan.growing = told["picture"]
             case _:
                 plan.status, plan.share, plan.left, plan.nearer = "ready", 1.0, None, told["nearer"]
-                plan.made = {name: told[name] for name in ("prefix", "frames", "strokes", "palette", "seconds")}
+                plan.made = {
+                    name: told[name] for name in ("prefix", "frames", "strokes", "palette", "mixtures", "seconds")
+                }
 
     def _hear_painting(self, painting: PaintState, told: Mapping[str, Any]) -> None:
         kind = told["kind"]
         painting.status = _PAINTING[kind] or painting.status
+        if kind in ("looked", "resumed", "replanned"):
+            painting.remark = ""
         match kind:
             case "dipped":
                 painting.paint = told["paint"]
@@ -142,14 +153,22 @@ class PaintingState:
                 painting.growing, painting.share = None, 0.0
                 made = {name: told[name] for name in ("prefix", "frames", "strokes", "palette", "done")}
                 painting.replanned = made
-                if painting.looks and painting.looks[-1]["done"] == told["done"]:
+                if painting.looks and painting.looks[-1]["done"] == told["done"] and "gain" not in painting.looks[-1]:
                     painting.looks[-1] = {
                         **painting.looks[-1],
                         "gain": told["gain"],
                         "plan": f"{told['prefix']}plan.jpg",
                     }
             case "paused":
-                painting.reason = told["reason"]
+                painting.reason, painting.turn = told["reason"], told["turn"]
+            case "turns":
+                painting.turns = told["strokes"]
+            case "region":
+                painting.region = {"picture": told["picture"], "only": told["only"]} if told["picture"] else None
+            case "changed":
+                painting.wish = told["wish"]
+            case "remark":
+                painting.remark = str(told["sentence"])
             case "finished":
                 painting.film, painting.left, painting.kept = told["film"], 0.0, True
                 if self.stopped:
@@ -188,7 +207,12 @@ _PAINTING = {
     "growing": "",
     "replanned": "painting",
     "paused": "paused",
+    "considering": "planning",
     "resumed": "painting",
+    "turns": "",
+    "region": "",
+    "changed": "",
+    "remark": "",
     "finishing": "finishing",
     "finished": "finished",
 }

@@ -45,6 +45,7 @@ class Reporter:
     forecast: Forecast
     _photographs: int = field(default=0, init=False)
     _looks: int = field(default=0, init=False)
+    _plans: int = field(default=0, init=False)
     done: int = field(default=0, init=False)
     seen: Tensor = field(init=False)
     _growing: Growing | None = field(default=None, init=False)
@@ -103,9 +104,10 @@ class Reporter:
 
     def _replanned(self, planned: Planned) -> None:
         """The plan from here on, with pictures of every stroke, in a folder of the plan's own."""
+        self._plans += 1
         gain = 1 - planned.loss_after / planned.loss_before if planned.loss_before > 0 else 0.0
         try:
-            told = illustrate(planned.plan, self.model, self._canvas, self.folder.live, f"plan-{planned.done}-")
+            told = illustrate(planned.plan, self.model, self._canvas, self.folder.live, f"plan-{self._plans}-")
         except StorageError:
             return
         self.feed.tell("replanned", done=planned.done, gain=round(gain, 4), **told)

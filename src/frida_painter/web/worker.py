@@ -7,7 +7,6 @@ one of its plans, and the open file that holds the lock on the painting until th
 import os
 import secrets
 import sys
-import threading
 import time
 import traceback
 from contextlib import ExitStack
@@ -22,7 +21,7 @@ from frida_painter.cli import goals, kept
 from frida_painter.cli.progress import Forecast
 from frida_painter.cli.sitting import occasion, order
 from frida_painter.config import PaintingSettings
-from frida_painter.errors import FridaError, RobotStopped
+from frida_painter.errors import FridaError, PaintingPaused, RobotStopped
 from frida_painter.frames import PixelGrid
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
@@ -35,35 +34,13 @@ from frida_painter.session.loop import PHOTOGRAPH_ROWS, Painting, Rhythm
 from frida_painter.session.opening import open_planner, open_session, settle_threads
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder, PlanFolder
-from frida_painter.web.illustrations import Growing, illustrate
+from frida_painter.web.illustrations import Growing, illustrate, mixtures
+from frida_painter.web.stop import Stop, StopPressed
 from frida_painter.web.telling import Reporter
+from frida_painter.web.together import Together
 
-_BETWEEN_GLANCES = 0.02  # seconds, at the stop file
 _GLIMPSES = 400
 _GROWING_COST = 1.4  # later iterations, with all strokes placed, take longer than the first
-
-
-class _Stopped(Exception):
-    """A person has pressed stop; never leaves this file."""
-
-
-class Stop:
-    """Watches for the stop file, on a thread of its own. (The robot's own process watches for another.)"""
-
-    def __init__(self, path: Path) -> None:
-        self.asked = False
-        self._path = path
-        threading.Thread(target=self._watch, daemon=True, name="stop").start()
-
-    def heed(self) -> None:
-        """Ends what is being done where stop was pressed."""
-        if self.asked:
-            raise _Stopped
-
-    def _watch(self) -> None:
-        while not self._path.exists():
-            time.sleep(_BETWEEN_GLANCES)
-        self.asked = True
 
 
 def main() -> None:
@@ -76,7 +53,7 @@ def main() -> None:
     settle_threads()
     try:
         {"plan": make_plan, "paint": paint}[job](folder, folder.plan(int(number)), feed, stop)
-    except _Stopped:
+    except StopPressed:
         feed.tell("stopped")
     except FridaError as trouble:
         feed.tell("failed", sentence=str(trouble).replace(str(folder.path), "its folder"))
@@ -123,6 +100,7 @@ def make_plan(folder: PaintingFolder, place: PlanFolder, feed: Feed, stop: Stop)
     expected = planner.expected(made, bare)
     nearer = 1 - planner.judge(expected) / max(planner.judge(bare), 1e-9)
     told = illustrate(made, planner.model, bare, place.path)
+    told["mixtures"] = mixtures(made)
     feed.tell(
         "planned", plan=place.number, nearer=round(nearer, 4), seconds=round(time.monotonic() - started, 1), **told
     )
@@ -148,18 +126,31 @@ def paint(folder: PaintingFolder, place: PlanFolder, feed: Feed, stop: Stop) -> 
         recorder = stack.enter_context(Recorder(folder.painting, what, planner.model, glimpses))
         reporter = Reporter(feed, folder, planner.model, planner.size, _forecast(planner, settings, glimpses))
 
+        together = Together(folder, feed, stop)
+
         def hear(event: Event) -> None:
             recorder.hear(event)
             reporter.hear(event)
+            together.hear(event)
 
         easel.robot.connect()
         easel.camera.connect()
-        session = open_session(
-            settings, planner, easel, glimpses=glimpses, stop_asked=lambda: stop.asked, notify=hear, journal=journal
+        together.session = session = open_session(
+            settings,
+            planner,
+            easel,
+            glimpses=glimpses,
+            stop_asked=lambda: stop.asked,
+            pause_asked=together.pause_asked,
+            go_on=together.go_on,
+            notify=hear,
+            journal=journal,
         )
         try:
             painting = session.run(settings.strokes, settings.colors, plan)
-        except RobotStopped:
+        except (RobotStopped, PaintingPaused):
+            if not stop.asked:
+                raise
             painting = Painting(reporter.seen, reporter.done, None)
             feed.tell("stopped", done=reporter.done)
         feed.tell("finishing")

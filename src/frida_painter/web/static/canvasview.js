@@ -11,7 +11,8 @@ export function shape(element, wish) {
 export function canvasView(wish) {
   const below = h("img", { alt: "", class: "picture" });
   const overlay = svg("svg", { class: "overlay", "aria-hidden": "true" });
-  const element = h("div", { class: "mount" }, below, overlay);
+  const hatching = h("div", { class: "hatching", hidden: true });
+  const element = h("div", { class: "mount" }, below, hatching, overlay);
   shape(element, wish);
   let shown = "";
   let wanted = "";
@@ -47,5 +48,14 @@ export function canvasView(wish) {
       svg("circle", { cx: x, cy: y, r: 5, class: "start" }));
   }
 
-  return { element, picture, highlight };
+  /** Hatches what is protected: a picture light where it was drawn, or everything else with `only`. */
+  function region(url, only) {
+    hatching.hidden = !url;
+    if (!url) return;
+    hatching.style.maskImage = only ? `linear-gradient(#000 0 0), url("${url}")` : `url("${url}")`;
+    hatching.style.maskMode = only ? "alpha, luminance" : "luminance";
+    hatching.style.maskComposite = only ? "exclude" : "add";
+  }
+
+  return { element, picture, highlight, region };
 }

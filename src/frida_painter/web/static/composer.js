@@ -2,11 +2,14 @@
 
 import * as api from "./api.js";
 import { shape } from "./canvasview.js";
+import { pad } from "./pad.js";
 import { choices, count, h, show, slider } from "./dom.js";
 
 const KINDS = {
+  text: { label: "Words", verb: "In words", button: "Words" },
   image: { label: "A picture", verb: "Paint this picture", button: "A photograph" },
   style: { label: "A style", verb: "In the style of this picture", button: "A style" },
+  sketch: { label: "A drawing", verb: "Along these lines", button: "A drawing" },
   semantic: { label: "A meaning", verb: "What this picture shows, in the robot's own way", button: "A meaning" },
 };
 const WEIGHTS = [[0.2, "a hint"], [0.5, "a little"], [1, "normally"], [2, "strongly"], [5, "above all"]];
@@ -23,7 +26,7 @@ export const fresh = () => ({
 });
 
 /** The form for a wish; `wish` is changed as the person goes, `changed` is called after that. */
-export function wishForm(house, wish, changed) {
+export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = null } = {}) {
   const cards = h("ul", { class: "terms" });
   const how = h("div", { class: "how" });
   const chooser = h("input", { type: "file", accept: "image/*", hidden: true });
@@ -58,16 +61,23 @@ export function wishForm(house, wish, changed) {
     const { ready, advice } = house.abilities[kind];
     return h("button", {
       type: "button", class: "add", disabled: !ready, title: advice,
-      onclick: () => { kindToAdd = kind; chooser.click(); },
+      onclick: () => {
+        if (kind === "text") { wish.terms.push({ kind, words: "", weight: 1 }); draw(); changed(); cards.querySelector("li:last-child input[type=text]").focus(); return; }
+        if (kind === "sketch" && ondraw) { ondraw((blob) => add(kind, blob)); return; }
+        kindToAdd = kind;
+        chooser.click();
+      },
     }, `+ ${KINDS[kind].button}`);
   }
 
   function card(term) {
     const place = WEIGHTS.reduce((best, [weight], index) => (Math.abs(Math.log(weight / term.weight)) < Math.abs(Math.log(WEIGHTS[best][0] / term.weight)) ? index : best), 0);
     return h("li", {},
-      h("img", { src: api.picture(term.picture), alt: KINDS[term.kind].label }),
+      term.picture ? h("img", { src: api.picture(term.picture), alt: KINDS[term.kind].label }) : h("span", { class: "quote", "aria-hidden": "true" }, "“"),
       h("div", {},
-        h("p", {}, KINDS[term.kind].verb),
+        term.kind === "text"
+          ? h("input", { type: "text", maxLength: 300, value: term.words, placeholder: "a sailing ship at dusk", "aria-label": "What it shall be, in words", oninput: (event) => { term.words = event.target.value; changed(); } })
+          : h("p", {}, KINDS[term.kind].verb),
         slider({ label: "This matters", min: 0, max: WEIGHTS.length - 1, value: place, words: (index) => WEIGHTS[index][1],
           oninput: (index) => { term.weight = WEIGHTS[index][0]; changed(); } })),
       h("button", { type: "button", class: "quiet remove", "aria-label": `Remove: ${KINDS[term.kind].label}`, title: "Remove",
@@ -114,10 +124,10 @@ export function wishForm(house, wish, changed) {
   }
 
   const element = h("div", { class: "wish" },
-    h("label", { class: "field title" }, h("span", {}, "Title"), h("input", { type: "text", maxLength: 80, value: wish.title, placeholder: "Untitled", oninput: (event) => { wish.title = event.target.value; } })),
+    goalsOnly ? null : h("label", { class: "field title" }, h("span", {}, "Title"), h("input", { type: "text", maxLength: 80, value: wish.title, placeholder: "Untitled", oninput: (event) => { wish.title = event.target.value; } })),
     cards,
     h("div", { class: "adders", role: "group", "aria-label": "Add to what shall be painted" }, Object.keys(KINDS).filter((kind) => kind in house.abilities).map(adder)),
-    chooser, how);
+    chooser, goalsOnly ? null : how);
   draw();
   return { element, add, redraw: draw };
 }
@@ -127,17 +137,34 @@ export function composer(house) {
   const wish = fresh();
   const mount = h("div", { class: "mount drop" });
   const button = h("button", { type: "button", class: "button wide", disabled: true, onclick: begin }, "Plan it");
-  const form = wishForm(house, wish, changed);
+  const form = wishForm(house, wish, changed, { ondraw: sketch });
+  const caption = h("p", { class: "caption" }, "The canvas");
+  const easel = h("div", { class: "easel" }, mount, caption);
+
+  /** A drawing pad in place of the canvas, over the first picture, if any. */
+  function sketch(use) {
+    const first = wish.terms.find((term) => term.kind === "image");
+    const drawing = pad({ shape: wish.width / wish.height, background: first ? api.picture(first.picture) : "" });
+    const back = () => show(easel, mount, caption);
+    const done = h("button", { type: "button", class: "button", onclick: async () => {
+      const blob = await drawing.picture();
+      if (!blob) { house.notice("Nothing is drawn yet."); return; }
+      back();
+      use(blob);
+    } }, "Use this drawing");
+    show(easel, drawing.element, drawing.tools, h("p", { class: "pair" }, done, h("button", { type: "button", class: "quiet", onclick: back }, "Leave it")));
+  }
 
   function changed() {
     const title = form.element.querySelector(".title input");
     if (title && !title.value && wish.title) title.value = wish.title;
     shape(mount, wish);
-    const first = wish.terms.find((term) => term.kind === "image") ?? wish.terms[0];
-    show(mount, first
+    const first = wish.terms.find((term) => term.kind === "image") ?? wish.terms.find((term) => term.picture);
+    const words = wish.terms.find((term) => term.words);
+    show(mount, !first && words ? h("p", { class: "words" }, words.words) : first
       ? h("img", { src: api.picture(first.picture), alt: "What the canvas will be planned from" })
-      : h("p", {}, "Drop a photograph here, or choose one beside it."));
-    button.disabled = wish.terms.length === 0;
+      : h("p", {}, "Drop a photograph here, or add something beside it."));
+    button.disabled = wish.terms.length === 0 || wish.terms.some((term) => term.kind === "text" && !term.words.trim());
   }
 
   async function begin() {
@@ -157,8 +184,8 @@ export function composer(house) {
   changed();
   const element = h("section", { class: "workbench" },
     steps("say"),
-    h("div", { class: "easel" }, mount, h("p", { class: "caption" }, "The canvas")),
-    h("aside", { class: "panel" }, h("h1", {}, "Say it"), h("p", {}, "Give the robot something to go by: one picture or several, each mattering as much as you like."), form.element, button));
+    easel,
+    h("aside", { class: "panel" }, h("h1", {}, "Say it"), h("p", {}, "Give the robot something to go by: words, pictures, a style, a drawing of your own. Take several, each mattering as much as you like."), form.element, button));
   return { element };
 }
 

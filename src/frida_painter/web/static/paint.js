@@ -3,6 +3,7 @@
 import * as api from "./api.js";
 import { canvasView } from "./canvasview.js";
 import { duration, h, show } from "./dom.js";
+import { togetherTools } from "./tools.js";
 
 const WORDS = {
   preparing: "getting ready", mixing: "the paints are being laid out", painting: "painting", planning: "looking, and planning the rest again",
@@ -20,7 +21,13 @@ export function paintStage(house, here, first) {
   const easel = h("div", { class: "easel pair-of-canvases" },
     h("figure", {}, photograph.element, h("figcaption", {}, "The canvas, photographed")),
     h("figure", {}, plan.element, h("figcaption", {}, "The plan, with the stroke that comes next")));
-  const panel = h("aside", { class: "panel" }, h("h1", {}, "Paint"), bar, said, left, h("h2", {}, "What it saw"), looks);
+  const padPlace = h("div", { class: "easel", hidden: true });
+  const tools = togetherTools(house, here, wish, (drawing) => {
+    show(padPlace, drawing);
+    padPlace.hidden = !drawing;
+    easel.hidden = Boolean(drawing);
+  });
+  const panel = h("aside", { class: "panel" }, h("h1", {}, "Paint together"), bar, said, left, tools.element, h("h2", {}, "What it saw"), looks);
   let strokes = { key: "", paths: null, palette: [], from: 0, place: "", prefix: "" };
   let shownLooks = "";
 
@@ -51,6 +58,8 @@ export function paintStage(house, here, first) {
     said.textContent = painting.status === "painting" ? `Stroke ${painting.done} of ${painting.of}` : `${painting.done ? `Stroke ${painting.done} of ${painting.of}: ` : ""}${WORDS[painting.status] ?? ""}`;
     left.textContent = painting.left && painting.status !== "finishing" ? `about ${duration(painting.left)} left` : "";
     if (painting.photograph) photograph.picture(api.file(here.id, "live", painting.photograph), `The canvas after ${painting.done} strokes`);
+    const region = painting.region ? api.file(here.id, "live", painting.region.picture) : "";
+    for (const canvas of [photograph, plan]) canvas.region(region, painting.region?.only);
     followPlan(state).then(() => {
       const growing = painting.status === "planning" && painting.growing;
       plan.picture(growing ? api.file(here.id, "live", painting.growing) : api.file(here.id, strokes.place, `${strokes.prefix}plan.jpg`), "The plan");
@@ -58,6 +67,7 @@ export function paintStage(house, here, first) {
       const paint = strokes.paths && strokes.palette[strokes.paths.paint[index]];
       plan.highlight(strokes.paths, painting.status === "painting" ? index : null, paint?.hex);
     });
+    tools.update(state);
     const key = JSON.stringify(painting.looks);
     if (key !== shownLooks) {
       shownLooks = key;
@@ -65,5 +75,5 @@ export function paintStage(house, here, first) {
     }
   }
 
-  return { elements: [easel, panel], update };
+  return { elements: [easel, padPlace, panel], update };
 }

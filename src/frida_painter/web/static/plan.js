@@ -68,10 +68,11 @@ export function planStage(house, here, first) {
     await house.attempt(() => api.post(`/api/paintings/${here.id}/plans`, wish));
   }
 
-  function paletteList(plan) {
-    return h("ol", { class: "palette" }, plan.made.palette.map((paint) =>
+  function paletteList(plan, withRecipes = false) {
+    const recipe = (mixture) => h("p", { class: "recipe" }, `${mixture.recipe} · about ${Math.max(1, Math.round(mixture.millilitres))} ml`, mixture.near ? "" : " · only comes near");
+    return h("ol", { class: "palette" }, plan.made.palette.map((paint, index) =>
       h("li", {}, h("b", { style: { background: paint.hex } }), h("span", {}, h("strong", {}, String(paint.number)), ` ${paint.hex}`),
-        h("small", {}, `${count(paint.strokes, "stroke", "strokes")}, ${paint.share < 0.005 ? "hardly any" : Math.round(100 * paint.share) + " %"}`))));
+        h("small", {}, `${count(paint.strokes, "stroke", "strokes")}, ${paint.share < 0.005 ? "hardly any" : Math.round(100 * paint.share) + " %"}`), withRecipes ? recipe(plan.made.mixtures[index]) : null)));
   }
 
   function planning(plan) {
@@ -108,7 +109,8 @@ export function planStage(house, here, first) {
     };
     show(panel, h("h1", {}, "Prepare"),
       h("p", {}, `Mix ${count(plan.made.palette.length, "paint", "paints")} from light to dark and fill the wells in this order. (The virtual studio fills its own.)`),
-      paletteList(plan),
+      paletteList(plan, true),
+      h("p", { class: "label" }, "Parts of six common acrylics, reckoned from published pigments; try each mixture on paper first."),
       h("p", {}, h("a", { href: api.file(here.id, plan.number, "palette.png"), download: "palette.png" }, "The palette as a sheet to print")),
       h("div", { class: "checks" }, check("A bare canvas is on the easel."), check("The paints are in their wells, water and rag beside them.")),
       start,

@@ -1,0 +1,68 @@
+"""What the page tells the painter: a few commands, each good once and for seconds, in a file that only grows.
+
+Nothing is done twice, and nothing that was asked while the painter could not hear is done later, when
+nobody expects it.
+"""
+
+import secrets
+import time
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.lines import LineReader, LineWriter
+
+GOOD_FOR = 10.0  # seconds
+Kind = Literal["pause", "go on", "look", "leave out", "turns", "spare", "only", "free", "goal"]
+
+
+class Command(BaseModel):
+    """Something that a person wants of the painter.
+
+    nonce: used once; until: when it is no longer good, seconds since 1970; by: which browser; count: of
+    strokes to leave out, or that the robot paints before it is the person's turn, 0 for all; record:
+    the number under which a region or a goal was put into the painting's folder.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    kind: Kind
+    nonce: str = Field(min_length=16, max_length=64)
+    until: float = Field(allow_inf_nan=False)
+    by: str = Field(max_length=64)
+    count: int = Field(0, ge=0, le=20_000)
+    record: int = Field(0, ge=0, le=100_000)
+
+
+def tell_painter(folder: PaintingFolder, kind: Kind, by: str, *, count: int = 0, record: int = 0) -> None:
+    """Tells the painter. Raises StorageError."""
+    nonce, until = secrets.token_hex(16), time.time() + GOOD_FOR
+    command = Command(kind=kind, nonce=nonce, until=until, by=by, count=count, record=record)
+    writer = LineWriter(folder.commands)
+    try:
+        writer.add(command.model_dump())
+    finally:
+        writer.close()
+
+
+class Ear:
+    """The painter's end: hears each command that is still good, once."""
+
+    def __init__(self, folder: PaintingFolder) -> None:
+        self._reader = LineReader(folder.commands)
+        self._heard: set[str] = set()
+
+    def listen(self) -> list[Command]:
+        """Commands that came since, in order; those that make no sense, came before or came too late are left out."""
+        commands = [command for line in self._reader.read() if (command := self._understood(line)) is not None]
+        self._heard |= {command.nonce for command in commands}
+        return commands
+
+    def _understood(self, line: dict[str, Any]) -> Command | None:
+        try:
+            command = Command.model_validate(line)
+        except ValidationError:
+            return None
+        good = time.time() <= command.until <= time.time() + GOOD_FOR
+        return command if good and command.nonce not in self._heard else None

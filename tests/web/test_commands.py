@@ -1,0 +1,48 @@
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from frida_painter.web import commands
+from frida_painter.web.commands import Command, Ear, tell_painter
+from frida_painter.web.folder import PaintingFolder
+
+
+def test_each_command_is_heard_once(tmp_path: Path) -> None:
+    folder = PaintingFolder(tmp_path)
+    ear = Ear(folder)
+    tell_painter(folder, "pause", "browser")
+    tell_painter(folder, "turns", "browser", count=5)
+    assert [(command.kind, command.count) for command in ear.listen()] == [("pause", 0), ("turns", 5)]
+    assert ear.listen() == []
+    folder.commands.write_bytes(folder.commands.read_bytes() * 2)
+    assert ear.listen() == [], "said again, and known already"
+
+
+def test_what_was_asked_while_nobody_could_hear_is_not_done_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = PaintingFolder(tmp_path)
+    tell_painter(folder, "go on", "browser")
+    now = commands.time.time()
+    monkeypatch.setattr(commands.time, "time", lambda: now + commands.GOOD_FOR + 1)
+    assert Ear(folder).listen() == []
+    monkeypatch.setattr(commands.time, "time", lambda: now - 3600)
+    assert Ear(folder).listen() == [], "the clock was set back"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"kind": "home"}, {"kind": None}, {"nonce": "short"}, {"nonce": 5}, {"until": float("1e999")}, {"until": "1"},
+        {"count": -1}, {"count": 1.5}, {"count": True}, {"record": "../x"}, {"speed": 3},
+    ],
+)  # fmt: skip
+def test_what_is_no_command_is_left_out(tmp_path: Path, changes: dict[str, Any]) -> None:
+    folder = PaintingFolder(tmp_path)
+    tell_painter(folder, "look", "browser")
+    record = json.loads(folder.commands.read_bytes())
+    assert isinstance(Command.model_validate(record), Command)
+    folder.commands.write_text(json.dumps({**record, **changes}) + "\n")
+    assert Ear(folder).listen() == []
