@@ -46,6 +46,7 @@ def test_what_was_painted_is_not_painted_again(tmp_path, monkeypatch) -> None:
     assert same.tables == one.tables
 
 
+@pytest.mark.slow
 def test_styles_and_their_compositions() -> None:
     styles = [Target("waves", 1 - picture(60, 60))]
     outcome = style.run([PHOTO], styles, **how(judge=QuickEncoders().meaning()))
@@ -57,6 +58,7 @@ def test_styles_and_their_compositions() -> None:
     assert "1 of 1" in outcome.notes[0] or "0 of 1" in outcome.notes[0]
 
 
+@pytest.mark.slow
 def test_drawings_with_words() -> None:
     lines = torch.ones(3, 90, 120)
     lines[:, 44:46, 20:100] = 0
