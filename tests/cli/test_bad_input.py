@@ -135,7 +135,7 @@ def test_photographs_that_are_none(command: str, refuse: Callable[..., str], tmp
 
 
 @pytest.mark.parametrize("command", ["paint", "plan"])
-def test_a_full_disk(command: str, refuse: Callable[..., str], photo: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_f06_a_full_disk(command: str, refuse: Callable[..., str], photo: str, monkeypatch: pytest.MonkeyPatch) -> None:
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(shutil, "disk_usage", lambda path: usage(2**40, 2**40 - 2**20, 2**20))
     message = refuse(command, photo, "--out", "new", "--strokes", "5")

@@ -17,12 +17,13 @@ from frida_painter.cli.progress import Forecast, PaintingProgress, duration
 from frida_painter.cli.sitting import Pauses, confirm, occasion, order, say, tell, tell_encoders, to_its_end
 from frida_painter.cli.stopping import stopping
 from frida_painter.cli.virtual import PaceOption, read_placement_error
-from frida_painter.errors import ConfigError, Interrupted
+from frida_painter.errors import ConfigError, FrameRejected, Interrupted
 from frida_painter.planning.planner import Planner
 from frida_painter.report.doubt import doubt
 from frida_painter.report.recorder import Recorder
 from frida_painter.session import resuming
 from frida_painter.session.easel_process import EaselProcess
+from frida_painter.session.eye import Eye
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import Halfway, Rhythm
@@ -108,8 +109,13 @@ def resume(
             light=resuming.light(history),
             placement=begun.plan.planning.placement if begun.plan else None,
         )
+        if (bare := resuming.bare_photograph(folder)) is not None:
+            session.eye.learn_good(bare)
         now = session.look()
         images.save(now, folder / NOW)
+        before = resuming.seen_before(folder, begun.plan, session.eye) if begun.plan else None
+        if before is not None and not accept_changes:
+            _require_as_left(begun, history, planner, session.eye, before, now)
         say(f"The canvas as it is now: {folder / NOW}")
         again = _repaint(begun, history, planner, now, folder, repaint=repaint, yes=yes)
         journal.resumed(history, repaint=again)
@@ -118,8 +124,8 @@ def resume(
         if begun.plan is None:
             ending = to_its_end(session, lambda: session.run(of, how.settings.colors), hear)
         else:
-            before = resuming.seen_before(folder, begun.plan, session.eye)
-            where = Halfway(begun.plan.plan, history.painted, begun.plan.planning.done, before, now)
+            known = None if accept_changes else before
+            where = Halfway(begun.plan.plan, history.painted, begun.plan.planning.done, known, now)
             ending = to_its_end(session, lambda: session.resume(where), hear)
         bar.say("finishing the film and the page")
         page = None if ending.painting is None else recorder.finish(ending.painting)
@@ -169,6 +175,20 @@ def _show(begun: _Begun, history: History) -> None:
         say(f"The last photograph is {begun.folder / history.last_photograph}")
     if history.in_doubt is not None:
         say(f"Stroke {history.in_doubt} was begun, and nothing tells whether it was painted.")
+
+
+def _require_as_left(
+    begun: _Begun, history: History, planner: Planner, eye: Eye, before: torch.Tensor, now: torch.Tensor
+) -> None:
+    """Raises FrameRejected where another canvas is on the easel, or somebody has painted on this one."""
+    if begun.plan is None or eye.good is None:
+        return
+    try:
+        eye.good.require_explained(now, resuming.as_left(begun.plan, history, planner, before))
+    except FrameRejected as difference:
+        raise FrameRejected(
+            f"{difference} Look at {begun.folder / NOW}; if it is to be painted on as it is, say --accept-changes"
+        ) from difference
 
 
 def _repaint(

@@ -19,6 +19,9 @@ _MARGIN = 0.06  # of a side, left out at its ends
 _FINE = 2  # samples a pixel across the edge
 _LEAST_STEP = 0.06  # of linear light, between table and paper
 _LEAST_SEEN = 0.5  # of the places of a side
+_LEAST_LEFT = 0.2
+_DIMMEST = 0.01  # linear light: the camera's noise
+_OTHER_LIGHT = 0.3  # natural logarithm of the light beyond the edge, against that of all places
 _ROUNDS = 6
 
 
@@ -27,9 +30,10 @@ class PaperEdge:
     """Where the edge of the paper is seen.
 
     place, outward [4 x 48, 2]: points (column, row) around the paper and the way out of it; offset
-    [4 x 48]: how many pixels outwards of its point the edge lies, NaN where it is not seen; softness:
-    pixels within which it passes from a fifth to four fifths of its step, median, NaN where it is
-    not visible; visible: whether the edge is seen at most places of every side.
+    [4 x 48]: how many pixels outwards of its point the edge lies, NaN where it is not seen; width
+    [4 x 48]: pixels within which it passes from a fifth to four fifths of its step, NaN likewise; table
+    [4 x 48]: linear light just beyond it; softness: the median width, NaN where it is not visible;
+    visible: whether the edge is seen at most places of every side.
     """
 
     place: NDArray[np.float64]
@@ -37,6 +41,8 @@ class PaperEdge:
     offset: NDArray[np.float64]
     softness: float
     visible: bool
+    width: NDArray[np.float64]
+    table: NDArray[np.float64]
 
     @classmethod
     def read(cls, photograph: NDArray[np.uint8], corners: Corners, reach: float) -> Self:
@@ -64,7 +70,7 @@ class PaperEdge:
         offset, near, far = (_first_above(height, level, step) for level in (0.5, 0.8, 0.2))
         soft = far - near
         visible = bool((np.isfinite(offset).reshape(4, _PLACES).mean(1) >= _LEAST_SEEN).all())
-        return cls(place, outward, offset, float(np.nanmedian(soft)) if visible else math.nan, visible)
+        return cls(place, outward, offset, float(np.nanmedian(soft)) if visible else math.nan, visible, soft, outside)
 
     @property
     def beside(self) -> float:
@@ -81,6 +87,32 @@ class PaperEdge:
         if not self.visible:
             return math.inf
         return self._motion(self.offset - earlier.offset)
+
+    def drift_since(self, earlier: Self) -> float:
+        """Like `moved_since`, of a canvas whose edge may be painted over in places; NaN where too little is left.
+
+        A lens that was turned, or a camera that came nearer, counts as well: then the whole edge lies
+        farther out, or in, than it did.
+        """
+        outwards = self.offset - earlier.offset
+        if not _enough(outwards):
+            return math.nan
+        return max(self._motion(outwards), float(abs(np.nanmedian(outwards))))
+
+    def blurring_since(self, earlier: Self) -> float:
+        """How many pixels wider the edge is, in the middle of all places; NaN where too little of it is left."""
+        wider = self.width - earlier.width
+        return float(np.nanmedian(wider)) if _enough(wider) else math.nan
+
+    def covered_since(self, earlier: Self) -> int:
+        """At how many places in a row something reaches over the edge that was not there, whatever the light is now."""
+        light = (self.table + _DIMMEST) / (earlier.table + _DIMMEST)
+        strange = np.abs(np.log(light / np.median(light))) > _OTHER_LIGHT
+        longest = run = 0
+        for place in np.concatenate((strange, strange)):  # round the paper, over its first corner
+            run = run + 1 if place else 0
+            longest = max(longest, run)
+        return min(longest, len(strange))
 
     def _motion(self, outwards: NDArray[np.float64]) -> float:
         """The largest way of a corner under the shift and turn that move the places outwards [n] so."""
@@ -101,6 +133,11 @@ class PaperEdge:
         corner = (self.place[:: _PLACES - 1] - middle) / scale
         ways = motion[:2] + motion[2] * np.stack((-corner[:, 1], corner[:, 0]), 1)
         return float(np.linalg.norm(ways, axis=1).max())
+
+
+def _enough(values: NDArray[np.float64]) -> bool:
+    """Whether values [4 x 48] are known at a fifth of the places of three sides, or more."""
+    return bool((np.isfinite(values).reshape(4, _PLACES).mean(1) >= _LEAST_LEFT).sum() >= 3)
 
 
 def _first_above(height: NDArray[np.float64], level: float, step: NDArray[np.float64]) -> NDArray[np.float64]:

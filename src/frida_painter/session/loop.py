@@ -15,6 +15,7 @@ from typing import TypeVar
 from torch import Tensor
 
 from frida_painter.errors import CameraError, FridaError, PaintingPaused, PlanError, StorageError
+from frida_painter.perception.frame_check import Expected
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
@@ -124,6 +125,7 @@ class PaintingSession:
         self._planned_at = 0
         self._before: Tensor | None = None  # the canvas as it was last seen
         self._seen = 0  # strokes that were on it
+        self._touched = False
 
     def run(self, strokes: int, colors: int, plan: Plan | None = None) -> Painting:
         """Paints exactly `strokes` strokes in `colors` paints on a bare canvas, unless a person stops it.
@@ -271,10 +273,17 @@ class PaintingSession:
 
     def _look(self) -> Tensor:
         self._step_aside()
-        frame = self.eye.photograph(self.brushwork.last_motion)
-        canvas = self.eye.see(frame.image, PHOTOGRAPH_ROWS)
+        frame, canvas = self.eye.examine(self.brushwork.last_motion, PHOTOGRAPH_ROWS, self._expectation())
         self.journal.looked(frame, self.eye.light)
+        self._touched = False
         return canvas
+
+    def _expectation(self) -> Expected | None:
+        """What should be seen; None where there is no plan yet, or a person may have touched the canvas."""
+        if self._plan is None or self._before is None or self._touched:
+            return None
+        batch = self._plan.part(slice(self._seen, self._painted))
+        return Expected(self._before, self.planner.expected(batch, self._before) if len(batch) else self._before)
 
     def _glimpse(self, painted: StrokePainted) -> None:
         """A picture for the film, which nothing is decided by, and without which the painting goes on."""
@@ -325,10 +334,12 @@ class PaintingSession:
         if self.brushwork.load.paint is not None:
             self.brushwork.clean()
         self.brushwork.step_aside()
+        self._touched = True  # whoever is asked may paint along, now or while answering
         paused = Paused(reason, self._painted)
         self._notify(paused)
         if not self._go_on(paused):
             raise PaintingPaused(f"{reason} The painting has paused after {self._painted} strokes.") from cause
+        self._touched = True
 
 
 class _Overtaken(Exception):

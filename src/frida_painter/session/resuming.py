@@ -5,16 +5,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter import images
 from frida_painter.errors import FrameRejected, ImageError, PlanError
 from frida_painter.perception.flatfield import FlatField
+from frida_painter.perception.frame_check import Expected
 from frida_painter.plan import Plan
+from frida_painter.planning.planner import Planner
 from frida_painter.session.eye import Eye
 from frida_painter.session.history import History, Planning
-from frida_painter.session.journal import PLAN
+from frida_painter.session.journal import PHOTOGRAPHS, PLAN
 from frida_painter.session.loop import PHOTOGRAPH_ROWS
 
 # Settings that say what is painted rather than how: the plan has them, and they are not changed midway.
@@ -82,6 +86,21 @@ def settled_changes(history: History, settings: Mapping[str, Any]) -> list[str]:
 def light(history: History) -> FlatField | None:
     """The light of the room as it was learned from the bare canvas; None before the first look."""
     return FlatField(torch.tensor(history.light)) if history.light is not None else None
+
+
+def bare_photograph(folder: Path) -> NDArray[np.uint8] | None:
+    """The first photograph, of the bare canvas, with which later ones are compared; None where it is lost."""
+    try:
+        return images.load_exactly(folder / PHOTOGRAPHS / "look-0000.png")
+    except ImageError:
+        return None
+
+
+def as_left(kept: KeptPlan, history: History, planner: Planner, before: Tensor) -> Expected:
+    """The canvas as it should be found: `before` with the strokes since, and the one in doubt perhaps."""
+    until = history.painted if history.in_doubt is None else history.in_doubt
+    since = kept.plan.part(slice(kept.planning.done, until))
+    return Expected(before, planner.expected(since, before) if len(since) else before)
 
 
 def seen_before(folder: Path, kept: KeptPlan, eye: Eye) -> Tensor | None:

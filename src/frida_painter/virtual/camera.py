@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from frida_painter.errors import CameraError, StaleFrame
 from frida_painter.hardware.camera import Frame
 from frida_painter.lens import Lens
+from frida_painter.virtual import in_sight
 from frida_painter.virtual.diary import Note, unnoted
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.paint import to_linear, to_srgb
@@ -88,15 +89,18 @@ class VirtualCamera:
         """A photograph of the canvas as it is now, later than `newer_than` (s of the studio's clock).
 
         Raises StaleFrame where `newer_than` lies ahead, or the stale fault hands out the frame before;
-        CameraError where the camera is not connected.
+        CameraError where the camera is not connected, or does not answer.
         """
         if not self._connected:
             raise CameraError("The virtual camera is not connected; call connect() first.")
         number, self.photographs = self.photographs, self.photographs + 1
+        if number in self.faults.failed_photographs:
+            raise CameraError("The virtual camera does not answer; look at its cable, and connect it again.")
         frame = self._last
         if frame is None or number not in self.faults.stale_photographs:
             self._clock.now += self._spec.exposure
-            frame = Frame(self._expose(number), self._clock.now, number)
+            frozen = frame is not None and number in self.faults.frozen_photographs
+            frame = Frame(frame.image if frame and frozen else self._expose(number), self._clock.now, number)
         self.note({"did": "photograph", "now": self._clock.now, "exposed": frame is not self._last})
         self._last = frame
         if not frame.captured_at > newer_than:
@@ -123,6 +127,8 @@ class VirtualCamera:
         image = np.empty(scene.shape, np.uint8)
         _develop(scene, light, mix, self._tones, self._noise, self._grain(), image)
         self._show_arm(image)
+        sights = [sight for sight in self.faults.in_sight if sight.concerns(number)]
+        in_sight.draw(image, sights, math.dist(*self.corners[:2]) / self._table.canvas.width)
         return image
 
     def _grain(self) -> int:

@@ -1,6 +1,7 @@
 """What can go wrong in the studio, on demand; nothing does unless it is asked for."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,23 @@ class LightChange:
 
 
 @dataclass(frozen=True)
+class InSight:
+    """A person's hand, or the glare of a lamp, lies over the canvas in the photographs `first` to `last`.
+
+    place: of the palm, or of the middle of the glare, (across, down) as shares of the photograph.
+    """
+
+    what: Literal["hand", "glare"]
+    first: int
+    last: int | None = None
+    place: tuple[float, float] = (0.55, 0.5)
+
+    def concerns(self, photograph: int) -> bool:
+        """Whether it is in that photograph."""
+        return self.first <= photograph and (self.last is None or photograph <= self.last)
+
+
+@dataclass(frozen=True)
 class FailedMotion:
     """Motion number `motion` ends at its waypoint `waypoint` with the robot's error `code`."""
 
@@ -67,7 +85,9 @@ class Faults:
     which the robot meets with resistance and stops by itself; hanging_motions: motions whose call
     never returns; dead_from_motion: the robot is lost from that motion on (RobotDisconnected);
     unknown_pose: the robot does not know where it is; dry_dips: dips into a well that is empty
-    then; lost_focus, light_changes: what happens to the camera and to the lamps.
+    then; lost_focus, light_changes, in_sight: what happens to the camera, to the lamps and between
+    camera and canvas; frozen_photographs: captures in which the camera gives the picture before as a
+    new one; failed_photographs: captures in which it does not answer (CameraError).
     """
 
     dropped_touches: frozenset[int] = frozenset()
@@ -84,6 +104,9 @@ class Faults:
     dry_dips: frozenset[int] = frozenset()
     lost_focus: tuple[LostFocus, ...] = ()
     light_changes: tuple[LightChange, ...] = ()
+    in_sight: tuple[InSight, ...] = ()
+    frozen_photographs: frozenset[int] = frozenset()
+    failed_photographs: frozenset[int] = frozenset()
 
     def blur_of(self, photograph: int) -> float:
         """How much that photograph is blurred, share of its width; 0 where it is in focus."""

@@ -1,0 +1,177 @@
+"""Whether a photograph shows the canvas as it must, before anything is decided by it; and if not, why not.
+
+Where the edges of the canvas are, and how sharp, is learned from a good photograph. What is on the
+canvas is compared with what should be: where nothing was painted since the last look, nothing may have
+changed; where something was, it may look as before, as it was meant to, or like anything in between.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter import images
+from frida_painter.calibration import Calibration
+from frida_painter.errors import FrameRejected
+from frida_painter.frames import CanvasSize
+from frida_painter.palette import to_lab
+from frida_painter.perception.light import to_linear
+from frida_painter.perception.paper_edge import PaperEdge
+
+_REACH = 0.012  # metres around the edge of the canvas in which it is looked for
+_MOST_DRIFT = 0.002  # metres
+_MOST_BLUR = 0.75  # pixels that the edge is wider than it was, and
+_BLURRED = 0.0008  # metres, whichever is more
+_LIGHT = (0.7, 1.4)  # of what is expected, in the middle of all places
+_CLIPPED = 253  # bytes
+_MOST_CLIPPED = 0.02  # of the canvas, more than in the good photograph
+_MOST_COVERED = 0.015  # metres along the edge
+_CELL = 0.006  # metres: the canvas is compared in squares of this size
+_BESIDE = 2  # squares
+_A_CHANGE = 6.0  # CIELAB: from here on the plan speaks of a change
+_LIKE_BEFORE, _LIKE_PLANNED = 8.0, 30.0  # CIELAB, beyond which a square cannot be explained
+_MOST_UNEXPLAINED = 0.0009  # m2 in one piece: a square of 3 cm
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What should be seen: the canvas as it was last seen, and as the strokes since then make it, [3, H, W] each."""
+
+    before: Tensor
+    after: Tensor
+
+    def changes(self, size: CanvasSize) -> bool:
+        """Whether something should look otherwise than before."""
+        return bool(((_cells(self.after, size) - _cells(self.before, size)).norm(dim=0) > _A_CHANGE).any())
+
+    def strange(self, seen: Tensor, size: CanvasSize) -> Tensor:
+        """Where the canvas [3, H, W] looks like neither of the two, nor anything in between, [rows, columns].
+
+        Strokes may lie two squares beside where they were meant to be.
+        """
+        before, after, now = (_cells(picture, size) for picture in (self.before, self.after, seen))
+        changed = ((after - before).norm(dim=0) > _A_CHANGE).float()
+        changed = functional.max_pool2d(changed[None], 2 * _BESIDE + 1, 1, _BESIDE)[0] > 0
+        rows, columns = changed.shape
+        around = functional.unfold(
+            functional.pad(after[None], (_BESIDE,) * 4, mode="replicate"), 2 * _BESIDE + 1
+        )  # [1, 3 k, rows x columns]
+        way = around.reshape(3, -1, rows, columns) - before[:, None]  # [3, k, rows, columns]
+        gone = now - before
+        share = (gone[:, None] * way).sum(0) / (way.square().sum(0) + 1e-6)
+        off = (gone[:, None] - share.clamp(0, 1) * way).norm(dim=0).amin(0)
+        return torch.where(changed, off > _LIKE_PLANNED, gone.norm(dim=0) > _LIKE_BEFORE)
+
+
+@dataclass(frozen=True)
+class FrameCheck:
+    """A good photograph, to which others of the same camera and canvas are compared.
+
+    edge: of the canvas; clipped: share of the canvas that is as bright as can be recorded.
+    """
+
+    calibration: Calibration
+    size: CanvasSize
+    edge: PaperEdge
+    clipped: float
+
+    @classmethod
+    def learn(cls, photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> Self:
+        """From a photograph [rows, columns, 3] that shows the canvas where the calibration says that it is."""
+        edge = PaperEdge.read(photograph, calibration.corners, _REACH * _pixels(calibration, size))
+        return cls(calibration, size, edge, _clipped(photograph, calibration))
+
+    def require(self, photograph: NDArray[np.uint8], seen: Tensor, expected: Expected | None) -> None:
+        """Raises FrameRejected, with the reason, unless the photograph may be trusted.
+
+        seen [3, H, W]: the canvas in it, straight on and in true colours; expected: None where a person
+        may have painted as well, and anything may be there.
+        """
+        if expected is not None:
+            self._require_light(seen, expected)
+        if not _clipped(photograph, self.calibration) <= self.clipped + _MOST_CLIPPED:
+            raise FrameRejected(
+                "The photograph is blown out: parts of the canvas are as bright as the camera can tell. Take glare off "
+                "the canvas, bring less light, or expose shorter."
+            )
+        self._require_edge(photograph)
+        if expected is not None:
+            self.require_explained(seen, expected)
+
+    def _require_light(self, seen: Tensor, expected: Expected) -> None:
+        light = to_linear(images.fit(seen, *_shape(self.size))) + 0.02
+        wanted = to_linear(images.fit(expected.after, *_shape(self.size))) + 0.02
+        share = float((light / wanted).median())
+        if not _LIGHT[0] <= share <= _LIGHT[1]:
+            word = "dark" if share < 1 else "too bright"
+            raise FrameRejected(
+                f"The photograph is {word}: the canvas shows {100 * share:.0f} % of the light that it should. Bring "
+                "back the light that was there when the painting was begun."
+            )
+
+    def _require_edge(self, photograph: NDArray[np.uint8]) -> None:
+        pixels = _pixels(self.calibration, self.size)
+        edge = PaperEdge.read(photograph, self.calibration.corners, _REACH * pixels)
+        blur = edge.blurring_since(self.edge)
+        if blur > max(_MOST_BLUR, _BLURRED * pixels):
+            raise FrameRejected(
+                f"The photograph is blurred: the edge of the canvas is {blur:.1f} pixels wider than it was. Focus the "
+                "camera, and see that nothing shakes it."
+            )
+        drift = edge.drift_since(self.edge) / pixels
+        if drift > _MOST_DRIFT:
+            raise FrameRejected(
+                f"The canvas is no longer where it was: its edge is {drift * 1000:.1f} mm away in the photograph. Put "
+                "canvas and camera back as they were, or repeat the canvas and robot calibrations."
+            )
+        covered = edge.covered_since(self.edge) * 2 * (self.size.width + self.size.height) / len(edge.table)
+        if covered > _MOST_COVERED:
+            raise FrameRejected(
+                f"Something reaches over the edge of the canvas, {covered * 100:.0f} cm wide. Take arms, hands and "
+                "things out of the camera's sight."
+            )
+
+    def require_explained(self, seen: Tensor, expected: Expected) -> None:
+        """Raises FrameRejected where the canvas in the photograph shows what nobody has painted."""
+        strange = expected.strange(seen, self.size).numpy().astype(np.uint8)
+        count, _, pieces, _ = cv2.connectedComponentsWithStats(strange, connectivity=4)
+        area = max((int(piece[cv2.CC_STAT_AREA]) for piece in pieces[1:count]), default=0) * _cell_area(self.size)
+        if area > _MOST_UNEXPLAINED:
+            raise FrameRejected(
+                f"Something is in the way, or this is not the canvas as it was: {area * 1e4:.0f} cm2 of it show what "
+                "nobody has painted. Take arms, hands and shadows out of the camera's sight."
+            )
+
+
+def _shape(size: CanvasSize) -> tuple[int, int]:
+    return max(2, round(size.height / _CELL)), max(2, round(size.width / _CELL))
+
+
+def _cell_area(size: CanvasSize) -> float:
+    rows, columns = _shape(size)
+    return size.width * size.height / (rows * columns)
+
+
+def _cells(picture: Tensor, size: CanvasSize) -> Tensor:
+    """The picture [3, H, W] in coarse squares, CIELAB [3, rows, columns]."""
+    coarse = functional.adaptive_avg_pool2d(picture[None], _shape(size))[0]
+    return to_lab(coarse.permute(1, 2, 0)).permute(2, 0, 1)
+
+
+def _pixels(calibration: Calibration, size: CanvasSize) -> float:
+    """Of the photograph, per metre of the canvas."""
+    corners = np.array(calibration.corners)
+    top, right, bottom, left = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+    return float(top + right + bottom + left) / (2 * (size.width + size.height))
+
+
+def _clipped(photograph: NDArray[np.uint8], calibration: Calibration) -> float:
+    """Share of the canvas whose bands are all as bright as can be recorded."""
+    canvas = np.zeros(photograph.shape[:2], np.uint8)
+    cv2.fillConvexPoly(canvas, np.array(calibration.corners).round().astype(np.int32), 1)
+    return float((photograph.min(2)[canvas > 0] >= _CLIPPED).mean())

@@ -1,0 +1,205 @@
+"""Paintings that pause: because a person asks, the disk is full, or the camera sees nothing that can be trusted."""
+
+import errno
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from easels import NotingRobot, PatientCamera
+from frida_painter.errors import CameraError, PaintingPaused, StorageError
+from frida_painter.hardware.camera import Frame
+from frida_painter.session.events import Event, Paused, PlanningStep, StrokePainted
+from frida_painter.session.history import History
+from frida_painter.session.journal import Journal
+from frida_painter.session.logbook import Logbook
+from sittings import Evening
+
+
+def after(stroke: int) -> object:
+    return lambda event: isinstance(event, StrokePainted) and event.done == stroke
+
+
+def begun(folder: Path) -> Journal:
+    return Journal.begin(folder, {}, {})
+
+
+def told(folder: Path) -> History:
+    return History.of(Logbook.read(folder / "journal"), folder)
+
+
+def pauses(evening: Evening) -> list[Paused]:
+    return [event for event in evening.heard if isinstance(event, Paused)]
+
+
+@pytest.mark.parametrize("stroke", [1, 4, 6])
+def test_f11_a_pause_in_a_stroke_lets_it_be_finished_and_the_arm_is_aside_with_a_clean_brush(stroke: int) -> None:
+    seen: list[list[str]] = []
+
+    def answer(paused: Paused) -> bool:
+        seen.append(evening.robot.labels())
+        return True
+
+    evening = Evening(9, replans=1, pause_at=after(stroke), go_on=answer)
+    assert evening.run().painted == 9
+    assert [paused.done for paused in pauses(evening)] == [stroke]
+    assert seen[0][-4:] == [f"stroke {stroke}", "rinse", "wipe", "home"]
+    going_on = evening.robot.labels()[len(seen[0]) :]
+    assert going_on[0] == "home" or going_on[0].startswith("dip"), "a clean brush takes paint before it paints"
+    assert evening.painted() == list(range(1, 10)), "and every stroke is painted once"
+
+
+def test_f11_a_pause_while_planning_is_heeded_at_the_next_step_and_planning_goes_on() -> None:
+    evening = Evening(
+        5, pause_at=lambda event: isinstance(event, PlanningStep) and event.iteration == 1, go_on=lambda paused: True
+    )
+    assert evening.run().painted == 5
+    kinds = evening.kinds()
+    assert kinds[:3] == ["PlanningStep", "Paused", "PlanningStep"]
+
+
+def test_f11_a_pause_that_nobody_ends_ends_the_painting_resumably(tmp_path: Path) -> None:
+    evening = Evening(9, pause_at=after(4), journal=begun(tmp_path))
+    with pytest.raises(PaintingPaused, match=r"You asked for a pause\. The painting has paused after 4 strokes"):
+        evening.run()
+    assert (told(tmp_path).painted, told(tmp_path).in_doubt, told(tmp_path).finished) == (4, None, False)
+    assert evening.robot.labels()[-3:] == ["rinse", "wipe", "home"]
+
+
+class FullDisk:
+    """Refuses to write to the journal from one record on, until there is room again."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+        self.full = False
+        write = os.pwrite
+
+        def writing(descriptor: int, content: bytes, place: int) -> int:
+            if self.full:
+                (folder / ".journal-reserve").unlink(missing_ok=True)
+                raise OSError(errno.ENOSPC, "No space left on device")
+            return write(descriptor, content, place)
+
+        monkeypatch.setattr(os, "pwrite", writing)
+
+
+def test_f05_on_a_full_disk_it_pauses_before_the_next_stroke_and_goes_on_when_there_is_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = FullDisk(monkeypatch, tmp_path)
+
+    def fill(event: Event) -> bool:
+        if isinstance(event, StrokePainted) and event.done == 3:
+            disk.full = True
+        return False
+
+    def make_room(paused: Paused) -> bool:
+        assert evening.robot.labels()[-4:] == ["stroke 3", "rinse", "wipe", "home"]
+        disk.full = False
+        return True
+
+    evening = Evening(7, replans=1, pause_at=fill, go_on=make_room, journal=begun(tmp_path))
+    evening.run()
+    assert evening.painted() == list(range(1, 8))
+    (paused,) = pauses(evening)
+    assert paused.done == 3 and "No space left on device" in paused.reason
+    assert told(tmp_path).finished and told(tmp_path).painted == 7
+
+
+def test_f05_where_nobody_makes_room_it_ends_and_can_be_resumed_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = FullDisk(monkeypatch, tmp_path)
+
+    def fill(event: Event) -> bool:
+        if isinstance(event, StrokePainted) and event.done == 3:
+            disk.full = True
+        return False
+
+    evening = Evening(7, pause_at=fill, journal=begun(tmp_path))
+    with pytest.raises(PaintingPaused, match=r"No space left.*paused after 3 strokes"):
+        evening.run()
+    assert evening.painted() == [1, 2, 3] and evening.robot.labels()[-1] == "home"
+    disk.full = False
+    evening.session.journal.close()
+    journal, history = Journal.reopen(tmp_path)
+    assert (history.painted, history.in_doubt) == (3, None)
+    journal.resumed(history, repaint=False)
+
+
+def test_f07_a_folder_that_vanishes_pauses_it_as_a_full_disk_does(tmp_path: Path) -> None:
+    folder = tmp_path / "painting"
+
+    def vanish(event: Event) -> bool:
+        if isinstance(event, StrokePainted) and event.done == 2:
+            shutil.move(folder, tmp_path / "elsewhere")
+        return False
+
+    def bring_back(paused: Paused) -> bool:
+        shutil.move(tmp_path / "elsewhere", folder)
+        return True
+
+    evening = Evening(5, pause_at=vanish, go_on=bring_back, journal=begun(folder))
+    evening.run()
+    assert [paused.done for paused in pauses(evening)] == [2] and evening.painted() == [1, 2, 3, 4, 5]
+    assert told(folder).finished
+
+
+def test_f06_photographs_are_given_up_before_the_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(pixels: object, path: Path) -> None:
+        raise StorageError(f"{path} cannot be written (No space left on device)")
+
+    monkeypatch.setattr("frida_painter.images.save_exactly", full)
+    evening = Evening(6, replans=2, journal=begun(tmp_path))
+    evening.run()
+    assert pauses(evening) == [] and told(tmp_path).finished
+    assert [planning.photograph for planning in told(tmp_path).plannings] == [None] * 3
+
+
+class Blind(PatientCamera):
+    """Does not answer for some captures."""
+
+    def __init__(self, failures: set[int]) -> None:
+        super().__init__()
+        self.failures = failures
+
+    def capture(self, newer_than: float) -> Frame:
+        frame = super().capture(newer_than)
+        if len(self.asked) in self.failures:
+            raise CameraError("The camera does not answer.")
+        return frame
+
+
+def test_f21_a_camera_that_answers_at_the_third_time_of_asking_is_no_reason_to_pause() -> None:
+    evening = Evening(4, replans=1, camera=Blind({2, 3}))
+    assert evening.run().painted == 4 and pauses(evening) == []
+
+
+def test_f21_without_a_camera_it_pauses_with_the_arm_aside_and_plans_nothing_again() -> None:
+    asked: list[int] = []
+
+    def answer(paused: Paused) -> bool:
+        asked.append(len(evening.planner.asked))
+        assert evening.robot.labels()[-1] == "home"
+        return True
+
+    evening = Evening(6, replans=1, camera=Blind({2, 3, 4}), go_on=answer)
+    assert evening.run().painted == 6
+    assert asked == [0], "asked before anything was planned again"
+    assert [paused.reason for paused in pauses(evening)] == ["The camera does not answer."]
+    with pytest.raises(PaintingPaused, match="does not answer"):
+        Evening(6, replans=1, camera=Blind({2, 3, 4})).run()
+
+
+def test_f21_a_glimpse_for_the_film_is_rather_left_out() -> None:
+    evening = Evening(4, replans=0, glimpses=2, camera=Blind({2, 3, 4}))
+    assert evening.run().painted == 4 and pauses(evening) == []
+    assert evening.kinds().count("Glimpsed") == 1
+
+
+def test_f22_an_old_frame_is_asked_for_again_and_then_it_pauses() -> None:
+    stale = (0.5, 1)
+    camera = PatientCamera([(100.0, 1), stale, stale, stale])
+    evening = Evening(4, replans=1, camera=camera, robot=NotingRobot(now=50.0), go_on=lambda paused: True)
+    assert evening.run().painted == 4
+    assert len(pauses(evening)) == 1 and "no new photograph" in pauses(evening)[0].reason

@@ -1,0 +1,108 @@
+"""A long painting, with the clock running fast: nothing piles up, and nothing is lost."""
+
+import gc
+import os
+import resource
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+import torch
+
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.table import StrokeTable, TableDetail
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.frames import CanvasSize
+from frida_painter.goal import Goal, ImageTerm
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.planning.planner import Effort, Planner
+from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.events import Event, Planned, StrokePainted
+from frida_painter.session.eye import Eye
+from frida_painter.session.history import History
+from frida_painter.session.journal import Journal
+from frida_painter.session.logbook import Logbook
+from frida_painter.session.loop import PaintingSession, Rhythm
+from frida_painter.strokes import Strokes
+from frida_painter.virtual.camera import CameraSpec
+from frida_painter.virtual.studio import StudioSettings, open_studio
+from scenes import picture
+
+STROKES, REPLANS, PAINTS = 2000, 40, 8
+CANVAS = CanvasSize(0.24, 0.18)
+SETTINGS = StudioSettings(cell=2.0, camera=CameraSpec(photograph=(120, 160)))
+EFFORT = Effort().scaled(0.001)
+
+
+@dataclass
+class Gauge:
+    """Reads what a process holds after every fiftieth stroke."""
+
+    strokes: list[int] = field(default_factory=list)
+    plans: int = 0
+    memory: list[float] = field(default_factory=list)
+    handles: list[int] = field(default_factory=list)
+
+    def hear(self, event: Event) -> None:
+        if isinstance(event, Planned):
+            self.plans += 1
+        if isinstance(event, StrokePainted):
+            self.strokes.append(event.done)
+            if event.done % 50 == 0:
+                gc.collect()
+                pages = int(Path("/proc/self/statm").read_text().split()[1])
+                self.memory.append(pages * resource.getpagesize() / 2**20)
+                self.handles.append(len(os.listdir("/proc/self/fd")))  # noqa: PTH208
+
+
+def made_up(model: StrokeTable) -> Plan:
+    """Random strokes from light to dark."""
+    random = torch.Generator().manual_seed(0)
+    limits = model.limits.within(CANVAS)
+    strokes = Strokes(
+        torch.rand(STROKES, 2, generator=random) * torch.tensor([CANVAS.width, CANVAS.height]),
+        6 * torch.rand(STROKES, generator=random),
+        limits.length[0] + 0.02 * torch.rand(STROKES, generator=random),
+        torch.zeros(STROKES),
+        torch.rand(STROKES, generator=random),
+        torch.zeros(STROKES, 3),
+    ).project(limits, CANVAS)
+    palette = Palette.ordered(torch.rand(PAINTS, 3, generator=random))
+    paint = torch.arange(STROKES) * PAINTS // STROKES
+    return Plan.of(strokes, palette, paint, canvas=CANVAS, brush=model.brush, limits=limits)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory and handles are read from /proc")
+def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(tmp_path: Path) -> None:
+    torch.set_num_threads(1)
+    model = StrokeTable.of(load_stroke_model("fine"), detail=TableDetail((2, 2, 2), 8))
+    # A goal that is begun with something else spares looking for better places, which takes most of the time.
+    goal = Goal((ImageTerm(picture(120, 160)),), initial=(ImageTerm(picture(120, 160)),))
+    planner = Planner(goal, CANVAS, model, rows=64, effort=EFFORT, seed=0)
+    studio = open_studio(CANVAS, "fine", settings=SETTINGS, state=tmp_path / "studio.jsonl")
+    easel = studio.easel
+    easel.robot.connect()
+    easel.camera.connect()
+    gauge = Gauge()
+    session = PaintingSession(
+        planner,
+        Brushwork(easel, brush_kind("fine")),
+        Eye(easel, (1.0, 1.0, 1.0)),
+        Rhythm(REPLANS, 0),
+        stop_asked=lambda: False,
+        notify=gauge.hear,
+        journal=Journal.begin(tmp_path, {}, {}),
+    )
+    painting = session.run(STROKES, PAINTS, made_up(model))
+    assert painting.painted == STROKES and gauge.strokes == list(range(1, STROKES + 1))
+    assert gauge.plans == 1 + REPLANS
+    history = History.of(Logbook.read(tmp_path / "journal"), tmp_path)
+    assert history.finished and history.painted == STROKES and len(history.plannings) == 1 + REPLANS
+    half, last = len(gauge.memory) // 2, 3 * len(gauge.memory) // 4
+    # What is taken for a moment and given back comes and goes; what stays is the least of each quarter.
+    growth = min(gauge.memory[last:]) - min(gauge.memory[half:last])
+    assert growth < 16, f"{growth:.1f} MB more over the last {STROKES // 4} strokes"
+    assert max(gauge.handles[half:]) <= gauge.handles[half]
+    assert len(list(tmp_path.glob("plan-*.safetensors"))) == 1

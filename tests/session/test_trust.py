@@ -1,0 +1,66 @@
+"""Which photographs a painting trusts: those of normal paintings, and none that shows something else."""
+
+from pathlib import Path
+
+import pytest
+
+from frida_painter.errors import PaintingPaused
+from frida_painter.session.events import Event, Paused
+from frida_painter.session.journal import Journal
+from frida_painter.virtual.faults import Bump, Faults, InSight, LightChange, LostFocus
+from worlds import STROKES, World
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return World.made()
+
+
+def paint(world: World, folder: Path, faults: Faults, seed: int = 0) -> list[Paused]:
+    """The pauses of a painting, after which nobody has it go on."""
+    heard: list[Event] = []
+    journal = Journal.begin(folder, {}, {})
+    session, studio = world.session(folder, journal, seed=seed, faults=faults, notify=heard.append)
+    try:
+        assert session.run(STROKES, 3).painted == STROKES
+    except PaintingPaused as paused:
+        assert "has paused after" in str(paused)
+    finally:
+        journal.close()
+        studio.close()
+    return [event for event in heard if isinstance(event, Paused)]
+
+
+@pytest.mark.parametrize(
+    ("faults", "done", "reason"),
+    [
+        (Faults(in_sight=(InSight("hand", 1),)), 4, "reaches over the edge"),
+        (Faults(light_changes=(LightChange(2, (0.02, 0.02, 0.02)),)), 8, "dark"),
+        (Faults(in_sight=(InSight("glare", 1),)), 4, "blown out"),
+        (Faults(lost_focus=(LostFocus(1, blur=0.015),)), 4, "blurred"),
+        (Faults(bumps=(Bump(5, (0.004, 0.003)),)), 8, "no longer where it was"),
+        (Faults(frozen_photographs=frozenset(range(1, 9))), 4, "very same photograph"),
+        (Faults(stale_photographs=frozenset(range(1, 9))), 4, "no new photograph"),
+        (Faults(failed_photographs=frozenset(range(2, 20))), 8, "does not answer"),
+    ],
+)
+def test_f21_f22_f23_what_cannot_be_trusted_is_taken_again_and_then_the_painting_pauses(
+    world: World, tmp_path: Path, faults: Faults, done: int, reason: str
+) -> None:
+    (paused,) = paint(world, tmp_path, faults)
+    assert paused.done == done and reason in paused.reason
+
+
+def test_f23_what_goes_away_by_itself_is_waited_for(world: World, tmp_path: Path) -> None:
+    """A hand in two photographs, focus lost in one, a frozen one: none is decided by, and nobody is asked."""
+    faults = Faults(
+        in_sight=(InSight("hand", 1, 2),), lost_focus=(LostFocus(4, 4, 0.015),), frozen_photographs=frozenset({6})
+    )
+    assert paint(world, tmp_path, faults) == []
+
+
+@pytest.mark.slow
+def test_no_photograph_of_a_normal_painting_is_refused(world: World, tmp_path: Path) -> None:
+    """Fifty studios, with their own light, grain, hand and error of place."""
+    refused = {seed: paint(world, tmp_path / str(seed), Faults(), seed) for seed in range(50)}
+    assert {seed: pauses for seed, pauses in refused.items() if pauses} == {}

@@ -1,0 +1,111 @@
+"""Paintings of twelve strokes in a small virtual studio, kept in a folder, with all that resuming them takes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+from skimage import data
+from torch import Tensor
+
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.table import StrokeTable, TableDetail
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.frames import CanvasSize
+from frida_painter.goal import Goal, ImageTerm
+from frida_painter.plan import Plan
+from frida_painter.planning.planner import Effort, Planner
+from frida_painter.session import resuming
+from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.events import Event
+from frida_painter.session.eye import Eye
+from frida_painter.session.history import History
+from frida_painter.session.journal import Journal
+from frida_painter.session.loop import Halfway, Painting, PaintingSession, Rhythm
+from frida_painter.virtual.camera import CameraSpec
+from frida_painter.virtual.faults import NO_FAULTS, Faults
+from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
+
+CANVAS = CanvasSize(0.12, 0.09)
+STROKES, REPLANS = 12, 2
+SETTINGS = StudioSettings(cell=0.8, camera=CameraSpec(photograph=(240, 320)))
+RESTS_ON = {"goal": "coffee"}
+
+
+@dataclass
+class World:
+    """Everything that a painting in a folder needs; what was planned once is remembered."""
+
+    planner: Planner
+    known: dict[bytes, Plan] = field(default_factory=dict)
+
+    @classmethod
+    def made(cls) -> "World":
+        torch.set_num_threads(1)
+        model = StrokeTable.of(load_stroke_model("fine"), detail=TableDetail((2, 2, 2), 8))
+        coffee = torch.from_numpy(data.coffee().copy()).permute(2, 0, 1).float() / 255
+        planner = Planner(Goal((ImageTerm(coffee),)), CANVAS, model, rows=64, effort=Effort().scaled(0.05), seed=0)
+        world = cls(planner)
+        plan = planner.plan
+
+        def remembered(canvas: Tensor, *rest: Any) -> Plan:
+            key = canvas.numpy().tobytes()
+            if key not in world.known:
+                world.known[key] = plan(canvas, *rest)
+            return world.known[key]
+
+        planner.plan = remembered  # type: ignore[method-assign]
+        return world
+
+    def session(
+        self,
+        folder: Path,
+        journal: Journal,
+        history: History | None = None,
+        *,
+        seed: int = 0,
+        faults: Faults = NO_FAULTS,
+        notify: Callable[[Event], None] = lambda event: None,
+    ) -> tuple[PaintingSession, VirtualStudio]:
+        studio = open_studio(CANVAS, "fine", seed=seed, settings=SETTINGS, faults=faults, state=folder / "studio.jsonl")
+        easel = studio.easel
+        easel.robot.connect()
+        easel.camera.connect()
+        kept = history and resuming.kept_plan(folder, history)
+        brushwork = Brushwork(easel, brush_kind("fine"))
+        if kept:
+            brushwork.placement = kept.planning.placement
+        session = PaintingSession(
+            self.planner,
+            brushwork,
+            Eye(easel, (1.0, 1.0, 1.0), history and resuming.light(history), wait=lambda seconds: None),
+            Rhythm(REPLANS, 0),
+            stop_asked=lambda: False,
+            notify=notify,
+            journal=journal,
+        )
+        return session, studio
+
+    def paint(self, folder: Path) -> VirtualStudio:
+        journal = Journal.begin(folder, {"strokes": STROKES}, RESTS_ON)
+        session, studio = self.session(folder, journal)
+        session.run(STROKES, 3)
+        journal.close()
+        studio.close()
+        return studio
+
+    def resume(self, folder: Path, *, repaint: bool = False) -> tuple[Painting, VirtualStudio, History]:
+        journal, history = Journal.reopen(folder)
+        session, studio = self.session(folder, journal, history)
+        now = session.look()
+        journal.resumed(history, repaint=repaint)
+        kept = resuming.kept_plan(folder, history)
+        if kept is None:
+            painting = session.run(STROKES, 3)
+        else:
+            before = resuming.seen_before(folder, kept, session.eye)
+            painting = session.resume(Halfway(kept.plan, history.painted, kept.planning.done, before, now))
+        journal.close()
+        studio.close()
+        return painting, studio, history
