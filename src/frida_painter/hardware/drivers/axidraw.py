@@ -1,0 +1,250 @@
+"""`axidraw`: plotters with an EiBotBoard (EBB), such as AxiDraw and NextDraw, which raise a pen by a servo.
+
+plotink finds the board. Its commands are exchanged here, for plotink writes what goes wrong into a log
+and goes on. The protocol: evil-mad.github.io/EggBot/ebb.html.
+"""
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.hardware.drivers.ebb_moves import STEPS_PER_MM, Move, moves
+from frida_painter.hardware.drivers.guard import PATIENCE, Guard, time_allowed
+from frida_painter.hardware.drivers.serial_line import SerialLine
+from frida_painter.hardware.gcode import Servo
+from frida_painter.hardware.robot import MotionReport, Waypoints
+from frida_painter.hardware.workspace import Point
+
+_SLICE = 0.02
+_SERVO_PIN = 4
+_LEAST_VOLTAGE = 250  # of QC's scale: about 9 V
+
+
+@dataclass(frozen=True)
+class AxidrawSettings:
+    """home: where the tip is aside (m); port: of the board, or its name tag, None for the first that is found.
+
+    The robot's frame has its zero where the carriage stands when it is connected, the home corner; x
+    to the right, y away from you, so that all of the table has y below zero. servo: two calibrated
+    heights and their pulses in units of 1/12 microsecond; approach: m/s to the first waypoint;
+    acceleration: m/s2. Raises ConfigError.
+    """
+
+    home: Point
+    port: str | None = None
+    servo: Servo = field(default_factory=lambda: Servo((-0.002, 9855), (0.010, 27831)))
+    approach: float = 0.15
+    acceleration: float = 0.8
+
+    def __post_init__(self) -> None:
+        if not (0 < self.approach <= 0.5 and 0 < self.acceleration <= 10):
+            raise ConfigError(
+                f"An AxiDraw was given an approach of {self.approach} m/s and an acceleration of {self.acceleration} "
+                "m/s2; they are above 0 to 0.5 m/s and above 0 to 10 m/s2."
+            )
+
+
+class AxidrawRobot:
+    """Implements hardware.robot.Robot. What it reports are the steps that were made; it cannot feel lost ones."""
+
+    def __init__(self, settings: AxidrawSettings) -> None:
+        self.settings = settings
+        self._guard = Guard("the AxiDraw")
+        self._line: SerialLine | None = None
+        self._height = settings.servo.high[0]
+
+    def connect(self) -> None:
+        """Finds the board, holds the motors and raises the pen. The carriage stands in its home corner by then.
+
+        Raises RobotError where a package or the power is missing, RobotDisconnected where there is no board.
+        """
+        self.close()
+        line = SerialLine.open(self._port(), 9600)
+        self._guard.opened()
+        try:
+            version = self._ask(line, "V", ends=False)
+            if not version.startswith("EBB"):
+                raise RobotDisconnected(f"What answers at {line.name} is no EiBotBoard; it said {version[:60]!r}.")
+            voltage = self._ask(line, "QC").partition(",")[2]
+            if voltage.isdigit() and int(voltage) < _LEAST_VOLTAGE:
+                raise RobotError("The AxiDraw has no power for its motors; plug in its power supply.")
+            self._do(line, "EM,1,1", "connect", None, time.monotonic() + PATIENCE)
+            self._do(line, "CS", "connect", None, time.monotonic() + PATIENCE)
+            self._lift(line, self.settings.servo.high[0], 0.0, "connect", None, time.monotonic() + PATIENCE)
+        except FridaError:
+            self._guard.closed()
+            line.close()
+            raise
+        self._line = line
+
+    def home(self) -> MotionReport:
+        """Goes aside, by way of the height of its place there."""
+        here, aside = self.pose(), np.array(self.settings.home)
+        above = np.array([here[0], here[1], max(here[2], aside[2])])
+        return self.follow(Waypoints("home", np.stack((above, aside)), self.settings.approach))
+
+    def pose(self) -> NDArray[np.float64]:
+        """Where the tip is by the steps that were made, [3] metres; its height is what the servo was told last."""
+        line = self._ready("pose")
+        try:
+            return self._place(line)
+        except FridaError as error:
+            raise self._guard.fault(error) from None
+
+    def follow(self, waypoints: Waypoints) -> MotionReport:
+        """Moves along the waypoints, speeding up and slowing down, and returns when the motors stand.
+
+        Raises MotionFailed, RobotDisconnected, RobotStopped, and ConfigError where the servo does not
+        reach a height, before anything moves.
+        """
+        line = self._ready(waypoints.label)
+        self._guard.require_path(waypoints)
+        started = time.monotonic()
+        here = self.pose()
+        todo = list(moves(here, waypoints, self.settings.approach, self.settings.acceleration))
+        pulses = [round(self.settings.servo.value(move.height)) for move in todo]
+        until = started + time_allowed(sum(move.seconds for move in todo) + self._servo_seconds(todo), 1.0)
+        try:
+            for move, pulse in zip(todo, pulses, strict=True):
+                self._make(line, move, pulse, waypoints.label, until)
+            self._settle(line, waypoints.label, until)
+            reached = self._place(line)
+        except FridaError as error:
+            self._guard.fault(error)
+            self._halt(line)
+            raise
+        return MotionReport(waypoints.label, started, time.monotonic(), reached)
+
+    def stop(self) -> None:
+        """ES: the board drops what it does and what waits. The pen stays as it is, and the motors hold."""
+        self._guard.stop()
+        if self._line is not None:
+            self._halt(self._line)
+
+    def close(self) -> None:
+        """Lets go of the board."""
+        line, self._line = self._line, None
+        self._guard.closed()
+        if line is not None:
+            line.close()
+
+    def _port(self) -> str:
+        try:
+            from plotink import ebb_serial
+        except ImportError as missing:
+            raise RobotError(
+                "AxiDraws need the packages plotink and pyserial; install them with: pip install "
+                "'frida-painter[plotter]'"
+            ) from missing
+        if self.settings.port is None:
+            port = ebb_serial.findPort()
+            if port is None:
+                raise RobotDisconnected("No AxiDraw was found; plug in its USB cable, or say which port it is at.")
+        else:
+            port = ebb_serial.find_named_ebb(self.settings.port) or self.settings.port
+        return str(port)
+
+    def _ready(self, label: str) -> SerialLine:
+        self._guard.require_ready(label)
+        if self._line is None:
+            raise RobotError(f"{label}: {self._guard.name} is not connected; call connect() first.")
+        return self._line
+
+    def _make(self, line: SerialLine, move: Move, pulse: int, label: str, until: float) -> None:
+        rise = move.height - self._height
+        if rise != 0:
+            # A pen that rises or sinks on the way does so beside the motors; on the spot it is waited for.
+            wait = 0.0 if move.steps != (0, 0) else abs(rise) / self.settings.servo.speed
+            self._lift(line, move.height, wait, label, move.waypoint, until, pulse)
+        if move.steps != (0, 0):
+            right, down = move.steps
+            self._do(line, f"XM,{max(1, round(1000 * move.seconds))},{right},{down}", label, move.waypoint, until)
+
+    def _lift(
+        self, line: SerialLine, height: float, wait: float, label: str, waypoint: int | None, until: float,
+        pulse: int | None = None,
+    ) -> None:  # fmt: skip
+        value = round(self.settings.servo.value(height)) if pulse is None else pulse
+        self._do(line, f"S2,{value},{_SERVO_PIN},0,{round(1000 * wait)}", label, waypoint, until)
+        self._height = height
+
+    def _servo_seconds(self, todo: list[Move]) -> float:
+        heights = np.array([self._height, *(move.height for move in todo)])
+        return float(np.abs(np.diff(heights)).sum()) / self.settings.servo.speed
+
+    def _settle(self, line: SerialLine, label: str, until: float) -> None:
+        """Returns when the board says that nothing moves and nothing waits."""
+        while True:
+            answer = self._ask(line, "QM", ends=False)
+            parts = answer.split(",")
+            if parts[0] != "QM" or len(parts) < 4:
+                raise RobotDisconnected(f"{label}: {self._guard.name} said {answer[:60]!r}; look at its cable.")
+            if all(part == "0" for part in parts[1:]):
+                return
+            self._heed_stop(label)
+            if time.monotonic() > until:
+                raise MotionFailed(f"{label}: {self._guard.name} did not arrive in time, and is stopped; look at it.")
+
+    def _place(self, line: SerialLine) -> NDArray[np.float64]:
+        answer = self._ask(line, "QS")
+        try:
+            first, second = (int(part) for part in answer.split(","))
+        except ValueError:
+            raise RobotDisconnected(
+                f"{self._guard.name} said {answer[:60]!r} when asked where it is; look at its cable."
+            ) from None
+        right, down = (first + second) / 2, (first - second) / 2
+        return np.array([right / STEPS_PER_MM / 1000, -down / STEPS_PER_MM / 1000, self._height])
+
+    def _do(self, line: SerialLine, command: str, label: str, waypoint: int | None, until: float) -> None:
+        """Sends a command and waits for its "OK"."""
+        self._heed_stop(label)
+        line.write(command.encode("ascii") + b"\r")
+        while True:
+            answer = line.read(_SLICE)
+            self._heed_stop(label)
+            if answer == "OK":
+                return
+            if answer:
+                where = "" if waypoint is None else f" at waypoint {waypoint}"
+                raise MotionFailed(
+                    f"{label}: {self._guard.name} answered {answer[:60]!r} to {command!r}{where}, and is stopped; look "
+                    "at it, then connect anew.",
+                    answer[:60],
+                    waypoint,
+                )
+            if time.monotonic() > until:
+                raise RobotDisconnected(
+                    f"{label}: {self._guard.name} did not acknowledge {command!r} in time; look at it and its cable."
+                )
+
+    def _ask(self, line: SerialLine, question: str, *, ends: bool = True) -> str:
+        """The board's answer to a question; ends: whether an "OK" follows it."""
+        line.write(question.encode("ascii") + b"\r")
+        answers: list[str] = []
+        until = time.monotonic() + PATIENCE
+        while len(answers) < (2 if ends else 1):
+            answer = line.read(_SLICE)
+            if answer:
+                answers.append(answer)
+            elif time.monotonic() > until:
+                raise RobotDisconnected(
+                    f"{self._guard.name} did not answer {question} in {PATIENCE:.0f} s; look at it and at its cable."
+                )
+        if answers[0].startswith("!") or (ends and answers[1] != "OK"):
+            raise RobotError(f"{self._guard.name} answered {', '.join(answers)[:80]!r} to {question}; look at it.")
+        return answers[0]
+
+    def _heed_stop(self, label: str) -> None:
+        if self._guard.stopped:
+            raise RobotStopped(f"{label}: {self._guard.name} was stopped; look at it before it is connected anew.")
+
+    def _halt(self, line: SerialLine) -> None:
+        """On a line of its own, whatever was being written. A line that is gone cannot be told."""
+        try:
+            line.write(b"\rES\r")
+        except RobotError:
+            return
