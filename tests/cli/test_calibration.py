@@ -149,7 +149,7 @@ def test_a_missing_record_that_was_named_is_told(run: Run, photo: Path) -> None:
     ("words", "says"),
     [
         (("walls",), "walls"),
-        (("canvas", "--easel", "real"), "real"),
+        (("canvas", "--robot", "kuka"), "There is no robot 'kuka'; take human, virtual"),
         (("canvas", "--brush", "huge"), "no brush 'huge'"),
         (("canvas", "--canvas", "big"), "not understood"),
         (("robot", "--placement-error", "far"), "4mm,2deg"),

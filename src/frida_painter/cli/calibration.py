@@ -1,6 +1,7 @@
 """The commands that get to know an easel: calibrate, doctor."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -17,11 +18,14 @@ from frida_painter.brush.training import FEWEST_STROKES, TrainingProgress
 from frida_painter.calibration import PROCEDURES, Calibration, LearnedFile
 from frida_painter.cli.doctor import examine
 from frida_painter.cli.numbers import whole_number_within
+from frida_painter.cli.real import CameraOption, RobotOption, Site, WorkspaceOption
 from frida_painter.cli.terminal import Terminal
 from frida_painter.cli.virtual import PlacementErrorOption, read_placement_error
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
+from frida_painter.session.easel_process import EaselProcess, state_folder
+from frida_painter.session.easels import EaselOrder
 from frida_painter.session.opening import settle_threads
 from frida_painter.session.procedures.brush import brush as brush_procedure
 from frida_painter.session.procedures.canvas import canvas as canvas_procedure
@@ -33,6 +37,7 @@ from frida_painter.session.procedures.standing import require_basis
 from frida_painter.session.procedures.strokes import MOST_STROKES, StrokesFinding, StrokesProgress
 from frida_painter.session.procedures.strokes import strokes as strokes_procedure
 from frida_painter.virtual.studio import open_studio
+from frida_painter.virtual.table import PlacementError
 
 
 class What(StrEnum):
@@ -46,16 +51,13 @@ class What(StrEnum):
     all = "all"
 
 
-class EaselName(StrEnum):
-    """The easels there are."""
-
-    virtual = "virtual"
-
-
-EaselOption = Annotated[EaselName, typer.Option("--easel", metavar="NAME", help="Which easel: virtual.")]
 BrushOption = Annotated[str, typer.Option(metavar="NAME", help="The brush in it: fine, medium or broad.")]
 CanvasOption = Annotated[
-    str, typer.Option(metavar="SIZE", help="Width x height of the canvas on it in in, cm or mm, like 14x11in.")
+    str | None,
+    typer.Option(
+        metavar="SIZE",
+        help="Width x height of the canvas on it in in, cm or mm. [dim]the workspace's, else 14x11in[/]",
+    ),
 ]
 SeedOption = Annotated[
     int,
@@ -79,9 +81,11 @@ def register(app: typer.Typer) -> None:
 
 def calibrate(
     what: Annotated[What, typer.Argument(metavar="canvas|robot|color|brush|strokes|all", help="What to find out.")],
-    easel: EaselOption = EaselName.virtual,
+    robot: RobotOption = "virtual",
+    camera: CameraOption = "",
+    workspace: WorkspaceOption = None,
     brush: BrushOption = "broad",
-    canvas: CanvasOption = "14x11in",
+    canvas: CanvasOption = None,
     seed: SeedOption = 0,
     placement_error: PlacementErrorOption = None,
     count: Annotated[
@@ -103,8 +107,12 @@ def calibrate(
     was found beside it. `all` does the five in order.
     """
     settle_threads()
-    size, error = CanvasSize.parse(canvas), read_placement_error(placement_error)
-    here = open_studio(size, brush, seed=seed, placement_error=error).easel
+    site, error = Site(robot, camera, workspace), read_placement_error(placement_error)
+    with _easel(site, canvas, brush, seed, error) as here:
+        _calibrate(what, here, brush, seed, count, record, ask=ask or not here.simulated)
+
+
+def _calibrate(what: What, here: Easel, brush: str, seed: int, count: int, record: Path | None, *, ask: bool) -> None:
     path = (record or default_record(here.calibration.easel)).absolute()
     known = _begin(path, what, here.calibration)
     console = Console(stderr=True, highlight=False)
@@ -116,7 +124,7 @@ def calibrate(
         here.robot.connect()
         here.camera.connect()
         for name in PROCEDURES if what is What.all else (what.value,):
-            require_basis(name, known, here.calibration, defaults_hold=True)
+            require_basis(name, known, here.calibration, defaults_hold=here.simulated)
             with console.status(f"{name} ...") if not ask else _Silence() as status:
                 place = _Place(replace(here, calibration=known), brush_kind(brush), path, seed, count, status.update)
                 finding = lead(_procedure(name, place), answer)
@@ -132,9 +140,11 @@ def calibrate(
 
 
 def doctor(
-    easel: EaselOption = EaselName.virtual,
+    robot: RobotOption = "virtual",
+    camera: CameraOption = "",
+    workspace: WorkspaceOption = None,
     brush: BrushOption = "broad",
-    canvas: CanvasOption = "14x11in",
+    canvas: CanvasOption = None,
     seed: SeedOption = 0,
     record: RecordOption = None,
 ) -> None:
@@ -142,10 +152,32 @@ def doctor(
 
     Exit status 1 where painting with this record would be refused.
     """
-    here = open_studio(CanvasSize.parse(canvas), brush, seed=seed).easel.calibration
+    with _easel(Site(robot, camera, workspace), canvas, brush, seed, None) as easel:
+        here = easel.calibration
     path = (record or default_record(here.easel)).absolute()
     if not examine(path, here, named=record is not None):
         raise typer.Exit(1)
+
+
+@contextmanager
+def _easel(site: Site, canvas: str | None, brush: str, seed: int, error: PlacementError | None) -> Iterator[Easel]:
+    """The easel there, neither robot nor camera connected; a real one in a process of its own."""
+    size = CanvasSize.parse(site.canvas(canvas) or "14x11in")
+    if site == Site():
+        yield open_studio(size, brush, seed=seed, placement_error=error).easel
+        return
+    with EaselProcess() as process:
+        yield process.open(
+            EaselOrder(
+                robot=site.robot,
+                canvas=size,
+                brush=brush,
+                seed=seed,
+                state=state_folder(),
+                workspace=None if site.workspace is None else site.workspace.absolute(),
+                camera=site.camera,
+            )
+        )
 
 
 def default_record(easel: str) -> Path:

@@ -3,12 +3,13 @@
 import hashlib
 import json
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
 from frida_painter import storage
 from frida_painter.cli import goals
+from frida_painter.cli.real import Site
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.session.easels import DIARY
@@ -25,13 +26,14 @@ class Kept:
     """How a painting is painted, beside its goal.
 
     calibration: the easel's record, None for the virtual studio's own; placement_error: as it was given
-    on the command line; film: whether it is filmed.
+    on the command line; film: whether it is filmed; site: where.
     """
 
     settings: PaintingSettings
     calibration: Path | None
     placement_error: str | None
     film: bool
+    site: Site = field(default_factory=Site)
 
     @property
     def glimpses(self) -> int:
@@ -49,6 +51,7 @@ class Kept:
             "calibration": str(self.calibration.resolve()) if self.calibration else None,
             "placement_error": self.placement_error,
             "film": self.film,
+            **self.site.plain(),
         }
 
     @classmethod
@@ -61,6 +64,7 @@ class Kept:
             calibration, placement_error, film = (
                 plain.pop(name) for name in ("calibration", "placement_error", "film")
             )
+            site = Site.take(plain)
             if not isinstance(film, bool) or not all(
                 isinstance(it, str | None) for it in (calibration, placement_error)
             ):
@@ -68,7 +72,7 @@ class Kept:
         except (ValueError, KeyError, AttributeError, RecursionError) as cause:
             raise ConfigError(f"{path} does not hold the settings of a painting ({cause}); bring it back.") from cause
         settings = PaintingSettings.of(**plain)
-        return cls(settings, Path(calibration) if calibration else None, placement_error, film)
+        return cls(settings, Path(calibration) if calibration else None, placement_error, film, site)
 
     def rests_on(self, folder: Path) -> dict[str, str]:
         """Hashes of all files that decide how it is painted, by what they are. Raises StorageError."""
@@ -76,6 +80,7 @@ class Kept:
         files = {
             "goal": folder / GOAL,
             "calibration record": self.calibration,
+            "workspace": self.site.workspace,
             "brush": brush if brush.suffix else None,
         }
         return {what: "none" if path is None else _hash(path) for what, path in files.items()}

@@ -15,6 +15,7 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.cli import goals, kept
 from frida_painter.cli.numbers import number, whole_number
 from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress
+from frida_painter.cli.real import CameraOption, RobotOption, Site, WorkspaceOption, attended
 from frida_painter.cli.sitting import Pauses, occasion, order, say, tell, tell_encoders, to_its_end
 from frida_painter.cli.stopping import stopping
 from frida_painter.cli.virtual import PaceOption, PlacementErrorOption, read_placement_error
@@ -139,13 +140,19 @@ def paint(
     effort: EffortOption = None,
     seed: Seed = None,
     settings: SettingsFile = None,
+    robot: RobotOption = "virtual",
+    camera: CameraOption = "",
+    workspace: WorkspaceOption = None,
     calibration: CalibrationFile = None,
     placement_error: PlacementErrorOption = None,
     pace: PaceOption = 0.0,
     film: Annotated[bool, typer.Option("--film/--no-film", help="Film how the painting comes into being.")] = True,
     out: Out = None,
 ) -> None:
-    """Paint a photograph, or words, in the virtual studio: plan, paint some strokes, look, plan the rest again.
+    """Paint a photograph, or words: plan, paint some strokes, look, plan the rest again.
+
+    It is painted in the virtual studio, or by whom --robot names: a robot arm, a plotter, or your own
+    hand; docs/machines.md tells how.
 
     With --text it is painted towards words, with --style in the style of another picture, with
     --semantic by what a picture shows, with --sketch along the lines of a drawing; docs/goals.md tells of all goals.
@@ -154,9 +161,10 @@ def paint(
     tells the story. Ctrl-C stops after the current stroke and keeps what was made; once more stops the
     robot at once, and it stays stopped until `frida-painter arm`.
     """
-    wanted, target, chosen = _prepare(photo, settings, locals())
+    site = Site(robot, camera, workspace)
+    wanted, target, chosen = _prepare(photo, settings, {**locals(), "canvas": site.canvas(canvas)})
     console = Console(stderr=True, highlight=False)
-    how = kept.Kept(chosen, calibration, placement_error, film)
+    how = kept.Kept(chosen, calibration, placement_error, film, site)
     error = read_placement_error(placement_error)
     glimpses = how.glimpses
     with ExitStack() as stack:
@@ -167,7 +175,8 @@ def paint(
         planner = open_planner(chosen, wanted.goal, calibration)
         tell_encoders(planner.encoders)
         folder = _new_folder(out, wanted.name, needed=200 * 2**20)
-        easel = on_record(process.open(order(chosen, planner.model.brush, folder, error, pace)), calibration)
+        wish = order(chosen, planner.model.brush, folder, error, pace, site)
+        easel = on_record(process.open(wish), calibration, site.needed)
         stop.at_once = easel.robot.stop
         stack.enter_context(process.hearing_signals())
         journal = _begin_journal(folder, wanted, how)
@@ -178,7 +187,8 @@ def paint(
             chosen.strokes, rhythm, started, planning=planner.iterations(chosen.strokes), replanning=effort_per_replan
         )
         bar = stack.enter_context(PaintingProgress(console, forecast))
-        telling = occasion(wanted, target, chosen, planner.encoders)
+        easel = attended(easel, site, console, folder, bar.aside)
+        telling = occasion(wanted, target, chosen, planner.encoders, site)
         recorder = stack.enter_context(Recorder(folder, telling, planner.model, glimpses))
         easel.robot.connect()
         easel.camera.connect()

@@ -2,6 +2,8 @@
 
 import math
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -134,6 +136,17 @@ class PaintingProgress:
             completed=passed / max(passed + left, 1e-9),
             left=left,
         )
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Leaves the terminal to a question."""
+        shown = self._bar.live.is_started
+        self._bar.stop()
+        try:
+            yield
+        finally:
+            if shown:
+                self._bar.start()
 
     def say(self, words: str) -> None:
         """Shows what is going on outside the session's events."""

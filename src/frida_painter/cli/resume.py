@@ -14,6 +14,7 @@ from frida_painter import images
 from frida_painter.cli import goals, kept
 from frida_painter.cli.painting import fit_to_canvas
 from frida_painter.cli.progress import Forecast, PaintingProgress, duration
+from frida_painter.cli.real import attended
 from frida_painter.cli.sitting import Pauses, confirm, occasion, order, say, tell, tell_encoders, to_its_end
 from frida_painter.cli.stopping import stopping
 from frida_painter.cli.virtual import PaceOption, read_placement_error
@@ -80,7 +81,8 @@ def resume(
         planner = open_planner(how.settings, begun.wanted.goal, how.calibration)
         tell_encoders(planner.encoders)
         error = read_placement_error(how.placement_error)
-        easel = on_record(process.open(order(how.settings, planner.model.brush, folder, error, pace)), how.calibration)
+        wish = order(how.settings, planner.model.brush, folder, error, pace, how.site)
+        easel = on_record(process.open(wish), how.calibration, how.site.needed)
         stop.at_once = easel.robot.stop
         stack.enter_context(process.hearing_signals())
         easel.robot.connect()
@@ -88,7 +90,8 @@ def resume(
         console = Console(stderr=True, highlight=False)
         forecast = _forecast(how.settings.strokes, Rhythm(how.settings.replans, how.glimpses), planner, started)
         bar = PaintingProgress(console, forecast)
-        telling = occasion(begun.wanted, begun.target, how.settings, planner.encoders)
+        easel = attended(easel, how.site, console, folder, bar.aside)
+        telling = occasion(begun.wanted, begun.target, how.settings, planner.encoders, how.site)
         recorder = Recorder(folder, telling, planner.model, how.glimpses, before=history)
         pauses = Pauses(folder, stop, console)
 

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from frida_painter.cli import goals
 from frida_painter.cli.progress import duration
+from frida_painter.cli.real import Site
 from frida_painter.cli.stopping import Stop
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import CameraError, FridaError, Interrupted, PaintingPaused, RobotError, RobotStopped
@@ -27,7 +28,7 @@ _GLANCE = 0.2  # seconds between two looks for it
 
 
 def occasion(
-    wanted: goals.Wanted, target: torch.Tensor | None, chosen: PaintingSettings, encoders: Encoders
+    wanted: goals.Wanted, target: torch.Tensor | None, chosen: PaintingSettings, encoders: Encoders, site: Site
 ) -> Occasion:
     """What page and record tell of a painting before it begins."""
     kind, first, _ = wanted.wishes[0]
@@ -41,7 +42,7 @@ def occasion(
         ("Looks and replans", str(chosen.replans)),
         ("Planned at", f"{chosen.render_height} rows"),
         ("Seed", str(chosen.seed)),
-        ("Robot", "virtual studio"),
+        ("Robot", "virtual studio" if site == Site() else site.robot),
     )
     record = {
         **({"photo": first.name} if kind == "image" else {}),
@@ -54,11 +55,16 @@ def occasion(
 
 
 def order(
-    settings: PaintingSettings, brush: str, folder: Path, placement_error: PlacementError | None, pace: float
+    settings: PaintingSettings,
+    brush: str,
+    folder: Path,
+    placement_error: PlacementError | None,
+    pace: float,
+    site: Site,
 ) -> EaselOrder:
-    """The easel that a painting is painted on: the virtual studio of its folder."""
+    """The easel that a painting is painted on: the virtual studio of its folder, or a real one."""
     return EaselOrder(
-        robot="virtual",
+        robot=site.robot,
         canvas=settings.canvas,
         brush=brush,
         seed=settings.seed,
@@ -66,6 +72,8 @@ def order(
         folder=folder.absolute(),
         pace=pace,
         placement_error=placement_error,
+        workspace=None if site.workspace is None else site.workspace.absolute(),
+        camera=site.camera,
     )
 
 

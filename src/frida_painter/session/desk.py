@@ -10,7 +10,9 @@ from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.workspace import Point, Workspace
 from frida_painter.palette import MOST_COLORS
 
-_BESIDE: Point = (0.0, 0.0, 0.0)
+_WELL_PITCH = 0.03
+_WATER: Point = (0.0, -0.06, 0.0)
+_MARGIN = 0.1
 _DEEPEST, _HIGHEST = 0.02, 0.1
 
 
@@ -41,17 +43,17 @@ class Desk:
                 raise ConfigError(f"A speed of {speed * 1000:g} mm/s was given; it is above 0 and at most 1000 mm/s.")
 
     def motion(self, canvas: CanvasSize) -> Motion:
-        """What a brush does there; where it dips is left to whoever holds the paint."""
+        """What a brush does there; its wells, left of the canvas, stand for whoever hands out the paint."""
         # A pen presses nowhere, but a calibration without any depth is taken for a mistake.
         press = max(self.press, math.ulp(1.0))
         workspace = Workspace(
-            lower=(0.0, 0.0, -press),
-            upper=(canvas.width, canvas.height, self.lift),
+            lower=(-_MARGIN - _WELL_PITCH * MOST_COLORS, -_MARGIN, -press),
+            upper=(canvas.width + _MARGIN, canvas.height + _MARGIN, self.lift),
             canvas_origin=(0.0, 0.0, 0.0),
             canvas_angle=0.0,
-            wells=(_BESIDE,) * MOST_COLORS,
-            water=_BESIDE,
-            rag=_BESIDE,
+            wells=tuple((-_WELL_PITCH * (well + 1), 0.0, 0.0) for well in range(MOST_COLORS)),
+            water=_WATER,
+            rag=_WATER,
             rag_width=0.0,
             hover=self.lift,
             painting_speed=self.painting_speed,

@@ -1,12 +1,12 @@
 """The easels there are, by name: what is wanted of one, and how it is opened.
 
-A machine joins with one line in `OPENERS`; everything else, its process, stop, latch and lock, is the
-same for all.
+A simulated robot joins with one line in `OPENERS`, a real one in machines.py; everything else, its
+process, stop, latch and lock, is the same for all.
 """
 
 import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -14,7 +14,12 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
+from frida_painter.hardware.drivers.human import HumanRobot
 from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.stand import Stand
+from frida_painter.session.attendance import NobodyAttending
+from frida_painter.session.desk import Desk
+from frida_painter.session.machines import CAMERAS, MACHINES, MachineName, camera_named, robot_named
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter.virtual.table import PlacementError
@@ -27,9 +32,11 @@ STOP_FILE = "stop"
 class EaselOrder:
     """Which easel is wanted, and for what: everything that its process has to know, as plain values.
 
-    robot: its name in `OPENERS`; canvas, brush, seed: as the painting's settings say; state: the folder
-    in which stops are latched and robots locked; folder: of the painting, where the stop file is looked
-    for and a virtual studio keeps its diary; pace, placement_error, faults: of a virtual studio.
+    robot: its name in `OPENERS`, or a real one as session/machines.py names it; canvas, brush, seed: as
+    the painting's settings say; state: the folder in which stops are latched and robots locked; folder:
+    of the painting, where the stop file is looked for and a virtual studio keeps its diary; pace,
+    placement_error, faults: of a virtual studio;
+    workspace, camera: of a real easel, its file and its camera's name.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -43,6 +50,8 @@ class EaselOrder:
     pace: float = 0.0
     placement_error: PlacementError | None = None
     faults: Faults = field(default=NO_FAULTS)
+    workspace: Path | None = None
+    camera: str = ""
 
     def record(self) -> dict[str, Any]:
         """The order as plain values."""
@@ -70,9 +79,15 @@ class OpenEasel:
 
 def open_easel(order: EaselOrder) -> OpenEasel:
     """Opens the easel of that name; its robot and camera are not connected yet. Raises ConfigError and StorageError."""
-    if order.robot not in OPENERS:
-        raise ConfigError(f"There is no robot {order.robot!r}; take {', '.join(OPENERS)}.")
-    return OPENERS[order.robot](order)
+    kind = MachineName.of(order.robot).kind
+    if kind in MACHINES:
+        return _open_real(order)
+    if kind not in OPENERS:
+        raise ConfigError(
+            f"There is no robot {order.robot[:60]!r}; take {', '.join(OPENERS)}, or a real one: "
+            f"{', '.join(MACHINES.values())}."
+        )
+    return OPENERS[kind](order)
 
 
 def machine(order: EaselOrder) -> str | None:
@@ -82,7 +97,8 @@ def machine(order: EaselOrder) -> str | None:
     """
     if order.robot in SIMULATED:
         return None if order.folder is None else f"the {order.robot} studio of {order.folder.resolve()}"
-    return order.robot
+    name = MachineName.of(order.robot)
+    return f"{name.kind}:{name.where}"
 
 
 def lock_path(state: Path, name: str) -> Path:
@@ -101,5 +117,49 @@ def _open_virtual(order: EaselOrder) -> OpenEasel:
     return OpenEasel(studio.easel, studio.close)
 
 
-OPENERS: Mapping[str, Callable[[EaselOrder], OpenEasel]] = {"virtual": _open_virtual}
+def _open_real(order: EaselOrder) -> OpenEasel:
+    """Robot and camera as they are named, where the workspace file says that things stand."""
+    if order.workspace is None or not order.camera:
+        raise ConfigError(
+            f"The robot {order.robot[:60]!r} needs a workspace file (--workspace) and a camera (--camera "
+            f"{'|'.join(CAMERAS)}); `frida-painter workspace example` prints a whole one."
+        )
+    stand = Stand.load(order.workspace)
+    if max(abs(order.canvas.width - stand.canvas.width), abs(order.canvas.height - stand.canvas.height)) > 0.001:
+        raise ConfigError(
+            f"The painting is for a canvas of {order.canvas}, and the one in {str(order.workspace)!r} is "
+            f"{stand.canvas}; leave out --canvas, or put up the other canvas and make the workspace true."
+        )
+    easel = Easel(
+        robot=robot_named(order.robot, stand.workspace),
+        camera=camera_named(order.camera),
+        attendant=NobodyAttending(),
+        workspace=stand.workspace,
+        calibration=stand.calibration(order.brush, camera=order.camera),
+        canvas=stand.canvas,
+        reach=stand.reach,
+    )
+    return OpenEasel(easel, lambda: None)
+
+
+def _open_by_hand(order: EaselOrder) -> OpenEasel:
+    """A canvas, a camera, and the hand of a person whom the painting process talks with."""
+    if not order.camera:
+        raise ConfigError(f"To paint by hand, say which camera looks at the canvas (--camera {'|'.join(CAMERAS)}).")
+    place = Desk().motion(order.canvas)
+    known = replace(place.calibration, easel="by hand", brush=order.brush, camera=order.camera, canvas=order.canvas)
+    home = place.workspace.home or place.workspace.upper
+    easel = Easel(
+        robot=HumanRobot(home),
+        camera=camera_named(order.camera),
+        attendant=NobodyAttending(),
+        workspace=place.workspace,
+        calibration=known,
+        canvas=order.canvas,
+    )
+    return OpenEasel(easel, lambda: None)
+
+
+HUMAN = "human"
+OPENERS: Mapping[str, Callable[[EaselOrder], OpenEasel]] = {HUMAN: _open_by_hand, "virtual": _open_virtual}
 SIMULATED = frozenset({"virtual"})

@@ -99,11 +99,12 @@ def open_session(
     )
 
 
-def on_record(easel: Easel, record: Path | None) -> Easel:
+def on_record(easel: Easel, record: Path | None, needed: tuple[str, ...] = NEEDED) -> Easel:
     """The easel with its calibration record from a file; without one only a simulated one is painted on.
 
-    Raises CalibrationError, saying which procedure to repeat, where the record is damaged, of another
-    easel, brush, camera or canvas, out of date, or missing.
+    needed: the procedures that a real one needs. Raises CalibrationError, saying which procedure to
+    repeat, where the record is damaged, of another easel, brush, camera or canvas, out of date, or
+    missing.
     """
     if record is None:
         if not easel.simulated:
@@ -113,7 +114,7 @@ def on_record(easel: Easel, record: Path | None) -> Easel:
             )
         return easel
     known = Calibration.load(record)
-    require(known, easel.calibration, () if easel.simulated else NEEDED)
+    require(known, easel.calibration, () if easel.simulated else needed)
     return replace(easel, calibration=known)
 
 

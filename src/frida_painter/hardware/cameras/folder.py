@@ -24,7 +24,7 @@ class FolderSettings:
     """
 
     path: Path
-    patience: float = 60.0
+    patience: float = 25.0
     lag: float = 0.0
 
     def __post_init__(self) -> None:

@@ -13,7 +13,7 @@ from frida_painter.hardware.cameras.shutter import Shutter
 
 Answer = TypeVar("Answer")
 
-_OPENING, _EXPOSING = 15.0, 40.0
+_OPENING, _EXPOSING = 15.0, 25.0
 
 
 class GphotoCamera:

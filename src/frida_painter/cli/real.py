@@ -1,0 +1,94 @@
+"""How real robots, cameras and workspaces are given on the command line, and the person beside them."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+import typer
+from rich.console import Console
+
+from frida_painter.cli.terminal import Terminal
+from frida_painter.errors import ConfigError
+from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.stand import Stand
+from frida_painter.session.attendance import PersonAttending
+from frida_painter.session.by_hand import ByHand
+from frida_painter.session.easels import HUMAN
+from frida_painter.session.procedures.dialogue import Answer, Question
+from frida_painter.session.procedures.standing import NEEDED
+
+RobotOption = Annotated[
+    str,
+    typer.Option(
+        "--robot",
+        metavar="NAME",
+        help="Who paints: virtual, human, xarm:ADDRESS, gcode:PORT, marlin:PORT, axidraw, ros or rosbridge:HOST.",
+    ),
+]
+CameraOption = Annotated[
+    str,
+    typer.Option("--camera", metavar="NAME", help="The camera of a real easel: opencv:0, gphoto or folder:PATH."),
+]
+WorkspaceOption = Annotated[
+    Path | None,
+    typer.Option("--workspace", metavar="FILE", help="Where things stand around a real robot (TOML)."),
+]
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where is painted: the robot and the camera by name, and the workspace file; by default the virtual studio."""
+
+    robot: str = "virtual"
+    camera: str = ""
+    workspace: Path | None = None
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """The calibrations without which nothing is painted there: a person's hand needs none of its own."""
+        return ("canvas",) if self.robot == HUMAN else NEEDED
+
+    def plain(self) -> dict[str, Any]:
+        """As plain values."""
+        workspace = None if self.workspace is None else str(self.workspace.resolve())
+        return {"robot": self.robot, "camera": self.camera, "workspace": workspace}
+
+    @classmethod
+    def take(cls, plain: dict[str, Any]) -> Self:
+        """Takes its values out of plain ones. Raises ConfigError where they are of another kind."""
+        robot, camera, workspace = plain.pop("robot"), plain.pop("camera"), plain.pop("workspace")
+        if not (isinstance(robot, str) and isinstance(camera, str) and isinstance(workspace, str | None)):
+            raise ConfigError("robot, camera and workspace are texts, or null for no workspace; bring the file back.")
+        return cls(robot, camera, Path(workspace) if workspace else None)
+
+    def canvas(self, given: str | None) -> str | None:
+        """The canvas of the workspace file, where no other was given. Raises ConfigError."""
+        if self.workspace is None or given is not None:
+            return given
+        size = Stand.load(self.workspace).canvas
+        return f"{size.width * 1000:.3f}x{size.height * 1000:.3f}mm"
+
+
+def attended(
+    easel: Easel, site: Site, console: Console, folder: Path, aside: Callable[[], AbstractContextManager[None]]
+) -> Easel:
+    """A real easel with the person at this terminal beside it, or painting on it; a simulated one as it is.
+
+    aside: holds whatever else is shown at the terminal while a question is asked.
+    """
+    if easel.simulated:
+        return easel
+    terminal = Terminal(
+        lambda prompt: console.input(prompt, markup=False), lambda line: console.print(line, markup=False), folder
+    )
+
+    def answer(question: Question) -> Answer:
+        with aside():
+            return terminal.answer(question)
+
+    if site.robot != HUMAN:
+        return replace(easel, attendant=PersonAttending(answer))
+    hand = ByHand(easel, answer)
+    return replace(easel, robot=hand, camera=hand.camera, attendant=hand)

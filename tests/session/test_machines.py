@@ -1,0 +1,111 @@
+from pathlib import Path
+
+import pytest
+
+from frida_painter.errors import ConfigError
+from frida_painter.frames import CanvasSize
+from frida_painter.hardware.cameras.folder import FolderCamera
+from frida_painter.hardware.cameras.gphoto import GphotoCamera
+from frida_painter.hardware.cameras.opencv import OpencvCamera
+from frida_painter.hardware.drivers.axidraw import AxidrawRobot
+from frida_painter.hardware.drivers.gcode import GcodeRobot
+from frida_painter.hardware.drivers.ros import RosRobot
+from frida_painter.hardware.drivers.xarm import XarmRobot
+from frida_painter.hardware.stand import Stand, example
+from frida_painter.session.easels import EaselOrder, machine, open_easel
+from frida_painter.session.machines import camera_named, robot_named
+
+
+@pytest.fixture
+def stand(tmp_path: Path) -> Stand:
+    (tmp_path / "easel.toml").write_text(example())
+    return Stand.load(tmp_path / "easel.toml")
+
+
+def test_each_machine_is_built_as_it_is_named(stand: Stand) -> None:
+    xarm = robot_named("xarm:192.168.1.10, brush_length=0.12", stand.workspace)
+    assert isinstance(xarm, XarmRobot)
+    assert (xarm.settings.address, xarm.settings.brush_length) == ("192.168.1.10", 0.12)
+    assert xarm.settings.home == stand.workspace.home
+    grbl = robot_named("gcode:/dev/ttyUSB0,homing=yes,servo=-0.002/100/0.01/900", stand.workspace)
+    assert isinstance(grbl, GcodeRobot)
+    assert grbl.settings.homing and grbl.settings.gcode.flavour == "grbl"
+    assert grbl.settings.gcode.servo is not None and grbl.settings.gcode.servo.high == (0.01, 900)
+    marlin = robot_named("marlin:/dev/ttyACM0,baud=250000", stand.workspace)
+    assert isinstance(marlin, GcodeRobot) and marlin.settings.baud == 250_000
+    assert isinstance(robot_named("axidraw", stand.workspace), AxidrawRobot)
+    ros = robot_named("rosbridge:10.0.0.2:9091,ros=2,namespace=/left/brush", stand.workspace)
+    assert isinstance(ros, RosRobot)
+    assert (ros.settings.ros, ros.settings.namespace) == (2, "/left/brush")
+    assert isinstance(robot_named("ros", stand.workspace), RosRobot)
+
+
+def test_each_camera_is_built_as_it_is_named(tmp_path: Path) -> None:
+    by_number, by_path, shots = (
+        camera_named("opencv:2"),
+        camera_named("opencv:/dev/video1"),
+        camera_named("folder:shots"),
+    )
+    assert isinstance(by_number, OpencvCamera) and by_number.settings.device == 2
+    assert isinstance(by_path, OpencvCamera) and by_path.settings.device == "/dev/video1"
+    assert isinstance(shots, FolderCamera) and shots.settings.path == Path("shots")
+    assert isinstance(camera_named("gphoto"), GphotoCamera)
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("kuka:1", r"no robot 'kuka:1'; take one of xarm:ADDRESS"),
+        ("xarm", r"without where it is; write xarm:ADDRESS"),
+        ("xarm:1.2.3.4,color=red", "xarm does not know color"),
+        ("xarm:1.2.3.4,brush_length=long", "brush_length=long is not understood"),
+        ("xarm:1.2.3.4,brush_length", "write name=value"),
+        ("xarm:1.2.3.4,brush_length=nan", "brush of nan m"),
+        ("gcode:/dev/x,homing=perhaps", "homing=perhaps is not understood"),
+        ("gcode:/dev/x,servo=1/2", "servo=1/2 is not understood"),
+        ("gcode:/dev/x,servo=0.01/2/0.01/3", "the first lies below the second"),
+        ("rosbridge:host:port", "'port' is no port"),
+        ("rosbridge:host,ros=3", "1 or 2"),
+    ],
+)
+def test_names_that_mean_nothing_are_told(stand: Stand, name: str, says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        robot_named(name, stand.workspace)
+
+
+@pytest.mark.parametrize("name", ["", "webcam", "folder", "folder:", "gphoto:2"])
+def test_cameras_that_mean_nothing_are_told(name: str) -> None:
+    with pytest.raises(ConfigError, match=r"take one of opencv:NUMBER, gphoto, folder:PATH"):
+        camera_named(name)
+
+
+def order(tmp_path: Path, **values: object) -> EaselOrder:
+    (tmp_path / "easel.toml").write_text(example())
+    known: dict[str, object] = {
+        "robot": "xarm:1.2.3.4,brush_length=0.1", "canvas": CanvasSize(0.3556, 0.2794), "brush": "broad", "seed": 0,
+        "state": tmp_path, "workspace": tmp_path / "easel.toml", "camera": "opencv:0",
+    }  # fmt: skip
+    return EaselOrder(**{**known, **values})  # type: ignore[arg-type]
+
+
+def test_a_real_easel_is_put_together_from_its_workspace(tmp_path: Path) -> None:
+    easel = open_easel(EaselOrder.of(order(tmp_path).record())).easel
+    assert easel.calibration.easel == "my easel" and easel.calibration.camera == "opencv:0"
+    assert not easel.simulated and easel.reach is not None
+    assert machine(order(tmp_path)) == "xarm:1.2.3.4"
+    assert not easel.attendant.lay_paper()
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"workspace": None}, r"needs a workspace file \(--workspace\) and a camera"),
+        ({"camera": ""}, "needs a workspace file"),
+        ({"canvas": CanvasSize(0.3, 0.2)}, "for a canvas of 300 x 200 mm, and the one in .* is 356 x 279 mm"),
+        ({"robot": "kuka"}, "no robot 'kuka'; take .*virtual"),
+        ({"robot": "human", "camera": ""}, "which camera looks at the canvas"),
+    ],
+)
+def test_a_real_easel_with_something_missing_is_told(tmp_path: Path, values: dict[str, object], says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        open_easel(order(tmp_path, **values))
