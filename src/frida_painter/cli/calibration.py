@@ -18,7 +18,7 @@ from frida_painter.brush.training import FEWEST_STROKES, TrainingProgress
 from frida_painter.calibration import PROCEDURES, Calibration, LearnedFile
 from frida_painter.cli.doctor import examine
 from frida_painter.cli.numbers import whole_number_within
-from frida_painter.cli.real import CameraOption, RobotOption, Site, WorkspaceOption
+from frida_painter.cli.real import VIRTUAL, CameraOption, RobotOption, Site, WorkspaceOption
 from frida_painter.cli.terminal import Terminal
 from frida_painter.cli.virtual import PlacementErrorOption, read_placement_error
 from frida_painter.errors import CalibrationError
@@ -163,7 +163,7 @@ def doctor(
 def _easel(site: Site, canvas: str | None, brush: str, seed: int, error: PlacementError | None) -> Iterator[Easel]:
     """The easel there, neither robot nor camera connected; a real one in a process of its own."""
     size = CanvasSize.parse(site.canvas(canvas) or "14x11in")
-    if site == Site():
+    if site == VIRTUAL:
         yield open_studio(size, brush, seed=seed, placement_error=error).easel
         return
     with EaselProcess() as process:

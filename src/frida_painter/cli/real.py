@@ -71,6 +71,9 @@ class Site:
         return f"{size.width * 1000:.3f}x{size.height * 1000:.3f}mm"
 
 
+VIRTUAL = Site()
+
+
 def attended(
     easel: Easel, site: Site, console: Console, folder: Path, aside: Callable[[], AbstractContextManager[None]]
 ) -> Easel:

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from frida_painter.cli import goals
 from frida_painter.cli.progress import duration
-from frida_painter.cli.real import Site
+from frida_painter.cli.real import VIRTUAL, Site
 from frida_painter.cli.stopping import Stop
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import CameraError, FridaError, Interrupted, PaintingPaused, RobotError, RobotStopped
@@ -28,7 +28,11 @@ _GLANCE = 0.2  # seconds between two looks for it
 
 
 def occasion(
-    wanted: goals.Wanted, target: torch.Tensor | None, chosen: PaintingSettings, encoders: Encoders, site: Site
+    wanted: goals.Wanted,
+    target: torch.Tensor | None,
+    chosen: PaintingSettings,
+    encoders: Encoders,
+    site: Site = VIRTUAL,
 ) -> Occasion:
     """What page and record tell of a painting before it begins."""
     kind, first, _ = wanted.wishes[0]
@@ -42,7 +46,7 @@ def occasion(
         ("Looks and replans", str(chosen.replans)),
         ("Planned at", f"{chosen.render_height} rows"),
         ("Seed", str(chosen.seed)),
-        ("Robot", "virtual studio" if site == Site() else site.robot),
+        ("Robot", "virtual studio" if site == VIRTUAL else site.robot),
     )
     record = {
         **({"photo": first.name} if kind == "image" else {}),
@@ -60,7 +64,7 @@ def order(
     folder: Path,
     placement_error: PlacementError | None,
     pace: float,
-    site: Site,
+    site: Site = VIRTUAL,
 ) -> EaselOrder:
     """The easel that a painting is painted on: the virtual studio of its folder, or a real one."""
     return EaselOrder(
