@@ -67,7 +67,7 @@ def test_a_killed_painting_goes_on_in_the_next_process(tmp_path: Path) -> None:
 def test_when_the_painting_process_hangs_up_the_easels_ends_as_well(tmp_path: Path) -> None:
     with EaselProcess() as process:
         process.open(order_in(tmp_path)).robot.connect()
-        pid = process.pid
+        pid = process._process.pid
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
 
@@ -83,9 +83,9 @@ def test_what_cannot_be_opened_says_so_at_once(tmp_path: Path) -> None:
 def test_f32_a_robot_that_another_process_has_is_busy_and_free_when_that_one_is_dead(tmp_path: Path) -> None:
     order = order_in(tmp_path)
     with easel_of(order) as (_, first):
-        with EaselProcess() as second, pytest.raises(RobotBusy, match=f"process {first.pid}") as busy:
+        with EaselProcess() as second, pytest.raises(RobotBusy, match=f"process {first._process.pid}") as busy:
             second.open(order)
-        assert busy.value.pid == first.pid
+        assert busy.value.pid == first._process.pid
         kill(first)
         with easel_of(order) as (easel, _):
             easel.robot.home()

@@ -30,7 +30,7 @@ with easel_of(order_in(pathlib.Path(sys.argv[1]), pace=1.0)) as (easel, process)
     easel.attendant.fill_wells(PAINTS)
     easel.robot.follow(dip(easel, 0))
     for number in range(6):
-        print(number, process.pid, flush=True)
+        print(number, process._process.pid, flush=True)
         easel.robot.follow(stroke(easel, number))
 """
 

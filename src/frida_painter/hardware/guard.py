@@ -234,9 +234,8 @@ class GuardedRobot:
 
     def _refusal(self, label: str) -> RobotStopped:
         assert self._stop is not None
-        return RobotStopped(
-            f"{label}: nothing moves, {self._stop.easel} was stopped ({self._stop.reason.rstrip('.')}); {HOW_TO_ARM}"
-        )
+        why = self._stop.reason.rstrip(".")
+        return RobotStopped(f"{label}: nothing moves, {self._stop.easel} was stopped ({why}); {HOW_TO_ARM}")
 
     def _away_from(self, point: NDArray[np.float64]) -> float:
         return 0.0 if self._tip is None else float(np.linalg.norm(point - self._tip))

@@ -22,7 +22,8 @@ class Stopped:
     at: float
 
     def __str__(self) -> str:
-        return f"{self.easel} was stopped on {datetime.fromtimestamp(self.at):%Y-%m-%d at %H:%M:%S}: {self.reason}"
+        when = f"{datetime.fromtimestamp(self.at):%Y-%m-%d at %H:%M:%S}"
+        return f"{self.easel} was stopped on {when}: {self.reason.rstrip('.')}"
 
 
 class Latch:

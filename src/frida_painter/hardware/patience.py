@@ -18,6 +18,11 @@ def steady() -> float:
     return time.monotonic()
 
 
+def asleep() -> float:
+    """Seconds that the computer has slept since it was started, as far as the system tells (Linux does)."""
+    return steady() - time.monotonic()
+
+
 class Overdue(Exception):
     """A call was given up; not a TimeoutError, which drivers raise themselves."""
 

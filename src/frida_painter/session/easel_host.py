@@ -66,10 +66,10 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         stack.callback(opened.close)
         easel = opened.easel
         latch = Latch(latch_path(order.state, easel.calibration.easel), easel.calibration.easel)
-        if (stopped := latch.read()) is not None:
-            raise RobotStopped(f"{stopped}. Nothing moves until somebody has looked: {HOW_TO_ARM}")
         patience = _SIMULATED_PATIENCE if order.robot in SIMULATED else _PATIENCE
         robot = GuardedRobot(easel.robot, easel.workspace, latch, patience=patience, grace=_GRACE)
+        if robot.stopped is not None:
+            raise RobotStopped(f"{robot.stopped}. Nothing moves until somebody has looked: {HOW_TO_ARM}")
         camera = GuardedCamera(easel.camera)
         stack.callback(robot.close)
         stack.callback(camera.close)

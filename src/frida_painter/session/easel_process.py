@@ -61,11 +61,6 @@ class EaselProcess:
         self._link = Link(self._wire, self._pulse)
         self._opened = False
 
-    @property
-    def pid(self) -> int:
-        """The process's number."""
-        return self._process.pid
-
     def __enter__(self) -> Self:
         return self
 

@@ -21,6 +21,7 @@ from frida_painter.session.attendance import NobodyAttending
 from frida_painter.session.desk import Desk
 from frida_painter.session.machines import CAMERAS, MACHINES, MachineName, camera_named, robot_named
 from frida_painter.virtual.faults import NO_FAULTS, Faults
+from frida_painter.virtual.kernels import load_kernels
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter.virtual.table import PlacementError
 
@@ -107,6 +108,7 @@ def lock_path(state: Path, name: str) -> Path:
 
 
 def _open_virtual(order: EaselOrder) -> OpenEasel:
+    load_kernels(order.brush)
     studio = open_studio(
         order.canvas,
         order.brush,

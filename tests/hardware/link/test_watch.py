@@ -154,7 +154,7 @@ def test_f31_a_computer_that_slept_stops_the_robot_on_waking_whatever_was_sent_b
 ) -> None:
     stops = Stops()
     slept = [0.0]
-    monkeypatch.setattr(watch, "steady", lambda: patience.steady() + slept[0])
+    monkeypatch.setattr(watch, "asleep", lambda: patience.asleep() + slept[0])
     keeping(stops, moving=False)
     Pulse(line[0])
     time.sleep(0.1)

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from frida_painter.hardware.patience import steady
+from frida_painter.hardware.patience import asleep, steady
 
 # What comes over the line, one byte each: a heartbeat, a stop, or the number of a signal, which the
 # system's own handler writes there (signal.set_wakeup_fd) whatever the painting process is doing.
@@ -22,6 +22,7 @@ BEAT_EVERY = 0.25
 # a painting process may be busy with itself for longer, but not so long that everybody has forgotten it.
 MOST_SILENCE, MOST_ABSENCE = 2.5, 30.0
 _LOOK_EVERY = 0.02
+_NAP = 1.0
 
 
 class Watch:
@@ -43,7 +44,8 @@ class Watch:
     ) -> None:
         self._line, self._stop, self._moving = line, stop, moving
         self._most_silence, self._most_absence = most_silence, most_absence
-        self._heard = self._looked = self._still = steady()
+        self._heard = self._still = steady()
+        self._asleep = asleep()
         self._interrupts = 0
         self._open = True
         self._dismissed = threading.Event()
@@ -64,9 +66,9 @@ class Watch:
                 self._dismissed.wait(_LOOK_EVERY)
             now = steady()
             # Before anything is read: what was sent before the computer slept says nothing of now.
-            if now - self._looked > self._most_silence:
-                self._stop(f"the computer slept, or was held up, for {now - self._looked:.0f} s")
-            self._looked = now
+            slept, self._asleep = asleep() - self._asleep, asleep()
+            if slept > _NAP:
+                self._stop(f"the computer slept for {slept:.0f} s")
             if self._open:
                 self._read(now)
             if not self._moving():
