@@ -155,7 +155,9 @@ def test_a_style_changes_the_plan_and_is_come_nearer_to() -> None:
     assert len(again) == 8
 
 
-def test_meaning_is_come_nearer_to_than_by_pixels_alone() -> None:
+def test_meaning_is_come_nearer_to_and_planning_again_never_leads_away() -> None:
+    """That it comes nearer than by pixels is for networks that see something, in the experiment `semantic`."""
+
     def meaning(image: torch.Tensor) -> Planner:
         wanted = Goal((SemanticTerm(image),))
         return Planner(wanted, CANVAS, small_table(), rows=64, effort=QUICK, seed=0, encoders=QuickEncoders())
@@ -163,7 +165,7 @@ def test_meaning_is_come_nearer_to_than_by_pixels_alone() -> None:
     by = meaning(picture(120, 160))
     plan = by.plan(BARE, 12, 3, lambda step: None)
     assert plan.digest == meaning(picture(120, 160)).plan(BARE, 12, 3, lambda step: None).digest
-    assert by.judge(by.expected(plan, BARE)) < by.judge(by.expected(planned(12, 3), BARE))
+    assert by.judge(by.expected(plan, BARE)) < 0.6 * by.judge(BARE)
     rest, half = plan.part(slice(6, None)), by.expected(plan.part(slice(6)), BARE)
     again = by.replan(rest, half, lambda step: None)
     assert by.judge(by.expected(again, half)) <= by.judge(by.expected(rest, half))
