@@ -35,7 +35,9 @@ def workspace(*changes: tuple[str, str]) -> Path:
 
 def test_the_virtual_studio_takes_every_plan(monkeypatch, plan, capsys) -> None:
     assert run(monkeypatch, "check", plan) == 0
-    assert "30 strokes in 4 paints: all of it can be painted." in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "30 strokes in 4 paints: all of it can be painted." in told
+    assert re.search(r"The robot takes \d+ min \d\d s without looks and planning: strokes .*, travel .*\.", told)
     assert not Path("check.png").exists()
 
 

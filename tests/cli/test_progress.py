@@ -7,8 +7,9 @@ from rich.console import Console
 from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress, duration
 from frida_painter.palette import Palette
 from frida_painter.planning.optimize import Step
-from frida_painter.session.events import Event, Looked, PaintsWanted, Planned, PlanningStep, StrokePainted
+from frida_painter.session.events import Event, Looked, PaintsWanted, Planned, PlanningStep, Scheduled, StrokePainted
 from frida_painter.session.loop import Rhythm
+from frida_painter.session.timetable import Timetable
 from plans import made_up_plan
 
 STROKES, REPLANS, PLANNING, REPLANNING = 60, 3, 40, 10
@@ -67,6 +68,18 @@ def test_the_time_left_is_nothing_at_the_end_and_never_negative_or_endless() -> 
         expecting.hear(event, now)
         assert 0 <= expecting.remaining < 3600
     assert expecting.remaining == pytest.approx(0, abs=1e-6)
+
+
+def test_strokes_of_unequal_length_are_counted_by_the_timetable() -> None:
+    """The first half of the strokes takes a tenth of the time; by strokes alone it would seem half."""
+    expecting = Forecast(10, Rhythm(0, 0), 0.0, planning=0, replanning=0)
+    after = tuple(float(second) for second in (1, 2, 3, 4, 5, 14, 23, 32, 41, 50))
+    expecting.hear(Scheduled(Timetable(strokes=50.0, after=after), 0), 0.0)
+    for done in range(1, 6):
+        expecting.hear(StrokePainted(done, 10, (0.0, 0.0, 0.0)), 2.0 * after[done - 1])
+    assert expecting.remaining == pytest.approx(90)
+    expecting.hear(Scheduled(Timetable(strokes=20.0, after=(4.0, 8.0, 12.0, 16.0, 20.0)), 5), 10.0)
+    assert expecting.remaining == pytest.approx(40)
 
 
 def test_a_slower_machine_takes_longer_as_soon_as_it_is_known() -> None:

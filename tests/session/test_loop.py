@@ -7,7 +7,17 @@ from hypothesis import strategies as st
 
 from easels import NotingRobot
 from frida_painter.errors import PlanError, PoseMismatch
-from frida_painter.session.events import Dipped, Glimpsed, Looked, Paused, Planned, PlanningStep, Stopped, StrokePainted
+from frida_painter.session.events import (
+    Dipped,
+    Glimpsed,
+    Looked,
+    Paused,
+    Planned,
+    PlanningStep,
+    Scheduled,
+    Stopped,
+    StrokePainted,
+)
 from frida_painter.session.loop import Rhythm
 from sittings import Evening
 
@@ -39,7 +49,7 @@ def test_f35_exactly_so_many_strokes_are_painted(strokes: int, replans: int) -> 
 def test_events_come_in_the_order_in_which_things_happen() -> None:
     evening = Evening(4, replans=1, colors=2)
     evening.run()
-    assert evening.kinds(PlanningStep, Dipped) == [
+    assert evening.kinds(PlanningStep, Dipped, Scheduled) == [
         *("Planned", "PaintsWanted", "StrokePainted", "StrokePainted", "Looked", "Planned"),
         *("StrokePainted", "StrokePainted", "Looked"),
     ]

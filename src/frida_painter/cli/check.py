@@ -8,19 +8,25 @@ import torch
 import typer
 
 from frida_painter import images
+from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration
+from frida_painter.cli.progress import duration
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
+from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.reach import Reach
 from frida_painter.hardware.stand import Stand, example
 from frida_painter.plan import Plan
 from frida_painter.render import render
 from frida_painter.report.offending_strokes import offending_strokes
 from frida_painter.report.workspace_plan import workspace_plan
+from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.opening import settle_threads
 from frida_painter.session.procedures.standing import require
 from frida_painter.session.rehearsal import Rehearsal, rehearse
+from frida_painter.session.timetable import Timetable
+from frida_painter.session.timing import reckon
 from frida_painter.virtual.studio import open_studio
 
 _TOLD = 12  # faults; the picture shows all
@@ -68,9 +74,12 @@ def check(
         stand = Stand.load(workspace)
         default = stand.calibration(loaded.brush)
         place, size, reach = stand.workspace, stand.canvas, stand.reach
-    found = rehearse(loaded, place, size, _known(calibration, default), reach)
+    known = _known(calibration, default)
+    found = rehearse(loaded, place, size, known, reach)
     if found.passed:
         print(f"{_count(len(loaded), 'stroke')} in {_count(len(loaded.palette), 'paint')}: all of it can be painted.")
+        choreography = Choreography(Motion(place, known), brush_kind(loaded.brush))
+        _tell_time(reckon(loaded, choreography, BrushLoad(), lambda painted: 0))
         return
     _tell(found, len(loaded))
     if found.strokes:
@@ -123,6 +132,12 @@ def _tell(found: Rehearsal, strokes: int) -> None:
         print(f"  {len(found.strokes)} of {_count(strokes, 'stroke')} are concerned.", file=sys.stderr)
     for remedy in dict.fromkeys(fault.remedy for fault in faults):
         print(f"  What to do: {remedy}.", file=sys.stderr)
+
+
+def _tell_time(table: Timetable) -> None:
+    parts = {"strokes": table.strokes, "dips": table.dips, "washing": table.washing, "travel": table.travel}
+    spent = ", ".join(f"{name} {duration(seconds)}" for name, seconds in parts.items())
+    print(f"The robot takes {duration(table.total)} without looks and planning: {spent}.")
 
 
 def _require_picture(out: Path) -> None:

@@ -22,6 +22,7 @@ from frida_painter.session.events import (
     Planned,
     PlanningStep,
     Resumed,
+    Scheduled,
     StrokePainted,
 )
 from frida_painter.session.loop import Rhythm
@@ -51,8 +52,9 @@ class Pace:
 class Forecast:
     """How long a painting still takes, from its events.
 
-    Planning is counted in iterations times strokes planned, painting in strokes; the looks between
-    them in looks. `remaining` is in seconds.
+    Planning is counted in iterations times strokes planned, painting in seconds of the robot's own
+    timetable, which a simulated robot's run away from and a real one's keep to. `remaining` is in
+    seconds.
     """
 
     def __init__(self, strokes: int, rhythm: Rhythm, now: float, *, planning: int, replanning: int) -> None:
@@ -63,7 +65,11 @@ class Forecast:
         self._painted = 0
         self._last = now
         self._planning = Pace(2.5e-5)
-        self._painting = Pace(0.1)
+        self._painting = Pace(0.1)  # of a stroke, until there is a timetable
+        self._after: tuple[float, ...] = ()
+        self._end = 0.0
+        self._begun = 0
+        self._walked = 0.0
         self._iteration = 0
 
     def hear(self, event: Event, now: float) -> None:
@@ -87,10 +93,15 @@ class Forecast:
             case Resumed(done=done):
                 self._plan_left, self._painted = 0.0, done
                 del self._replans[: sum(look < done for look in self._looks)]
-            case StrokePainted() | Glimpsed() | Looked():
-                self._painting.measure(passed, int(isinstance(event, StrokePainted)))
-                if isinstance(event, StrokePainted):
-                    self._painted = event.done
+            case Scheduled(timetable=timetable, done=done):
+                if not self._after:
+                    self._painting = Pace(0.02)
+                self._after, self._end, self._begun, self._walked = timetable.after, timetable.total, done, 0.0
+            case StrokePainted(done=done):
+                self._painted = done
+                self._painting.measure(passed, self._walk(done))
+            case Glimpsed() | Looked():
+                self._painting.measure(passed, 0)
             case _:
                 pass
 
@@ -98,7 +109,15 @@ class Forecast:
     def remaining(self) -> float:
         """Seconds until the last stroke."""
         planning = (self._plan_left + sum(self._replans)) * self._planning.seconds
-        return planning + (self._strokes - self._painted) * self._painting.seconds
+        walking = self._end - self._walked if self._after else self._strokes - self._painted
+        return planning + (walking if self._painted < self._strokes else 0.0) * self._painting.seconds
+
+    def _walk(self, done: int) -> float:
+        """How much farther the timetable is with stroke `done` than it was, in its seconds; in strokes without one."""
+        if not self._after:
+            return 1.0
+        before, self._walked = self._walked, self._after[min(done - self._begun, len(self._after)) - 1]
+        return max(0.0, self._walked - before)
 
 
 class PaintingProgress:
@@ -201,6 +220,8 @@ def _words(event: Event) -> str:
             return f"planning {100 * iteration // of:3d} %"
         case PlanningStep(_, iteration, of):
             return f"planning the rest again {100 * iteration // of:3d} %"
+        case Scheduled(timetable=timetable, done=0):
+            return f"the robot will take {duration(timetable.total)}"
         case PaintsWanted(palette):
             return f"mixing {len(palette)} paints"
         case StrokePainted(done, of):

@@ -25,9 +25,20 @@ from frida_painter.report.page import write_page
 from frida_painter.report.palette_sheet import palette_sheet
 from frida_painter.report.sketchbook import Sketchbook
 from frida_painter.report.story import Comparison, Download, Look, Phase, Story, compare, paints
-from frida_painter.session.events import Dipped, Event, Glimpsed, Looked, Planned, PlanningStep, Resumed, Stopped
+from frida_painter.session.events import (
+    Dipped,
+    Event,
+    Glimpsed,
+    Looked,
+    Planned,
+    PlanningStep,
+    Resumed,
+    Scheduled,
+    Stopped,
+)
 from frida_painter.session.history import History
 from frida_painter.session.loop import Painting
+from frida_painter.session.timetable import Timetable
 
 _RESULT = "result.json"
 _DOWNLOADS = (
@@ -74,6 +85,7 @@ class Recorder:
     _recipes: tuple[Recipe, ...] = field(default=(), init=False)
     _left_out: int = field(default=0, init=False)
     _filming: bool = field(default=True, init=False)
+    _timetable: Timetable | None = field(default=None, init=False)
 
     def __enter__(self) -> Self:
         self._started = time.monotonic()
@@ -106,6 +118,8 @@ class Recorder:
                 self._keep_plan(event)
             case Resumed():
                 self._keep_on(event)
+            case Scheduled(timetable=timetable):
+                self._timetable = self._timetable or timetable
             case Dipped(cleaned=cleaned):
                 self._dips += 1
                 self._cleanings += int(cleaned)
@@ -136,11 +150,11 @@ class Recorder:
         storage.write_text(self.folder / "strokes.csv", table(painted))
         images.save(painting.photograph, self.folder / "painting.png")
         comparisons = self._compare(painting.photograph, self._first_expected)
-        story = self._story(self._plan, painting.painted, comparisons)
+        story = self._story(self._plan, painting, comparisons)
         page = write_page(story, self.folder)
         if painting.painted == len(self._plan):
             self._sketchbook.clear_away()
-        self._write_result(self._plan, painting.painted, comparisons)
+        self._write_result(self._plan, painting, comparisons)
         return page
 
     def _keep_plan(self, event: Planned) -> None:
@@ -226,7 +240,8 @@ class Recorder:
             against_plan,
         )
 
-    def _story(self, plan: Plan, painted: int, comparisons: tuple[Comparison, ...]) -> Story:
+    def _story(self, plan: Plan, painting: Painting, comparisons: tuple[Comparison, ...]) -> Story:
+        painted = painting.painted
         of = len(plan)
         count = f"{of} strokes" if painted == of else f"{painted} of {of} strokes"
         looked = f", {len(self._looks)} looks in between" if self._looks else ""
@@ -237,6 +252,7 @@ class Recorder:
             ("Brush cleaned", f"{self._cleanings} times"),
             ("Made in", f"{time.monotonic() - self._started:.0f} s"),
             *self._mishaps(),
+            *([("Robot's clock", self._clock(painting))] if self._timetable else []),
         )
         return Story(
             title=self.occasion.title,
@@ -267,7 +283,11 @@ class Recorder:
             facts.append(("Pictures left out", f"{self._left_out}, for want of space on the disk"))
         return tuple(facts)
 
-    def _write_result(self, plan: Plan, painted: int, comparisons: tuple[Comparison, ...]) -> None:
+    def _clock(self, painting: Painting) -> str:
+        expected = self._timetable.total if self._timetable else 0.0
+        return f"{painting.robot_seconds / 60:.1f} min, {expected / 60:.1f} expected"
+
+    def _write_result(self, plan: Plan, painting: Painting, comparisons: tuple[Comparison, ...]) -> None:
         storage.write_json(
             self.folder / _RESULT,
             {
@@ -277,12 +297,14 @@ class Recorder:
                 "stopped": self._stopped,
                 "settings": self.occasion.settings,
                 "strokes_planned": len(plan),
-                "strokes_painted": painted,
+                "strokes_painted": painting.painted,
                 "dips": self._dips,
                 "cleanings": self._cleanings,
                 "seconds": round(time.monotonic() - self._started, 3),
                 "sittings": self._sittings,
                 "strokes_given_up": self.before.given_up if self.before is not None else [],
+                "robot_seconds": round(painting.robot_seconds, 3),
+                "robot_seconds_expected": round(self._timetable.total, 3) if self._timetable else None,
                 "plan_digest": plan.digest,
                 "palette": [paint.hex for paint in paints(plan)],
                 "comparisons": [

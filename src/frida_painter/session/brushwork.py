@@ -1,6 +1,6 @@
 """The hand of the painter: performs what the choreography sets, and knows what is on its brush."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +14,8 @@ from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
+from frida_painter.session.timetable import Timetable
+from frida_painter.session.timing import reckon
 from frida_painter.session.travel import shorten_travel
 
 _ARRIVED = 0.002
@@ -37,6 +39,10 @@ class Brushwork:
     def arranged(self, plan: Plan, count: int) -> Plan:
         """The plan with its first `count` strokes in an order that is quicker to paint and gives the same picture."""
         return shorten_travel(plan, count, self._choreography(), self.load)
+
+    def timetable(self, plan: Plan, looks: Callable[[int], int]) -> Timetable:
+        """How long painting the plan takes, `looks(k)` looks coming after its stroke k."""
+        return reckon(plan, self._choreography(), self.load, looks)
 
     def prepare(self, plan: Plan, already_done: int, of: int) -> list[Action]:
         """Everything that painting the plan takes, checked as a whole against the workspace.

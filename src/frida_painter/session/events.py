@@ -7,6 +7,7 @@ from torch import Tensor
 
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
+from frida_painter.session.timetable import Timetable
 from frida_painter.strokes import Strokes
 
 
@@ -35,6 +36,14 @@ class Planned:
     expected: Tensor
     loss_before: float
     loss_after: float
+
+
+@dataclass(frozen=True)
+class Scheduled:
+    """How long the robot takes for the strokes that are left, `done` being painted; told whenever the plan changes."""
+
+    timetable: Timetable
+    done: int
 
 
 @dataclass(frozen=True)
@@ -107,5 +116,17 @@ class Stopped:
     done: int
 
 
-Event = PlanningStep | Planned | PaintsWanted | Dipped | StrokePainted | Glimpsed | Looked | Resumed | Paused | Stopped
+Event = (
+    PlanningStep
+    | Planned
+    | Scheduled
+    | PaintsWanted
+    | Dipped
+    | StrokePainted
+    | Glimpsed
+    | Looked
+    | Resumed
+    | Paused
+    | Stopped
+)
 Notify = Callable[[Event], None]

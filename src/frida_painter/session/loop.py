@@ -30,6 +30,7 @@ from frida_painter.session.events import (
     Planned,
     PlanningStep,
     Resumed,
+    Scheduled,
     Stopped,
     StrokePainted,
 )
@@ -58,6 +59,10 @@ class Rhythm:
         """How many of `of` strokes are painted when the painter looks next, `done` of them being painted now."""
         return next(end for end in itertools.accumulate(self.batches(of)) if end > done)
 
+    def looks(self, done: int, of: int) -> int:
+        """How often the arm goes aside for a picture right after stroke `done` of `of`."""
+        return int(self.wants_glimpse(done, of)) + int(self.next_look(done - 1, of) == done)
+
     def wants_glimpse(self, done: int, of: int) -> bool:
         """Whether the film gets a picture after stroke `done` of `of`."""
         return done * self.glimpses // of > (done - 1) * self.glimpses // of
@@ -65,11 +70,15 @@ class Rhythm:
 
 @dataclass(frozen=True)
 class Painting:
-    """What came of it: the last photograph of the canvas [3, H, W], strokes painted, and those still planned."""
+    """What came of it: the last photograph of the canvas [3, H, W], strokes painted, and those still planned.
+
+    robot_seconds: of the robot's clock, from the first plan to the last look.
+    """
 
     photograph: Tensor
     painted: int
     rest: Plan | None
+    robot_seconds: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -123,6 +132,7 @@ class PaintingSession:
         self._plan: Plan | None = None
         self._painted = 0
         self._planned_at = 0
+        self._began_at = 0.0  # s of the robot's clock
         self._before: Tensor | None = None  # the canvas as it was last seen
         self._seen = 0  # strokes that were on it
         self._touched = False
@@ -187,10 +197,11 @@ class PaintingSession:
         photograph = self.look()
         self._insist(partial(self.journal.note, end, painted=self._painted))
         rest = None if self._plan is None else self._plan.part(slice(self._painted, None))
-        return Painting(photograph, self._painted, rest)
+        return Painting(photograph, self._painted, rest, self.brushwork.last_motion - self._began_at)
 
     def _begin(self, strokes: int, colors: int, plan: Plan | None) -> None:
         canvas = self._before = self.look()
+        self._began_at = self.brushwork.last_motion
         plan = plan or self._arranged(self.planner.plan(canvas, strokes, colors, self._heeding("plan")))
         self._adopt(plan)
         expected = self.planner.expected(plan, canvas)
@@ -202,7 +213,9 @@ class PaintingSession:
         known = where.before is not None
         self._before, self._seen = (where.before, where.planned_at) if known else (where.now, where.painted)
         rest = where.plan.part(slice(where.painted, None))
+        self._began_at = self.brushwork.last_motion
         self._notify(Resumed(where.plan, where.painted, self.planner.expected(rest, where.now)))
+        self._schedule()
         self._clean()
         self._mix(where.plan)
 
@@ -266,6 +279,16 @@ class PaintingSession:
         """From now on, and whatever happens, painting goes by this plan of all strokes."""
         self._insist(partial(self.journal.planned, plan, self._painted, self.brushwork.placement))
         self._plan, self._planned_at = plan, self._painted
+        self._schedule()
+
+    def _schedule(self) -> None:
+        """Tells how long the robot will take for what is left, with all looks on the way."""
+        done, of, looks = self._painted, len(self.rest) + self._painted, self.rhythm.looks
+
+        def after(painted: int) -> int:
+            return looks(done + painted, of)
+
+        self._notify(Scheduled(self.brushwork.timetable(self.rest, after), done))
 
     def _mix(self, plan: Plan) -> None:
         self._notify(PaintsWanted(plan.palette))

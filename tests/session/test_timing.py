@@ -1,0 +1,78 @@
+import itertools
+
+import pytest
+import torch
+
+from easels import CALIBRATION, WORKSPACE
+from frida_painter.brush.kinds import FINE, brush_kind
+from frida_painter.frames import CanvasSize
+from frida_painter.hardware.motion import Motion
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.choreography import BrushLoad, Choreography
+from frida_painter.session.events import StrokePainted
+from frida_painter.session.timing import reckon
+from frida_painter.virtual.studio import StudioSettings, open_studio
+from plans import made_up_plan, made_up_strokes
+
+SMALL = CanvasSize(0.12, 0.09)
+
+
+def a_plan(seed: int, count: int = 24) -> Plan:
+    strokes = made_up_strokes(count, seed, SMALL).project(FINE.limits, SMALL)
+    palette = Palette.ordered(torch.rand(3, 3, generator=torch.Generator().manual_seed(seed)))
+    paint = torch.arange(count) * 3 // count
+    return Plan.of(strokes, palette, paint, canvas=SMALL, brush="fine", limits=FINE.limits)
+
+
+def looks(painted: int) -> int:
+    """A look after every eighth stroke, as between batches and for the film."""
+    return int(painted % 8 == 0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_time_is_that_of_the_simulated_clock_within_a_tenth_before_and_on_the_way(seed: int) -> None:
+    plan = a_plan(seed)
+    easel = open_studio(SMALL, "fine", seed=seed, settings=StudioSettings(cell=2.0)).easel
+    easel.robot.connect()
+    easel.camera.connect()
+    work = Brushwork(easel, brush_kind("fine"))
+    work.step_aside()
+    begun, expected = work.last_motion, work.timetable(plan, looks)
+    easel.attendant.fill_wells(plan.palette)
+    done_at = []
+    for action in work.prepare(plan, 0, len(plan)):
+        work.perform(action)
+        if isinstance(action.done, StrokePainted):
+            done_at.append(work.last_motion - begun)
+            if looks(action.done.done):
+                work.step_aside()
+                work.last_motion = easel.camera.capture(work.last_motion).captured_at
+    took = work.last_motion - begun
+    assert expected.total == pytest.approx(took, rel=0.1)
+    left = [(took - at, expected.total - after) for at, after in zip(done_at, expected.after, strict=True)]
+    assert all(told == pytest.approx(really, rel=0.1, abs=1.0) for really, told in left)
+
+
+def test_what_takes_time_adds_up_and_grows_stroke_by_stroke() -> None:
+    choreography = Choreography(Motion(WORKSPACE, CALIBRATION), FINE)
+    table = reckon(made_up_plan(40, 4), choreography, BrushLoad(), lambda painted: 0)
+    assert table.looks == 0 and min(table.strokes, table.dips, table.washing, table.travel) > 0
+    assert table.total == pytest.approx(table.after[-1])
+    assert all(one < other for one, other in itertools.pairwise(table.after)) and len(table.after) == 40
+
+
+def test_looks_take_time_and_a_brush_that_holds_the_paint_saves_it() -> None:
+    choreography = Choreography(Motion(WORKSPACE, CALIBRATION), FINE)
+    plan = made_up_plan(6, 1)
+    plain = reckon(plan, choreography, BrushLoad(), lambda painted: 0)
+    assert reckon(plan, choreography, BrushLoad(), lambda painted: 2).looks > 6 * 2 * 0.1
+    assert reckon(plan, choreography, BrushLoad(0, 1.0), lambda painted: 0).dips == 0 < plain.dips
+    assert reckon(plan, choreography, BrushLoad(1, 1.0), lambda painted: 0).washing > 0 == plain.washing
+
+
+def test_nothing_takes_no_time() -> None:
+    choreography = Choreography(Motion(WORKSPACE, CALIBRATION), FINE)
+    table = reckon(made_up_plan(6, 1).part(slice(0)), choreography, BrushLoad(), lambda painted: 1)
+    assert table.total == 0 and table.after == ()
