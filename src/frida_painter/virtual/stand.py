@@ -1,7 +1,7 @@
 """How the studio is set up: where canvas, paint wells, water and rag stand around an arm."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,8 @@ def free_stand(canvas: CanvasSize, brush: BristleBrush) -> Stand:
     water: Point = (left, y - 0.08, z)
     rag: Point = (left - 0.11, y - 0.08, z)
     home: Point = (rag[0], rag[1], z + 0.10)
-    return Stand(_workspace(brush, _FREE_ORIGIN, _FREE_ANGLE, corners, wells, water, rag), home)
+    workspace = _workspace(brush, _FREE_ORIGIN, _FREE_ANGLE, corners, wells, water, rag)
+    return Stand(replace(workspace, home=home), home)
 
 
 def sawyer_stand(canvas: CanvasSize, brush: BristleBrush) -> Stand:
@@ -70,7 +71,7 @@ def sawyer_stand(canvas: CanvasSize, brush: BristleBrush) -> Stand:
     water: Point = (0.42, left, z)
     rag: Point = (0.58, left, z)
     home: Point = (0.45, left + 0.08, z + 0.10)
-    return Stand(_workspace(brush, origin, angle, corners, wells, water, rag, home), home)
+    return Stand(replace(_workspace(brush, origin, angle, corners, wells, water, rag, home), home=home), home)
 
 
 def _around(canvas: CanvasSize, origin: Point, angle: float) -> NDArray[np.float64]:
