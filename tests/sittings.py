@@ -40,6 +40,11 @@ class NotingPlanner:
         paint = torch.arange(strokes) * colors // strokes
         return Plan.of(some_strokes(strokes), palette, paint, canvas=CANVAS, brush="small", limits=SMALL.limits)
 
+    def bound(self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None]) -> Plan:
+        notify(Step(1, 1, 0.35))
+        paint = palette.nearest(plan.strokes.color)
+        return Plan.of(plan.strokes, palette, paint, canvas=CANVAS, brush="small", limits=SMALL.limits)
+
     def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None], rounds: int = 1) -> Plan:
         self.asked.append(len(rest))
         self.canvases.append(canvas)
@@ -69,6 +74,7 @@ class Evening:
     stop_at: Callable[[Event], bool] = lambda event: False
     pause_at: Callable[[Event], bool] = lambda event: False
     go_on: Callable[[Paused], bool] = lambda paused: False
+    mixed: Callable[[Palette], Palette | None] = lambda wanted: None
     journal: Journal = field(default_factory=Journal.nowhere)
     robot: NotingRobot = field(default_factory=NotingRobot)
     camera: PatientCamera = field(default_factory=PatientCamera)
@@ -91,6 +97,7 @@ class Evening:
             journal=self.journal,
             pause_asked=lambda: self.pausing,
             go_on=self._answer,
+            mixed=self.mixed,
         )
 
     def run(self) -> Painting:

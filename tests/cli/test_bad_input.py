@@ -92,12 +92,19 @@ def photo(tmp_path: Path) -> str:
         (("--out", "full"), ("full is not empty", "nothing there is overwritten")),
         (("--out", "x" * 300), ("cannot be written",)),
         (("--colour", "3"), ("--colour",)),
+        (("--palette", "nowhere.json"), ("nowhere.json does not exist",)),
+        (("--palette", "odd.toml"), ("--colors",)),
+        (("--palette", "odd.json"), ("paint 2: 'red' is not a colour",)),
+        (("--palette", "two.json", "--colors", "3"), ("two.json has 2 paints, and 3 are wanted",)),
+        (("--palette", "photo.png", "--colors", "2"), ("not one even colour",)),
     ],
 )  # fmt: skip
 def test_wishes_that_cannot_be_fulfilled(
     command: str, words: tuple[str, ...], says: tuple[str, ...], refuse: Callable[..., str], photo: str, tmp_path: Path
 ) -> None:
     (tmp_path / "odd.toml").write_text("stroks = 300")
+    (tmp_path / "odd.json").write_text('{"paints": ["#112233", "red"]}')
+    (tmp_path / "two.json").write_text('{"paints": ["#112233", "#445566"]}')
     (tmp_path / "nan.toml").write_text("effort = nan")
     (tmp_path / "twice.toml").write_text("seed = 1\nseed = 2")
     torch.save({"weights": torch.zeros(3)}, tmp_path / "pickle.pt")

@@ -7,7 +7,7 @@ import torch
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm
-from frida_painter.palette import to_lab
+from frida_painter.palette import Palette, to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.planner import Effort, Planner
@@ -82,6 +82,22 @@ def test_planning_again_keeps_the_palette_and_the_count_and_helps() -> None:
     assert bool((again.paint.diff() >= 0).all())
     assert by.judge(by.expected(again, canvas)) < 0.98 * by.judge(by.expected(rest, canvas))
     again.strokes.check(plan.limits, CANVAS)
+
+
+def test_a_plan_is_bound_to_what_was_really_mixed_and_polished() -> None:
+    by, plan = planner(), planned()
+    mixed = Palette((plan.palette.color * 0.85 + 0.05).roll(1, 0).clamp(0, 1))  # duller, and the wells in another order
+    steps: list[Step] = []
+    bound = by.bound(plan, BARE, mixed, steps.append)
+    assert len(bound) == len(plan) and torch.equal(bound.palette.color, mixed.color)
+    assert torch.equal(bound.strokes.color, mixed.color[bound.paint])
+    lightness = to_lab(bound.strokes.color)[:, 0]
+    assert bool((lightness.diff() <= 1e-3).all()), "light to dark, whatever well a paint stands in"
+    assert steps[-1].iteration == steps[-1].of == QUICK.polishing
+    blind = Plan.of(
+        plan.strokes, mixed, mixed.nearest(plan.strokes.color), canvas=CANVAS, brush=plan.brush, limits=plan.limits
+    )
+    assert by.judge(by.expected(bound, BARE)) < by.judge(by.expected(blind, BARE))
 
 
 def test_planning_again_is_never_worse_and_takes_photographs_of_any_size() -> None:

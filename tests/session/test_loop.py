@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from easels import NotingRobot
 from frida_painter.errors import PlanError, PoseMismatch
+from frida_painter.palette import Palette
 from frida_painter.session.events import (
     Dipped,
     Glimpsed,
@@ -97,6 +98,32 @@ def test_wells_are_filled_once_before_the_first_dip() -> None:
     evening.run()
     assert len(evening.easel.attendant.palettes) == 1 and len(evening.easel.attendant.palettes[0]) == 3
     assert evening.kinds(PlanningStep).index("PaintsWanted") < evening.kinds(PlanningStep).index("Dipped")
+
+
+def test_what_was_really_mixed_is_planned_with_before_the_first_stroke() -> None:
+    wanted: list[Palette] = []
+
+    def mixed(palette: Palette) -> Palette:
+        wanted.append(palette)
+        return Palette(palette.color.flip(0) * 0.9)
+
+    evening = Evening(6, replans=1, colors=3, mixed=mixed)
+    evening.run()
+    plans = [event.plan for event in evening.heard if isinstance(event, Planned)]
+    assert torch.equal(plans[1].palette.color, wanted[0].color.flip(0) * 0.9)
+    assert all(torch.equal(plan.palette.color, plans[1].palette.color) for plan in plans[1:])
+    assert torch.equal(evening.easel.attendant.palettes[-1].color, plans[1].palette.color)
+    kinds = evening.kinds(Scheduled, Dipped)
+    assert kinds[:7] == [
+        "PlanningStep",
+        "PlanningStep",
+        "Planned",
+        "PaintsWanted",
+        "PlanningStep",
+        "Planned",
+        "StrokePainted",
+    ]
+    assert evening.painted() == [1, 2, 3, 4, 5, 6]
 
 
 @pytest.mark.parametrize("stroke", [1, 4, 5, 9])

@@ -19,6 +19,7 @@ from frida_painter.cli.real import CameraOption, RobotOption, Site, WorkspaceOpt
 from frida_painter.cli.sitting import Pauses, occasion, order, say, tell, tell_encoders, to_its_end
 from frida_painter.cli.stopping import stopping
 from frida_painter.cli.virtual import PaceOption, PlacementErrorOption, read_placement_error
+from frida_painter.cli.wells import AskOption, PaletteOption, Wells, read_palette
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.frames import PixelGrid
@@ -146,6 +147,8 @@ def paint(
     calibration: CalibrationFile = None,
     placement_error: PlacementErrorOption = None,
     pace: PaceOption = 0.0,
+    palette: PaletteOption = None,
+    ask: AskOption = False,
     film: Annotated[bool, typer.Option("--film/--no-film", help="Film how the painting comes into being.")] = True,
     out: Out = None,
 ) -> None:
@@ -162,6 +165,8 @@ def paint(
     robot at once, and it stays stopped until `frida-painter arm`.
     """
     site = Site(robot, camera, workspace)
+    measured = read_palette(palette, colors) if palette else None
+    colors = len(measured) if measured else colors
     wanted, target, chosen = _prepare(photo, settings, {**locals(), "canvas": site.canvas(canvas)})
     console = Console(stderr=True, highlight=False)
     how = kept.Kept(chosen, calibration, placement_error, film, site)
@@ -208,6 +213,7 @@ def paint(
             go_on=pauses.go_on,
             notify=hear,
             journal=journal,
+            mixed=Wells(measured, input if ask else None, folder).filled,
         )
         ending = to_its_end(session, lambda: session.run(chosen.strokes, chosen.colors), hear)
         bar.say("finishing the film and the page")
@@ -241,9 +247,12 @@ def plan(
     effort: EffortOption = None,
     seed: Seed = None,
     settings: SettingsFile = None,
+    palette: PaletteOption = None,
     out: Out = None,
 ) -> None:
     """Plan the strokes for a photograph, or for words, without painting: plan, picture of it, palette to mix."""
+    measured = read_palette(palette, colors) if palette else None
+    colors = len(measured) if measured else colors
     wanted, _, chosen = _prepare(photo, settings, {**locals(), "replans": 0})
     with ExitStack() as stack:
         stop = stack.enter_context(stopping())
@@ -260,6 +269,7 @@ def plan(
 
         bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
         made = planner.plan(bare, chosen.strokes, chosen.colors, hear)
+        made = planner.bound(made, bare, measured, hear) if measured else made
     made.save(folder / "plan.json")
     images.save(planner.expected(made, bare), folder / "plan.png")
     images.save(palette_sheet(made), folder / "palette.png")

@@ -143,6 +143,26 @@ class Planner:
         ordered, palette, paint = as_palette(found, paints)
         return self._as_plan(ordered, palette, paint)
 
+    def bound(self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None]) -> Plan:
+        """The plan in the paints of another palette, those that were really mixed.
+
+        Each stroke gets the paint that is nearest to what it was to have, and all of them are polished
+        on the picture [3, H, W] of the canvas. The palette keeps its order, which is that of the wells.
+        """
+        paints = Paints(palette.color.to(plan.strokes.color), palette.nearest(plan.strokes.color))
+        steps = _Progress(notify, self.effort.polishing)
+        found, chosen = optimize(
+            plan.strokes,
+            self._scene(canvas, self.fine),
+            iterations=self.effort.polishing,
+            paints=paints,
+            vary_colors=False,
+            pace=_POLISHING_PACE,
+            notify=steps.begin(self.effort.polishing),
+        )
+        assert chosen is not None
+        return self._as_plan(found, palette, chosen.paint)
+
     def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None], rounds: int = 1) -> Plan:
         """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their palette stays.
 

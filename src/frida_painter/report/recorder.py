@@ -162,7 +162,7 @@ class Recorder:
         name = f"plan for {len(event.plan)} strokes" if event.done == 0 else f"after {event.done} strokes"
         self._phases.append(Phase(name, tuple(self._curve)))
         self._curve = []
-        if self._plan is None:
+        if self._plan is None or event.done == 0:  # a plan with what was really mixed takes the place of the first
             self._plan, self._first_expected = event.plan, event.expected
             images.save(event.expected, self.folder / "plan.png")
             self._keep_recipes(event.plan)

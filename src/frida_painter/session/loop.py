@@ -15,6 +15,7 @@ from typing import TypeVar
 from torch import Tensor
 
 from frida_painter.errors import CameraError, FridaError, PaintingPaused, PlanError, StorageError
+from frida_painter.palette import Palette
 from frida_painter.perception.frame_check import Expected
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
@@ -102,8 +103,10 @@ class PaintingSession:
 
     `stop_asked` and `pause_asked` are heeded after every stroke and every planning iteration; `notify`
     hears what happens; `go_on` is asked, and waits for a person's answer, when the painting has paused:
-    on a person's wish, or because the disk or the camera failed. Raises PaintingPaused where the answer
-    is no, and RobotError, PlanError and their kinds; what is on the canvas stays, and in the journal.
+    on a person's wish, or because the disk or the camera failed; `mixed` is asked, and waits, when the
+    palette is settled, and answers with what was really mixed, or None for just that. Raises
+    PaintingPaused where `go_on` answers no, and RobotError, PlanError and their kinds; what is on the
+    canvas stays, and in the journal.
     Before it answers, `go_on` may have the session `look_again`, or `paint_instead`.
     """
 
@@ -119,6 +122,7 @@ class PaintingSession:
         journal: Journal | None = None,
         pause_asked: Callable[[], bool] = lambda: False,
         go_on: Callable[[Paused], bool] = lambda paused: False,
+        mixed: Callable[[Palette], Palette | None] = lambda wanted: None,
     ) -> None:
         self.planner = planner
         self.brushwork = brushwork
@@ -128,6 +132,7 @@ class PaintingSession:
         self._stop_asked = stop_asked
         self._pause_asked = pause_asked
         self._go_on = go_on
+        self._mixed = mixed
         self._notify = notify
         self._plan: Plan | None = None
         self._painted = 0
@@ -207,6 +212,19 @@ class PaintingSession:
         expected = self.planner.expected(plan, canvas)
         self._notify(Planned(plan, 0, expected, self.planner.judge(canvas), self.planner.judge(expected)))
         self._mix(plan)
+        self._take_what_was_mixed(plan, canvas)
+
+    def _take_what_was_mixed(self, plan: Plan, canvas: Tensor) -> None:
+        """Plans with what a person has really mixed, where they tell."""
+        mixed = self._mixed(plan.palette)
+        if mixed is None:
+            return
+        before = self.planner.judge(self.planner.expected(plan, canvas))
+        again = self._arranged(self.planner.bound(plan, canvas, mixed, self._heeding("plan")))
+        self._adopt(again)
+        expected = self.planner.expected(again, canvas)
+        self._notify(Planned(again, 0, expected, before, self.planner.judge(expected)))
+        self.brushwork.easel.attendant.fill_wells(mixed)
 
     def _begin_again(self, where: Halfway) -> None:
         self._plan, self._painted, self._planned_at = where.plan, where.painted, where.planned_at

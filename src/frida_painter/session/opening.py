@@ -16,6 +16,7 @@ from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.hardware.easel import Easel
 from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.palette import Palette
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Effort, Planner
@@ -77,10 +78,12 @@ def open_session(
     pause_asked: Callable[[], bool] = lambda: False,
     light: FlatField | None = None,
     placement: Placement | None = None,
+    mixed: Callable[[Palette], Palette | None] = lambda wanted: None,
 ) -> PaintingSession:
     """A session on an easel whose robot and camera are connected. Raises ConfigError where colours exceed wells.
 
-    light, placement: what an earlier sitting learned of the room and of where strokes land.
+    light, placement: what an earlier sitting learned of the room and of where strokes land; mixed: asked
+    what was really mixed.
     """
     kind = brush_kind(planner.model.brush)
     brushwork = Brushwork(easel, kind, placement or Placement.unknown())
@@ -96,6 +99,7 @@ def open_session(
         journal=journal,
         pause_asked=pause_asked,
         go_on=go_on,
+        mixed=mixed,
     )
 
 

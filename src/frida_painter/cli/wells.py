@@ -1,0 +1,74 @@
+"""The wells before painting: a person sees what to mix, says when it is done, and may tell what it has become."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from frida_painter import images
+from frida_painter.errors import ConfigError, FridaError, Interrupted
+from frida_painter.palette import Palette
+from frida_painter.perception.swatches import read_swatches
+
+PaletteOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--palette",
+        metavar="FILE",
+        help='What you have really mixed: {"paints": ["#f2e9dc", ...]} (JSON), or a photograph of a strip with bare '
+        "paper and a swatch of each.",
+    ),
+]
+AskOption = Annotated[
+    bool, typer.Option("--ask", help="Wait until I have filled the wells; I may then tell what I have mixed.")
+]
+
+
+def read_palette(path: Path, count: int | None) -> Palette:
+    """The palette of a JSON file, or of a photograph of `count` swatches.
+
+    Raises ConfigError, ImageError and FrameRejected; ConfigError also where it has not `count` paints.
+    """
+    if path.suffix.lower() == ".json":
+        palette = Palette.load(path)
+        if count is not None and len(palette) != count:
+            raise ConfigError(f"{path} has {len(palette)} paints, and {count} are wanted; give one colour for each.")
+        return palette
+    if count is None:
+        raise ConfigError(f"How many swatches {path} shows is not known; say it with --colors.")
+    return read_swatches(images.load(path), count)
+
+
+@dataclass(frozen=True)
+class Wells:
+    """Asked when the palette is settled; answers with what was really mixed, or None for just what was wanted.
+
+    given: known from the beginning; ask: shows a prompt and returns what was typed, None where nobody
+    is to be asked; folder: where the palette and the mixing sheet lie.
+    """
+
+    given: Palette | None
+    ask: Callable[[str], str] | None
+    folder: Path
+
+    def filled(self, wanted: Palette) -> Palette | None:
+        """Returns when the wells are filled. Raises Interrupted where the person leaves."""
+        if self.ask is None:
+            return self.given
+        prompt = (
+            f"Fill {len(wanted)} wells as on {self.folder / 'palette.png'} ({self.folder / 'mixing.png'} tells how to "
+            "mix them). Press Enter when they are filled, or type the file that tells what you mixed: "
+        )
+        while True:
+            try:
+                line = self.ask(prompt).strip()
+            except (EOFError, KeyboardInterrupt) as end:
+                raise Interrupted("Nobody said that the wells are filled, and nothing was painted.") from end
+            if not line:
+                return self.given
+            try:
+                return read_palette(Path(line), len(wanted))
+            except FridaError as error:
+                prompt = f"{error} Enter, or another file: "
