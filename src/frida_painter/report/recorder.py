@@ -118,8 +118,8 @@ class Recorder:
                 self._keep_plan(event)
             case Resumed():
                 self._keep_on(event)
-            case Scheduled(timetable=timetable):
-                self._timetable = self._timetable or timetable
+            case Scheduled(timetable=timetable, done=done) if done == 0 or self._timetable is None:
+                self._timetable = timetable
             case Dipped(cleaned=cleaned):
                 self._dips += 1
                 self._cleanings += int(cleaned)

@@ -197,12 +197,13 @@ class PaintingSession:
             with contextlib.suppress(StorageError):
                 self.journal.note("broken off", reason=str(trouble))
             raise
+        took = self.brushwork.last_motion - self._began_at
         if self.brushwork.load.paint is not None:
             self._clean()
         photograph = self.look()
         self._insist(partial(self.journal.note, end, painted=self._painted))
         rest = None if self._plan is None else self._plan.part(slice(self._painted, None))
-        return Painting(photograph, self._painted, rest, self.brushwork.last_motion - self._began_at)
+        return Painting(photograph, self._painted, rest, took)
 
     def _begin(self, strokes: int, colors: int, plan: Plan | None) -> None:
         canvas = self._before = self.look()
