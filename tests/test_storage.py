@@ -165,3 +165,16 @@ def test_a_new_folder_is_new(tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="cannot be written"):
         storage.new_folder(tmp_path / "a" / "b" / "painting.png")
     assert names(tmp_path / "a" / "b") == ["painting.png"]
+
+
+def test_what_killed_writes_left_behind_is_cleared_away_and_nothing_else(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt), storage.replacing(tmp_path / "film.mp4") as temporary:
+        left = tmp_path / "inner" / temporary.name
+        left.parent.mkdir()
+        left.write_bytes(b"half a film")
+        raise KeyboardInterrupt
+    kept = [tmp_path / name for name in (".journal-reserve", "film-abcdefgh.mp4", ".hidden", "inner/plan.json")]
+    for path in kept:
+        path.write_text("")
+    storage.clear_leftovers(tmp_path)
+    assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == sorted(kept)

@@ -68,7 +68,7 @@ class World:
         faults: Faults = NO_FAULTS,
         notify: Callable[[Event], None] = lambda event: None,
     ) -> tuple[PaintingSession, VirtualStudio]:
-        studio = open_studio(CANVAS, "fine", seed=seed, settings=SETTINGS, faults=faults, state=folder / "studio.jsonl")
+        studio = open_studio(CANVAS, "fine", seed=seed, settings=SETTINGS, faults=faults, state=folder / "studio.diary")
         easel = studio.easel
         easel.robot.connect()
         easel.camera.connect()

@@ -71,18 +71,23 @@ def resume(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], 
     return resuming
 
 
+def contents(folder: Path) -> dict[Path, bytes]:
+    """Of all files but the journal's reserve, which a killed process leaves behind."""
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file() and path.name[0] != "."}
+
+
 def told(folder: Path) -> History:
     return History.of(Logbook.read(folder / "journal"), folder)
 
 
 def test_it_shows_what_was_done_and_does_nothing_by_itself(resume: Resume, painting: Path) -> None:
-    before = {path: path.read_bytes() for path in painting.rglob("*") if path.is_file()}
+    before = contents(painting)
     status, said = resume("painting", typed="n\n")
     assert status == 2 and "Nothing was moved" in said
     assert "Coffee: 6 of 10 strokes on a canvas of 120 x 90 mm, painted in one sitting of" in said
     assert "Stroke 7 was begun, and nothing tells whether it was painted." in said
     assert "painting/photographs/look-0001.png" in said
-    assert {path: path.read_bytes() for path in painting.rglob("*") if path.is_file()} == before
+    assert contents(painting) == before
     status, said = resume("painting")
     assert status == 2 and "Nobody answered" in said and "--yes" in said
 
@@ -150,7 +155,7 @@ def test_f33_what_is_painted_cannot_become_something_else(resume: Resume, painti
         (lambda folder: (folder / "plan.json").write_text("{"), "plan.json is not a plan"),
         (lambda folder: next(folder.glob("plan-*.safetensors")).write_bytes(b"PK"), "is not the file that belongs to"),
         (lambda folder: (folder / "goal" / "goal.toml").unlink(), "goal: it was"),
-        (lambda folder: (folder / "studio.jsonl").write_text("{}\n"), "studio.jsonl is damaged"),
+        (lambda folder: (folder / "studio.diary").write_text("{}\n"), "studio.diary is damaged"),
         (lambda folder: change_middle(folder / "journal"), "was changed after it was written"),
     ],
 )

@@ -81,7 +81,7 @@ def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(tmp_pa
     # A goal that is begun with something else spares looking for better places, which takes most of the time.
     goal = Goal((ImageTerm(picture(120, 160)),), initial=(ImageTerm(picture(120, 160)),))
     planner = Planner(goal, CANVAS, model, rows=64, effort=EFFORT, seed=0)
-    studio = open_studio(CANVAS, "fine", settings=SETTINGS, state=tmp_path / "studio.jsonl")
+    studio = open_studio(CANVAS, "fine", settings=SETTINGS, state=tmp_path / "studio.diary")
     easel = studio.easel
     easel.robot.connect()
     easel.camera.connect()

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from frida_painter.errors import PaintingPaused
+from frida_painter.plan import Plan
 from frida_painter.session.events import Event, Paused
 from frida_painter.session.journal import Journal
 from frida_painter.virtual.faults import Bump, Faults, InSight, LightChange, LostFocus
@@ -16,13 +17,13 @@ def world() -> World:
     return World.made()
 
 
-def paint(world: World, folder: Path, faults: Faults, seed: int = 0) -> list[Paused]:
-    """The pauses of a painting, after which nobody has it go on."""
+def paint(world: World, folder: Path, faults: Faults, seed: int = 0, plan: Plan | None = None) -> list[Paused]:
+    """The pauses of a painting, by a plan that was made before where there is one; nobody has it go on."""
     heard: list[Event] = []
     journal = Journal.begin(folder, {}, {})
     session, studio = world.session(folder, journal, seed=seed, faults=faults, notify=heard.append)
     try:
-        assert session.run(STROKES, 3).painted == STROKES
+        assert session.run(STROKES, 3, plan).painted == STROKES
     except PaintingPaused as paused:
         assert "has paused after" in str(paused)
     finally:
@@ -62,5 +63,7 @@ def test_f23_what_goes_away_by_itself_is_waited_for(world: World, tmp_path: Path
 @pytest.mark.slow
 def test_no_photograph_of_a_normal_painting_is_refused(world: World, tmp_path: Path) -> None:
     """Fifty studios, with their own light, grain, hand and error of place."""
-    refused = {seed: paint(world, tmp_path / str(seed), Faults(), seed) for seed in range(50)}
+    paint(world, tmp_path / "first", Faults())
+    plan = next(iter(world.known.values()))
+    refused = {seed: paint(world, tmp_path / str(seed), Faults(), seed, plan) for seed in range(50)}
     assert {seed: pauses for seed, pauses in refused.items() if pauses} == {}

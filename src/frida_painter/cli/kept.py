@@ -12,11 +12,9 @@ from frida_painter.cli import goals
 from frida_painter.cli.real import Site
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, StorageError
-from frida_painter.session.easels import DIARY
 
 SETTINGS = "settings.json"
 GOAL = "goal"
-STUDIO = DIARY
 _MOST_BYTES = 2**20
 _GLIMPSES = 120
 

@@ -10,7 +10,7 @@ import torch
 import typer
 from rich.console import Console
 
-from frida_painter import images
+from frida_painter import images, storage
 from frida_painter.cli import goals, kept
 from frida_painter.cli.painting import fit_to_canvas
 from frida_painter.cli.progress import Forecast, PaintingProgress, duration
@@ -73,6 +73,7 @@ def resume(
             yes or confirm("The arm will lift and move aside to have the canvas photographed. Go on?", default=True)
         ):
             raise Interrupted("Nothing was moved; the painting stays as it is.")
+        storage.clear_leftovers(folder)
         started = time.monotonic()
         stop = stack.enter_context(stopping())
         settle_threads()
