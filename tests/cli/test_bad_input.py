@@ -96,7 +96,7 @@ def photo(tmp_path: Path) -> str:
         (("--palette", "odd.toml"), ("--colors",)),
         (("--palette", "odd.json"), ("paint 2: 'red' is not a colour",)),
         (("--palette", "two.json", "--colors", "3"), ("two.json has 2 paints, and 3 are wanted",)),
-        (("--palette", "photo.png", "--colors", "2"), ("not one even colour",)),
+        (("--palette", "photo.png", "--colors", "2"), ("40 x 30 pixels is too small", "photograph it from nearer")),
     ],
 )  # fmt: skip
 def test_wishes_that_cannot_be_fulfilled(

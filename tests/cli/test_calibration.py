@@ -135,7 +135,7 @@ def test_a_foreign_record_is_refused(
 ) -> None:
     status, _, err = run("paint", photo, "--strokes", 5, "--calibration", record, "--render-height", 64, *studio)
     assert status == 2 and says in err and err.count("\n") == 1
-    assert not (record.parent / "paintings").exists(), "nothing was begun"
+    assert not list(record.parent.glob("paintings/*/journal")), "nothing was begun"
     status, out, _ = run("doctor", "--record", record, *studio)
     assert status == 1 and says in out
 
