@@ -86,8 +86,8 @@ def check(world: World, folder: Path, moment: Callable[[dict[str, Any]], bool], 
     before = killed(world, folder, moment)
     canvas = resumed(world, folder)
     if before.in_doubt is None:
-        # A brush that was cleaned and dipped leaves marks that differ by a hair.
-        assert off(canvas, undisturbed) < 0.002
+        # A brush that was cleaned and dipped leaves other marks, and what is seen of them moves later strokes a little.
+        assert off(canvas, undisturbed) < 0.01
     else:
         # Without one stroke of twelve, the rest is planned otherwise and comes as near to the goal.
         assert world.planner.judge(canvas) < 1.35 * undisturbed.loss
