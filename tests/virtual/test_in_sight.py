@@ -20,7 +20,6 @@ def test_a_hand_lies_in_the_photographs_named_from_the_lower_edge_to_its_place()
     before, during, after = photographs(Faults(in_sight=(InSight("hand", 1, 1, place=(0.4, 0.5)),)))
     covered = np.abs(during - before).max(2) > 40
     assert 0.1 < covered.mean() < 0.6 and covered[-1].any() and covered[120, 128]
-    assert covered[0].sum() < covered[-1].sum(), "it comes from below"
     assert (np.abs(after - before).max(2) > 40).mean() < 0.001
 
 
