@@ -53,9 +53,9 @@ def imports(*, inside_functions: bool) -> dict[str, list[str]]:
 
 
 def loaded_when_connecting() -> set[str]:
-    """Files that no other imports but inside its functions: all that they import comes only then."""
+    """Files that others import only inside functions, or with files of which that is true: they come only then."""
     with_files, in_functions = imports(inside_functions=False), imports(inside_functions=True)
-    late = {name for names in in_functions.values() for name in names}
+    late = {name for names in (*with_files.values(), *in_functions.values()) for name in names}
     while early := late & {name for file, names in with_files.items() if file not in late for name in names}:
         late -= early
     return late

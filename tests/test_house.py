@@ -9,7 +9,7 @@ import frida_painter
 
 ROOT = Path(frida_painter.__file__).parent
 LAYERS = (
-    ("errors", "storage", "weights", "images"),
+    ("errors", "storage", "weights", "images", "video"),
     (
         "frames",
         "strokes",

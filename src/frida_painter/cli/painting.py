@@ -1,7 +1,8 @@
 """The commands that make and show paintings: paint, plan, render."""
 
+import sys
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,7 +22,7 @@ from frida_painter.cli.stopping import stopping
 from frida_painter.cli.virtual import PaceOption, PlacementErrorOption, read_placement_error
 from frida_painter.cli.wells import AskOption, PaletteOption, Wells, read_palette
 from frida_painter.config import PaintingSettings
-from frida_painter.errors import ConfigError, Interrupted
+from frida_painter.errors import ConfigError, FridaError, Interrupted
 from frida_painter.frames import PixelGrid
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
@@ -29,9 +30,12 @@ from frida_painter.render import render as render_strokes
 from frida_painter.report.palette_sheet import palette_sheet
 from frida_painter.report.recorder import Recorder
 from frida_painter.session.easel_process import EaselProcess
+from frida_painter.session.easels import SAWYER_SIM
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PHOTOGRAPH_ROWS, Rhythm
 from frida_painter.session.opening import on_record, open_planner, open_session, settle_threads
+from frida_painter.virtual.sawyer.opengl import NONE as NO_OPENGL
+from frida_painter.virtual.sawyer.opengl import headless_opengl
 
 Photo = Annotated[
     Path | None,
@@ -170,6 +174,9 @@ def paint(
     wanted, target, chosen = _prepare(photo, settings, {**locals(), "canvas": site.canvas(canvas)})
     console = Console(stderr=True, highlight=False)
     how = kept.Kept(chosen, calibration, placement_error, film, site)
+    filming = film and robot == SAWYER_SIM
+    if filming and headless_opengl() is None:
+        print(NO_OPENGL, file=sys.stderr)
     error = read_placement_error(placement_error)
     glimpses = how.glimpses
     with ExitStack() as stack:
@@ -180,7 +187,7 @@ def paint(
         planner = open_planner(chosen, wanted.goal, calibration)
         tell_encoders(planner.encoders)
         folder = _new_folder(out, wanted.name, needed=200 * 2**20)
-        wish = order(chosen, planner.model.brush, folder, error, pace, site)
+        wish = order(chosen, planner.model.brush, folder, error, pace, site, film_arm=filming)
         easel = on_record(process.open(wish), calibration, site.needed)
         stop.at_once = easel.robot.stop
         stack.enter_context(process.hearing_signals())
@@ -217,6 +224,8 @@ def paint(
         )
         ending = to_its_end(session, lambda: session.run(chosen.strokes, chosen.colors), hear)
         bar.say("finishing the film and the page")
+        with suppress(FridaError):  # whatever is wrong with it was said before
+            easel.robot.close()  # a film of it ends here
         page = None if ending.painting is None else recorder.finish(ending.painting)
     tell(folder, page, ending.painting, chosen.strokes, time.monotonic() - started)
     ending.conclude(stop)

@@ -24,7 +24,8 @@ RobotOption = Annotated[
     typer.Option(
         "--robot",
         metavar="NAME",
-        help="Who paints: virtual, human, xarm:ADDRESS, gcode:PORT, marlin:PORT, axidraw, ros or rosbridge:HOST.",
+        help="Who paints: virtual; sawyer-sim, the paper's arm with its weight, its friction and a film of it; human, "
+        "xarm:ADDRESS, gcode:PORT, marlin:PORT, axidraw, ros or rosbridge:HOST.",
     ),
 ]
 CameraOption = Annotated[

@@ -18,7 +18,7 @@ from frida_painter.errors import CameraError, FridaError, Interrupted, PaintingP
 from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.report.recorder import Occasion
 from frida_painter.session.easel_process import state_folder
-from frida_painter.session.easels import EaselOrder
+from frida_painter.session.easels import ARM_FILM, TITLES, EaselOrder
 from frida_painter.session.events import Notify, Paused, Stopped
 from frida_painter.session.loop import Painting, PaintingSession
 from frida_painter.virtual.table import PlacementError
@@ -46,7 +46,7 @@ def occasion(
         ("Looks and replans", str(chosen.replans)),
         ("Planned at", f"{chosen.render_height} rows"),
         ("Seed", str(chosen.seed)),
-        ("Robot", "virtual studio" if site == VIRTUAL else site.robot),
+        ("Robot", TITLES.get(site.robot, site.robot)),
     )
     record = {
         **({"photo": first.name} if kind == "image" else {}),
@@ -65,10 +65,16 @@ def order(
     placement_error: PlacementError | None,
     pace: float,
     site: Site = VIRTUAL,
+    *,
+    film_arm: bool = False,
 ) -> EaselOrder:
-    """The easel that a painting is painted on: the virtual studio of its folder, or a real one."""
+    """The easel that a painting is painted on: the virtual studio of its folder, or a real one.
+
+    film_arm: whether a simulated arm is filmed at work.
+    """
     return EaselOrder(
         robot=site.robot,
+        film=film_arm,
         canvas=settings.canvas,
         brush=brush,
         seed=settings.seed,
@@ -172,6 +178,7 @@ def tell(folder: Path, page: Path | None, painting: Painting | None, of: int, se
         f"{begun} in {duration(seconds)}.",
         f"  The painting  {folder / 'painting.png'}",
         *([f"  The film      {folder / 'film.mp4'}"] if (folder / "film.mp4").exists() else []),
+        *([f"  The arm       {folder / ARM_FILM}"] if (folder / ARM_FILM).exists() else []),
         f"  The page      {page}",
         *([f"  To go on      frida-painter resume {folder}"] if painted < of else []),
     )

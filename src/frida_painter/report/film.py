@@ -1,34 +1,22 @@
 """The film of a painting: frames stream into an H.264 file that every browser plays."""
 
-import contextlib
-import subprocess
-import tempfile
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import cv2
-import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter import storage
-from frida_painter.errors import StorageError
+from frida_painter.video import RATE, VideoEncoder
 
 Color = tuple[float, float, float]
 
-RATE = 24
 SECONDS = 15.0
 HOLD = 2.0
 LONGEST = 1280
 _MOUNT = (244, 241, 235)
 _TRACK = (226, 221, 212)
-# Colours are tagged as what they are, or browsers show them a shade off; faststart puts the index first.
-_ENCODING = (
-    *("-vf", "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p", "-r", str(RATE)),
-    *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-color_range", "tv"),
-    *("-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-g", "60", "-movflags", "+faststart"),
-)
 
 
 class FilmWriter:
@@ -48,7 +36,7 @@ class FilmWriter:
         self._given = 0
         self._shown = 0
         self._stage: _Stage | None = None
-        self._encoder: _Encoder | None = None
+        self._encoder: VideoEncoder | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -60,7 +48,7 @@ class FilmWriter:
         """
         if self._stage is None or self._encoder is None:
             self._stage = _Stage(*frame.shape[:2])
-            self._encoder = _Encoder(self.path, self._stage.pixels, self._rate)
+            self._encoder = VideoEncoder(self.path, self._stage.pixels, self._rate)
         self._given += 1
         self._stage.show(frame, min(1.0, self._given / self._expected), color)
         # Of more frames than the film has room for, evenly spaced ones are shown.
@@ -75,72 +63,6 @@ class FilmWriter:
             for _ in range(round(HOLD * self._rate)):
                 self._encoder.send()
             self._encoder.finish()
-
-
-class _Encoder:
-    """The encoder's process, fed with the same array again and again; its file replaces `path` at the end."""
-
-    def __init__(self, path: Path, pixels: NDArray[np.uint8], rate: float) -> None:
-        self.running = False
-        self._path = path
-        self._pixels = pixels
-        self._file = contextlib.ExitStack()
-        rows, columns, _ = pixels.shape
-        temporary = self._file.enter_context(storage.replacing(path))
-        self._said = self._file.enter_context(tempfile.TemporaryFile())  # noqa: SIM115
-        arriving = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{columns}x{rows}", "-r", f"{rate:.4f}", "-i", "-")
-        try:
-            # A group of its own keeps a person's Ctrl-C away from it, so that the film can still be ended.
-            self._process = subprocess.Popen(
-                (imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *arriving, *_ENCODING, str(temporary)),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=self._said,
-                start_new_session=True,
-            )
-        except (OSError, RuntimeError) as cause:
-            raise self._failure(str(cause)) from cause
-        self.running = True
-
-    def send(self) -> None:
-        """Sends the array as it is now as one frame. Raises StorageError, and the film is gone."""
-        assert self._process.stdin is not None
-        try:
-            self._process.stdin.write(self._pixels.data)
-        except OSError as cause:
-            raise self._failure(str(cause)) from cause
-        except BaseException:
-            self._failure("interrupted within a frame")
-            raise
-
-    def finish(self) -> None:
-        """Waits until all is encoded and puts the file into its place. Raises StorageError."""
-        assert self._process.stdin is not None
-        try:
-            self._process.stdin.close()
-            status = self._process.wait()
-        except OSError as cause:
-            raise self._failure(str(cause)) from cause
-        if status != 0:
-            raise self._failure(f"the encoder ended with status {status}")
-        self.running = False
-        self._file.close()
-
-    def _failure(self, reason: str) -> StorageError:
-        """Ends the process, removes its unfinished file, and says why."""
-        if self.running:
-            self.running = False
-            self._process.kill()
-            self._process.wait()
-            if self._process.stdin is not None:
-                with contextlib.suppress(OSError):
-                    self._process.stdin.close()
-            self._said.seek(0)
-            reason = " ".join(self._said.read().decode("utf-8", "replace").split())[-200:] or reason
-        failure = StorageError(f"The film {self._path} cannot be written ({reason}); is there space in its folder?")
-        with contextlib.suppress(StorageError):
-            self._file.__exit__(type(failure), failure, None)
-        return failure
 
 
 class _Stage:

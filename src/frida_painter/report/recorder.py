@@ -25,6 +25,7 @@ from frida_painter.report.page import write_page
 from frida_painter.report.palette_sheet import palette_sheet
 from frida_painter.report.sketchbook import Sketchbook
 from frida_painter.report.story import Comparison, Download, Look, Phase, Story, compare, paints
+from frida_painter.session.easels import ARM_FILM
 from frida_painter.session.events import (
     Dipped,
     Event,
@@ -270,6 +271,7 @@ class Recorder:
             facts=facts,
             downloads=_DOWNLOADS,
             stopped=self._stopped,
+            arm_film=ARM_FILM if (self.folder / ARM_FILM).exists() else None,
         )
 
     def _mishaps(self) -> tuple[tuple[str, str], ...]:

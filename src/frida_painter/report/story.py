@@ -97,6 +97,7 @@ class Story:
     facts: tuple[tuple[str, str], ...] = ()
     downloads: tuple[Download, ...] = ()
     stopped: bool = False
+    arm_film: str | None = None
     mixing_sheet: str | None = None
 
 

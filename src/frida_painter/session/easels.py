@@ -4,6 +4,7 @@ A simulated robot joins with one line in `OPENERS`, a real one in machines.py; e
 process, stop, latch and lock, is the same for all.
 """
 
+import contextlib
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -22,11 +23,12 @@ from frida_painter.session.desk import Desk
 from frida_painter.session.machines import CAMERAS, MACHINES, MachineName, camera_named, robot_named
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.kernels import load_kernels
-from frida_painter.virtual.studio import StudioSettings, open_studio
+from frida_painter.virtual.studio import FREE, SAWYER, StudioSettings, VirtualStudio, open_studio
 from frida_painter.virtual.table import PlacementError
 
 DIARY = "studio.diary"
 STOP_FILE = "stop"
+ARM_FILM = "arm.mp4"
 
 
 @dataclass(frozen=True)
@@ -36,8 +38,8 @@ class EaselOrder:
     robot: its name in `OPENERS`, or a real one as session/machines.py names it; canvas, brush, seed: as
     the painting's settings say; state: the folder in which stops are latched and robots locked; folder:
     of the painting, where the stop file is looked for and a virtual studio keeps its diary; pace,
-    placement_error, faults: of a virtual studio;
-    workspace, camera: of a real easel, its file and its camera's name.
+    placement_error, faults: of a virtual studio; film: whether a simulated arm is filmed at work, into
+    that folder; workspace, camera: of a real easel, its file and its camera's name.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -53,6 +55,7 @@ class EaselOrder:
     faults: Faults = field(default=NO_FAULTS)
     workspace: Path | None = None
     camera: str = ""
+    film: bool = False
 
     def record(self) -> dict[str, Any]:
         """The order as plain values."""
@@ -108,15 +111,35 @@ def lock_path(state: Path, name: str) -> Path:
 
 
 def _open_virtual(order: EaselOrder) -> OpenEasel:
+    studio = _studio(order, FREE)
+    return OpenEasel(studio.easel, studio.close)
+
+
+def _open_sawyer(order: EaselOrder) -> OpenEasel:
+    studio = _studio(order, SAWYER)
+    if order.film and order.folder is not None:
+        with contextlib.suppress(ImportError):  # connecting the arm says what to install
+            from frida_painter.virtual.sawyer.film import ArmFilm
+
+            place = studio.easel.workspace
+            studio.robot.watcher = ArmFilm(order.folder / ARM_FILM, place, order.canvas, studio.table)
+
+    def close() -> None:
+        studio.robot.watcher.close()
+        studio.close()
+
+    return OpenEasel(studio.easel, close)
+
+
+def _studio(order: EaselOrder, arm: str) -> VirtualStudio:
     load_kernels(order.brush)
-    studio = open_studio(
+    return open_studio(
         order.canvas,
         order.brush,
         seed=order.seed,
-        settings=StudioSettings(placement_error=order.placement_error, pace=order.pace, faults=order.faults),
+        settings=StudioSettings(arm=arm, placement_error=order.placement_error, pace=order.pace, faults=order.faults),
         state=None if order.folder is None else order.folder / DIARY,
     )
-    return OpenEasel(studio.easel, studio.close)
 
 
 def _open_real(order: EaselOrder) -> OpenEasel:
@@ -162,6 +185,12 @@ def _open_by_hand(order: EaselOrder) -> OpenEasel:
     return OpenEasel(easel, lambda: None)
 
 
-HUMAN = "human"
-OPENERS: Mapping[str, Callable[[EaselOrder], OpenEasel]] = {HUMAN: _open_by_hand, "virtual": _open_virtual}
-SIMULATED = frozenset({"virtual"})
+HUMAN, VIRTUAL, SAWYER_SIM = "human", "virtual", "sawyer-sim"
+OPENERS: Mapping[str, Callable[[EaselOrder], OpenEasel]] = {
+    HUMAN: _open_by_hand,
+    VIRTUAL: _open_virtual,
+    SAWYER_SIM: _open_sawyer,
+}
+SIMULATED = frozenset({VIRTUAL, SAWYER_SIM})
+TITLES: Mapping[str, str] = {VIRTUAL: "virtual studio", SAWYER_SIM: "Rethink Sawyer, simulated"}
+"""What pages call a simulated robot."""

@@ -40,11 +40,43 @@ class Way:
 
 @dataclass(frozen=True)
 class Course:
-    """What the tip really did: its places [n, 3] in metres, how many seconds that took, whether it was stopped."""
+    """What the tip really did: its places [n, 3] in metres, how many seconds that took, whether it was stopped.
+
+    An arm with joints also tells, for each of these places, where the tip was meant to be at that
+    moment, and the angles of its joints [n, joints] (rad); these moments are then evenly spaced.
+    """
 
     places: NDArray[np.float64]
     seconds: float
     stopped: bool = False
+    meant: NDArray[np.float64] | None = None
+    angles: NDArray[np.float64] | None = None
+
+
+class Watcher(Protocol):
+    """Whoever looks on while an arm works."""
+
+    def open(self) -> None:
+        """Gets ready, before anything moves."""
+
+    def watch(self, course: Course) -> None:
+        """Sees a motion that has just been made, with what it left on the canvas."""
+
+    def close(self) -> None:
+        """Has seen enough."""
+
+
+class Nobody:
+    """Looks on where nobody does."""
+
+    def open(self) -> None:
+        """Needs nothing."""
+
+    def watch(self, course: Course) -> None:
+        """Sees nothing."""
+
+    def close(self) -> None:
+        """Nothing was seen."""
 
 
 class Arm(Protocol):

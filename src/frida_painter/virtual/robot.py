@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped, WorkspaceViolation
 from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter.virtual.arm import Arm, Way
+from frida_painter.virtual.arm import Arm, Nobody, Watcher, Way
 from frida_painter.virtual.diary import Note, unnoted
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.stand import Stand
@@ -31,13 +31,14 @@ class VirtualRobot:
 
     pace: seconds that a second of its motions really takes: 1 moves as a robot would, 0 as fast as can
     be computed. faults, motions: what goes wrong, and how many motions were begun; note: told of the
-    state of the arm after every motion.
+    state of the arm after every motion; watcher: looks on.
     """
 
     def __init__(self, table: Table, stand: Stand, arm: Arm, clock: Clock, pace: float = 0.0) -> None:
         self.faults: Faults = NO_FAULTS
         self.motions = 0
         self.note: Note = unnoted
+        self.watcher: Watcher = Nobody()
         self._table, self._workspace, self._arm, self._clock = table, stand.workspace, arm, clock
         self._pace = pace
         self._home = np.array(stand.home)
@@ -49,6 +50,7 @@ class VirtualRobot:
         """Switches the robot on; doing it twice changes nothing. Raises RobotError where its arm cannot be had."""
         if not self._connected:
             self._arm.connect(self._tip)
+            self.watcher.open()
         self._connected = True
 
     def remember(self, tip: NDArray[np.float64]) -> None:
@@ -99,6 +101,7 @@ class VirtualRobot:
         self._tip = course.places[-1].copy()
         if state := self._arm.state():
             self.note({"did": "arm", "state": list(state)})
+        self.watcher.watch(course)
         if course.stopped:
             self._require_armed(waypoints.label)
         if error is not None:
@@ -111,9 +114,10 @@ class VirtualRobot:
         self._stopped.set()
 
     def close(self) -> None:
-        """Switches the robot off."""
+        """Switches the robot off; whoever looked on has seen all."""
         if self._connected:
             self._arm.close()
+            self.watcher.close()
         self._connected = False
 
     def _as_it_goes(self, waypoints: Waypoints, number: int) -> tuple[Way, RobotError | None]:

@@ -15,6 +15,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.reach import Reach
 from frida_painter.virtual.arm import Arm, FreeArm
 from frida_painter.virtual.attendant import StudioAttendant
 from frida_painter.virtual.bristles import Tuft
@@ -28,6 +29,7 @@ from frida_painter.virtual.history import faults_entry, relive
 from frida_painter.virtual.paint import to_linear, to_srgb
 from frida_painter.virtual.robot import Clock, VirtualRobot
 from frida_painter.virtual.sawyer.arm import SawyerArm
+from frida_painter.virtual.sawyer.reach import SawyerReach
 from frida_painter.virtual.stand import Stand, free_stand, sawyer_stand
 from frida_painter.virtual.table import HandNoise, PlacementError, Table
 
@@ -123,7 +125,7 @@ class VirtualStudio:
             ground=to_linear(np.array(settings.ground)), drying_rate=_FILM / settings.drying_time, random=for_canvas,
         )  # fmt: skip
         self.placement_error = settings.placement_error or PlacementError.drawn_from(for_error)
-        stand, arm, noise = _with_arm(settings.arm, canvas, brush, seed)
+        stand, arm, noise, reach = _with_arm(settings.arm, canvas, brush, seed)
         touch_height = stand.workspace.canvas_origin[2]
         self.touch_height = touch_height + settings.rise
         tuft = Tuft(brush, for_brush)
@@ -148,7 +150,7 @@ class VirtualStudio:
         checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
         self._attendant = StudioAttendant(self.table, checker, self._fresh_canvas)
         self.easel = Easel(
-            self.robot, self.camera, self._attendant, stand.workspace, calibration, canvas, simulated=True
+            self.robot, self.camera, self._attendant, stand.workspace, calibration, canvas, reach, simulated=True
         )
         self._diary, self._note = diary, unnoted
         if diary is not None:
@@ -233,9 +235,12 @@ def _furnishing(canvas: CanvasSize, brush: str, settings: StudioSettings, seed: 
     return {"canvas": asdict(canvas), "brush": brush, "seed": seed, **furniture}
 
 
-def _with_arm(arm: str, canvas: CanvasSize, brush: BristleBrush, seed: int) -> tuple[Stand, Arm, HandNoise]:
-    """The stand, the arm and the noise of the hand that go with the arm of that name."""
+def _with_arm(
+    arm: str, canvas: CanvasSize, brush: BristleBrush, seed: int
+) -> tuple[Stand, Arm, HandNoise, Reach | None]:
+    """What goes with the arm of that name: the stand, the arm, the noise of its hand, and its reach."""
     if arm == SAWYER:
         stand = sawyer_stand(canvas, brush)
-        return stand, SawyerArm(stand.workspace, canvas, seed), HandNoise(0.0, 0.0)
-    return free_stand(canvas, brush), FreeArm(), HandNoise()
+        sawyer = SawyerArm(stand.workspace, canvas, seed)
+        return stand, sawyer, HandNoise(0.0, 0.0), SawyerReach(stand.workspace, canvas)
+    return free_stand(canvas, brush), FreeArm(), HandNoise(), None

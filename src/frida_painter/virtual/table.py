@@ -93,7 +93,7 @@ class Table:
         self._error, self._noise, self._random = error, noise, random
         self._center = np.array([canvas.width, canvas.height]) / 2 / _MM
         self.tip = np.full(2, -np.inf)
-        self.base = self._depth_on_canvas(np.zeros((1, 3)))[0, :2]
+        self.base = self.on_canvas(np.zeros((1, 3)))[0, :2]
 
     def lay(self, canvas: Canvas) -> None:
         """Takes the canvas away and lays this one where the first lay before anybody knocked against it."""
@@ -105,7 +105,7 @@ class Table:
         """The tip goes along a polyline [k, 3] (metres, robot frame), arriving at time `now` (s)."""
         self._feel(faults.bumps)
         touches = self.touches
-        on_canvas = self._depth_on_canvas(path)
+        on_canvas = self.on_canvas(path)
         self.tip = on_canvas[-1, :2]
         near = on_canvas[:, 2] > 0
         if (near[1:] | near[:-1]).any():
@@ -124,7 +124,7 @@ class Table:
                 x, y = self.knock.shift
                 self.knock = PlacementError((x + bump.shift[0], y + bump.shift[1]), self.knock.turn + bump.turn)
 
-    def _depth_on_canvas(self, path: NDArray[np.float64]) -> NDArray[np.float64]:
+    def on_canvas(self, path: NDArray[np.float64]) -> NDArray[np.float64]:
         """Robot frame [k, 3] to the true canvas: x, y in mm, depth (0 lightest touch, 1 hardest press)."""
         workspace = self._workspace
         cos, sin = math.cos(workspace.canvas_angle), math.sin(workspace.canvas_angle)

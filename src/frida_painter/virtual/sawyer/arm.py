@@ -68,8 +68,11 @@ class SawyerArm:
             raise WorkspaceViolation(
                 f"{way.label}: {hindrance}. The arm did not move; bring what is to be reached nearer to it."
             )
-        course = body.track(angles, self._timing.period, stopped, pace)
-        return Course(course.places, course.seconds, course.stopped)
+        track = body.track(angles, self._timing.period, stopped, pace)
+        # After a stop it brakes, meant to be nowhere else than where it was stopped.
+        braking = np.repeat(places[-1:], max(0, len(track.places) - len(places)), axis=0)
+        meant = np.concatenate([places, braking])[: len(track.places)]
+        return Course(track.places, track.seconds, track.stopped, meant, track.angles)
 
     def state(self) -> Sequence[float]:
         """All that the physics of the next motion follows from."""

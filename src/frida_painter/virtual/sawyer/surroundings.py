@@ -20,6 +20,8 @@ _PLANKS, _PLANK_PIXELS = "planks", 512
 _THICKNESS = 0.018
 _FLOOR = -0.78
 _WELL_RADIUS, _WELL_WALL = 0.0175, 0.0025
+# Things of this group are not drawn.
+_UNUSED = 4
 _EMPTY = (0.93, 0.92, 0.90, 1.0)
 
 
@@ -37,7 +39,7 @@ class Surroundings:
         self._add_table(spec)
         self._add_canvas(spec)
         for number, well in enumerate(self.workspace.wells):
-            self._add_bowl(spec, f"well {number}", well, _WELL_RADIUS)
+            self._add_bowl(spec, f"well {number}", well, _WELL_RADIUS, group=_UNUSED)
         self._add_bowl(spec, "water", self.workspace.water, 0.042, rgba=(0.55, 0.68, 0.74, 1))
         self._add_rag(spec)
         model = spec.compile()
@@ -52,16 +54,16 @@ class Surroundings:
         spec.visual.headlight.ambient = (0.42, 0.42, 0.43)
         spec.visual.headlight.diffuse = (0.18, 0.18, 0.18)
         spec.visual.headlight.specular = (0.0, 0.0, 0.0)
-        spec.visual.quality.shadowsize = 4096
+        spec.visual.quality.shadowsize = 2048
         spec.visual.quality.offsamples = 4
         spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 1280
         spec.visual.map.znear = 0.02
         spec.stat.center, spec.stat.extent = (0.45, 0.0, 0.2), 1.5
         spec.add_texture(
             type=mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-            rgb1=(0.90, 0.90, 0.88), rgb2=(0.60, 0.61, 0.62), width=256, height=256 * 6,
+            rgb1=(0.93, 0.93, 0.92), rgb2=(0.72, 0.71, 0.70), width=256, height=256 * 6,
         )  # fmt: skip
-        spec.add_material(name="floor", rgba=(0.60, 0.59, 0.57, 1), reflectance=0.06, specular=0.1)
+        spec.add_material(name="floor", rgba=(0.80, 0.79, 0.77, 1), specular=0.1)
         self._stand(spec, mjtGeom.mjGEOM_PLANE, (6, 6, 0.1), (0, 0, _FLOOR), material="floor")
         self._stand(spec, mjtGeom.mjGEOM_CYLINDER, (0.09, -_FLOOR / 2), (0, 0, _FLOOR / 2), material="black")
         self._stand(spec, mjtGeom.mjGEOM_CYLINDER, (0.27, 0.015), (0, 0, _FLOOR + 0.015), material="black")
@@ -84,7 +86,7 @@ class Surroundings:
             name=_PLANKS, type=mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
             width=_PLANK_PIXELS, height=_PLANK_PIXELS, nchannel=3,
         )  # fmt: skip
-        table = spec.add_material(name="table", specular=0.25, shininess=0.35, reflectance=0.03, texrepeat=(1, 1))
+        table = spec.add_material(name="table", specular=0.25, shininess=0.35, texrepeat=(1, 1))
         table.textures[mjtTextureRole.mjTEXROLE_RGB] = _PLANKS
         top = (middle[0], middle[1], self._table_top - 0.018)
         board = self._stand(spec, mjtGeom.mjGEOM_BOX, (half[0], half[1], 0.018), top, material="table", name="table")
@@ -114,15 +116,30 @@ class Surroundings:
         self._stand(spec, mjtGeom.mjGEOM_PLANE, (*half, 0.01), (x, y, z), quat=turned, material=CANVAS)
 
     def _add_bowl(
-        self, spec: mujoco.MjSpec, name: str, place: Point, radius: float, rgba: tuple[float, ...] = _EMPTY
-    ) -> None:
-        """A bowl of glazed clay; `name` is the surface of what is in it."""
+        self, spec: mujoco.MjSpec, name: str, place: Point, radius: float, rgba: tuple[float, ...] = _EMPTY,
+        group: int = 1,
+    ) -> None:  # fmt: skip
+        """A bowl of glazed clay called "NAME bowl"; `name` is the surface of what is in it."""
         x, y, z = place
         tall = (z - 0.002 - self._table_top) / 2
         at = (x, y, self._table_top + tall)
-        self._stand(spec, mjtGeom.mjGEOM_CYLINDER, (radius + _WELL_WALL, tall), at, material="white")
         self._stand(
-            spec, mjtGeom.mjGEOM_CYLINDER, (radius, 0.001), (x, y, self._table_top + 2 * tall), name=name, rgba=rgba
+            spec,
+            mjtGeom.mjGEOM_CYLINDER,
+            (radius + _WELL_WALL, tall),
+            at,
+            name=f"{name} bowl",
+            material="white",
+            group=group,
+        )
+        self._stand(
+            spec,
+            mjtGeom.mjGEOM_CYLINDER,
+            (radius, 0.001),
+            (x, y, self._table_top + 2 * tall),
+            name=name,
+            rgba=rgba,
+            group=group,
         )
 
     def _add_rag(self, spec: mujoco.MjSpec) -> None:
@@ -152,7 +169,9 @@ class Surroundings:
     ) -> mujoco.MjsGeom:
         """Puts a thing there that nothing bumps into."""
         full = (*size, *(0.0,) * (3 - len(size)))
-        return spec.worldbody.add_geom(type=kind, size=full, pos=place, contype=0, conaffinity=0, group=1, **look)
+        return spec.worldbody.add_geom(
+            type=kind, size=full, pos=place, contype=0, conaffinity=0, **{"group": 1, **look}
+        )
 
 
 def paper(model: mujoco.MjModel, texture: str, picture: NDArray[np.uint8]) -> int:
@@ -161,6 +180,12 @@ def paper(model: mujoco.MjModel, texture: str, picture: NDArray[np.uint8]) -> in
     first = model.tex_adr[number]
     model.tex_data[first : first + picture.size] = picture.reshape(-1)
     return int(number)
+
+
+def fill(model: mujoco.MjModel, well: int) -> None:
+    """Puts the bowl of that paint well onto the table; empty ones are not drawn."""
+    for thing in (f"well {well}", f"well {well} bowl"):
+        model.geom_group[model.geom(thing).id] = 1
 
 
 def _planks() -> NDArray[np.uint8]:

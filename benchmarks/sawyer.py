@@ -1,0 +1,84 @@
+"""How exactly and how fast the simulated Sawyer follows a painting: python benchmarks/sawyer.py [PLAN]
+
+Paints every stroke of a plan (without one, 200 drawn at random from the brush's limits) with dips
+between them, and prints the tip's tracking error in the canvas's plane while the brush touches, and how many
+seconds of the arm's own time pass in one second of one core, inverse kinematics included.
+"""
+
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.frames import CanvasSize
+from frida_painter.hardware.motion import Motion
+from frida_painter.plan import Plan
+from frida_painter.strokes import Strokes
+from frida_painter.virtual.arm import Way
+from frida_painter.virtual.brushes import brush_named
+from frida_painter.virtual.sawyer.arm import SawyerArm
+from frida_painter.virtual.stand import sawyer_stand
+from frida_painter.virtual.studio import SAWYER, StudioSettings, open_studio
+
+_STROKES, _PER_DIP = 200, 4
+
+
+def random_strokes(brush: str, canvas: CanvasSize, count: int) -> Strokes:
+    """Strokes all over the canvas, drawn evenly from what the brush paints well."""
+    limits = brush_kind(brush).limits
+    draw = np.random.default_rng(0).uniform
+    shortest, longest = limits.length
+    return Strokes(
+        position=torch.tensor(draw((0.03, 0.03), (canvas.width - 0.03, canvas.height - 0.03), (count, 2))).float(),
+        angle=torch.tensor(draw(-np.pi, np.pi, count)).float(),
+        length=torch.tensor(draw(shortest, longest, count)).float(),
+        bend=torch.tensor(draw(*limits.bend, count)).float(),
+        thickness=torch.tensor(draw(0, 1, count)).float(),
+        color=torch.zeros(count, 3),
+    )
+
+
+def main() -> None:
+    if len(sys.argv) > 1:
+        plan = Plan.load(Path(sys.argv[1]))
+        strokes, canvas, brush = plan.strokes, plan.canvas, plan.brush
+    else:
+        canvas, brush = CanvasSize(14 * 0.0254, 11 * 0.0254), "broad"
+        strokes = random_strokes(brush, canvas, _STROKES)
+    stand = sawyer_stand(canvas, brush_named(brush))
+    calibration = open_studio(canvas, brush, settings=StudioSettings(arm=SAWYER)).easel.calibration
+    motion = Motion(stand.workspace, calibration)
+    arm, tip, stopped = SawyerArm(stand.workspace, canvas, seed=0), np.array(stand.home), threading.Event()
+    arm.connect(tip)
+    plane, depth, seconds, spent = [], [], 0.0, 0.0
+    for index in range(len(strokes)):
+        ways = [motion.stroke(strokes, index)]
+        if index % _PER_DIP == 0:
+            ways.insert(0, motion.dip(index // _PER_DIP % 12))
+        for waypoints in ways:
+            path = np.concatenate([tip[None], waypoints.position])
+            begun = time.process_time()
+            course = arm.move(Way(waypoints.label, path, waypoints.speed, stand.workspace.travel_speed), stopped, 0.0)
+            spent += time.process_time() - begun
+            seconds, tip = seconds + course.seconds, course.places[-1]
+            assert course.meant is not None
+            touching = course.places[:, 2] <= calibration.touch_height
+            if waypoints.label.startswith("stroke"):
+                off = (course.places - course.meant)[touching] * 1000
+                plane.append(np.hypot(off[:, 0], off[:, 1]))
+                depth.append(np.abs(off[:, 2]))
+    across, down = np.concatenate(plane), np.concatenate(depth)
+    print(
+        f"{len(strokes)} strokes, {seconds:.0f} s of the arm's time in {spent:.1f} s of one core: "
+        f"{seconds / spent:.1f} times real time"
+    )
+    print(f"tip's tracking error in the canvas's plane: mean {across.mean():.3f} mm, worst {across.max():.3f} mm")
+    print(f"tip's tracking error in depth:              mean {down.mean():.3f} mm, worst {down.max():.3f} mm")
+
+
+if __name__ == "__main__":
+    main()
