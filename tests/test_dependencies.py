@@ -1,6 +1,7 @@
 """What the package imports is what it declares: nothing comes in because something else happened to bring it."""
 
 import ast
+import functools
 import re
 import subprocess
 import sys
@@ -30,6 +31,7 @@ def extras() -> set[str]:
     return {plain(name) for extra, names in optional.items() if extra != "dev" for name in names}
 
 
+@functools.cache
 def imports(*, inside_functions: bool) -> dict[str, list[str]]:
     """What every file of the package imports, by its dotted name: with the file itself, or inside its functions."""
     found = {}
