@@ -1,0 +1,46 @@
+"""The simulated Sawyer from the command line, whole."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from skimage import data
+
+from frida_painter import cli, images
+
+pytest.importorskip("mink")
+SMALL = ("--render-height", "64", "--effort", "0.05", "--strokes", "6", "--colors", "1", "--robot", "sawyer-sim")
+
+
+@pytest.fixture
+def painting(tmp_path, monkeypatch, coarse_brush):
+    """painting(word, ...): the command's exit status, after painting a small photograph into `painted`."""
+    monkeypatch.chdir(tmp_path)
+    images.save(images.from_uint8(data.coffee()[::4, ::4].copy()), tmp_path / "photo.png")
+
+    def painting(*words):
+        monkeypatch.setattr(sys, "argv", ["frida-painter", "paint", "photo.png", *SMALL, *words, "--out", "painted"])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        return end.value.code or 0
+
+    return painting
+
+
+def test_it_paints_and_is_filmed_at_work(painting, capsys):
+    assert painting("--canvas", "200x150mm", "--replans", "1") == 0
+    folder, said = Path("painted"), capsys.readouterr()
+    assert json.loads((folder / "result.json").read_text())["strokes_painted"] == 6
+    assert json.loads((folder / "settings.json").read_text())["robot"] == "sawyer-sim"
+    page = (folder / "index.html").read_text()
+    assert "Rethink Sawyer, simulated" in page
+    # Where no OpenGL draws there is a painting, and no film of the arm.
+    assert ("arm.mp4" in page) == ("arm.mp4" in said.out) == (folder / "arm.mp4").exists()
+
+
+def test_a_canvas_out_of_its_reach_is_refused_before_anything_moves(painting, capsys):
+    assert painting("--canvas", "900x900mm", "--replans", "0", "--no-film") == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "the arm does not reach" in said
+    assert "Nothing was sent to the robot" in said
