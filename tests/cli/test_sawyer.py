@@ -10,7 +10,7 @@ from skimage import data
 from frida_painter import cli, images
 
 pytest.importorskip("mink")
-SMALL = ("--render-height", "64", "--effort", "0.05", "--strokes", "6", "--colors", "1", "--robot", "sawyer-sim")
+SMALL = ("--render-height", "64", "--effort", "0.05", "--strokes", "4", "--colors", "1", "--robot", "sawyer-sim")
 
 
 @pytest.fixture
@@ -28,15 +28,14 @@ def painting(tmp_path, monkeypatch, coarse_brush):
     return painting
 
 
-def test_it_paints_and_is_filmed_at_work(painting, capsys):
-    assert painting("--canvas", "200x150mm", "--replans", "1") == 0
-    folder, said = Path("painted"), capsys.readouterr()
-    assert json.loads((folder / "result.json").read_text())["strokes_painted"] == 6
+def test_it_paints_looks_and_paints_the_rest(painting):
+    assert painting("--canvas", "200x150mm", "--replans", "1", "--no-film") == 0
+    folder = Path("painted")
+    assert json.loads((folder / "result.json").read_text())["strokes_painted"] == 4
     assert json.loads((folder / "settings.json").read_text())["robot"] == "sawyer-sim"
     page = (folder / "index.html").read_text()
     assert "Rethink Sawyer, simulated" in page
-    # Where no OpenGL draws there is a painting, and no film of the arm.
-    assert ("arm.mp4" in page) == ("arm.mp4" in said.out) == (folder / "arm.mp4").exists()
+    assert "The arm at work" not in page
 
 
 def test_a_canvas_out_of_its_reach_is_refused_before_anything_moves(painting, capsys):
