@@ -6,6 +6,8 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -22,16 +24,18 @@ from session.easel_errands import PAINTS, easel_of, moves, order_in, paint, stro
 pytestmark = pytest.mark.slow
 
 STUDIO = "virtual studio 3"
-# A painting process that paints one stroke after another and says so.
+# A painting process that paints one stroke after another, at so many m/s, and says so.
 PAINTER = """
 import sys, pathlib
+from dataclasses import replace
 from session.easel_errands import PAINTS, dip, easel_of, order_in, stroke
 with easel_of(order_in(pathlib.Path(sys.argv[1]), pace=1.0)) as (easel, process):
     easel.attendant.fill_wells(PAINTS)
     easel.robot.follow(dip(easel, 0))
     for number in range(6):
+        path = replace(stroke(easel, number), speed=float(sys.argv[2]))
         print(number, process._process.pid, flush=True)
-        easel.robot.follow(stroke(easel, number))
+        easel.robot.follow(path)
 """
 
 
@@ -44,15 +48,21 @@ def gone(entry: dict) -> float:
     return float(np.linalg.norm(np.diff(np.array(entry["path"]), axis=0), axis=1).sum())
 
 
-def painter(folder: Path) -> subprocess.Popen[str]:
+@contextmanager
+def painter(folder: Path, speed: float = 0.06) -> Iterator[subprocess.Popen[str]]:
+    """The painting process; whatever becomes of the test, it is gone afterwards, even where it was held up."""
     tests = str(Path(__file__).parents[1])
-    return subprocess.Popen(
-        [sys.executable, "-c", PAINTER, str(folder)],
+    with subprocess.Popen(
+        [sys.executable, "-c", PAINTER, str(folder), str(speed)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join([tests, os.environ.get("PYTHONPATH", "")])},
-    )
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 @pytest.mark.parametrize("way", ["line", "file"])
@@ -104,11 +114,10 @@ def test_f8_stop_within_a_stroke_acts_at_once_and_f9_holds_until_a_person_re_arm
 
 def test_f12_a_painting_process_that_is_held_up_has_its_robot_stopped_within_three_seconds(tmp_path: Path) -> None:
     folder = tmp_path / "painting"
-    process = painter(folder)
-    with process:
+    with painter(folder, speed=0.005) as process:
         assert process.stdout is not None
         assert process.stdout.readline().startswith("0"), process.stderr and process.stderr.read()
-        time.sleep(0.3)
+        time.sleep(1.0)  # within a stroke of more than ten seconds
         process.send_signal(signal.SIGSTOP)
         held = time.time()
         stopped = until(lambda: latch(folder).read(), 10)
@@ -121,8 +130,7 @@ def test_f12_a_painting_process_that_is_held_up_has_its_robot_stopped_within_thr
 
 def test_f2_a_painting_process_killed_within_a_stroke_leaves_it_done_and_nothing_moves_on(tmp_path: Path) -> None:
     folder = tmp_path / "painting"
-    process = painter(folder)
-    with process:
+    with painter(folder) as process:
         assert process.stdout is not None
         while not (line := process.stdout.readline()).startswith("2"):  # by then all that computes has been loaded
             assert line
