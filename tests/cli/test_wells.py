@@ -71,6 +71,12 @@ def test_a_person_is_shown_the_sheets_and_waited_for(tmp_path: Path) -> None:
     assert "Fill 2 wells" in prompts[0] and str(tmp_path / "palette.png") in prompts[0]
 
 
+def test_who_has_said_that_the_wells_are_filled_is_only_asked_for_what_was_mixed(tmp_path: Path) -> None:
+    ask, prompts = typing("")
+    assert Wells(WANTED, ask, tmp_path, poured=True).filled(WANTED) is WANTED
+    assert "Fill" not in prompts[0] and "what you mixed" in prompts[0]
+
+
 def test_a_person_may_tell_what_was_mixed_and_is_asked_again_where_that_cannot_be(tmp_path: Path) -> None:
     ask, prompts = typing("nowhere.json", str(palette_file(tmp_path, ["#000000"])), str(photograph(tmp_path)))
     mixed = Wells(None, ask, tmp_path).filled(WANTED)

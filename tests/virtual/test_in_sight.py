@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import CameraError
+from frida_painter.frames import CanvasSize
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import Faults, InSight
 
@@ -17,9 +18,20 @@ def photographs(faults: Faults, count: int = 3) -> list[np.ndarray]:
 
 
 def test_a_hand_lies_in_the_photographs_named_from_the_lower_edge_to_its_place() -> None:
-    before, during, after = photographs(Faults(in_sight=(InSight("hand", 1, 1, place=(0.4, 0.5)),)))
+    """Over a canvas of 42 cm, a hand of 20 cm and its forearm, with all five fingers."""
+    faults = Faults(in_sight=(InSight("hand", 1, 1, place=(0.4, 0.5)),))
+    hand = Hand(camera=SMALL, canvas=CanvasSize(0.42, 0.297), cell=2.0, faults=faults)
+    hand.easel.robot.home()
+    before, during, after = (hand.easel.camera.capture(0.0).image.astype(int) for _ in range(3))
     covered = np.abs(during - before).max(2) > 40
-    assert 0.1 < covered.mean() < 0.6 and covered[-1].any() and covered[120, 128]
+    rows = np.flatnonzero(covered.any(1))
+    assert covered[120, 128], "the palm is at its place"
+    assert np.array_equal(rows, np.arange(rows[0], 240)), "in one piece, out of the lower edge"
+    assert 20 < rows[0] < 60 and not covered[:, [0, -1]].any(), "the fingers end over the canvas"
+    fingertips = np.diff(np.r_[0, covered[rows[0] + 20], 0]) == 1
+    assert fingertips.sum() == 4
+    blue = during[-1, covered[-1]]
+    assert (blue[:, 2] > blue[:, 0]).mean() > 0.8, "a sleeve is what comes from below"
     assert (np.abs(after - before).max(2) > 40).mean() < 0.001
 
 

@@ -1,6 +1,7 @@
 """The commands about where things stand around a robot: check a plan there, print and draw workspaces."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -12,25 +13,30 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration
 from frida_painter.cli.progress import duration
+from frida_painter.cli.real import VIRTUAL
 from frida_painter.errors import ConfigError
-from frida_painter.frames import PixelGrid
+from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.reach import Reach
 from frida_painter.hardware.stand import Stand, example
+from frida_painter.hardware.workspace import Workspace
 from frida_painter.plan import Plan
 from frida_painter.render import render
 from frida_painter.report.offending_strokes import offending_strokes
 from frida_painter.report.workspace_plan import workspace_plan
 from frida_painter.session.choreography import BrushLoad, Choreography
+from frida_painter.session.easel_process import state_folder
+from frida_painter.session.easels import OPENERS, EaselOrder, open_easel
+from frida_painter.session.machines import MACHINES, MachineName, robot_named
 from frida_painter.session.opening import settle_threads
 from frida_painter.session.procedures.standing import require
 from frida_painter.session.rehearsal import Rehearsal, rehearse
 from frida_painter.session.timetable import Timetable
 from frida_painter.session.timing import reckon
-from frida_painter.virtual.studio import open_studio
 
 _TOLD = 12  # faults; the picture shows all
 _ROWS = 900
+_SOME_CAMERA = "opencv:0"  # a person's easel has to have one; nothing is photographed here
 
 PictureOut = Annotated[Path, typer.Option(metavar="FILE", help="The picture to write, .png or .jpg.")]
 
@@ -48,6 +54,13 @@ def check(
     plan: Annotated[
         Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
     ],
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Who is to paint it, as paint --robot names them. [dim]any robot in the workspace, or virtual[/]",
+        ),
+    ] = None,
     workspace: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="The workspace of the easel (TOML). [dim]the virtual studio's own[/]"),
@@ -66,16 +79,10 @@ def check(
     _require_picture(out)
     settle_threads()
     loaded = Plan.load(plan)
-    reach: Reach | None
-    if workspace is None:
-        easel = open_studio(loaded.canvas, loaded.brush).easel
-        place, size, default, reach = easel.workspace, easel.canvas, easel.calibration, easel.reach
-    else:
-        stand = Stand.load(workspace)
-        default = stand.calibration(loaded.brush)
-        place, size, reach = stand.workspace, stand.canvas, stand.reach
-    known = _known(calibration, default)
-    found = rehearse(loaded, place, size, known, reach)
+    there = _place(loaded, robot, workspace)
+    place = there.workspace
+    known = _known(calibration, there.calibration)
+    found = rehearse(loaded, place, there.canvas, known, there.reach)
     if found.passed:
         print(f"{_count(len(loaded), 'stroke')} in {_count(len(loaded.palette), 'paint')}: all of it can be painted.")
         choreography = Choreography(Motion(place, known), brush_kind(loaded.brush))
@@ -102,6 +109,30 @@ def draw(
     stand = Stand.load(workspace)
     images.save(workspace_plan(stand.workspace, stand.canvas, stand.easel), out)
     print(f"{stand.easel}: {_count(len(stand.workspace.wells), 'well')}, canvas of {stand.canvas}: {out}")
+
+
+@dataclass(frozen=True)
+class _Place:
+    """What a plan is checked against: an easel of which nothing is opened."""
+
+    workspace: Workspace
+    canvas: CanvasSize
+    calibration: Calibration
+    reach: Reach | None
+
+
+def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
+    """Where it is to be painted: in the workspace of that file, or where a robot of that name knows its own."""
+    if workspace is not None:
+        stand = Stand.load(workspace)
+        if robot is not None and robot not in OPENERS:
+            robot_named(robot, stand.workspace)  # only to hear what is wrong with it
+        return _Place(stand.workspace, stand.canvas, stand.calibration(plan.brush), stand.reach)
+    if robot is not None and MachineName.of(robot).kind in MACHINES:
+        raise ConfigError(f"Where things stand around {robot[:60]!r} is not known; say it with --workspace FILE.")
+    order = EaselOrder(robot or VIRTUAL.robot, plan.canvas, plan.brush, 0, state_folder(), camera=_SOME_CAMERA)
+    easel = open_easel(order).easel
+    return _Place(easel.workspace, easel.canvas, easel.calibration, easel.reach)
 
 
 def _known(record: Path | None, default: Calibration) -> Calibration:

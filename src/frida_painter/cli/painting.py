@@ -1,8 +1,10 @@
 """The commands that make and show paintings: paint, plan, render."""
 
+import shutil
 import sys
 import time
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,7 +22,7 @@ from frida_painter.cli.real import CameraOption, RobotOption, Site, WorkspaceOpt
 from frida_painter.cli.sitting import Pauses, occasion, order, say, tell, tell_encoders, to_its_end
 from frida_painter.cli.stopping import stopping
 from frida_painter.cli.virtual import PaceOption, PlacementErrorOption, read_placement_error
-from frida_painter.cli.wells import AskOption, PaletteOption, Wells, read_palette
+from frida_painter.cli.wells import AskOption, FilledOption, PaletteOption, Wells, read_palette
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, FridaError, Interrupted
 from frida_painter.frames import PixelGrid
@@ -153,6 +155,7 @@ def paint(
     pace: PaceOption = 0.0,
     palette: PaletteOption = None,
     ask: AskOption = False,
+    yes: FilledOption = False,
     film: Annotated[bool, typer.Option("--film/--no-film", help="Film how the painting comes into being.")] = True,
     out: Out = None,
 ) -> None:
@@ -172,6 +175,7 @@ def paint(
     measured = read_palette(palette, colors) if palette else None
     colors = len(measured) if measured else colors
     wanted, target, chosen = _prepare(photo, settings, {**locals(), "canvas": site.canvas(canvas)})
+    site.require_somebody(asked=not yes)
     console = Console(stderr=True, highlight=False)
     how = kept.Kept(chosen, calibration, placement_error, film, site)
     filming = film and robot == SAWYER_SIM
@@ -188,9 +192,12 @@ def paint(
         tell_encoders(planner.encoders)
         folder = _new_folder(out, wanted.name, needed=200 * 2**20)
         wish = order(chosen, planner.model.brush, folder, error, pace, site, film_arm=filming)
-        easel = on_record(process.open(wish), calibration, site.needed)
-        stop.at_once = easel.robot.stop
-        stack.enter_context(process.hearing_signals())
+        with _taken_back(folder):
+            easel = on_record(process.open(wish), calibration, site.needed)
+            stop.at_once = easel.robot.stop
+            stack.enter_context(process.hearing_signals())
+            easel.robot.connect()
+            easel.camera.connect()
         journal = _begin_journal(folder, wanted, how)
         stack.callback(journal.close)
         rhythm = Rhythm(chosen.replans, glimpses)
@@ -199,11 +206,9 @@ def paint(
             chosen.strokes, rhythm, started, planning=planner.iterations(chosen.strokes), replanning=effort_per_replan
         )
         bar = stack.enter_context(PaintingProgress(console, forecast))
-        easel = attended(easel, site, console, folder, bar.aside)
+        easel = attended(easel, site, console, folder, bar.aside, asked=not yes)
         telling = occasion(wanted, target, chosen, planner.encoders, site)
         recorder = stack.enter_context(Recorder(folder, telling, planner.model, glimpses))
-        easel.robot.connect()
-        easel.camera.connect()
 
         def hear(event: Any) -> None:
             bar.hear(event)
@@ -220,7 +225,7 @@ def paint(
             go_on=pauses.go_on,
             notify=hear,
             journal=journal,
-            mixed=Wells(measured, input if ask else None, folder).filled,
+            mixed=Wells(measured, input if ask else None, folder, poured=not easel.simulated).filled,
         )
         ending = to_its_end(session, lambda: session.run(chosen.strokes, chosen.colors), hear)
         bar.say("finishing the film and the page")
@@ -341,6 +346,18 @@ def _new_folder(out: Path | None, name: str, needed: int) -> Path:
     storage.require_space(folder, needed)
     storage.new_folder(folder)
     return folder
+
+
+@contextmanager
+def _taken_back(folder: Path) -> Iterator[None]:
+    """Where the easel cannot be had, nothing was begun: the new folder goes away again."""
+    try:
+        yield
+    except FridaError:
+        shutil.rmtree(folder, ignore_errors=True)
+        with suppress(OSError):  # "paintings", where this would have been the first
+            folder.parent.rmdir()
+        raise
 
 
 def _begin_journal(folder: Path, wanted: goals.Wanted, how: kept.Kept) -> Journal:

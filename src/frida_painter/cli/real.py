@@ -51,6 +51,11 @@ class Site:
         """The calibrations without which nothing is painted there: a person's hand needs none of its own."""
         return ("canvas",) if self.robot == HUMAN else NEEDED
 
+    def require_somebody(self, *, asked: bool) -> None:
+        """Raises ConfigError where nobody is to be `asked` anything, and a person is to paint."""
+        if self.robot == HUMAN and not asked:
+            raise ConfigError("--yes is for scripts, and a person who paints is asked for every stroke; leave it out.")
+
     def plain(self) -> dict[str, Any]:
         """As plain values."""
         workspace = None if self.workspace is None else str(self.workspace.resolve())
@@ -76,13 +81,21 @@ VIRTUAL = Site()
 
 
 def attended(
-    easel: Easel, site: Site, console: Console, folder: Path, aside: Callable[[], AbstractContextManager[None]]
+    easel: Easel,
+    site: Site,
+    console: Console,
+    folder: Path,
+    aside: Callable[[], AbstractContextManager[None]],
+    *,
+    asked: bool,
 ) -> Easel:
     """A real easel with the person at this terminal beside it, or painting on it; a simulated one as it is.
 
-    aside: holds whatever else is shown at the terminal while a question is asked.
+    aside: holds whatever else is shown at the terminal while a question is asked; asked: whether the
+    person at a robot is asked to fill its wells, or they are filled already.
     """
-    if easel.simulated:
+    site.require_somebody(asked=asked)
+    if easel.simulated or not asked:
         return easel
     terminal = Terminal(
         lambda prompt: console.input(prompt, markup=False), lambda line: console.print(line, markup=False), folder

@@ -68,6 +68,7 @@ def resume(
             say(f"This painting is finished: {history.painted} strokes, and nothing is left to do.")
             return
         begun = _Begun.read(folder, history, accept_changes=accept_changes)
+        begun.how.site.require_somebody(asked=not yes)
         _show(begun, history)
         if not (
             yes or confirm("The arm will lift and move aside to have the canvas photographed. Go on?", default=True)
@@ -91,7 +92,7 @@ def resume(
         console = Console(stderr=True, highlight=False)
         forecast = _forecast(how.settings.strokes, Rhythm(how.settings.replans, how.glimpses), planner, started)
         bar = PaintingProgress(console, forecast)
-        easel = attended(easel, how.site, console, folder, bar.aside)
+        easel = attended(easel, how.site, console, folder, bar.aside, asked=not yes)
         telling = occasion(begun.wanted, begun.target, how.settings, planner.encoders, how.site)
         recorder = Recorder(folder, telling, planner.model, how.glimpses, before=history)
         pauses = Pauses(folder, stop, console)

@@ -45,7 +45,7 @@ class Terminal:
             try:
                 line = self.ask(_prompt(question)).strip().lower()
             except (EOFError, KeyboardInterrupt) as end:
-                raise Interrupted("You left the calibration; what was done before is kept.") from end
+                raise Interrupted("You left, or nobody is there to answer; what was done before is kept.") from end
             understood = _understood(question, line)
             if understood is not None:
                 return understood

@@ -25,6 +25,11 @@ AskOption = Annotated[
     bool, typer.Option("--ask", help="Wait until I have filled the wells; I may then tell what I have mixed.")
 ]
 
+FilledOption = Annotated[
+    bool,
+    typer.Option("--yes", "-y", help="Do not ask at a real robot whether the wells are filled; for scripts."),
+]
+
 
 def read_palette(path: Path, count: int | None) -> Palette:
     """The palette of a JSON file, or of a photograph of `count` swatches.
@@ -46,21 +51,25 @@ class Wells:
     """Asked when the palette is settled; answers with what was really mixed, or None for just what was wanted.
 
     given: known from the beginning; ask: shows a prompt and returns what was typed, None where nobody
-    is to be asked; folder: where the palette and the mixing sheet lie.
+    is to be asked; folder: where the palette and the mixing sheet lie; poured: whether somebody has said
+    by then that the wells are filled.
     """
 
     given: Palette | None
     ask: Callable[[str], str] | None
     folder: Path
+    poured: bool = False
 
     def filled(self, wanted: Palette) -> Palette | None:
         """Returns when the wells are filled. Raises Interrupted where the person leaves."""
         if self.ask is None:
             return self.given
-        prompt = (
-            f"Fill {len(wanted)} wells as on {self.folder / 'palette.png'} ({self.folder / 'mixing.png'} tells how to "
-            "mix them). Press Enter when they are filled, or type the file that tells what you mixed: "
-        )
+        prompt = "Press Enter if they are just these paints, or type the file that tells what you mixed: "
+        if not self.poured:
+            prompt = (
+                f"Fill {len(wanted)} wells as on {self.folder / 'palette.png'} ({self.folder / 'mixing.png'} tells how "
+                "to mix them). Press Enter when they are filled, or type the file that tells what you mixed: "
+            )
         while True:
             try:
                 line = self.ask(prompt).strip()
