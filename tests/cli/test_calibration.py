@@ -129,15 +129,17 @@ def test_a_damaged_record_is_refused(
         ),
     ],
 )
-@pytest.mark.usefixtures("coarse_brush")
-def test_a_foreign_record_is_refused(
-    run: Run, record: Path, photo: Path, studio: tuple[object, ...], says: str
-) -> None:
-    status, _, err = run("paint", photo, "--strokes", 5, "--calibration", record, "--render-height", 64, *studio)
-    assert status == 2 and says in err and err.count("\n") == 1
-    assert not list(record.parent.glob("paintings/*/journal")), "nothing was begun"
+def test_a_foreign_record_is_told_by_the_doctor(run: Run, record: Path, studio: tuple[object, ...], says: str) -> None:
     status, out, _ = run("doctor", "--record", record, *studio)
     assert status == 1 and says in out
+
+
+@pytest.mark.usefixtures("coarse_brush")
+def test_with_a_foreign_record_nothing_is_begun(run: Run, record: Path, photo: Path) -> None:
+    studio = ("--brush", "fine", "--seed", 4, "--canvas", "160x120mm")
+    status, _, err = run("paint", photo, "--strokes", 5, "--calibration", record, "--render-height", 64, *studio)
+    assert status == 2 and "'virtual studio 3', and this is 'virtual studio 4'" in err and err.count("\n") == 1
+    assert not (record.parent / "paintings").exists(), "no folder is left behind"
 
 
 def test_a_missing_record_that_was_named_is_told(run: Run, photo: Path) -> None:

@@ -46,6 +46,13 @@ def test_a_plan_that_fits_its_workspace(monkeypatch, plan, capsys) -> None:
     assert "all of it can be painted" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("robot", ["human", "gcode:/dev/ttyUSB0"])
+def test_a_plan_is_checked_for_a_robot_by_name(monkeypatch, plan, capsys, robot) -> None:
+    words = () if robot == "human" else ("--workspace", workspace())
+    assert run(monkeypatch, "check", plan, "--robot", robot, *words) == 0
+    assert "all of it can be painted" in capsys.readouterr().out
+
+
 def test_strokes_out_of_reach_are_named_and_drawn_in_red(monkeypatch, plan, capsys) -> None:
     short = workspace(("farthest = 0.78", "farthest = 0.5"))
     assert run(monkeypatch, "check", plan, "--workspace", short, "--out", "red.png") == 1
@@ -85,6 +92,9 @@ def test_a_record_of_another_brush_is_refused(monkeypatch, plan, capsys, tmp_pat
         (("check", "plan.json", "--workspace", "bad.toml"), "canvas.width is nan"),
         (("check", "plan.json", "--workspace", "plan.json"), "is not TOML"),
         (("check", "plan.json", "--calibration", "nowhere.json"), "nowhere.json"),
+        (("check", "plan.json", "--robot", "kuka"), "There is no robot 'kuka'"),
+        (("check", "plan.json", "--robot", "gcode:/dev/x"), "say it with --workspace"),
+        (("check", "plan.json", "--robot", "gcode:/dev/x,speed=9", "--workspace", "good.toml"), "does not know speed"),
         (("check", "plan.json", "--out", "check.svg"), "ends in .png or .jpg"),
         (("workspace", "draw", "bad.toml"), "canvas.width is nan"),
         (("workspace", "draw", "nowhere.toml"), "nowhere.toml does not exist"),
@@ -92,6 +102,7 @@ def test_a_record_of_another_brush_is_refused(monkeypatch, plan, capsys, tmp_pat
 )
 def test_what_cannot_be_checked_is_refused_in_a_sentence(monkeypatch, plan, capsys, words, says) -> None:
     Path("bad.toml").write_text(example().replace("width = 0.3556", "width = nan"))
+    Path("good.toml").write_text(example())
     assert run(monkeypatch, *words) == 2
     told = capsys.readouterr().err
     assert says in told and told.count("\n") == 1

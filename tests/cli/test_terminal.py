@@ -110,5 +110,5 @@ def test_a_whole_dialogue_is_led_and_may_be_left(tmp_path: Path) -> None:
     script = Script(tmp_path, "d", "d", "what", "+", "ok")
     assert lead(lower(), script.terminal.answer) == pytest.approx(0.1182)
     assert script.is_over
-    with pytest.raises(Interrupted, match="left the calibration"):
+    with pytest.raises(Interrupted, match="what was done before is kept"):
         lead(lower(), Script(tmp_path, "d").terminal.answer)

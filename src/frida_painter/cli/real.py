@@ -19,6 +19,13 @@ from frida_painter.session.easels import HUMAN
 from frida_painter.session.procedures.dialogue import Answer, Question
 from frida_painter.session.procedures.standing import NEEDED
 
+
+def camera_name(text: str) -> str:
+    """The name of a camera, the same wherever the program is started: a folder from the root on."""
+    kind, _, where = text.partition(":")
+    return f"{kind}:{Path(where).expanduser().absolute()}" if kind == "folder" and where else text
+
+
 RobotOption = Annotated[
     str,
     typer.Option(
@@ -30,7 +37,12 @@ RobotOption = Annotated[
 ]
 CameraOption = Annotated[
     str,
-    typer.Option("--camera", metavar="NAME", help="The camera of a real easel: opencv:0, gphoto or folder:PATH."),
+    typer.Option(
+        "--camera",
+        parser=camera_name,
+        metavar="NAME",
+        help="The camera of a real easel: opencv:0, gphoto or folder:PATH.",
+    ),
 ]
 WorkspaceOption = Annotated[
     Path | None,

@@ -1,0 +1,121 @@
+"""Paintings from the command line on a real easel: a GRBL that is played, and a camera that fills a folder."""
+
+import shutil
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from skimage import data
+
+from frida_painter import cli
+from frida_painter.hardware.stand import Stand, example
+from frida_painter.session.history import History
+from frida_painter.session.logbook import Logbook
+from machines.fake_grbl import FakeGrbl
+
+SIZE = (120, 160)  # rows, columns of a photograph
+SMALL = ("--render-height", 64, "--effort", 0.05, "--brush", "fine", "--colors", 1, "--strokes", 4, "--replans", 0)
+Run = Callable[..., tuple[int, str]]
+
+
+class Photographer:
+    """Puts a photograph of a bare canvas on a dark table into a folder, again and again."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._noise = np.random.default_rng(0)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> "Photographer":
+        self.folder.mkdir()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        number = 0
+        while not self._over.wait(0.3):
+            picture = np.full((*SIZE, 3), 60.0)
+            picture[10:110, 10:150] = 225
+            picture += self._noise.normal(0, 1.5, picture.shape)
+            hidden = self.folder / ".next.png"
+            Image.fromarray(picture.round().clip(0, 255).astype(np.uint8)).save(hidden)
+            hidden.rename(self.folder / f"shot-{number:04d}.png")
+            number += 1
+
+
+@pytest.fixture
+def easel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder with a workspace, its calibration record, a photo to paint, and one that a camera fills."""
+    monkeypatch.chdir(tmp_path)
+    text = example().replace("width = 0.3556", "width = 0.14").replace("height = 0.2794", "height = 0.1")
+    (tmp_path / "easel.toml").write_text(text)
+    stand = Stand.load(tmp_path / "easel.toml")
+    corners = ((9.5, 9.5), (149.5, 9.5), (149.5, 109.5), (9.5, 109.5))
+    shots = f"folder:{tmp_path / 'shots'}"
+    record = stand.calibration("fine", SIZE, shots)
+    record = record.with_canvas(corners, SIZE, camera=shots, canvas=stand.canvas, residual=0.1)
+    record = record.with_robot(record.placement, residual=0.0004).with_color(record.color, residual=1.0)
+    record = record.with_brush("fine", record.touch_height, record.press_height, protrusion=None, residual=0.0002)
+    record.save(tmp_path / "cal.json")
+    Image.fromarray(data.coffee()).resize((140, 100)).save(tmp_path / "coffee.png")
+    with Photographer(tmp_path / "shots"):
+        yield tmp_path
+    shutil.rmtree(tmp_path / "shots")
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """run(word, ..., typing=[...]): exit status, and what was said."""
+
+    def running(*words: object, typing: list[str] | None = None) -> tuple[int, str]:
+        lines = list(typing or [])
+
+        def answer(*_: object, **__: object) -> str:
+            if not lines:
+                raise EOFError
+            return lines.pop(0)
+
+        monkeypatch.setattr("builtins.input", answer)
+        monkeypatch.setattr("rich.console.Console.input", answer)
+        monkeypatch.setattr(sys, "argv", ["frida-painter", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        told = capsys.readouterr()
+        assert not lines, f"{lines} was not asked for: {told.err}"
+        return int(end.value.code or 0), told.out + told.err
+
+    return running
+
+
+def on(port: str) -> tuple[object, ...]:
+    seen = ("--camera", "folder:shots", "--calibration", "cal.json")
+    return ("--robot", f"gcode:{port}", "--workspace", "easel.toml", *seen)
+
+
+def told(folder: Path) -> History:
+    return History.of(Logbook.read(folder / "journal"), folder)
+
+
+@pytest.mark.usefixtures("coarse_brush")
+def test_a_painting_on_a_real_easel_waits_for_the_wells_and_is_resumed_on_the_same_robot(run: Run, easel: Path) -> None:
+    with FakeGrbl(pace=400) as grbl:
+        grbl.place = np.array([100.0, -250.0, 250.0])
+        status, said = run("paint", "coffee.png", *SMALL, *on(grbl.name), "--no-film", "--out", "it", typing=["n"])
+        assert status == 2 and "wells were not filled" in said.replace("\n", " ")
+        assert told(easel / "it").painted == 0 and not any("Z118" in line for line in grbl.received)
+        status, said = run("resume", "it", "--yes")
+        assert status == 0, said
+        history = told(easel / "it")
+        assert history.finished and history.painted == 4 and history.sittings == 2
+    pressed = [place for place in grbl.moved if place[0] > 300 and place[2] < 120.5]
+    assert pressed, "it painted on the canvas"
+    assert min(place[2] for place in grbl.moved) >= 107.9
