@@ -7,9 +7,10 @@ import pytest
 import torch
 
 from frida_painter.brush.table import StrokeTable, TableDetail
-from frida_painter.experiments import semantic, sketch, style
+from frida_painter.experiments import composition, semantic, sketch, style
 from frida_painter.experiments.goal_paintings import QUICK
 from frida_painter.experiments.targets import DRAWINGS, PHOTOGRAPHS, STYLES, Target, shipped
+from frida_painter.experiments.text import PROMPTS
 from frida_painter.frames import CanvasSize
 from networks import QuickEncoders
 from scenes import picture
@@ -21,7 +22,7 @@ PHOTO = Target("photo", picture())
 @pytest.fixture(autouse=True)
 def coarse_brush(monkeypatch: pytest.MonkeyPatch) -> None:
     coarse = SimpleNamespace(of=lambda model: StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8)))
-    for module in (semantic, sketch, style):
+    for module in (composition, semantic, sketch, style):
         monkeypatch.setattr(module, "StrokeTable", coarse)
 
 
@@ -65,6 +66,18 @@ def test_drawings_with_words() -> None:
     outcome = sketch.run([Target("flat-line", lines)], **how())
     assert [row["painted by"] for row in outcome.tables[0].rows] == list(sketch.WAYS)
     assert all(0 <= row["edge F-score"] <= 1 for row in outcome.tables[1].rows)
+
+
+def test_words_in_a_style_whose_composition_is_kept() -> None:
+    outcome = composition.run(
+        [Target("waves", 1 - picture(60, 60))], prompts=PROMPTS[:1], **how(judge=QuickEncoders().meaning())
+    )
+    summary, every = (table.rows for table in outcome.tables)
+    assert [row["painted"] for row in summary] == list(composition.WAYS)
+    assert [(row["prompt"], row["painted"]) for row in every] == [("a banana", way) for way in composition.WAYS]
+    for row in every:
+        assert -1 <= row[composition.EDGES] <= 1 <= row["rank"] <= 1000 and row[composition.PROBABILITY] < 0
+    assert "of 1 paintings" in outcome.notes[0]
 
 
 def test_what_ships_to_be_painted() -> None:

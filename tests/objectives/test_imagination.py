@@ -32,10 +32,45 @@ def test_words_alone_begin_with_their_pictogram_which_stays_in_the_goal(encoders
     assert any("OpenMoji" in remark and "CC BY-SA 4.0" in remark for remark in encoders.remarks)
 
 
-def test_without_a_pictogram_there_is_the_ground(encoders: QuickEncoders) -> None:
+class Wants:
+    """A reader to whom all words mean one colour: how red, green and blue a picture is in the mean."""
+
+    name, side = "wants a colour", 16
+
+    def __init__(self, *color: float) -> None:
+        self.color = torch.nn.functional.normalize(torch.tensor(color), dim=0)
+
+    def reads_all(self, prompt: str) -> bool:
+        return True
+
+    def embed_text(self, prompt: str) -> torch.Tensor:
+        return self.color
+
+    def embed_pictures(self, pictures: torch.Tensor) -> torch.Tensor:
+        return torch.nn.functional.normalize(pictures.mean((2, 3)), dim=1)
+
+
+def test_without_a_pictogram_there_is_the_ground(encoders: QuickEncoders, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(encoders, "readers", lambda: (Wants(0.0, 0.5, 1.0),))
     (begun,) = imagined(Goal((TextTerm("a ship on the sea"),)), GRID, encoders, 0).initial
-    assert torch.equal(begun.image, ground_of("a ship on the sea", WordBag()).picture(GRID))
-    assert "the sea" in encoders.remarks[0]
+    assert torch.equal(begun.image, ground_of(["a ship"], WordBag()).picture(GRID))
+    assert "No pictogram was found for 'a ship'; begun with the sea alone" in encoders.remarks[0]
+
+
+def test_for_a_thing_that_no_pictogram_is_called_there_is_what_looks_most_like_it(
+    encoders: QuickEncoders, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(encoders, "readers", lambda: (Wants(1.0, 0.0, 0.0),))
+    (begun,) = imagined(Goal((TextTerm("a barn"),)), GRID, encoders, 0).initial
+    assert torch.allclose(begun.image[:, GRID.rows // 2, GRID.columns // 2], torch.tensor([1.0, 0, 0]), atol=1e-3)
+    assert "No pictogram is called 'a barn'; begun with 'strawberry' on bare paper" in encoders.remarks[0]
+
+
+def test_a_colour_in_the_words_is_that_of_the_thing(encoders: QuickEncoders) -> None:
+    (begun,) = imagined(Goal((TextTerm("a blue strawberry on a table"),)), GRID, encoders, 0).initial
+    red, _, blue = begun.image[:, GRID.rows // 2, GRID.columns // 2].tolist()
+    assert blue > 0.6 and red < 0.3
+    assert "'strawberry' in blue on" in encoders.remarks[0]
 
 
 def test_a_picture_to_begin_with_needs_no_imagination() -> None:
@@ -52,12 +87,12 @@ def test_words_to_begin_with_have_a_picture_first(encoders: QuickEncoders) -> No
 
 
 def test_grounds_are_bands_between_which_the_horizon_lies() -> None:
-    sea = ground_of("a ship", WordBag())
+    sea = ground_of(["a ship"], WordBag())
     shown = sea.picture(GRID)
     assert torch.allclose(shown[:, 0, 0], torch.tensor(sea.above)) and torch.allclose(
         shown[:, -1, 0], torch.tensor(sea.below)
     )
-    assert ground_of("zygote", WordBag()).name == "bare paper"
+    assert ground_of(["zygote"], WordBag()).name == "bare paper"
 
 
 def test_a_drawing_is_laid_large_in_the_middle_without_a_dark_seam() -> None:

@@ -16,6 +16,7 @@ from frida_painter.brush.library import StrokeLibrary
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.cli.progress import duration
 from frida_painter.experiments import (
+    composition,
     continuous_strokes,
     goal_paintings,
     outcome,
@@ -81,6 +82,7 @@ def build() -> typer.Typer:
     app.command(style.NAME)(styles)
     app.command(semantic.NAME)(meanings)
     app.command(sketch.NAME)(drawings)
+    app.command(composition.NAME)(compositions)
     return app
 
 
@@ -286,6 +288,30 @@ def drawings(
         lambda notify: sketch.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
         unfinished=keep,
     )
+
+
+def compositions(
+    brush: BrushName = "broad",
+    seeds: Seeds = "0",
+    image: Annotated[
+        list[Path] | None,
+        typer.Option("--style", metavar="PICTURE", help="A style; may be given again. [dim]two of the project's[/]"),
+    ] = None,
+    quick: Quick = False,
+    out: Out = HERE,
+) -> None:
+    """Words painted in a style, begun with the style picture: its composition, and whether the words still show."""
+    scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / composition.NAME / "unfinished"
+    wanted, chosen = targets.given(image) if image else targets.shipped(targets.STYLES), seeds_of(seeds)
+    judge, prompts = EfficientNetLite(weights.tensors("efficientnet-lite2")), composition.SAID[: 1 if quick else None]
+
+    def experiment(notify: Notify) -> Outcome:
+        return composition.run(
+            wanted, encoders=text.Unjudged(), judge=judge, prompts=prompts, brush=brush, seeds=chosen, scale=scale,
+            keep=keep, notify=notify,
+        )  # fmt: skip
+
+    _conduct(out, experiment, unfinished=keep)
 
 
 def seeds_of(text: str) -> tuple[int, ...]:

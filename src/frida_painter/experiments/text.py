@@ -167,7 +167,7 @@ class _Bench:
         numbers = {
             f"{way} {number}": value
             for way, picture in judged.items()
-            for number, value in enumerate(self._log_probabilities(picture).tolist())
+            for number, value in enumerate(log_probabilities(self.judge, picture).tolist())
         }
         return Finding(numbers, {"begun": begun, "plan": plan, "painting": photograph, "pixels": pixels})
 
@@ -204,10 +204,11 @@ class _Bench:
         painting = session.run(self.scale.strokes, self.scale.colors)
         return plans[0], images.fit(painting.photograph, planner.fine.rows, planner.fine.columns)
 
-    @torch.no_grad()
-    def _log_probabilities(self, picture: Tensor) -> Tensor:
-        """Of each class, [1000], in the middle square of a picture [3, H, W]."""
-        return self.judge.logits(images.fit(picture, _SEEN, _SEEN)[None]).log_softmax(1)[0]
+
+@torch.no_grad()
+def log_probabilities(judge: EfficientNetLite, picture: Tensor) -> Tensor:
+    """What the judge says of each class, [1000], in the middle square of a picture [3, H, W]."""
+    return judge.logits(images.fit(picture, _SEEN, _SEEN)[None]).log_softmax(1)[0]
 
 
 def _unheard(step: object) -> None:
@@ -219,8 +220,8 @@ def _of(finding: Finding, way: str) -> Tensor:
     return torch.tensor([finding.numbers[f"{way} {number}"] for number in range(len(class_names()))])
 
 
-def _rank(logs: Tensor, prompt: Prompt) -> int:
-    """1 where one of the prompt's classes is the most probable of all."""
+def rank_of(logs: Tensor, prompt: Prompt) -> int:
+    """Of the likeliest of a prompt's classes by log probabilities [1000]: 1 where none is more probable."""
     return int((logs > logs[list(prompt.classes)].max()).sum()) + 1
 
 
@@ -243,11 +244,11 @@ def _row(prompts: Sequence[Prompt], number: int, seed: int, finding: Finding, fo
     return {
         "prompt": prompts[number].words,
         "seed": seed,
-        "rank": _rank(logs, prompts[number]),
+        "rank": rank_of(logs, prompts[number]),
         "probability": float(logs[list(prompts[number].classes)].exp().sum()),
         "first among all": _first(prompts, number, seed, PAINTED, found) == 1,
         "taken for": ", ".join(_top(logs)),
-        **{f"rank, {way}": _rank(_of(finding, way), prompts[number]) for way in WAYS[1:]},
+        **{f"rank, {way}": rank_of(_of(finding, way), prompts[number]) for way in WAYS[1:]},
     }
 
 
@@ -260,7 +261,9 @@ def _top(logs: Tensor) -> list[str]:
 
 
 def _summary(way: str, prompts: Sequence[Prompt], found: _Found) -> Row:
-    ranks = torch.tensor([_rank(_of(finding, way), prompts[number]) for (number, _), finding in found.items()]).float()
+    ranks = torch.tensor(
+        [rank_of(_of(finding, way), prompts[number]) for (number, _), finding in found.items()]
+    ).float()
     firsts = torch.tensor([_first(prompts, number, seed, way, found) for number, seed in found])
     return {
         "judged": way if way != PAINTED else "painted towards the words",
@@ -285,6 +288,6 @@ def _sheet(prompts: Sequence[Prompt], seed: int, found: _Found) -> Tensor:
     for number, prompt in enumerate(prompts):
         finding = found[number, seed]
         logs = _of(finding, PAINTED)
-        label = "\n".join((f"“{prompt.words}”", f"rank {_rank(logs, prompt)}", "", *_top(logs)))
+        label = "\n".join((f"“{prompt.words}”", f"rank {rank_of(logs, prompt)}", "", *_top(logs)))
         lines.append(Line(label, [Cell(finding.pictures[name]) for name in ("begun", "plan", "painting")]))
     return page("Painted towards words", ("begun with", "planned", "painted, photographed"), lines, width=260)

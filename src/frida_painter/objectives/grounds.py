@@ -3,6 +3,7 @@
 Above it is mostly bare paper: strokes that a sky would take are better spent on the thing.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -40,7 +41,7 @@ class Ground:
 
 
 _GROUNDS = (
-    Ground("the sea", "sea, coast, ship, boat, fish, swimming", _PAPER, (0.28, 0.52, 0.72), 0.72),
+    Ground("the sea", "sea, coast, beach, lighthouse, ship, boat, fish, swimming", _PAPER, (0.28, 0.52, 0.72), 0.72),
     Ground("a meadow", "grass, garden, animal, flower, insect", _PAPER, (0.50, 0.68, 0.36), 0.74),
     Ground("a table", "food, fruit, kitchen, cup, dish", _PAPER, (0.78, 0.62, 0.44), 0.70),
     Ground("the sky", "sky, flying, bird, balloon, aircraft, kite", _PAPER, (0.70, 0.84, 0.95), 0.72),
@@ -52,10 +53,10 @@ _GROUNDS = (
 _LEAST_LIKENESS = 0.2
 
 
-def ground_of(prompt: str, sentences: SentenceEncoder) -> Ground:
-    """The ground whose words are most like the prompt, or bare paper where none is like it."""
-    meanings = sentences.embed([prompt, *(ground.words for ground in _GROUNDS)])
-    likeness = meanings[1:] @ meanings[0]
+def ground_of(said: Sequence[str], sentences: SentenceEncoder) -> Ground:
+    """The ground whose words are most like all that is said of a thing, or bare paper where none is like it."""
+    meanings = sentences.embed([*said, *(ground.words for ground in _GROUNDS)])
+    likeness = (meanings[len(said) :] @ meanings[: len(said)].T).mean(1)
     best = int(likeness.argmax())
     if not float(likeness[best]) >= _LEAST_LIKENESS:
         return Ground.paper()

@@ -8,13 +8,20 @@ from torch.nn import functional
 
 from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, TextTerm
+from frida_painter.objectives.encoders.class_names import synonyms
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.objectives.grounds import Ground, ground_of
-from frida_painter.objectives.pictograms import CREDIT
+from frida_painter.objectives.phrase import Phrase
+from frida_painter.objectives.pictograms import CREDIT, Pictogram, Pictograms
+from frida_painter.objectives.recoloring import recolored
 from frida_painter.objectives.text import Text
 
 _FILLS = 0.85  # of the canvas's shorter side
 _KEPT = 1.0  # weight of the composition beside the words' own
+_KINDRED = 40  # pictograms that are looked at where none has the right name
+_WIDTHS = (1.0, 0.6)  # of their own, in which they are: a narrow house is a tower
+_CLEARLY = 0.05  # nearer to the words than the ground alone, by the networks, or it is not worth it
 
 
 def imagined(goal: Goal, grid: PixelGrid, encoders: Encoders, seed: int) -> Goal:
@@ -39,18 +46,61 @@ def imagined(goal: Goal, grid: PixelGrid, encoders: Encoders, seed: int) -> Goal
 
 def _composed(prompt: str, grid: PixelGrid, encoders: Encoders, seed: int) -> Tensor:
     """The picture [3, H, W] of the grid; the encoders remember what it was made of."""
-    pictograms = encoders.pictograms()
-    ground = Ground.paper() if pictograms is None else ground_of(prompt, encoders.sentences())
-    picture = ground.picture(grid)
-    found = None if pictograms is None else pictograms.nearest(prompt)
-    if pictograms is None or found is None:
-        encoders.remark(f"No pictogram was found for {prompt[:60]!r}; begun with {ground.name} alone.")
-        return picture
-    encoders.remark(f"Begun with the pictogram {found.name!r} on {ground.name}; it is of {CREDIT}.")
-    words = Text(prompt, encoders.readers(), seed)
+    pictograms, phrase = encoders.pictograms(), Phrase.of(prompt)
+    if pictograms is None:
+        encoders.remark(f"No pictogram was found for {prompt[:60]!r}; begun with bare paper alone.")
+        return Ground.paper().picture(grid)
+    found = pictograms.nearest([phrase.thing, phrase.plain, *synonyms(phrase.plain)])
+    ground = _ground(phrase, found, encoders.sentences())
+    bare, words = ground.picture(grid), Text(prompt, encoders.readers(), seed)
+    if found is None:
+        return _look_alike(phrase, ground, bare, pictograms, words, encoders)
+    color = phrase.paint if phrase.color not in found.name else None
+    colored = "" if color is None else f" in {phrase.color}"
+    encoders.remark(f"Begun with the pictogram {found.name!r}{colored} on {ground.name}; it is of {CREDIT}.")
+    drawings = pictograms.drawings(found)
+    if color is not None:
+        drawings = [recolored(drawing, color) for drawing in drawings]
     with torch.no_grad():
-        laid = [lay(drawing, picture) for drawing in pictograms.drawings(found)]
-        return min(laid, key=lambda one: float(words.judge(one)))
+        return min((lay(drawing, bare) for drawing in drawings), key=lambda one: float(words.judge(one)))
+
+
+def _ground(phrase: Phrase, found: Pictogram | None, sentences: SentenceEncoder) -> Ground:
+    """Where the words say that the thing is, or else where such things are."""
+    if phrase.place and (ground := ground_of([phrase.place], sentences)) != Ground.paper():
+        return ground
+    return ground_of([phrase.thing] if found is None else [phrase.thing, found.name], sentences)
+
+
+@torch.no_grad()
+def _look_alike(
+    phrase: Phrase, ground: Ground, bare: Tensor, pictograms: Pictograms, words: Text, encoders: Encoders
+) -> Tensor:
+    """For a thing that no pictogram is called, one of something akin that the networks take for it most."""
+    best, name = bare, ""
+    least = float(words.glance(bare)) - _CLEARLY
+    for pictogram in pictograms.kindred(phrase.plain, _KINDRED):
+        for drawing in pictograms.drawings(pictogram):
+            painted = drawing if phrase.paint is None else recolored(drawing, phrase.paint)
+            for width in _WIDTHS:
+                laid = lay(_narrowed(painted, width), bare)
+                if (distance := float(words.glance(laid))) < least:
+                    best, name, least = laid, pictogram.name, distance
+    shown = repr(phrase.thing[:60])
+    if name:
+        encoders.remark(
+            f"No pictogram is called {shown}; begun with {name!r} on {ground.name}, which looks most like it to the "
+            f"networks; it is of {CREDIT}."
+        )
+    else:
+        encoders.remark(f"No pictogram was found for {shown}; begun with {ground.name} alone.")
+    return best
+
+
+def _narrowed(drawing: Tensor, width: float) -> Tensor:
+    """A drawing [4, h, w] that is only so much of its width."""
+    size = [drawing.shape[1], max(1, round(drawing.shape[2] * width))]
+    return functional.interpolate(drawing[None], size, mode="bilinear", antialias=True)[0]
 
 
 def lay(drawing: Tensor, ground: Tensor) -> Tensor:

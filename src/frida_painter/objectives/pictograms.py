@@ -7,6 +7,7 @@ import io
 import re
 import unicodedata
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -54,14 +55,19 @@ class Pictograms:
         self._names = list(self._files)
         self._meanings = sentences.embed_once(self._names, keep)
 
-    def nearest(self, prompt: str) -> Pictogram | None:
-        """The one whose name is most like the prompt; None where none is like enough."""
+    def nearest(self, called: Sequence[str]) -> Pictogram | None:
+        """The one whose name is most like one of the things that it may be called; None where none is like enough."""
+        likeness = (self._sentences.embed(called) @ self._meanings.T).amax(0)
+        found = self._pictogram(int(likeness.argmax()), likeness)
+        return found if found.likeness >= LEAST_LIKENESS else None
+
+    def kindred(self, prompt: str, count: int) -> list[Pictogram]:
+        """Those `count` whose names are most like the prompt, however little that is, the likest first."""
         likeness = self._meanings @ self._sentences.embed([prompt])[0]
-        best = int(likeness.argmax())
-        if not float(likeness[best]) >= LEAST_LIKENESS:
-            return None
-        name = self._names[best]
-        return Pictogram(name, float(likeness[best]), self._files[name])
+        return [self._pictogram(at, likeness) for at in likeness.argsort(descending=True)[:count].tolist()]
+
+    def _pictogram(self, at: int, likeness: Tensor) -> Pictogram:
+        return Pictogram(self._names[at], float(likeness[at]), self._files[self._names[at]])
 
     def drawings(self, pictogram: Pictogram) -> list[Tensor]:
         """The drawing without its outlines, where enough of it is left, and with them.

@@ -43,10 +43,17 @@ class Text:
 
     def judge(self, picture: Tensor) -> Tensor:
         """The distance by all readers in the same few views of the middle every time."""
-        which = torch.arange(_STEADY)
+        return self._steadily(picture, _STEADY)
+
+    def glance(self, picture: Tensor) -> Tensor:
+        """The same in a single view, sooner: enough to choose from many pictures those worth a look."""
+        return self._steadily(picture, 1)
+
+    def _steadily(self, picture: Tensor, views: int) -> Tensor:
+        which = torch.arange(views)
         found = [
-            distance(views.of(_square(picture, 0.5), which)).mean()
-            for distance, views in zip(self._distances, self._views, strict=True)
+            distance(ways.of(_square(picture, 0.5), which)).mean()
+            for distance, ways in zip(self._distances, self._views, strict=True)
         ]
         return _BALANCE * torch.stack(found).mean()
 

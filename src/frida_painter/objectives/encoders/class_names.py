@@ -14,3 +14,10 @@ def class_names() -> tuple[tuple[str, ...], ...]:
     """
     text = (resources.files(__package__) / FILE).read_text("utf-8")
     return tuple(tuple(line.split(", ")) for line in text.splitlines())
+
+
+def synonyms(name: str) -> list[str]:
+    """What else the classes of that name are called, as "lady beetle" for "ladybird"; nothing where there is none."""
+    plain = name.lower()
+    known = [some for some in class_names() if any(plain == one.lower() for one in some)]
+    return [one for some in known for one in some if one.lower() != plain]

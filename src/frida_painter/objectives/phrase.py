@@ -1,0 +1,79 @@
+"""What a prompt speaks of: a thing, perhaps its colour, and perhaps where it is."""
+
+import re
+from dataclasses import dataclass
+from typing import Self
+
+import torch
+from torch import Tensor
+
+Color = tuple[float, float, float]
+
+_ARTICLES = ("a", "an", "the", "one", "some")
+# What follows says where the thing is, or what it has beside it.
+_PLACES = (
+    "above", "against", "among", "at", "before", "behind", "below", "beneath", "beside", "by", "in", "inside", "near",
+    "on", "over", "under", "with",
+)  # fmt: skip
+_MEDIUM = re.compile(
+    r"^(?:(?:an?|the)\s+)?(?:[a-z-]+\s+){0,2}(?:painting|picture|drawing|sketch|photo|photograph|image|portrait)\s+of\s+"
+)
+COLORS: dict[str, Color] = {
+    "red": (0.80, 0.12, 0.12),
+    "scarlet": (0.80, 0.12, 0.12),
+    "crimson": (0.66, 0.06, 0.16),
+    "orange": (0.94, 0.50, 0.10),
+    "yellow": (0.97, 0.82, 0.14),
+    "golden": (0.86, 0.66, 0.20),
+    "green": (0.22, 0.58, 0.25),
+    "turquoise": (0.16, 0.66, 0.66),
+    "blue": (0.16, 0.36, 0.75),
+    "purple": (0.48, 0.22, 0.58),
+    "violet": (0.48, 0.22, 0.58),
+    "pink": (0.95, 0.60, 0.70),
+    "brown": (0.48, 0.30, 0.16),
+    "black": (0.11, 0.11, 0.12),
+    "gray": (0.55, 0.55, 0.56),
+    "grey": (0.55, 0.55, 0.56),
+    "white": (0.96, 0.96, 0.94),
+}
+"""Words for colours, and what a painter would take for them, in sRGB."""
+_TOWARDS = {"dark": 0.0, "light": 1.0, "pale": 1.0}  # black or white
+_FAR = 0.35  # of the way
+
+
+@dataclass(frozen=True)
+class Phrase:
+    """A prompt taken apart.
+
+    thing: what is to be seen, colour included, as "a blue bird"; plain: the same without article and colour, as
+    "bird"; color: the word for its colour, as "light blue", or nothing; place: the rest, as "on a branch", or nothing.
+    """
+
+    thing: str
+    plain: str
+    color: str
+    place: str
+
+    @classmethod
+    def of(cls, prompt: str) -> Self:
+        """The parts of a prompt; what has no known words in it is a thing."""
+        words = _MEDIUM.sub("", prompt.lower()).split()
+        split = next((at for at, word in enumerate(words) if at > 0 and word in _PLACES), len(words))
+        thing, place = words[:split], words[split:]
+        # The last word is what the thing is called: an orange is a fruit.
+        at = next((at for at, word in enumerate(thing[:-1]) if word in COLORS), None)
+        color = [] if at is None else thing[at : at + 1]
+        if at and thing[at - 1] in _TOWARDS:
+            color = thing[at - 1 : at + 1]
+        plain = [word for word in thing if word not in color and word not in _ARTICLES]
+        return cls(" ".join(thing), " ".join(plain), " ".join(color), " ".join(place))
+
+    @property
+    def paint(self) -> Tensor | None:
+        """The colour as sRGB [3] in [0, 1], None where the prompt names none."""
+        if not self.color:
+            return None
+        *shade, name = self.color.split()
+        color = torch.tensor(COLORS[name])
+        return torch.lerp(color, torch.full((3,), _TOWARDS[shade[0]]), _FAR) if shade else color
