@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter.frames import PixelGrid
+from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal, ImageTerm, StyleTerm, TextTerm
 from frida_painter.objectives.grounds import ground_of
 from frida_painter.objectives.imagination import imagined, lay
@@ -71,6 +71,15 @@ def test_a_colour_in_the_words_is_that_of_the_thing(encoders: QuickEncoders) -> 
     red, _, blue = begun.image[:, GRID.rows // 2, GRID.columns // 2].tolist()
     assert blue > 0.6 and red < 0.3
     assert "'strawberry' in blue on" in encoders.remarks[0]
+
+
+@pytest.mark.parametrize(("wants", "says"), [((0.0, 0.4, 1.0), " in blue on"), ((1.0, 0.0, 0.0), "'strawberry' on")])
+def test_networks_that_are_much_surer_in_another_colour_give_it(
+    encoders: QuickEncoders, monkeypatch: pytest.MonkeyPatch, wants: tuple[float, ...], says: str
+) -> None:
+    monkeypatch.setattr(encoders, "readers", lambda: (Wants(*wants),))
+    imagined(Goal((TextTerm("a strawberry"),)), PixelGrid.of_height(CanvasSize(0.1, 0.1), 48), encoders, 0)
+    assert says in encoders.remarks[0]
 
 
 def test_a_picture_to_begin_with_needs_no_imagination() -> None:

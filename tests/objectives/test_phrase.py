@@ -3,7 +3,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.objectives.phrase import COLORS, Phrase
+from frida_painter.objectives.phrase import COLORS, Phrase, paint_of
 
 
 @pytest.mark.parametrize(
@@ -22,8 +22,8 @@ def test_a_prompt_is_taken_apart(prompt: str, thing: str, plain: str, color: str
 
 
 def test_colours_are_dark_and_light() -> None:
-    assert Phrase.of("a bird").paint is None
-    blue, dark, light = (Phrase.of(f"a {color} bird").paint for color in ("blue", "dark blue", "pale blue"))
+    assert paint_of("") is None
+    blue, dark, light = (paint_of(color) for color in ("blue", "dark blue", "pale blue"))
     assert blue is not None and dark is not None and light is not None
     assert torch.equal(blue, torch.tensor(COLORS["blue"]))
     assert float(dark.mean()) < float(blue.mean()) < float(light.mean())

@@ -1,5 +1,6 @@
 """A picture for words that come without one: the pictogram that they mean, on the ground where it is found."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import torch
@@ -12,7 +13,7 @@ from frida_painter.objectives.encoders.class_names import synonyms
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.objectives.grounds import Ground, ground_of
-from frida_painter.objectives.phrase import Phrase
+from frida_painter.objectives.phrase import COLORS, Phrase, paint_of
 from frida_painter.objectives.pictograms import CREDIT, Pictogram, Pictograms
 from frida_painter.objectives.recoloring import recolored
 from frida_painter.objectives.text import Text
@@ -21,6 +22,8 @@ _FILLS = 0.85  # of the canvas's shorter side
 _KEPT = 1.0  # weight of the composition beside the words' own
 _KINDRED = 40  # pictograms that are looked at where none has the right name
 _WIDTHS = (1.0, 0.6)  # of their own, in which they are: a narrow house is a tower
+_TRIED = ("red", "orange", "yellow", "green", "blue", "purple", "pink", "brown", "black", "white")
+_MUCH = 0.15  # nearer to the words in another colour, by the networks, or a pictogram keeps its own
 _CLEARLY = 0.05  # nearer to the words than the ground alone, by the networks, or it is not worth it
 
 
@@ -55,14 +58,33 @@ def _composed(prompt: str, grid: PixelGrid, encoders: Encoders, seed: int) -> Te
     bare, words = ground.picture(grid), Text(prompt, encoders.readers(), seed)
     if found is None:
         return _look_alike(phrase, ground, bare, pictograms, words, encoders)
-    color = phrase.paint if phrase.color not in found.name else None
-    colored = "" if color is None else f" in {phrase.color}"
+    laid, color = _painted(phrase, found, pictograms.drawings(found), bare, words)
+    colored = f" in {color}" if color else ""
     encoders.remark(f"Begun with the pictogram {found.name!r}{colored} on {ground.name}; it is of {CREDIT}.")
-    drawings = pictograms.drawings(found)
-    if color is not None:
-        drawings = [recolored(drawing, color) for drawing in drawings]
-    with torch.no_grad():
-        return min((lay(drawing, bare) for drawing in drawings), key=lambda one: float(words.judge(one)))
+    return laid
+
+
+@torch.no_grad()
+def _painted(phrase: Phrase, found: Pictogram, drawings: list[Tensor], bare: Tensor, words: Text) -> tuple[Tensor, str]:
+    """The drawing that is nearest to the words, laid on the ground, and the word for its new colour, if any.
+
+    Its colour is the one that the words name. Where neither they nor the pictogram's name do, it has another
+    one than its own only where the networks are much surer of the thing then: monarchs are orange.
+    """
+
+    def nearest(color: str, judge: Callable[[Tensor], Tensor]) -> tuple[float, Tensor]:
+        paint = paint_of(color)
+        colored = drawings if paint is None else [recolored(drawing, paint) for drawing in drawings]
+        judged = [(float(judge(one)), one) for one in (lay(drawing, bare) for drawing in colored)]
+        return min(judged, key=lambda pair: pair[0])
+
+    named = set(found.name.split()) & set(COLORS)
+    wanted = "" if phrase.color in found.name else phrase.color
+    if wanted or named:
+        return nearest(wanted, words.judge)[1], wanted
+    likely = min(_TRIED, key=lambda color: nearest(color, words.glance)[0])
+    (own, laid), (other, instead) = nearest("", words.judge), nearest(likely, words.judge)
+    return (instead, likely) if other < own - _MUCH else (laid, "")
 
 
 def _ground(phrase: Phrase, found: Pictogram | None, sentences: SentenceEncoder) -> Ground:
@@ -77,11 +99,11 @@ def _look_alike(
     phrase: Phrase, ground: Ground, bare: Tensor, pictograms: Pictograms, words: Text, encoders: Encoders
 ) -> Tensor:
     """For a thing that no pictogram is called, one of something akin that the networks take for it most."""
-    best, name = bare, ""
+    best, name, paint = bare, "", paint_of(phrase.color)
     least = float(words.glance(bare)) - _CLEARLY
     for pictogram in pictograms.kindred(phrase.plain, _KINDRED):
         for drawing in pictograms.drawings(pictogram):
-            painted = drawing if phrase.paint is None else recolored(drawing, phrase.paint)
+            painted = drawing if paint is None else recolored(drawing, paint)
             for width in _WIDTHS:
                 laid = lay(_narrowed(painted, width), bare)
                 if (distance := float(words.glance(laid))) < least:

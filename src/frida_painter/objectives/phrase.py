@@ -69,11 +69,11 @@ class Phrase:
         plain = [word for word in thing if word not in color and word not in _ARTICLES]
         return cls(" ".join(thing), " ".join(plain), " ".join(color), " ".join(place))
 
-    @property
-    def paint(self) -> Tensor | None:
-        """The colour as sRGB [3] in [0, 1], None where the prompt names none."""
-        if not self.color:
-            return None
-        *shade, name = self.color.split()
-        color = torch.tensor(COLORS[name])
-        return torch.lerp(color, torch.full((3,), _TOWARDS[shade[0]]), _FAR) if shade else color
+
+def paint_of(color: str) -> Tensor | None:
+    """A word of COLORS, perhaps after "dark", "light" or "pale", as sRGB [3] in [0, 1]; None for no word."""
+    if not color:
+        return None
+    *shade, name = color.split()
+    paint = torch.tensor(COLORS[name])
+    return torch.lerp(paint, torch.full((3,), _TOWARDS[shade[0]]), _FAR) if shade else paint
