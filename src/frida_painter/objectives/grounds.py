@@ -42,7 +42,7 @@ class Ground:
 
 _GROUNDS = (
     Ground("the sea", "sea, coast, beach, lighthouse, ship, boat, fish, swimming", _PAPER, (0.28, 0.52, 0.72), 0.72),
-    Ground("a meadow", "grass, garden, animal, flower, insect", _PAPER, (0.50, 0.68, 0.36), 0.74),
+    Ground("a meadow", "grass, field, garden, animal, flower, insect", _PAPER, (0.50, 0.68, 0.36), 0.74),
     Ground("a table", "food, fruit, kitchen, cup, dish", _PAPER, (0.78, 0.62, 0.44), 0.70),
     Ground("the sky", "sky, flying, bird, balloon, aircraft, kite", _PAPER, (0.70, 0.84, 0.95), 0.72),
     Ground("hills", "mountain, castle, tower, building, landscape", _PAPER, (0.55, 0.66, 0.42), 0.80),
