@@ -67,6 +67,19 @@ def test_strokes_out_of_reach_are_named_and_drawn_in_red(monkeypatch, plan, caps
     assert alarming[:, : width // 4].sum() < 50
 
 
+def test_strokes_that_the_simulated_sawyer_does_not_reach_are_drawn_in_red(monkeypatch, tmp_path, capsys) -> None:
+    pytest.importorskip("mink")
+    monkeypatch.chdir(tmp_path)
+    made_up_plan(6, 2).save(Path("small.json"))
+    assert run(monkeypatch, "check", "small.json", "--robot", "sawyer-sim") == 0
+    assert "all of it can be painted" in capsys.readouterr().out
+    far = workspace(("corner = [0.30", "corner = [0.75"), ("upper = [0.70", "upper = [1.20"))
+    assert run(monkeypatch, "check", "small.json", "--robot", "sawyer-sim", "--workspace", far) == 1
+    assert re.search(r"stroke \d: the arm does not reach \(", capsys.readouterr().err)
+    red, green, blue = images.load(Path("check.png"))
+    assert ((red > 0.7) & (green < 0.2) & (blue < 0.25)).sum() > 500
+
+
 def test_another_canvas_and_missing_wells_are_told_together(monkeypatch, plan, capsys) -> None:
     wells = re.search(r"wells = \[.*?\n\]", example(), re.DOTALL)
     assert wells

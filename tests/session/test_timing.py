@@ -13,7 +13,7 @@ from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.events import StrokePainted
 from frida_painter.session.timing import reckon
-from frida_painter.virtual.studio import StudioSettings, open_studio
+from frida_painter.virtual.studio import FREE, KINEMATIC_SAWYER, StudioSettings, open_studio
 from plans import made_up_plan, made_up_strokes
 
 SMALL = CanvasSize(0.12, 0.09)
@@ -31,10 +31,10 @@ def looks(painted: int) -> int:
     return int(painted % 8 == 0)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_the_time_is_that_of_the_simulated_clock_within_a_tenth_before_and_on_the_way(seed: int) -> None:
+@pytest.mark.parametrize(("seed", "arm"), [(0, FREE), (1, FREE), (2, KINEMATIC_SAWYER), (3, KINEMATIC_SAWYER)])
+def test_the_time_is_that_of_the_simulated_clock_within_a_tenth_before_and_on_the_way(seed: int, arm: str) -> None:
     plan = a_plan(seed)
-    easel = open_studio(SMALL, "fine", seed=seed, settings=StudioSettings(cell=2.0)).easel
+    easel = open_studio(SMALL, "fine", seed=seed, settings=StudioSettings(cell=2.0, arm=arm)).easel
     easel.robot.connect()
     easel.camera.connect()
     work = Brushwork(easel, brush_kind("fine"))

@@ -174,6 +174,7 @@ def _easel(site: Site, canvas: str | None, brush: str, seed: int, error: Placeme
                 brush=brush,
                 seed=seed,
                 state=state_folder(),
+                placement_error=error,
                 workspace=None if site.workspace is None else site.workspace.absolute(),
                 camera=site.camera,
             )

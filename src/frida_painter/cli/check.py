@@ -19,6 +19,7 @@ from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.reach import Reach
 from frida_painter.hardware.stand import Stand, example
+from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.plan import Plan
 from frida_painter.render import render
@@ -26,13 +27,15 @@ from frida_painter.report.offending_strokes import offending_strokes
 from frida_painter.report.workspace_plan import workspace_plan
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.easel_process import state_folder
-from frida_painter.session.easels import OPENERS, EaselOrder, open_easel
+from frida_painter.session.easels import OPENERS, SAWYER_SIM, EaselOrder, open_easel
 from frida_painter.session.machines import MACHINES, MachineName, robot_named
 from frida_painter.session.opening import settle_threads
 from frida_painter.session.procedures.standing import require
 from frida_painter.session.rehearsal import Rehearsal, rehearse
 from frida_painter.session.timetable import Timetable
 from frida_painter.session.timing import reckon
+from frida_painter.virtual.sawyer.arm import TIMING
+from frida_painter.virtual.sawyer.reach import SawyerReach
 
 _TOLD = 12  # faults; the picture shows all
 _ROWS = 900
@@ -86,7 +89,7 @@ def check(
     if found.passed:
         print(f"{_count(len(loaded), 'stroke')} in {_count(len(loaded.palette), 'paint')}: all of it can be painted.")
         choreography = Choreography(Motion(place, known), brush_kind(loaded.brush))
-        _tell_time(reckon(loaded, choreography, BrushLoad(), lambda painted: 0))
+        _tell_time(reckon(loaded, choreography, BrushLoad(), lambda painted: 0, there.timing))
         return
     _tell(found, len(loaded))
     if found.strokes:
@@ -119,6 +122,7 @@ class _Place:
     canvas: CanvasSize
     calibration: Calibration
     reach: Reach | None
+    timing: Timing | None
 
 
 def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
@@ -127,12 +131,16 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
         stand = Stand.load(workspace)
         if robot is not None and robot not in OPENERS:
             robot_named(robot, stand.workspace)  # only to hear what is wrong with it
-        return _Place(stand.workspace, stand.canvas, stand.calibration(plan.brush), stand.reach)
+        reach: Reach | None = stand.reach
+        timing: Timing | None = None
+        if robot == SAWYER_SIM:  # a Sawyer whose foot is the workspace's origin
+            reach, timing = SawyerReach(stand.workspace, stand.canvas), TIMING
+        return _Place(stand.workspace, stand.canvas, stand.calibration(plan.brush), reach, timing)
     if robot is not None and MachineName.of(robot).kind in MACHINES:
         raise ConfigError(f"Where things stand around {robot[:60]!r} is not known; say it with --workspace FILE.")
     order = EaselOrder(robot or VIRTUAL.robot, plan.canvas, plan.brush, 0, state_folder(), camera=_SOME_CAMERA)
     easel = open_easel(order).easel
-    return _Place(easel.workspace, easel.canvas, easel.calibration, easel.reach)
+    return _Place(easel.workspace, easel.canvas, easel.calibration, easel.reach, easel.timing)
 
 
 def _known(record: Path | None, default: Calibration) -> Calibration:

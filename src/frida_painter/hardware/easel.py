@@ -8,6 +8,7 @@ from frida_painter.frames import CanvasSize
 from frida_painter.hardware.camera import Camera
 from frida_painter.hardware.reach import Reach
 from frida_painter.hardware.robot import Robot
+from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.palette import Palette
 
@@ -32,8 +33,9 @@ class Attendant(Protocol):
 class Easel:
     """Everything that differs between a virtual and a real painting.
 
-    reach: where the robot's arm gets, None where it gets everywhere in its workspace; simulated: no
-    real robot is moved.
+    reach: where the robot's arm gets, None where it gets everywhere in its workspace; timing: how it
+    starts and stops, None where it is not known and its full speed is reckoned with; simulated: no real
+    robot is moved.
     """
 
     robot: Robot
@@ -43,4 +45,5 @@ class Easel:
     calibration: Calibration
     canvas: CanvasSize
     reach: Reach | None = None
+    timing: Timing | None = None
     simulated: bool = False

@@ -42,7 +42,7 @@ class Brushwork:
 
     def timetable(self, plan: Plan, looks: Callable[[int], int]) -> Timetable:
         """How long painting the plan takes, `looks(k)` looks coming after its stroke k."""
-        return reckon(plan, self._choreography(), self.load, looks)
+        return reckon(plan, self._choreography(), self.load, looks, self.easel.timing)
 
     def prepare(self, plan: Plan, already_done: int, of: int) -> list[Action]:
         """Everything that painting the plan takes, checked as a whole against the workspace.

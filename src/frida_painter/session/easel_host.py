@@ -27,6 +27,7 @@ from frida_painter.hardware.link.host import Host, told
 from frida_painter.hardware.link.watch import StopFile, Watch
 from frida_painter.hardware.link.wire import Wire
 from frida_painter.hardware.lock import RobotLock
+from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.session.easels import SIMULATED, STOP_FILE, EaselOrder, lock_path, machine, open_easel
 
@@ -93,6 +94,7 @@ def _about(easel: Easel) -> dict[str, Any]:
         "calibration": TypeAdapter(Calibration).dump_python(easel.calibration, mode="json"),
         "canvas": TypeAdapter(CanvasSize).dump_python(easel.canvas, mode="json"),
         "knows_reach": easel.reach is not None,
+        "timing": TypeAdapter(Timing | None).dump_python(easel.timing, mode="json"),
     }
 
 

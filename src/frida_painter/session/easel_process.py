@@ -22,6 +22,7 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.link.remote import Link, RemoteAttendant, RemoteCamera, RemoteReach, RemoteRobot, heard
 from frida_painter.hardware.link.watch import Pulse
 from frida_painter.hardware.link.wire import Wire
+from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.session.easels import EaselOrder
 
@@ -132,5 +133,6 @@ def _easel(about: dict[str, Any], link: Link) -> Easel:
         calibration=TypeAdapter(Calibration).validate_python(about["calibration"]),
         canvas=TypeAdapter(CanvasSize).validate_python(about["canvas"]),
         reach=RemoteReach(link) if about["knows_reach"] else None,
+        timing=TypeAdapter(Timing | None).validate_python(about["timing"]),
         simulated=about["simulated"],
     )

@@ -1,17 +1,19 @@
-"""Reckons how long painting takes, from lengths and speeds, as the robot's clock will count it.
+"""Reckons how long painting takes, from lengths, speeds and how the arm starts and stops, by the robot's clock.
 
 Thinking takes time of its own, and so does whoever fills the wells.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from frida_painter.brush.trajectory import END_THICKNESS
+from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
+from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Point
 from frida_painter.plan import Plan
 from frida_painter.session.choreography import BrushLoad, Choreography
@@ -21,44 +23,68 @@ _PHOTOGRAPH = 0.1  # seconds that the arm waits for a photograph
 _HOME_RISE = 0.1  # metres above the rag, where a workspace states no home
 
 
-def reckon(plan: Plan, choreography: Choreography, load: BrushLoad, looks: Callable[[int], int]) -> Timetable:
+def reckon(
+    plan: Plan,
+    choreography: Choreography,
+    load: BrushLoad,
+    looks: Callable[[int], int],
+    timing: Timing | None = None,
+) -> Timetable:
     """The time that a plan takes with a brush that holds `load`, the arm being at home.
 
     looks: how often the painter looks, for itself or for the film, after it has painted so many of the
-    plan's strokes. Raises WorkspaceViolation where the workspace has no well for a paint.
+    plan's strokes; timing: how the arm starts and stops, None to reckon with its full speed. Raises
+    WorkspaceViolation where the workspace has no well for a paint.
     """
     motion, workspace = choreography.motion, choreography.motion.workspace
+    pace = _Pace(timing)
     places, lengths = _on_canvas(plan, choreography)
-    drop = motion.travel_height - float(motion.calibration.height(np.array([END_THICKNESS]))[0])
+    painting = _steadily(lengths, motion) if timing is None else _motion_by_motion(plan, motion, pace)
     x, y, z = workspace.home or (*workspace.rag[:2], workspace.rag[2] + _HOME_RISE)
     home, areas = np.array([x, y, max(z, motion.travel_height)]), choreography.brush.area(plan.strokes).tolist()
     dips = {paint: motion.dip(paint) for paint in sorted(set(plan.paint.tolist()))}
     washing = choreography.cleaning()
-    hand = _Hand(workspace.travel_speed, tuple(home))
+    hand = _Hand(workspace.travel_speed, tuple(home), pace)
     table, after = Timetable(), []
     for index, (paint, area) in enumerate(zip(plan.paint.tolist(), areas, strict=True)):
         if paint != load.paint or load.area < area:
             if load.paint is not None and paint != load.paint:
                 for wash in washing:
-                    table = replace(table, travel=table.travel + hand.to(wash), washing=table.washing + _seconds(wash))
+                    table = replace(table, travel=table.travel + hand.to(wash), washing=table.washing + pace.of(wash))
             dip = dips[paint]
-            table = replace(table, travel=table.travel + hand.to(dip), dips=table.dips + _seconds(dip))
+            table = replace(table, travel=table.travel + hand.to(dip), dips=table.dips + pace.of(dip))
             load = BrushLoad(paint, choreography.dip_area)
         load = BrushLoad(paint, load.area - area)
         way = hand.across(places[index, 0], places[index, 1])
-        painting = (lengths[index] + 2 * drop) / workspace.painting_speed
-        table = replace(table, travel=table.travel + way, strokes=table.strokes + painting)
+        table = replace(table, travel=table.travel + way, strokes=table.strokes + painting[index])
         after.append(table.total)
         for _ in range(looks(index + 1)):
             table = replace(table, looks=table.looks + hand.aside() + _PHOTOGRAPH)
     return replace(table, after=tuple(after))
 
 
+@dataclass(frozen=True)
+class _Pace:
+    """How long the tip takes for its ways, from rest to rest."""
+
+    timing: Timing | None
+
+    def of(self, motion: Waypoints) -> float:
+        """Seconds from the first waypoint to the last."""
+        return self.along(motion.position, motion.speed)
+
+    def along(self, path: NDArray[np.float64], speed: float) -> float:
+        """Seconds through points [k, 3] at a speed of so many m/s."""
+        if self.timing is None:
+            return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) / speed
+        return self.timing.seconds(path, np.full(len(path) - 1, speed))
+
+
 class _Hand:
     """Where the tip is, and how long it travels from there."""
 
-    def __init__(self, speed: float, home: Point) -> None:
-        self._speed, self._home = speed, np.array(home)
+    def __init__(self, speed: float, home: Point, pace: _Pace) -> None:
+        self._speed, self._home, self._pace = speed, np.array(home), pace
         self._here: NDArray[np.float64] = self._home
 
     def to(self, motion: Waypoints) -> float:
@@ -67,16 +93,16 @@ class _Hand:
 
     def across(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> float:
         """Seconds to `start`; afterwards the tip is at `end`."""
-        seconds = float(np.linalg.norm(start - self._here)) / self._speed
+        seconds = self._pace.along(np.stack([self._here, start]), self._speed)
         self._here = end
         return seconds
 
     def aside(self) -> float:
         """Seconds up and home."""
         above = np.array([*self._here[:2], max(self._here[2], self._home[2])])
-        length = float(np.linalg.norm(above - self._here) + np.linalg.norm(self._home - above))
+        path = np.stack([self._here, above, self._home])
         self._here = self._home
-        return length / self._speed
+        return self._pace.along(path, self._speed)
 
 
 def _on_canvas(plan: Plan, choreography: Choreography) -> tuple[NDArray[np.float64], list[float]]:
@@ -89,5 +115,13 @@ def _on_canvas(plan: Plan, choreography: Choreography) -> tuple[NDArray[np.float
     return above.reshape(-1, 2, 3), lengths.tolist()
 
 
-def _seconds(motion: Waypoints) -> float:
-    return motion.length / motion.speed
+def _steadily(lengths: list[float], motion: Motion) -> list[float]:
+    """Seconds of each stroke by the length of its path alone, down and up included."""
+    drop = motion.travel_height - float(motion.calibration.height(np.array([END_THICKNESS]))[0])
+    return [(length + 2 * drop) / motion.workspace.painting_speed for length in lengths]
+
+
+def _motion_by_motion(plan: Plan, motion: Motion, pace: _Pace) -> list[float]:
+    """Seconds of each stroke as its motion goes, which slows down in bends."""
+    strokes = plan.strokes.detach().to(torch.float64)
+    return [pace.of(motion.stroke(strokes, index)) for index in range(len(plan))]

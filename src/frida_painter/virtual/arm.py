@@ -9,6 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from frida_painter.hardware.timing import Timing
+
 # In its own pace an arm heeds a stop this often, s.
 _SLICE = 0.005
 
@@ -32,10 +34,12 @@ class Way:
 
     def when(self) -> NDArray[np.float64]:
         """Seconds after the start [k] at which each point is reached by a tip that always has its full speed."""
-        legs = np.linalg.norm(np.diff(self.path, axis=0), axis=1)
-        legs[0] /= self.travel_speed
-        legs[1:] /= self.speed
+        legs = np.linalg.norm(np.diff(self.path, axis=0), axis=1) / self.speeds()
         return np.concatenate([[0.0], np.cumsum(legs)])
+
+    def speeds(self) -> NDArray[np.float64]:
+        """The speed asked for [k - 1] on each piece, m/s."""
+        return np.r_[self.travel_speed, np.full(len(self.path) - 2, self.speed)]
 
 
 @dataclass(frozen=True)
@@ -103,20 +107,26 @@ class Arm(Protocol):
 
 
 class FreeArm:
-    """Carries the tip exactly along its way and at the speeds asked for, as no real arm does."""
+    """Carries the tip exactly along its way, as no real arm does.
+
+    timing: how it starts and stops; None: it always has the speed asked for.
+    """
+
+    def __init__(self, timing: Timing | None = None) -> None:
+        self._timing = timing
 
     def connect(self, tip: NDArray[np.float64]) -> None:
         """There is nothing to be done."""
 
     def move(self, way: Way, stopped: threading.Event, pace: float) -> Course:
         """Goes that way; where it takes no time there is none to be stopped in."""
-        when = way.when()
+        path, when = self._schedule(way)
         if pace > 0:
             began = time.monotonic()
             while (gone := (time.monotonic() - began) / pace) < when[-1]:
                 if stopped.wait(min(_SLICE, (when[-1] - gone) * pace)):
-                    return _until((time.monotonic() - began) / pace, way.path, when)
-        return Course(way.path, float(when[-1]))
+                    return _until((time.monotonic() - began) / pace, path, when)
+        return Course(path, float(when[-1]))
 
     def state(self) -> Sequence[float]:
         """Nothing beside the tip."""
@@ -127,6 +137,13 @@ class FreeArm:
 
     def close(self) -> None:
         """There is nothing to let go of."""
+
+    def _schedule(self, way: Way) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Points [k, 3] of the way, and when (s) [k] the tip is there."""
+        if self._timing is None:
+            return way.path, way.when()
+        places = self._timing.places(way.path, way.speeds())
+        return places, np.asarray(np.arange(len(places)) * self._timing.period, np.float64)
 
 
 def _until(seconds: float, path: NDArray[np.float64], when: NDArray[np.float64]) -> Course:

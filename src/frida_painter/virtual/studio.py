@@ -16,6 +16,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.reach import Reach
+from frida_painter.hardware.timing import Timing
 from frida_painter.virtual.arm import Arm, FreeArm
 from frida_painter.virtual.attendant import StudioAttendant
 from frida_painter.virtual.bristles import Tuft
@@ -28,17 +29,18 @@ from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.history import faults_entry, relive
 from frida_painter.virtual.paint import to_linear, to_srgb
 from frida_painter.virtual.robot import Clock, VirtualRobot
-from frida_painter.virtual.sawyer.arm import SawyerArm
+from frida_painter.virtual.sawyer.arm import TIMING, SawyerArm
 from frida_painter.virtual.sawyer.reach import SawyerReach
 from frida_painter.virtual.stand import Stand, free_stand, sawyer_stand
 from frida_painter.virtual.table import HandNoise, PlacementError, Table
 
 _MM = 1000.0
 _MOST_CELLS = 3_000_000
-FREE, SAWYER = "free", "sawyer"
-ARMS = (FREE, SAWYER)
-"""The arms of the studio: one that does exactly what it is told, and the simulated Rethink Sawyer."""
-_EASELS = {FREE: "virtual studio", SAWYER: "simulated Sawyer"}
+FREE, SAWYER, KINEMATIC_SAWYER = "free", "sawyer", "kinematic sawyer"
+ARMS = (FREE, SAWYER, KINEMATIC_SAWYER)
+"""The arms of the studio: one that does exactly what it is told, the simulated Rethink Sawyer, and one that is
+where and when a Sawyer without any error would be, at the same table."""
+_EASELS = {FREE: "virtual studio", SAWYER: "simulated Sawyer", KINEMATIC_SAWYER: "kinematic Sawyer"}
 _MOST_RISE = 0.02
 _SLOWEST = 100.0
 # A film of the default thickness sets in this time; the rate is the same for thick and thin.
@@ -125,15 +127,16 @@ class VirtualStudio:
             ground=to_linear(np.array(settings.ground)), drying_rate=_FILM / settings.drying_time, random=for_canvas,
         )  # fmt: skip
         self.placement_error = settings.placement_error or PlacementError.drawn_from(for_error)
-        stand, arm, noise, reach = _with_arm(settings.arm, canvas, brush, seed)
+        here = _with_arm(settings.arm, canvas, brush, seed)
+        stand = here.stand
         touch_height = stand.workspace.canvas_origin[2]
         self.touch_height = touch_height + settings.rise
         tuft = Tuft(brush, for_brush)
         self.table = Table(
             self._fresh_canvas(), tuft, stand.workspace, self.touch_height, self.placement_error,
-            settings.noise or noise, for_hand,
+            settings.noise or here.noise, for_hand,
         )  # fmt: skip
-        self.robot = VirtualRobot(self.table, stand, arm, self.clock, settings.pace)
+        self.robot = VirtualRobot(self.table, stand, here.arm, self.clock, settings.pace)
         self.camera = VirtualCamera(settings.camera, self.table, self.clock, for_camera)
         calibration = Calibration(
             easel=f"{_EASELS[settings.arm]} {seed}",
@@ -150,8 +153,9 @@ class VirtualStudio:
         checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
         self._attendant = StudioAttendant(self.table, checker, self._fresh_canvas)
         self.easel = Easel(
-            self.robot, self.camera, self._attendant, stand.workspace, calibration, canvas, reach, simulated=True
-        )
+            self.robot, self.camera, self._attendant, stand.workspace, calibration, canvas, here.reach, here.timing,
+            simulated=True,
+        )  # fmt: skip
         self._diary, self._note = diary, unnoted
         if diary is not None:
             relive(diary.past, self.clock, self.table, self.robot, self.camera, self._attendant)
@@ -235,12 +239,23 @@ def _furnishing(canvas: CanvasSize, brush: str, settings: StudioSettings, seed: 
     return {"canvas": asdict(canvas), "brush": brush, "seed": seed, **furniture}
 
 
-def _with_arm(
-    arm: str, canvas: CanvasSize, brush: BristleBrush, seed: int
-) -> tuple[Stand, Arm, HandNoise, Reach | None]:
-    """What goes with the arm of that name: the stand, the arm, the noise of its hand, and its reach."""
-    if arm == SAWYER:
-        stand = sawyer_stand(canvas, brush)
-        sawyer = SawyerArm(stand.workspace, canvas, seed)
-        return stand, sawyer, HandNoise(0.0, 0.0), SawyerReach(stand.workspace, canvas)
-    return free_stand(canvas, brush), FreeArm(), HandNoise(), None
+@dataclass(frozen=True)
+class _ArmAndTable:
+    """An arm and what goes with it: how things stand around it, the noise of its hand, its reach, how it moves off."""
+
+    stand: Stand
+    arm: Arm
+    noise: HandNoise
+    reach: Reach | None = None
+    timing: Timing | None = None
+
+
+def _with_arm(arm: str, canvas: CanvasSize, brush: BristleBrush, seed: int) -> _ArmAndTable:
+    """What the studio has for the arm of that name."""
+    if arm == FREE:
+        return _ArmAndTable(free_stand(canvas, brush), FreeArm(), HandNoise())
+    stand, none = sawyer_stand(canvas, brush), HandNoise(0.0, 0.0)
+    if arm == KINEMATIC_SAWYER:
+        return _ArmAndTable(stand, FreeArm(TIMING), none, timing=TIMING)
+    sawyer, reach = SawyerArm(stand.workspace, canvas, seed), SawyerReach(stand.workspace, canvas)
+    return _ArmAndTable(stand, sawyer, none, reach, TIMING)

@@ -56,6 +56,15 @@ def test_the_tip_is_near_where_it_is_sent_and_never_quite_there(hand, moving):
     assert 1e-6 < across.max() < 3e-4
 
 
+def test_its_motions_take_the_time_that_is_told_of_them(hand):
+    robot, timing = hand.easel.robot, hand.easel.timing
+    start = robot.home().reached
+    way = np.array([[0.55, -0.05, 0.08], [0.55, -0.05, 0.06], [0.6, 0.0, 0.06], [0.6, 0.0, 0.08]])
+    report = robot.follow(Waypoints("a short way", way, 0.06))
+    told = timing.seconds(np.vstack([start, way]), np.array([hand.easel.workspace.travel_speed, 0.06, 0.06, 0.06]))
+    assert report.finished_at - report.started_at == pytest.approx(told, abs=0.03)
+
+
 @pytest.mark.parametrize(
     ("place", "says"),
     [((1.3, 0.0, 0.1), "reaches from"), ((0.76, -0.52, 0.199), "does not reach"), ((np.nan, 0, 0), "nan")],

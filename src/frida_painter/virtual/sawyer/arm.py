@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import RobotError, WorkspaceViolation
 from frida_painter.frames import CanvasSize
+from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.virtual.arm import Course, Way
-from frida_painter.virtual.sawyer.timing import Timing
 
 if TYPE_CHECKING:
     from frida_painter.virtual.sawyer.control import SimulatedArm
@@ -22,6 +22,10 @@ MISSING = (
 )
 
 
+TIMING = Timing(acceleration=0.8, smoothing=0.06, period=0.01)
+"""How it starts and stops: gently enough for its motors, and for a wet brush."""
+
+
 class SawyerArm:
     """Implements virtual.arm.Arm: inverse kinematics at 100 Hz, joint control and physics at 500 Hz.
 
@@ -30,7 +34,6 @@ class SawyerArm:
 
     def __init__(self, workspace: Workspace, canvas: CanvasSize, seed: int) -> None:
         self._workspace, self._canvas, self._seed = workspace, canvas, seed
-        self._timing = Timing()
         self._remembered: Sequence[float] = ()
         self._body: SimulatedArm | None = None
         self._kinematics: Kinematics | None = None
@@ -56,19 +59,18 @@ class SawyerArm:
         joint too fast, or would touch itself or the table.
         """
         body, kinematics = self._alive(way.label)
-        speed = np.r_[way.travel_speed, np.full(len(way.path) - 2, way.speed)]
-        places = self._timing.places(way.path, speed)
+        places = TIMING.places(way.path, way.speeds())
         if len(places) == 1:
             return Course(body.tip[None], 0.0)  # it is there already
         angles = kinematics.follow(places, body.angles, stopped)
         if len(angles) < len(places):
             return Course(body.tip[None], 0.0, stopped=True)
-        hindrance = kinematics.hindrance(angles, places, self._timing.period)
+        hindrance = kinematics.hindrance(angles, places, TIMING.period)
         if hindrance is not None:
             raise WorkspaceViolation(
                 f"{way.label}: {hindrance}. The arm did not move; bring what is to be reached nearer to it."
             )
-        track = body.track(angles, self._timing.period, stopped, pace)
+        track = body.track(angles, TIMING.period, stopped, pace)
         # After a stop it brakes, meant to be nowhere else than where it was stopped.
         braking = np.repeat(places[-1:], max(0, len(track.places) - len(places)), axis=0)
         meant = np.concatenate([places, braking])[: len(track.places)]

@@ -1,4 +1,4 @@
-"""When the tip is where: a path of waypoints becomes places at even moments, no faster than motors can start and stop.
+"""When an arm's tip is where on a path of waypoints: no faster than motors can start and stop.
 
 The tip stays on the path: it slows down before corners, and stops in sharp ones, as a controller in
 "exact path" mode does. Speeds between are found by one pass forward and one backward over the path
@@ -22,27 +22,38 @@ _SHORTEST = 1e-7
 class Timing:
     """How a tip may move: acceleration (m/s2), smoothing (s) over which speed changes are spread, period (s)."""
 
-    acceleration: float = 0.8
-    smoothing: float = 0.06
-    period: float = 0.01
+    acceleration: float
+    smoothing: float
+    period: float
 
     def places(self, path: NDArray[np.float64], speed: NDArray[np.float64]) -> NDArray[np.float64]:
         """The tip's place [n, 3] at every period, from rest at the first to rest at the last waypoint.
 
         path: waypoints [k, 3] in metres; speed: of each of the pieces between them [k - 1], m/s.
         """
-        piece = np.linalg.norm(np.diff(path, axis=0), axis=1)
-        moving = piece > _SHORTEST
-        if not moving.any():
-            return path[-1:].copy()
-        path, speed = path[np.r_[True, moving]], speed[moving]
+        path, speed = _moving(path, speed)
+        if len(speed) == 0:
+            return path
         fine, fastest = _fine_grained(path, speed)
+        along, pace, moment = self._ramped(fine, fastest)
+        reached = self._smoothed(moment, along, pace)
+        return np.stack([np.interp(reached, along, column) for column in fine.T], -1)
+
+    def seconds(self, path: NDArray[np.float64], speed: NDArray[np.float64]) -> float:
+        """How long the tip takes for that path, from rest to rest; the arguments are those of `places`."""
+        path, speed = _moving(path, speed)
+        if len(speed) == 0:
+            return 0.0
+        return float(self._ramped(*_fine_grained(path, speed))[2][-1]) + self.smoothing
+
+    def _ramped(
+        self, fine: NDArray[np.float64], fastest: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Of every point of a fine-grained path: metres from its start, speed, and seconds from the start."""
         along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))]
         pace = _feasible(along, fastest, self.acceleration)
         # A step of constant acceleration takes its length over the mean of the speeds at its ends.
-        moment = np.r_[0.0, np.cumsum(2 * np.diff(along) / (pace[1:] + pace[:-1]))]
-        reached = self._smoothed(moment, along, pace)
-        return np.stack([np.interp(reached, along, column) for column in fine.T], -1)
+        return along, pace, np.r_[0.0, np.cumsum(2 * np.diff(along) / (pace[1:] + pace[:-1]))]
 
     def _smoothed(
         self, moment: NDArray[np.float64], along: NDArray[np.float64], pace: NDArray[np.float64]
@@ -57,6 +68,14 @@ class Timing:
         covered = along[index] + pace[index] * late + 0.5 * rise * late**2
         covered = np.r_[np.zeros(width - 1), covered, np.full(width, along[-1])]
         return np.clip(np.convolve(covered, np.full(width, 1 / width), "valid"), 0.0, along[-1])
+
+
+def _moving(path: NDArray[np.float64], speed: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The path and its speeds without pieces that lead nowhere; of a path all of them, its end alone."""
+    moving = np.linalg.norm(np.diff(path, axis=0), axis=1) > _SHORTEST
+    if not moving.any():
+        return path[-1:].copy(), speed[:0]
+    return path[np.r_[True, moving]], speed[moving]
 
 
 def _fine_grained(
