@@ -23,6 +23,7 @@ from frida_painter.experiments import (
     real_strokes,
     replanning,
     robustness,
+    sawyer,
     semantic,
     sim2real,
     sketch,
@@ -78,6 +79,7 @@ def build() -> typer.Typer:
     app.command(sim2real.NAME)(gap)
     app.command(replanning.NAME)(looking)
     app.command(robustness.NAME)(dirt)
+    app.command(sawyer.NAME)(arms)
     app.command(text.NAME)(words)
     app.command(style.NAME)(styles)
     app.command(semantic.NAME)(meanings)
@@ -205,6 +207,21 @@ def dirt(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: 
     """What becomes of missing paint, lost focus, other light, moved paper, missing dots and a turned checker."""
     scale = robustness.QUICK if quick else robustness.FULL
     _conduct(out, lambda notify: robustness.run(brush=brush, seed=seed, scale=scale, notify=notify))
+
+
+def arms(
+    brush: BrushName = "broad",
+    seed: Seed = 0,
+    target: Annotated[
+        Path | None, typer.Option(metavar="PHOTO", help="The picture to paint. [dim]a cup of coffee[/]")
+    ] = None,
+    quick: Quick = False,
+    out: Out = HERE,
+) -> None:
+    """The simulated Sawyer beside the same plan executed kinematically: tracking error, and what it does."""
+    scale = sawyer.QUICK if quick else sawyer.FULL
+    (picture,) = targets.given([target]) if target else targets.shipped(["coffee"])
+    _conduct(out, lambda notify: sawyer.run(picture, brush=brush, seed=seed, scale=scale, notify=notify))
 
 
 def words(

@@ -62,6 +62,10 @@ class Tuft:
         """Paint in the tuft, microlitres."""
         return float(self.load.sum())
 
+    def draw_luck_from(self, random: np.random.Generator) -> None:
+        """From now on its luck in dips and strokes is drawn from there."""
+        self._random = random
+
     def fill(self, paint: NDArray[np.float64]) -> float:
         """Dips into a paint (K, S [6]), which some locks take up better; returns the microlitres taken up."""
         luck = np.minimum(1, 1.2 - self._random.random(_LOCKS) ** 3)[self._lock]

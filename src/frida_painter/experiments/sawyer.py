@@ -1,0 +1,258 @@
+"""What an arm's own errors do to a painting: one plan, painted by the simulated Sawyer and executed kinematically.
+
+The kinematic arm stands at the Sawyer's table, and its tip is at every moment exactly where the
+Sawyer's is meant to be: what differs between the two is the tracking error and nothing else. Whether
+that explains the difference is tried by an arm that is displaced at random, stroke by stroke, as
+much as the Sawyer is. What the brush's own luck does, and the virtual studio's own arm, with a steady
+hand and with its usual one, gives the scale.
+
+How the hairs part is drawn anew for every motion, and alike for all arms. Otherwise a stroke that is
+a hair longer would draw once more, and change the luck of all that follow.
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.experiments.execution import EXACT, execute
+from frida_painter.experiments.measures import psnr
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
+from frida_painter.experiments.page import Cell, Line, page
+from frida_painter.experiments.targets import Target
+from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.goal import Goal, ImageTerm
+from frida_painter.palette import to_lab
+from frida_painter.plan import Plan
+from frida_painter.planning.optimize import Step
+from frida_painter.planning.planner import Effort, Planner
+from frida_painter.virtual.arm import Course
+from frida_painter.virtual.studio import FREE, KINEMATIC_SAWYER, SAWYER, StudioSettings, open_studio
+from frida_painter.virtual.table import HandNoise
+from frida_painter.virtual.table import Table as StudioTable
+
+NAME = "sawyer"
+KINEMATIC, DYNAMIC, DISPLACED, LUCKY = "kinematic", "Sawyer", "kinematic, displaced", "kinematic, other luck"
+STEADY, USUAL = "studio, steady hand", "studio, usual hand"
+_PLANNING = 0.25  # share of the time
+_PIXEL = 0.0004  # metres of the canvas, the side of one of its cells
+_CLEAR = 3.0  # steps of lightness from pixel to pixel: there is an edge of paint
+_TELLING = 5.0  # distance in Lab that an eye sees when two pictures lie side by side
+_AMPLIFIED = 2
+_MM = 1000.0
+
+
+@dataclass(frozen=True)
+class Scale:
+    """strokes and paints of the plan, rows in which is planned, how long is planned, and the canvas."""
+
+    strokes: int
+    colors: int
+    rows: int
+    effort: float
+    canvas: CanvasSize
+
+
+FULL = Scale(strokes=200, colors=12, rows=256, effort=1.0, canvas=CanvasSize(14 * 0.0254, 11 * 0.0254))
+QUICK = Scale(strokes=3, colors=1, rows=64, effort=0.05, canvas=CanvasSize(0.12, 0.09))
+
+
+@dataclass(frozen=True)
+class Execution:
+    """A plan as it was painted: the canvas [3, H, W] as it is, the robot's seconds, and seconds of one core."""
+
+    canvas: Tensor
+    seconds: float
+    spent: float
+
+
+@dataclass
+class Tracking:
+    """Looks on while the arm works: how far the tip is from where it is meant to be while it paints, metres.
+
+    table, size: what says whether it paints; press: from lightest to hardest touch, metres; luck: of the
+    brush, drawn from that seed for every motion.
+    """
+
+    table: StudioTable
+    size: CanvasSize
+    press: float
+    luck: int
+    motions: int = 0
+    off: list[NDArray[np.float64]] = field(default_factory=list)  # [k, 3] of every motion
+
+    def open(self) -> None:
+        """Needs nothing."""
+
+    def watch(self, course: Course) -> None:
+        """Takes down the errors of a motion, and gives the brush its luck for the next."""
+        self.motions += 1
+        self.table.tuft.draw_luck_from(np.random.default_rng((self.luck, self.motions)))
+        if course.meant is not None:
+            place = self.table.on_canvas(course.places)
+            inside = (place[:, :2] >= 0) & (place[:, :2] <= np.array([self.size.width, self.size.height]) * _MM)
+            self.off.append((course.places - course.meant)[inside.all(1) & (place[:, 2] > 0)])
+
+    def close(self) -> None:
+        """Has seen enough."""
+
+    def row(self) -> Row:
+        """The errors in millimetres: in the canvas's plane, and in depth."""
+        off = np.concatenate(self.off) * _MM
+        plane, depth = np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2])
+        return {
+            "moments": len(off),
+            "in the plane, mean": float(plane.mean()),
+            "95 %": float(np.quantile(plane, 0.95)),
+            "worst": float(plane.max()),
+            "in depth, mean": float(depth.mean()),
+            "in depth, worst": float(depth.max()),
+        }
+
+    def noise(self) -> HandNoise:
+        """A hand that is off by as much from stroke to stroke."""
+        off = np.concatenate(self.off)
+        return HandNoise(float(np.sqrt((off[:, :2] ** 2).mean())), float(off[:, 2].std()) / self.press)
+
+
+def run(
+    target: Target, *, brush: str = "broad", seed: int = 0, scale: Scale = FULL, notify: Notify = silent
+) -> Outcome:
+    """Plans the target once, and paints it by every arm. Raises RobotError where MuJoCo is not installed."""
+    canvas = scale.canvas.turned_like(*target.picture.shape[1:])
+    plan = _planned(target, canvas, brush, seed, scale, within(notify, 0.0, _PLANNING))
+    notify(Progress(_PLANNING, f"painting: {DYNAMIC}"))
+    sawyer, tracking = _painted(plan, StudioSettings(arm=SAWYER), seed, seed)
+    others = {
+        KINEMATIC: (StudioSettings(arm=KINEMATIC_SAWYER), seed),
+        DISPLACED: (StudioSettings(arm=KINEMATIC_SAWYER, noise=tracking.noise()), seed),
+        LUCKY: (StudioSettings(arm=KINEMATIC_SAWYER), seed + 1),
+        STEADY: (StudioSettings(arm=FREE, noise=HandNoise(0.0, 0.0)), seed),
+        USUAL: (StudioSettings(arm=FREE), seed),
+    }
+    found = {DYNAMIC: sawyer}
+    for number, (name, (settings, luck)) in enumerate(others.items(), 1):
+        notify(Progress(_PLANNING + (1 - _PLANNING) * number / (len(others) + 1), f"painting: {name}"))
+        found[name], _ = _painted(plan, settings, seed, luck)
+    errors = tracking.row()
+    pairs = ((DYNAMIC, KINEMATIC), (DISPLACED, KINEMATIC), (LUCKY, KINEMATIC), (STEADY, KINEMATIC), (USUAL, STEADY))
+    apart = [_apart(found[one], one, found[other], other) for one, other in pairs]
+    return Outcome(
+        NAME,
+        "The simulated Sawyer beside the same plan executed kinematically",
+        {
+            "target": target.name, "seed": seed, "brush": brush, "canvas": str(canvas), "strokes": scale.strokes,
+            "colors": scale.colors, "rows": scale.rows, "effort": scale.effort,
+        },
+        (
+            Table("Tracking error of the Sawyer's tip while it paints, mm", (errors,)),
+            Table("How far two executions of the plan are apart", tuple(apart)),
+            Table("How long they took", tuple(_took(name, execution) for name, execution in found.items())),
+        ),
+        _notes(errors, apart, found[DYNAMIC]),
+        {NAME: _sheet(found, apart)},
+    )  # fmt: skip
+
+
+def edges_apart(first: Tensor, second: Tensor) -> NDArray[np.float64]:
+    """How far edges of paint lie apart in two pictures sRGB [3, H, W] that hardly differ, at each edge of the first.
+
+    Pixels [k]: the change of lightness over its slope, the first term of Taylor's series (Lucas and Kanade
+    1981, for the way across an edge).
+    """
+    light, other = (cv2.GaussianBlur(_lightness(picture), (0, 0), 1.0) for picture in (first, second))
+    slope = np.hypot(cv2.Sobel(light, -1, 1, 0, scale=1 / 8), cv2.Sobel(light, -1, 0, 1, scale=1 / 8))
+    edge = slope > _CLEAR
+    return np.asarray(np.abs(other - light)[edge] / slope[edge], np.float64)
+
+
+def _lightness(picture: Tensor) -> NDArray[np.float32]:
+    return np.ascontiguousarray(to_lab(picture.permute(1, 2, 0))[..., 0].numpy(), np.float32)
+
+
+def _planned(target: Target, canvas: CanvasSize, brush: str, seed: int, scale: Scale, notify: Notify) -> Plan:
+    grid = PixelGrid.of_height(canvas, scale.rows)
+    wanted = images.fit(target.picture, grid.rows, grid.columns)
+    planner = Planner(
+        Goal((ImageTerm(wanted),)), canvas, StrokeTable.of(load_stroke_model(brush)), rows=scale.rows,
+        effort=Effort().scaled(scale.effort), seed=seed,
+    )  # fmt: skip
+
+    def tell(step: Step) -> None:
+        notify(Progress(step.iteration / step.of, "planning"))
+
+    return planner.plan(wanted.new_ones(wanted.shape), scale.strokes, scale.colors, tell)
+
+
+def _painted(plan: Plan, settings: StudioSettings, seed: int, luck: int) -> tuple[Execution, Tracking]:
+    """The plan painted where the canvas lies exactly where it is believed to be, and whoever looked on."""
+    studio = open_studio(plan.canvas, plan.brush, seed=seed, settings=settings, placement_error=EXACT)
+    watcher = studio.robot.watcher = Tracking(studio.table, plan.canvas, studio.brush.press_depth / _MM, luck)
+    studio.easel.robot.connect()
+    studio.easel.camera.connect()
+    rows = round(plan.canvas.height / _PIXEL)
+    began = time.process_time()
+    execute(plan, studio.easel, rows)
+    return Execution(studio.truth(rows), studio.clock.now, time.process_time() - began), watcher
+
+
+def _apart(first: Execution, one: str, second: Execution, other: str) -> Row:
+    colors = to_lab(first.canvas.permute(1, 2, 0)) - to_lab(second.canvas.permute(1, 2, 0))
+    distance, edges = colors.norm(dim=-1), edges_apart(second.canvas, first.canvas) * _PIXEL * _MM
+    return {
+        "painted by": one,
+        "beside": other,
+        "MSE": float((first.canvas - second.canvas).square().mean()),
+        "PSNR, dB": psnr(first.canvas, second.canvas),
+        "distance in Lab, mean": float(distance.mean()),
+        f"share above {_TELLING:g}": float((distance > _TELLING).double().mean()),
+        "edges of paint apart, median, mm": float(np.median(edges)) if len(edges) else 0.0,
+        "90 %, mm": float(np.quantile(edges, 0.9)) if len(edges) else 0.0,
+    }
+
+
+def _took(name: str, execution: Execution) -> Row:
+    return {
+        "painted by": name,
+        "robot's seconds": execution.seconds,
+        "seconds of one core, paint included": execution.spent,
+        "times real time": execution.seconds / execution.spent,
+    }
+
+
+def _notes(errors: Row, apart: Sequence[Row], sawyer: Execution) -> tuple[str, ...]:
+    by = {row["painted by"]: row for row in apart}
+    mse = {name: float(row["MSE"] or 0) for name, row in by.items()}
+    arm = max(mse[DYNAMIC], 1e-12)
+    return (
+        f"While it paints, the Sawyer's tip is {errors['in the plane, mean']:.3f} mm off in the canvas's plane on the "
+        f"mean, {errors['worst']:.3f} mm at worst; it paints {sawyer.seconds / sawyer.spent:.1f} times as fast as the "
+        "clock, arm and paint on one core.",
+        f"Its painting differs from the kinematic one by an MSE of {mse[DYNAMIC]:.2g}; edges of paint lie "
+        f"{by[DYNAMIC]['edges of paint apart, median, mm']:.3f} mm apart (median). An arm without errors of its own "
+        f"that is displaced by as much at random, from stroke to stroke, differs by {mse[DISPLACED]:.2g}; the Sawyer's "
+        f"difference is {arm / max(mse[DISPLACED], 1e-12):.1f} times that.",
+        f"Against that, the brush's own luck makes {mse[LUCKY] / arm:.1f} times the difference, the usual noise of the "
+        f"virtual studio's hand {mse[USUAL] / arm:.1f} times, and an arm that always has its full speed at another "
+        f"table {mse[STEADY] / arm:.1f} times.",
+    )
+
+
+def _sheet(found: Mapping[str, Execution], apart: Sequence[Row]) -> Tensor:
+    """What each painted, and below it how that differs from what it is compared with."""
+    painted = [Cell(found[KINEMATIC].canvas, KINEMATIC)]
+    strange: list[Cell | None] = [None]
+    for row in apart:
+        one, other = str(row["painted by"]), str(row["beside"])
+        painted.append(Cell(found[one].canvas, one))
+        far = (found[one].canvas - found[other].canvas).abs().mean(0, keepdim=True).expand(3, -1, -1)
+        strange.append(Cell((1 - _AMPLIFIED * far).clamp(min=0), f"MSE {row['MSE']:.2g} to {other}"))
+    lines = [Line("painted", painted), Line(f"difference,\n{_AMPLIFIED} times", strange)]
+    return page("One plan, painted by different arms", (), lines, width=280)
