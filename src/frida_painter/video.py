@@ -1,8 +1,10 @@
 """Moving pictures: frames stream into an H.264 file that every browser plays."""
 
 import contextlib
+import re
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -88,3 +90,48 @@ class VideoEncoder:
         with contextlib.suppress(StorageError):
             self._file.__exit__(type(failure), failure, None)
         return failure
+
+
+def join(parts: Sequence[Path], path: Path) -> None:
+    """Puts films of one size that `VideoEncoder` made behind one another as they are; damaged ones are left out.
+
+    Raises StorageError, and `path` is as it was.
+    """
+    listed = "".join("file '{}'\n".format(str(part.absolute()).replace("'", "'\\''")) for part in parts)
+    with storage.replacing(path) as temporary, tempfile.TemporaryDirectory() as folder:
+        order = Path(folder, "parts.txt")
+        order.write_text(listed, "utf-8")
+        _ffmpeg(
+            *("-y", "-f", "concat", "-safe", "0", "-i", str(order), "-c", "copy", "-movflags", "+faststart"),
+            str(temporary),
+            failing=f"The film {path} cannot be put together",
+        )
+
+
+def count(path: Path) -> int:
+    """How many pictures a film has. Raises StorageError where it is none."""
+    said = _ffmpeg("-i", str(path), "-c", "copy", "-f", "null", "-", failing=f"The film {path} cannot be read")
+    frames = re.findall(r"frame=\s*(\d+)", said)
+    if not frames:
+        raise StorageError(f"The film {path} cannot be read (no picture is found in it); remove it.")
+    return int(frames[-1])
+
+
+def _ffmpeg(*words: str, failing: str) -> str:
+    """What the program said. Raises StorageError, which begins as `failing` says."""
+    command = (imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-v", "error", "-stats", *words)
+    try:
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+            start_new_session=True,
+        )
+    except OSError as cause:
+        raise StorageError(f"{failing} ({cause}).") from cause
+    if done.returncode != 0:
+        raise StorageError(f"{failing} ({' '.join(done.stderr.split())[-200:]}); is there space in its folder?")
+    return done.stderr

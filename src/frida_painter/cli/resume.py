@@ -1,7 +1,7 @@
 """The command that goes on with a painting that broke off, was stopped or has paused."""
 
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,12 +18,13 @@ from frida_painter.cli.real import attended
 from frida_painter.cli.sitting import Pauses, confirm, occasion, order, say, tell, tell_encoders, to_its_end
 from frida_painter.cli.stopping import stopping
 from frida_painter.cli.virtual import PaceOption, read_placement_error
-from frida_painter.errors import ConfigError, FrameRejected, Interrupted
+from frida_painter.errors import ConfigError, FrameRejected, FridaError, Interrupted
 from frida_painter.planning.planner import Planner
 from frida_painter.report.doubt import doubt
 from frida_painter.report.recorder import Recorder
 from frida_painter.session import resuming
 from frida_painter.session.easel_process import EaselProcess
+from frida_painter.session.easels import SAWYER_SIM
 from frida_painter.session.eye import Eye
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
@@ -83,7 +84,8 @@ def resume(
         planner = open_planner(how.settings, begun.wanted.goal, how.calibration)
         tell_encoders(planner.encoders)
         error = read_placement_error(how.placement_error)
-        wish = order(how.settings, planner.model.brush, folder, error, pace, how.site)
+        filming = how.film and how.site.robot == SAWYER_SIM
+        wish = order(how.settings, planner.model.brush, folder, error, pace, how.site, film_arm=filming)
         easel = on_record(process.open(wish), how.calibration, how.site.needed)
         stop.at_once = easel.robot.stop
         stack.enter_context(process.hearing_signals())
@@ -133,6 +135,8 @@ def resume(
             where = Halfway(begun.plan.plan, history.painted, begun.plan.planning.done, known, now)
             ending = to_its_end(session, lambda: session.resume(where), hear)
         bar.say("finishing the film and the page")
+        with suppress(FridaError):  # whatever is wrong with it was said before
+            easel.robot.close()  # a film of it ends here
         page = None if ending.painting is None else recorder.finish(ending.painting)
     tell(folder, page, ending.painting, of, time.monotonic() - started)
     ending.conclude(stop)

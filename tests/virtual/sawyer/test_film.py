@@ -6,6 +6,7 @@ import pytest
 
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
+from frida_painter.hardware.robot import Waypoints
 from frida_painter.virtual.sawyer.opengl import headless_opengl
 
 from ..hand import Hand
@@ -60,7 +61,9 @@ def test_a_film_shows_every_motion_and_the_arm_does_not_feel_it(drawn, hand, tmp
     filmed.studio.robot.watcher = film
     film.open()
     for one in (plain, filmed):
-        one.dip(0)
+        for step in (0.05, -0.05):
+            aside = one.easel.robot.pose() + np.array([0.0, step, 0.0])
+            one.easel.robot.follow(Waypoints("aside", aside[None], 0.1))
     film.close()
     assert (plain.easel.robot.pose() == filmed.easel.robot.pose()).all()
     counting = ("-v", "error", "-stats", "-i", str(path), "-f", "null", "-")

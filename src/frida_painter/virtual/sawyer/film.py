@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from frida_painter.errors import FridaError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.workspace import Workspace
-from frida_painter.video import RATE, VideoEncoder
 from frida_painter.virtual.arm import Course
 from frida_painter.virtual.paint import BANDS, to_srgb
+from frida_painter.virtual.sawyer.reel import Reel
 from frida_painter.virtual.sawyer.surroundings import CANVAS_PIXELS, Surroundings, fill
 from frida_painter.virtual.sawyer.view import ArmView
 from frida_painter.virtual.table import Table
@@ -26,7 +26,6 @@ from frida_painter.virtual.table import Table
 _ROWS, _COLUMNS = 540, 960
 # Seconds of work from picture to picture at first, for so many pictures, and how that grows from then on.
 _AT_LEISURE, _PICTURES, _GROWTH = 0.25, 96, 1.02
-_HELD = 2 * RATE  # pictures, at the end
 _WAITING = 4  # pictures that may be waiting to be drawn
 _CLEAN = np.array([0.78, 0.66, 0.48])  # sRGB of bristles without paint
 _DRY = 0.5  # microlitres: a brush with less looks clean
@@ -46,15 +45,15 @@ class Moment:
 class ArmFilm:
     """Films an arm: `open` before it moves, `watch` its motions, `close`. What goes wrong never stops the arm.
 
-    path: of the film, which is there after `close` if there was OpenGL, disk and a motion to see;
-    workspace, canvas, table: what the arm stands before.
+    path: of the film, which is there after `close` if there was OpenGL, disk and a motion to see; where a
+    film was begun there, it goes on. workspace, canvas, table: what the arm stands before.
     """
 
     def __init__(self, path: Path, workspace: Workspace, canvas: CanvasSize, table: Table) -> None:
         self._path, self._table = path, table
         self._surroundings = Surroundings(workspace, canvas)
         self._moments: queue.Queue[Moment | None] = queue.Queue(_WAITING)
-        self._now, self._next, self._interval, self._count = 0.0, 0.0, _AT_LEISURE, 0
+        self._now, self._next, self._count = 0.0, 0.0, 0
         self._canvas = self._look()
         self._thread: threading.Thread | None = None
         self._ready, self._over = threading.Event(), threading.Event()
@@ -77,10 +76,8 @@ class ArmFilm:
             index = min(len(course.angles) - 1, round((self._next - began) / period)) if period else 0
             canvas = self._in_between(before, self._canvas, course.places[: index + 1])
             self._hand_over(Moment(course.angles[index], canvas, self._bristles(), self._wells()))
-            self._next += self._interval
+            self._next += _AT_LEISURE * _GROWTH ** max(0, self._count - _PICTURES)
             self._count += 1
-            if self._count > _PICTURES:
-                self._interval *= _GROWTH
 
     def close(self) -> None:
         """Ends the film after what was seen so far."""
@@ -111,13 +108,13 @@ class ArmFilm:
         model = self._surroundings.model()
         pixels = np.empty((_ROWS, _COLUMNS, 3), np.uint8)
         with ArmView(model, _ROWS, _COLUMNS) as view:
-            encoder: VideoEncoder | None = None
+            reel = Reel(self._path, pixels)
+            self._count = reel.count
             shown: NDArray[np.uint8] | None = None
             filled = 0
             view.draw(model.key("neutral").qpos)
             self._ready.set()
             while (moment := self._moments.get()) is not None:
-                encoder = encoder or VideoEncoder(self._path, pixels, RATE)
                 for well in range(filled, len(moment.wells)):
                     fill(model, well)
                 filled = max(filled, len(moment.wells))
@@ -128,11 +125,8 @@ class ArmFilm:
                     view.lay_canvas(moment.canvas)
                     shown = moment.canvas
                 pixels[:] = view.draw(moment.angles)
-                encoder.send()
-            if encoder is not None:
-                for _ in range(_HELD):
-                    encoder.send()
-                encoder.finish()
+                reel.send()
+            reel.finish()
 
     def _look(self) -> NDArray[np.uint8]:
         """The canvas as it is, [n, n, 3] sRGB, its first row at the lower edge."""
