@@ -1,7 +1,9 @@
 """The whole story in a real browser, on the virtual studio; skipped where there is no Chromium."""
 
+import faulthandler
 import os
 import re
+import select
 import shutil
 import signal
 import subprocess
@@ -16,11 +18,25 @@ from frida_painter import images
 from scenes import picture
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-PATIENCE = 300_000  # ms; the machine that tests may be busy
+PATIENCE = 60_000  # ms; the machine that tests may be busy
+ENOUGH = 280.0  # seconds for everything here; a browser that hangs is not waited for by any other clock
+ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium; `make browser` installs it where it can"),
 ]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def deadline() -> Iterator[None]:
+    """Ends this process, hard, where a browser or its driver does not answer any more.
+
+    Playwright waits on an event loop of its own, which an exception from outside (Ctrl-C, SIGALRM) breaks
+    without ending the wait.
+    """
+    faulthandler.dump_traceback_later(ENOUGH, exit=True)
+    yield
+    faulthandler.cancel_dump_traceback_later()
 
 
 @pytest.fixture(scope="module")
@@ -30,18 +46,25 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     program = [sys.executable, "-m", "frida_painter", "studio", "--folder", str(folder / "paintings"), "--port", "0"]
     studio = subprocess.Popen([*program, "--no-browser"], stdout=subprocess.PIPE, text=True, env={**os.environ})
     assert studio.stdout is not None
-    match = re.search(r"http://\S+", studio.stdout.readline())
-    assert match is not None
-    yield match[0]
-    studio.send_signal(signal.SIGINT)
-    studio.wait(60)
-    studio.stdout.close()
+    try:
+        assert select.select([studio.stdout], [], [], 60)[0], "the studio says nothing"
+        match = re.search(r"http://\S+", studio.stdout.readline())
+        assert match is not None
+        yield match[0]
+        for painting in (folder / "paintings").glob("*/feed.jsonl"):
+            painting.with_name("stop").touch()  # whatever a test that failed has left at work
+        studio.send_signal(signal.SIGINT)
+        studio.wait(30)
+    finally:
+        studio.kill()
+        studio.wait(10)
+        studio.stdout.close()
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS, timeout=PATIENCE)
         yield chromium
         chromium.close()
 

@@ -41,6 +41,9 @@ class Table:
         self.evening.session._pause_asked = self._pause_asked
         self.together.session = self.evening.session
         self.says: list[tuple[str, dict[str, int]]] = []
+        deadline = threading.Timer(30, folder.stop.touch)  # a pause that nobody ends is not waited for
+        deadline.daemon = True
+        deadline.start()
 
     def told(self, kind: str) -> list[dict[str, Any]]:
         return [line for line in LineReader(self.folder.feed).read() if line["kind"] == kind]
