@@ -1,5 +1,7 @@
 """A studio to knock at: its application behind the door, on a shelf of its own."""
 
+import secrets
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +11,9 @@ from starlette.testclient import TestClient
 
 from frida_painter.web.access import Keys, Role
 from frida_painter.web.app import application, guarded
+from frida_painter.web.presence import Presence
 from frida_painter.web.shelf import Shelf
+from frida_painter.web.station import Station
 
 HOST = "127.0.0.1:8350"
 ORIGIN = f"http://{HOST}"
@@ -26,16 +30,24 @@ class Visitor:
         return self.client.get(path, **more)
 
     def post(self, path: str, headers: dict[str, str] | None = None, **more: Any) -> Response:
-        return self.client.post(path, headers={"Origin": ORIGIN, "X-CSRF-Token": self.csrf, **(headers or {})}, **more)
+        signs = {"Origin": ORIGIN, "X-CSRF-Token": self.csrf, **order()}
+        return self.client.post(path, headers={**signs, **(headers or {})}, **more)
+
+
+def order() -> dict[str, str]:
+    """What every order carries: a number of its own, and when it was given."""
+    return {"X-Nonce": secrets.token_hex(16), "X-Given": str(time.time())}
 
 
 class Studio:
     """The whole application as it is served, without a socket."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, station: Station | None = None) -> None:
         self.shelf = Shelf(root)
         self.keys = Keys()
-        self.app = application(self.shelf)
+        self.presence = Presence()
+        self.station = station or Station(self.shelf.calibration.path / "calibration.json")
+        self.app = application(self.shelf, self.station, self.presence)
         self.served = guarded(self.app, self.keys, frozenset({HOST, "localhost:8350"}), "studio-8350")
 
     def client(self) -> TestClient:

@@ -114,7 +114,7 @@ def calibrate(
 
 def _calibrate(what: What, here: Easel, brush: str, seed: int, count: int, record: Path | None, *, ask: bool) -> None:
     path = (record or default_record(here.calibration.easel)).absolute()
-    known = _begin(path, what, here.calibration)
+    known = record_to_renew(path, here.calibration, anew=what is What.all)
     console = Console(stderr=True, highlight=False)
     terminal = Terminal(
         lambda prompt: console.input(prompt, markup=False), lambda line: console.print(line, markup=False), path.parent
@@ -126,11 +126,11 @@ def _calibrate(what: What, here: Easel, brush: str, seed: int, count: int, recor
         for name in PROCEDURES if what is What.all else (what.value,):
             require_basis(name, known, here.calibration, defaults_hold=here.simulated)
             with console.status(f"{name} ...") if not ask else _Silence() as status:
-                place = _Place(replace(here, calibration=known), brush_kind(brush), path, seed, count, status.update)
-                finding = lead(_procedure(name, place), answer)
+                place = Place(replace(here, calibration=known), brush_kind(brush), path, seed, count, status.update)
+                finding = lead(begin_procedure(name, place), answer)
                 known = finding.enter(known)
                 if isinstance(finding, StrokesFinding):
-                    known = _learn(finding, place, known)
+                    known = learn_from(finding, place, known)
             known.save(path)
             _tell(name, finding, path)
     finally:
@@ -188,7 +188,7 @@ def default_record(easel: str) -> Path:
 
 
 @dataclass(frozen=True)
-class _Place:
+class Place:
     """What procedures may want to know: the easel with the record so far, and where they may leave files."""
 
     easel: Easel
@@ -203,7 +203,7 @@ class _Place:
         return beside(self.record, ending)
 
 
-def _procedure(name: str, place: _Place) -> Procedure[Any]:
+def begin_procedure(name: str, place: Place) -> Procedure[Any]:
     """The procedure of that name, begun at that place."""
 
     def hear(progress: StrokesProgress) -> None:
@@ -223,7 +223,7 @@ def _procedure(name: str, place: _Place) -> Procedure[Any]:
             return strokes_procedure(place.easel, place.brush, library, count=place.count, seed=place.seed, notify=hear)
 
 
-def _learn(finding: StrokesFinding, place: _Place, record: Calibration) -> Calibration:
+def learn_from(finding: StrokesFinding, place: Place, record: Calibration) -> Calibration:
     """The record with what the strokes teach of the brush, by which `paint --calibration` plans.
 
     Raises LibraryError where fewer than 5 strokes are clean.
@@ -239,17 +239,20 @@ def _learn(finding: StrokesFinding, place: _Place, record: Calibration) -> Calib
     return record.with_strokes(record.library, weights, residual=learned.report.validation_error)
 
 
-def _begin(path: Path, what: What, default: Calibration) -> Calibration:
-    """The record to go on with: the one in the file, or the easel's default for a first one and for all anew."""
+def record_to_renew(path: Path, default: Calibration, *, anew: bool) -> Calibration:
+    """The record to go on with: the one in the file, or the easel's default for a first one and for all `anew`.
+
+    Raises CalibrationError where the one in the file is damaged, unless all is done anew.
+    """
     if not path.exists():
         return default
     try:
         known = Calibration.load(path)
     except CalibrationError:
-        if what is What.all:
+        if anew:
             return default
         raise
-    if what is What.all and known.easel == default.easel:
+    if anew and known.easel == default.easel:
         return replace(default, done=known.done)  # what is done anew is newer than all that was
     return known
 

@@ -117,6 +117,13 @@ def attended(
         with aside():
             return terminal.answer(question)
 
+    return attended_by(easel, site, answer)
+
+
+def attended_by(easel: Easel, site: Site, answer: Callable[[Question], Answer]) -> Easel:
+    """A real easel with the person beside it, or painting on it, who answers questions; a simulated one as it is."""
+    if easel.simulated:
+        return easel
     if site.robot != HUMAN:
         return replace(easel, attendant=PersonAttending(answer))
     hand = ByHand(easel, answer)

@@ -68,7 +68,7 @@ def resume(
         if history.finished:
             say(f"This painting is finished: {history.painted} strokes, and nothing is left to do.")
             return
-        begun = _Begun.read(folder, history, accept_changes=accept_changes)
+        begun = Begun.read(folder, history, accept_changes=accept_changes)
         begun.how.site.require_somebody(asked=not yes)
         _show(begun, history)
         if not (
@@ -82,6 +82,7 @@ def resume(
         process = stack.enter_context(EaselProcess())  # it loads while the planner does
         how, of = begun.how, begun.how.settings.strokes
         planner = open_planner(how.settings, begun.wanted.goal, how.calibration)
+        planner.region = resuming.region(folder, history)
         tell_encoders(planner.encoders)
         error = read_placement_error(how.placement_error)
         filming = how.film and how.site.robot == SAWYER_SIM
@@ -122,7 +123,7 @@ def resume(
         images.save(now, folder / NOW)
         before = resuming.seen_before(folder, begun.plan, session.eye) if begun.plan else None
         if before is not None and not accept_changes:
-            _require_as_left(begun, history, planner, session.eye, before, now)
+            require_as_left(begun, history, planner, session.eye, before, now)
         say(f"The canvas as it is now: {folder / NOW}")
         again = _repaint(begun, history, planner, now, folder, repaint=repaint, yes=yes)
         journal.resumed(history, repaint=again)
@@ -143,7 +144,7 @@ def resume(
 
 
 @dataclass(frozen=True)
-class _Begun:
+class Begun:
     """A painting as its folder keeps it: how it is painted, what it is to show, and its plan if there is one."""
 
     folder: Path
@@ -153,7 +154,7 @@ class _Begun:
     plan: KeptPlan | None
 
     @classmethod
-    def read(cls, folder: Path, history: History, *, accept_changes: bool) -> "_Begun":
+    def read(cls, folder: Path, history: History, *, accept_changes: bool) -> "Begun":
         """Raises ConfigError, showing all of them, where there are changes that nobody accepted."""
         how = kept.Kept.read(folder)
         plan = resuming.kept_plan(folder, history)
@@ -167,11 +168,11 @@ class _Begun:
                 else "Change it back, or go on with what is there now: --accept-changes"
             )
             raise ConfigError(f"Since this painting was begun, something was changed:\n{told}\n{remedy}")
-        wanted, target = fit_to_canvas(kept.read_goal(folder), how.settings)
+        wanted, target = fit_to_canvas(kept.read_goal(folder / history.goal), how.settings)
         return cls(folder, how, wanted, target, plan)
 
 
-def _show(begun: _Begun, history: History) -> None:
+def _show(begun: Begun, history: History) -> None:
     """How far it came."""
     sittings = "one sitting" if history.sittings == 1 else f"{history.sittings} sittings"
     say(
@@ -186,8 +187,8 @@ def _show(begun: _Begun, history: History) -> None:
         say(f"Stroke {history.in_doubt} was begun, and nothing tells whether it was painted.")
 
 
-def _require_as_left(
-    begun: _Begun, history: History, planner: Planner, eye: Eye, before: torch.Tensor, now: torch.Tensor
+def require_as_left(
+    begun: Begun, history: History, planner: Planner, eye: Eye, before: torch.Tensor, now: torch.Tensor
 ) -> None:
     """Raises FrameRejected where another canvas is on the easel, or somebody has painted on this one."""
     if begun.plan is None or eye.good is None:
@@ -201,7 +202,7 @@ def _require_as_left(
 
 
 def _repaint(
-    begun: _Begun,
+    begun: Begun,
     history: History,
     planner: Planner,
     now: torch.Tensor,

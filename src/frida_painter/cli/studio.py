@@ -8,10 +8,12 @@ from typing import Annotated
 import typer
 
 from frida_painter.cli.numbers import whole_number_within
+from frida_painter.cli.real import CameraOption, RobotOption, WorkspaceOption
 from frida_painter.errors import ConfigError
 from frida_painter.web.access import Role
 from frida_painter.web.server import LOCAL, listen, serve
 from frida_painter.web.shelf import Shelf
+from frida_painter.web.station import Station
 
 
 def register(app: typer.Typer) -> None:
@@ -38,14 +40,29 @@ def studio(
             metavar="HOST", help="A name by which browsers call that address, like easel.local. May be repeated."
         ),
     ] = None,
+    robot: RobotOption = "virtual",
+    camera: CameraOption = "",
+    workspace: WorkspaceOption = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="The easel's calibration record; calibrating on the page renews it. "
+            "[dim]FOLDER/calibration/calibration.json[/]",
+        ),
+    ] = None,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
 ) -> None:
     """Open the studio: a page on which you say what to paint, see the plan, and paint together with the robot.
 
-    It can be reached from this machine only, with the address that is printed.
+    It can be reached from this machine only, with the address that is printed. With a real robot,
+    whatever makes it move has to be allowed here as well, beside it: by pressing Enter.
     """
     _require_address(address)
     shelf = Shelf(folder.absolute())
+    record = calibration or shelf.calibration.path / "calibration.json"
+    station = Station(record.absolute(), robot, camera, workspace)
+    station.require()
 
     def tell(links: dict[Role, str]) -> None:
         print(f"The studio is open: {links[Role.operate]}", flush=True)
@@ -54,6 +71,8 @@ def studio(
         print(
             f"Paintings are kept in {shelf.root}. Ctrl-C closes the studio; a painting that is being painted goes on."
         )
+        if station.dangerous:
+            print(f"{robot} moves only when somebody beside it has pressed Enter here within the last minute.")
         if address != LOCAL:
             print(
                 f"It listens on {address}: whoever has one of these links can use it, and on the way they can be read "
@@ -63,7 +82,7 @@ def studio(
         if browser:
             webbrowser.open(links[Role.operate])
 
-    serve(shelf, listen(address, port), tuple(name or ()), tell)
+    serve(shelf, station, listen(address, port), tuple(name or ()), tell)
 
 
 def _require_address(address: str) -> None:

@@ -30,7 +30,9 @@ class History:
     settings, rests_on: as it was begun; plannings: the plans that were made, in order; painted: strokes
     that are done or were given up; in_doubt: the number of the stroke that was begun and not ended;
     light: of the last look, [3][terms]; looks, dips, cleanings, sittings: how many there were; given_up:
-    numbers of strokes in doubt that were skipped; finished: whether nothing is left to do; seconds:
+    numbers of strokes in doubt that were skipped; region: the file of what a person drew over the canvas,
+    and whether only there it may be painted, None where nothing is protected; goal: the folder of the goal
+    that it is painted towards since it was changed, "" before; finished: whether nothing is left to do; seconds:
     that were spent on it, pauses between sittings left out; last: when the last record was written.
     """
 
@@ -42,6 +44,8 @@ class History:
     light: list[list[float]] | None = None
     looks: int = 0
     last_photograph: str | None = None
+    region: tuple[str, bool] | None = None
+    goal: str = ""
     dips: int = 0
     cleanings: int = 0
     sittings: int = 0
@@ -98,6 +102,10 @@ class History:
             case "ended":
                 self.dips += 1
                 self.cleanings += int(record["cleaned"])
+            case "protected":
+                self.region = (str(record["region"]), bool(record["only"])) if record["region"] else None
+            case "redirected":
+                self.goal = str(record["goal"])
             case "finished":
                 self.finished = True
             case _:

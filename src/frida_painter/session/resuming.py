@@ -16,6 +16,7 @@ from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.frame_check import Expected
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
+from frida_painter.planning.region import Region, region_of
 from frida_painter.session.eye import Eye
 from frida_painter.session.history import History, Planning
 from frida_painter.session.journal import PHOTOGRAPHS, PLAN
@@ -86,6 +87,14 @@ def settled_changes(history: History, settings: Mapping[str, Any]) -> list[str]:
 def light(history: History) -> FlatField | None:
     """The light of the room as it was learned from the bare canvas; None before the first look."""
     return FlatField(torch.tensor(history.light)) if history.light is not None else None
+
+
+def region(folder: Path, history: History) -> Region | None:
+    """What strokes keep clear of, as a person drew it; None where nothing is protected. Raises ImageError."""
+    if history.region is None:
+        return None
+    drawn, only = history.region
+    return region_of(images.load(folder / drawn), only_inside=only)
 
 
 def bare_photograph(folder: Path) -> NDArray[np.uint8] | None:

@@ -12,22 +12,26 @@ from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp
 
-from frida_painter.errors import FridaError, Interrupted
-from frida_painter.web import gallery, goals, painting, stopping
+from frida_painter.errors import FridaError, Interrupted, RobotStopped
+from frida_painter.web import gallery, goals, painting, procedures, stopping
 from frida_painter.web.access import Door, Keys
+from frida_painter.web.lead import Lead, Led
 from frida_painter.web.limits import Bucket, Limits
+from frida_painter.web.presence import Presence
 from frida_painter.web.shelf import Shelf
+from frida_painter.web.station import Station
 from frida_painter.web.watch import Watch
 from frida_painter.web.workers import Workers
 
 _STATIC = Path(__file__).parent / "static"
 
 
-def application(shelf: Shelf) -> FastAPI:
+def application(shelf: Shelf, station: Station, presence: Presence) -> FastAPI:
     """The routes alone, for those who are already inside."""
     app = FastAPI(title="frida-painter studio", docs_url=None, redoc_url=None, openapi_url=None)
-    app.state.shelf, app.state.watch, app.state.workers = shelf, Watch(), Workers()
-    for part in (stopping, goals, painting, gallery):
+    app.state.shelf, app.state.watch, app.state.workers = shelf, Watch(), Workers(station)
+    app.state.lead, app.state.presence = Lead(), presence
+    for part in (stopping, goals, painting, procedures, gallery):
         app.include_router(part.router)
 
     @app.get("/", include_in_schema=False)
@@ -51,7 +55,8 @@ def guarded(app: ASGIApp, keys: Keys, hosts: frozenset[str], cookie: str) -> ASG
 def _mendable(request: Request, error: Exception) -> JSONResponse:
     shelf: Shelf = request.app.state.shelf
     sentence = str(error).replace(str(shelf.root), "the studio's folder")
-    return JSONResponse({"sentence": sentence}, 409 if isinstance(error, Interrupted) else 422)
+    led = {"led": True} if isinstance(error, Led) else {}
+    return JSONResponse({"sentence": sentence, **led}, 409 if isinstance(error, Interrupted | RobotStopped) else 422)
 
 
 def _refused(request: Request, error: Exception) -> JSONResponse:

@@ -68,6 +68,16 @@ class PaintingFolder:
         return self.path / "commands.jsonl"
 
     @property
+    def replies(self) -> Path:
+        """What a person answers to the worker's questions, line by line; the page's."""
+        return self.path / "replies.jsonl"
+
+    @property
+    def easel(self) -> Path:
+        """Where stops of a simulated robot are latched, which lives in the world of its painting alone."""
+        return self.path / "easel"
+
+    @property
     def stop(self) -> Path:
         """Where this file is, the worker stops."""
         return self.path / "stop"

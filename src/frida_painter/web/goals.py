@@ -1,6 +1,7 @@
 """Routes for saying what is wanted: pictures, wishes, plans."""
 
 import re
+import time
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -20,9 +21,19 @@ router = APIRouter(prefix="/api")
 
 
 @router.get("/studio")
-def studio(session: AnySession) -> dict[str, Any]:
+def studio(session: AnySession, workers: TheWorkers) -> dict[str, Any]:
     """What the page needs to know of this studio, and the sign that its requests carry."""
-    return {"csrf": session.csrf, "role": session.role.name, "abilities": abilities()}
+    station = workers.station
+    canvas = station.canvas
+    return {
+        "csrf": session.csrf,
+        "role": session.role.name,
+        "abilities": abilities(),
+        "now": time.time(),
+        "robot": station.robot,
+        "simulated": station.simulated,
+        "canvas": None if canvas is None else [1000 * canvas.width, 1000 * canvas.height],
+    }
 
 
 @router.post("/pictures")

@@ -7,13 +7,17 @@ from fastapi import APIRouter, HTTPException
 from pydantic import BaseModel, ConfigDict, Field
 
 from frida_painter import storage
+from frida_painter.session.journal import JOURNAL
+from frida_painter.web.asking import Reply
 from frida_painter.web.commands import tell_painter
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import working
 from frida_painter.web.goals import require_possible
-from frida_painter.web.requests import Operating, TheShelf, TheWatch, TheWorkers, ThisPainting
+from frida_painter.web.procedures import hand_on
+from frida_painter.web.requests import Beside, Operating, TheShelf, TheWatch, TheWorkers, ThisPainting
 from frida_painter.web.shelf import Entry
-from frida_painter.web.watch import MOST_WATCHERS, EventStream, current
+from frida_painter.web.state import PaintingState
+from frida_painter.web.watch import EventStream, current, require_room
 from frida_painter.web.wish import Identifier, Wish
 
 router = APIRouter(prefix="/api/paintings/{identifier}")
@@ -49,20 +53,19 @@ class Drawn(BaseModel):
 @router.get("")
 def state(entry: ThisPainting) -> dict[str, Any]:
     """Everything that the page shows of a painting, as it is now."""
-    return {"id": entry.id, "title": entry.title, "begun": entry.begun, **current(entry.folder)}
+    return {"id": entry.id, "title": entry.title, "begun": entry.begun, **current(entry.folder, PaintingState)}
 
 
 @router.get("/events", response_model=None)
 def events(entry: ThisPainting, watch: TheWatch) -> EventStream:
     """The same, told again whenever something changes (server-sent events)."""
-    if watch.watchers >= MOST_WATCHERS:
-        raise HTTPException(503, "Too many are watching already; close another page first.")
-    return EventStream(watch, entry.id, entry.folder)
+    require_room(watch)
+    return EventStream(watch, entry.id, entry.folder, PaintingState)
 
 
 @router.post("/start")
 def start(
-    order: Start, entry: ThisPainting, session: Operating, shelf: TheShelf, workers: TheWorkers
+    order: Start, entry: ThisPainting, session: Operating, beside: Beside, shelf: TheShelf, workers: TheWorkers
 ) -> Mapping[str, str]:
     """Begins to paint one of the plans."""
     if not order.ready:
@@ -75,12 +78,42 @@ def start(
         raise HTTPException(409, "This painting has been begun already; to paint it once more, take Paint again.")
     storage.require_space(folder.path, 200 * 2**20)
     with workers.place_at(folder) as place:
+        beside.allow(folder, workers.station)
         folder.stop.unlink(missing_ok=True)
         shelf.note(session.id, entry.id, f"start plan {order.plan}")
         feed = Feed(folder)
         feed.tell("begun", plan=order.plan, of=plan.wish().strokes)
         feed.close()
         place.start("paint", plan)
+    return {"id": entry.id}
+
+
+@router.post("/resume")
+def resume(
+    entry: ThisPainting, session: Operating, beside: Beside, shelf: TheShelf, workers: TheWorkers
+) -> Mapping[str, str]:
+    """Goes on with a painting that was stopped, killed or broke off."""
+    folder = entry.folder
+    painting = current(folder, PaintingState)["painting"]
+    if painting is None or not (folder.painting / JOURNAL).is_file():
+        raise HTTPException(409, "There is nothing to go on with: no stroke was painted yet.")
+    if painting["status"] == "finished":
+        raise HTTPException(409, "This painting is finished; to paint it once more, take Paint again.")
+    storage.require_space(folder.path, 100 * 2**20)
+    with workers.place_at(folder) as place:
+        beside.allow(folder, workers.station)
+        folder.stop.unlink(missing_ok=True)
+        folder.robot_stop.unlink(missing_ok=True)
+        shelf.note(session.id, entry.id, "resume")
+        place.start("resume", folder.plan(painting["plan"]))
+    return {"id": entry.id}
+
+
+@router.post("/answer")
+def answer(given: Reply, entry: ThisPainting, session: Operating, shelf: TheShelf) -> Mapping[str, str]:
+    """Answers what the painter has asked."""
+    shelf.note(session.id, entry.id, "answer")
+    hand_on(given, entry.folder, current(entry.folder, PaintingState)["question"], session.id)
     return {"id": entry.id}
 
 

@@ -1,10 +1,13 @@
 """What routes need of a request: who asks, which painting is meant, and whether they may do that."""
 
+import math
 from typing import Annotated
 
-from fastapi import Depends, HTTPException, Path, Request
+from fastapi import Depends, Header, HTTPException, Path, Request
 
 from frida_painter.web.access import Role, Session
+from frida_painter.web.lead import Lead
+from frida_painter.web.presence import Presence
 from frida_painter.web.shelf import Entry, Shelf
 from frida_painter.web.watch import Watch
 from frida_painter.web.workers import Workers
@@ -34,6 +37,18 @@ def workers_of(request: Request) -> Workers:
     return workers
 
 
+def lead_of(request: Request) -> Lead:
+    """Who leads."""
+    lead: Lead = request.app.state.lead
+    return lead
+
+
+def presence_of(request: Request) -> Presence:
+    """Whether somebody stands at the machine."""
+    presence: Presence = request.app.state.presence
+    return presence
+
+
 def painting_of(identifier: Annotated[str, Path(max_length=64)], shelf: Annotated[Shelf, Depends(shelf_of)]) -> Entry:
     """The painting that is meant. Answers 404 where there is none."""
     entry = shelf.find(identifier)
@@ -47,9 +62,20 @@ def may_plan(session: Annotated[Session, Depends(session_of)]) -> Session:
     return _require(session, Role.plan)
 
 
-def may_operate(session: Annotated[Session, Depends(session_of)]) -> Session:
+def operator(session: Annotated[Session, Depends(session_of)]) -> Session:
     """Answers 403 to those who may not have the robot move."""
     return _require(session, Role.operate)
+
+
+def may_operate(
+    session: Annotated[Session, Depends(operator)],
+    lead: Annotated[Lead, Depends(lead_of)],
+    x_nonce: Annotated[str, Header(max_length=64)] = "",
+    x_given: Annotated[float, Header()] = math.nan,
+) -> Session:
+    """The same, and whether this order comes from the browser that leads, once, and not too late (409)."""
+    lead.require(session.id, x_nonce, x_given)
+    return session
 
 
 def _require(session: Session, role: Role) -> Session:
@@ -62,8 +88,11 @@ def _require(session: Session, role: Role) -> Session:
 
 AnySession = Annotated[Session, Depends(session_of)]
 Planning = Annotated[Session, Depends(may_plan)]
+Operator = Annotated[Session, Depends(operator)]
 Operating = Annotated[Session, Depends(may_operate)]
 ThisPainting = Annotated[Entry, Depends(painting_of)]
 TheShelf = Annotated[Shelf, Depends(shelf_of)]
 TheWatch = Annotated[Watch, Depends(watch_of)]
+TheLead = Annotated[Lead, Depends(lead_of)]
+Beside = Annotated[Presence, Depends(presence_of)]
 TheWorkers = Annotated[Workers, Depends(workers_of)]

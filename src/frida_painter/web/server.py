@@ -1,6 +1,8 @@
 """Serving the studio: on which address, with which tokens, and what is printed about it."""
 
+import contextlib
 import socket
+import sys
 from collections.abc import Callable
 
 import uvicorn
@@ -8,7 +10,9 @@ import uvicorn
 from frida_painter.errors import ConfigError
 from frida_painter.web.access import Keys, Role
 from frida_painter.web.app import application, guarded
+from frida_painter.web.presence import Presence
 from frida_painter.web.shelf import Shelf
+from frida_painter.web.station import Station
 
 LOCAL = "127.0.0.1"
 
@@ -38,15 +42,22 @@ def hosts(address: str, port: int, names: tuple[str, ...] = ()) -> frozenset[str
 
 
 def serve(
-    shelf: Shelf, listening: socket.socket, names: tuple[str, ...], tell: Callable[[dict[Role, str]], None]
+    shelf: Shelf,
+    station: Station,
+    listening: socket.socket,
+    names: tuple[str, ...],
+    tell: Callable[[dict[Role, str]], None],
 ) -> None:
-    """Serves the studio until it is interrupted; `tell` hears the address for each role once it can be opened."""
+    """Serves the studio until it is interrupted; `tell` hears the address for each role once it can be opened.
+
+    What is typed into the standard input meanwhile says that somebody stands at the machine.
+    """
     address, port = listening.getsockname()[:2]
     known = hosts(address, port, names)
-    keys = Keys()
+    keys, presence = Keys(), Presence()
     first = f"{names[0]}:{port}" if names else sorted(known)[0]
     config = uvicorn.Config(
-        guarded(application(shelf), keys, known, f"studio-{port}"),
+        guarded(application(shelf, station, presence), keys, known, f"studio-{port}"),
         log_level="warning",
         access_log=False,
         server_header=False,
@@ -55,6 +66,8 @@ def serve(
         ws="none",
         h11_max_incomplete_event_size=32 * 1024,
     )
+    with contextlib.suppress(OSError, ValueError):  # there may be no standard input at all
+        presence.listen(sys.stdin.fileno())
     server = uvicorn.Server(config)
     tell({role: f"http://{first}/?token={token}" for role, token in keys.tokens.items()})
     server.run(sockets=[listening])

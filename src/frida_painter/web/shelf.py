@@ -51,6 +51,13 @@ class Shelf:
         """The folder of the pictures that people gave."""
         return self.root / "pictures"
 
+    @property
+    def calibration(self) -> PaintingFolder:
+        """The folder in which the easel is calibrated; made as soon as it is needed."""
+        folder = PaintingFolder(self.root / "calibration")
+        folder.live.mkdir(parents=True, exist_ok=True)
+        return folder
+
     def begin(self, title: str) -> Entry:
         """A new painting with an empty folder."""
         identifier, now = secrets.token_hex(8), datetime.now()

@@ -58,13 +58,15 @@ class PaintingState:
     """A painting from the first wish to the last stroke.
 
     title, seen: version of this state; working: whether a process is at work; trouble: the last
-    sentence about what went wrong, until something else is begun.
+    sentence about what went wrong, until something else is begun; question: what a person is asked, as
+    web/asking.py tells.
     """
 
     plans: dict[int, PlanState] = field(default_factory=dict)
     painting: PaintState | None = None
     trouble: str = ""
     stopped: bool = False
+    question: dict[str, Any] | None = None
     version: int = 0
 
     def hear(self, told: Mapping[str, Any]) -> None:
@@ -73,6 +75,8 @@ class PaintingState:
         try:
             if told["kind"] in _PLANNING:
                 self._hear_planning(told)
+            elif told["kind"] in ("asked", "answered"):
+                self.question = dict(told["question"]) if told["kind"] == "asked" else None
             elif told["kind"] == "begun":
                 self._forget_trouble()
                 self.painting = PaintState(told["plan"], told["of"])
@@ -90,6 +94,7 @@ class PaintingState:
             "working": working,
             "stopped": self.stopped,
             "trouble": self.trouble,
+            "question": self.question if working else None,
             "plans": [asdict(plan) for plan in self.plans.values()],
             "painting": None if self.painting is None else asdict(self.painting),
         }
@@ -109,7 +114,7 @@ class PaintingState:
         return planning or (self.painting is not None and self.painting.status not in _ENDS)
 
     def _forget_trouble(self) -> None:
-        self.trouble, self.stopped = "", False
+        self.trouble, self.stopped, self.question = "", False, None
 
     def _hear_planning(self, told: Mapping[str, Any]) -> None:
         number = int(told["plan"])
@@ -135,6 +140,9 @@ class PaintingState:
         if kind in ("looked", "resumed", "replanned"):
             painting.remark = ""
         match kind:
+            case "taken up":
+                self._forget_trouble()
+                painting.done, painting.film, painting.kept = told["done"], False, False
             case "dipped":
                 painting.paint = told["paint"]
             case "stroke":
@@ -198,6 +206,7 @@ class PaintingState:
 _PLANNING = ("wished", "planning", "sprouting", "planned")
 # What happens during a painting, and what it is about from then on; nothing: what it was before.
 _PAINTING = {
+    "taken up": "preparing",
     "mixing": "mixing",
     "dipped": "painting",
     "stroke": "painting",

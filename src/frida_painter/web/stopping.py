@@ -1,4 +1,4 @@
-"""The route that stops: it needs nothing but the files of the paintings that somebody works on."""
+"""Routes for who is in charge: stop, which needs nothing but the files of what is being done, and taking the lead."""
 
 import contextlib
 
@@ -6,7 +6,7 @@ from fastapi import APIRouter
 
 from frida_painter.errors import StorageError
 from frida_painter.web.folder import PaintingFolder, working
-from frida_painter.web.requests import AnySession, TheShelf
+from frida_painter.web.requests import AnySession, Operator, TheLead, TheShelf
 
 router = APIRouter(prefix="/api")
 
@@ -20,3 +20,11 @@ async def stop(session: AnySession, shelf: TheShelf) -> dict[str, int]:
     with contextlib.suppress(StorageError):
         shelf.note(session.id, ", ".join(folder.path.name for folder in stopped), "stop")
     return {"stopped": len(stopped)}
+
+
+@router.post("/lead")
+def take_lead(session: Operator, lead: TheLead, shelf: TheShelf) -> dict[str, str]:
+    """From now on this browser has the robot do things, and no other."""
+    lead.take(session.id)
+    shelf.note(session.id, "", "lead")
+    return {"leads": "you"}

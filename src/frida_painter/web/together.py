@@ -5,8 +5,10 @@ import time
 from collections import deque
 from dataclasses import dataclass, field
 
+from torch import Tensor
+
 from frida_painter import images
-from frida_painter.cli import goals
+from frida_painter.cli import goals, kept
 from frida_painter.errors import FridaError
 from frida_painter.frames import PixelGrid
 from frida_painter.planning.region import region_of
@@ -103,12 +105,15 @@ class Together:
                 rest = session.rest
                 session.paint_instead(rest.part(slice(max(0, len(rest) - command.count))))
             case "spare" | "only":
+                only = command.kind == "only"
                 drawing = images.load(self.folder.region(command.record))
-                session.planner.region = region_of(drawing, only_inside=command.kind == "only")
-                self.feed.tell("region", picture=self.folder.region(command.record).name, only=command.kind == "only")
+                session.planner.region = region_of(drawing, only_inside=only)
+                session.journal.note("protected", region=self._kept(drawing, command.record), only=only)
+                self.feed.tell("region", picture=self.folder.region(command.record).name, only=only)
                 session.look_again()
             case "free":
                 session.planner.region = None
+                session.journal.note("protected", region=None, only=False)
                 self.feed.tell("region", picture=None, only=False)
                 session.look_again()
             case "goal":
@@ -118,12 +123,21 @@ class Together:
             case _:
                 pass  # it has paused already
 
+    def _kept(self, drawing: Tensor, number: int) -> str:
+        """The file, in the folder that the painting leaves, of a region that a person drew."""
+        name = f"regions/{number}.png"
+        images.save(drawing, self.folder.painting / name)
+        return name
+
     def _pursue(self, command: Command) -> None:
         """Goes on towards another goal; the paints stay, for they are mixed."""
         assert self.session is not None
         place = self.folder.change(command.record)
         grid = PixelGrid.of_height(self.session.planner.size, PHOTOGRAPH_ROWS)
-        wanted = goals.read_goal(None, {"goal": place.goal}).fitted(grid)
+        wanted = goals.read_goal(None, {"goal": place.goal})
+        kept.keep_goal(wanted, self.folder.painting / f"changes/{command.record}")
+        wanted = wanted.fitted(grid)
+        self.session.journal.note("redirected", goal=f"changes/{command.record}")
         self.session.planner = self.session.planner.towards(wanted.goal)
         self.feed.tell("changed", wish=place.wish().model_dump(mode="json"))
         self.session.look_again(_ROUNDS)

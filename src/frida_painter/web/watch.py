@@ -2,16 +2,17 @@
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from typing import Any, Protocol
 
+from fastapi import HTTPException
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from frida_painter.web.folder import PaintingFolder, working
 from frida_painter.web.lines import LineReader
-from frida_painter.web.state import PaintingState
 
 MOST_WATCHERS = 40
 _BETWEEN_READS = 0.06  # seconds
@@ -20,9 +21,19 @@ _QUIET = 15.0  # seconds after which a sign of life is sent
 _PATIENCE = 20.0  # seconds that a browser may take to accept a message
 
 
-def current(folder: PaintingFolder) -> dict[str, object]:
-    """The state of a painting now, read from its folder."""
-    state = PaintingState()
+class Shown(Protocol):
+    """A state that is folded from a feed."""
+
+    def hear(self, told: Mapping[str, Any]) -> None:
+        """Takes note of one line."""
+
+    def shown(self, working: bool) -> dict[str, Any]:
+        """All of it as plain values."""
+
+
+def current(folder: PaintingFolder, fresh: Callable[[], Shown]) -> dict[str, Any]:
+    """The state of a painting or a calibration now, read from its folder; `fresh` gives one that heard nothing yet."""
+    state = fresh()
     for told in LineReader(folder.feed).read():
         state.hear(told)
     return state.shown(working(folder))
@@ -33,7 +44,7 @@ class _Watched:
     """One painting that somebody watches: its state as text, and how many look."""
 
     folder: PaintingFolder
-    state: PaintingState = field(default_factory=PaintingState)
+    state: Shown
     text: str = ""
     watchers: int = 0
     changed: asyncio.Event = field(default_factory=asyncio.Event)
@@ -60,9 +71,11 @@ class Watch:
         self.watchers = 0
 
     @asynccontextmanager
-    async def states(self, identifier: str, folder: PaintingFolder) -> AsyncIterator[AsyncIterator[str]]:
+    async def states(
+        self, identifier: str, folder: PaintingFolder, fresh: Callable[[], Shown]
+    ) -> AsyncIterator[AsyncIterator[str]]:
         """The states of a painting as text, from the present one on; some are left out for whoever is slow."""
-        watched = self._watched.setdefault(identifier, _Watched(folder))
+        watched = self._watched.setdefault(identifier, _Watched(folder, fresh()))
         watched.watchers += 1
         self.watchers += 1
         if watched.task is None:
@@ -75,6 +88,12 @@ class Watch:
             if watched.watchers == 0:
                 watched.task.cancel()
                 del self._watched[identifier]
+
+
+def require_room(watch: Watch) -> None:
+    """Answers 503 where too many watch already."""
+    if watch.watchers >= MOST_WATCHERS:
+        raise HTTPException(503, "Too many are watching already; close another page first.")
 
 
 async def _following(watched: _Watched) -> AsyncIterator[str]:
@@ -97,9 +116,9 @@ class EventStream(Response):
 
     media_type = "text/event-stream"
 
-    def __init__(self, watch: Watch, identifier: str, folder: PaintingFolder) -> None:
+    def __init__(self, watch: Watch, identifier: str, folder: PaintingFolder, fresh: Callable[[], Shown]) -> None:
         super().__init__()
-        self._watch, self._identifier, self._folder = watch, identifier, folder
+        self._watch, self._identifier, self._folder, self._fresh = watch, identifier, folder, fresh
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Sends until the browser is gone, or does not take what is sent."""
@@ -115,7 +134,7 @@ class EventStream(Response):
             await asyncio.gather(gone, telling, return_exceptions=True)
 
     async def _tell(self, send: Send) -> None:
-        async with self._watch.states(self._identifier, self._folder) as states:
+        async with self._watch.states(self._identifier, self._folder, self._fresh) as states:
             async for text in states:
                 body = f"data: {text}\n\n" if text else ": still here\n\n"
                 message = {"type": "http.response.body", "body": body.encode(), "more_body": True}

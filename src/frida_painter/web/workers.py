@@ -1,5 +1,6 @@
 """Starting the processes that plan and paint; they outlive the page's own process."""
 
+import json
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -8,6 +9,7 @@ from typing import Literal
 
 from frida_painter.errors import Interrupted, StorageError
 from frida_painter.web.folder import PaintingFolder, PlanFolder, WorkerLock
+from frida_painter.web.station import Station
 
 _MOST = 2
 
@@ -15,7 +17,8 @@ _MOST = 2
 class Workers:
     """Those that were started here and are still at work."""
 
-    def __init__(self) -> None:
+    def __init__(self, station: Station) -> None:
+        self.station = station
         self._started: list[subprocess.Popen[bytes]] = []
 
     @contextmanager
@@ -31,7 +34,7 @@ class Workers:
                 raise Interrupted("The painter is at work on this painting already.")
             if len(self._started) >= _MOST:
                 raise Interrupted("The painter is busy with other paintings; wait until one is done, or stop it.")
-            yield Place(folder, lock, self._started)
+            yield Place(folder, lock, self._started, self.station)
         finally:
             lock.release()
 
@@ -39,13 +42,15 @@ class Workers:
 class Place:
     """Where a worker can be put."""
 
-    def __init__(self, folder: PaintingFolder, lock: WorkerLock, started: list[subprocess.Popen[bytes]]) -> None:
-        self._folder, self._lock, self._started = folder, lock, started
+    def __init__(
+        self, folder: PaintingFolder, lock: WorkerLock, started: list[subprocess.Popen[bytes]], station: Station
+    ) -> None:
+        self._folder, self._lock, self._started, self._station = folder, lock, started, station
 
-    def start(self, job: Literal["plan", "paint"], plan: PlanFolder) -> None:
+    def start(self, job: Literal["plan", "paint", "resume", "calibrate"], plan: PlanFolder) -> None:
         """Starts a worker in a session of its own, and hands it the lock on the painting. Raises StorageError."""
         program = [sys.executable, "-m", "frida_painter.web.worker", job, str(self._folder.path), str(plan.number)]
-        program += [str(self._lock.fileno())]
+        program += [str(self._lock.fileno()), json.dumps(self._station.plain())]
         try:
             with (self._folder.path / "worker.log").open("ab") as log:
                 self._started.append(

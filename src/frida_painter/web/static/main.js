@@ -1,6 +1,7 @@
 // The page as a whole: which view is shown, the stop button, notices.
 
 import * as api from "./api.js";
+import { calibration } from "./calibration.js";
 import { composer } from "./composer.js";
 import { h, show } from "./dom.js";
 import { gallery } from "./gallery.js";
@@ -15,11 +16,16 @@ let studio = null;
 let leave = () => {};
 let noticeTimer = 0;
 
-/** Shows a sentence for a while. */
-function notice(sentence) {
-  show(noticeBoard, h("p", {}, sentence), h("button", { type: "button", class: "quiet", onclick: () => show(noticeBoard) }, "Close"));
+/** Shows a sentence for a while, and what can be done about it. */
+function notice(sentence, label = "Close", work = () => {}) {
+  show(noticeBoard, h("p", {}, sentence), h("button", { type: "button", class: "quiet", onclick: () => { show(noticeBoard); work(); } }, label));
   clearTimeout(noticeTimer);
-  noticeTimer = setTimeout(() => show(noticeBoard), 12000);
+  noticeTimer = setTimeout(() => show(noticeBoard), 20000);
+}
+
+/** From now on this page has the robot do things. */
+async function lead() {
+  if (await attempt(() => api.post("/api/lead"))) notice("This page leads now. Say again what shall be done.");
 }
 
 /** Does something that may fail, and shows the sentence if it does. */
@@ -27,7 +33,8 @@ async function attempt(work) {
   try {
     return await work();
   } catch (error) {
-    notice(error.message);
+    if (error.led) notice(error.message, "Lead from here", lead);
+    else notice(error.message);
     return undefined;
   }
 }
@@ -37,6 +44,9 @@ const house = {
   attempt,
   get abilities() { return studio.abilities; },
   get role() { return studio.role; },
+  get simulated() { return studio.simulated; },
+  get robot() { return studio.robot; },
+  get canvas() { return studio.canvas; },
   connected(there) { connection.textContent = there ? "" : "No connection; trying again"; },
   active(working) { stopButton.classList.toggle("live", working); },
 };
@@ -47,10 +57,10 @@ async function route() {
   house.connected(true);
   show(noticeBoard);
   const [, place = "", id = ""] = location.hash.split("/");
-  const views = { "": gallery, new: composer, p: painting };
+  const views = { "": gallery, new: composer, p: painting, calibrate: calibration };
   const page = views[place] ?? gallery;
   for (const link of document.querySelectorAll(".bar nav a")) {
-    link.toggleAttribute("aria-current", link.getAttribute("href") === (place === "new" ? "#/new" : "#/") && place !== "p");
+    link.toggleAttribute("aria-current", link.getAttribute("href") === `#/${place}`);
   }
   const { element, close } = page(house, id);
   show(view, element);

@@ -6,6 +6,7 @@ import { h, show } from "./dom.js";
 import { finishedStage } from "./finished.js";
 import { paintStage } from "./paint.js";
 import { planStage } from "./plan.js";
+import { questionCard } from "./question.js";
 
 const STAGES = { plan: planStage, prepare: planStage, paint: paintStage, done: finishedStage };
 
@@ -17,6 +18,7 @@ function stageOf(state) {
 export function painting(house, id) {
   const element = h("section", { class: "workbench" });
   const trouble = h("div", { class: "trouble", role: "alert" });
+  const asked = questionCard(house, `/api/paintings/${id}`, (name) => api.file(id, "live", name));
   let stage = null;
   let name = "";
   let step = "";
@@ -38,8 +40,9 @@ export function painting(house, id) {
     const shown = name === "plan" ? step : name;
     if (element.dataset.step !== `${name}/${shown}`) {
       element.dataset.step = `${name}/${shown}`;
-      show(element, steps(shown), trouble, ...stage.elements);
+      show(element, steps(shown), trouble, asked.element, ...stage.elements);
     }
+    asked.update(state.question);
     show(trouble, state.trouble ? h("p", {}, state.trouble) : null);
     stage.update(state, shown);
   }
@@ -52,7 +55,7 @@ export function painting(house, id) {
     title = state.title;
     document.title = `${title} · The studio`;
     hear(state);
-    stopFollowing = api.follow(id, hear, house.connected);
+    stopFollowing = api.follow(`/api/paintings/${id}`, hear, house.connected);
   });
   return {
     element,

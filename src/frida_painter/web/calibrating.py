@@ -1,0 +1,89 @@
+"""The worker's part of calibrating: leads the procedures, asks on the page, and keeps the easel's record."""
+
+import shutil
+from dataclasses import replace
+
+from frida_painter import images, storage
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.calibration import Calibration
+from frida_painter.cli.calibration import Place, begin_procedure, beside, learn_from, record_to_renew
+from frida_painter.cli.real import attended_by
+from frida_painter.config import PaintingSettings
+from frida_painter.hardware.easel import Easel
+from frida_painter.session.easel_process import EaselProcess
+from frida_painter.session.procedures.dialogue import lead
+from frida_painter.session.procedures.finding import Finding
+from frida_painter.session.procedures.standing import require_basis, standings
+from frida_painter.session.procedures.strokes import StrokesFinding
+from frida_painter.web.calibrate import Calibrate
+from frida_painter.web.feed import Feed
+from frida_painter.web.job import Job
+
+
+def calibrate(job: Job) -> None:
+    """Does what was asked for in the folder, one procedure after another; what is done is kept at once."""
+    wish, station, folder = Calibrate.kept(job.folder), job.station, job.folder.painting
+    shutil.rmtree(folder, ignore_errors=True)  # the world in which was calibrated before
+    storage.new_folder(folder)
+    settings = PaintingSettings.of(canvas=station.canvas or wish.canvas, brush=wish.brush, seed=wish.seed)
+    with EaselProcess() as process:
+        here = process.open(station.order(settings, wish.brush, job.folder))
+        here = attended_by(here, job.site, job.asker.answer)
+        try:
+            here.robot.connect()
+            here.camera.connect()
+            _lead_all(job, wish, here)
+        finally:
+            here.camera.close()
+            here.robot.close()
+
+
+def _lead_all(job: Job, wish: Calibrate, here: Easel) -> None:
+    path, feed = job.station.record, job.feed
+    known = record_to_renew(path, here.calibration, anew=wish.whole)
+    _tell_standing(feed, known, here.calibration)
+
+    def say(words: str) -> None:
+        feed.tell("progress", words=words)
+        job.stop.heed()
+
+    for name in wish.what:
+        require_basis(name, known, here.calibration, defaults_hold=here.simulated)
+        feed.tell("procedure", name=name)
+        place = Place(replace(here, calibration=known), brush_kind(wish.brush), path, wish.seed, wish.count, say)
+        finding = lead(begin_procedure(name, place), job.asker.answer)
+        known = finding.enter(known)
+        if isinstance(finding, StrokesFinding):
+            known = learn_from(finding, place, known)
+        known.save(path)
+        feed.tell("found", name=name, sentence=_sentence(finding), picture=_shown(name, finding, job))
+        _tell_standing(feed, known, here.calibration)
+
+
+def _sentence(finding: Finding) -> str:
+    """What was found, without where files are."""
+    file = getattr(finding, "file", None)
+    return finding.sentence if file is None else finding.sentence.replace(f": {file.path}", "")
+
+
+def _shown(name: str, finding: Finding, job: Job) -> str | None:
+    """The finding's picture, beside the record for good and where the page sees it."""
+    if finding.picture is None:
+        return None
+    images.save(finding.picture, beside(job.station.record, f"{name}.png"))
+    images.save(finding.picture, job.folder.live / f"found-{name}.png")
+    return f"found-{name}.png"
+
+
+def _tell_standing(feed: Feed, record: Calibration, easel: Calibration) -> None:
+    """How each procedure stands now."""
+    stands = [
+        {
+            "name": standing.procedure,
+            "dated": None if standing.done is None else standing.done.dated[:10],
+            "fault": standing.fault,
+            "old": standing.is_old,
+        }
+        for standing in standings(record, easel)
+    ]
+    feed.tell("standing", easel=easel.easel, procedures=stands)

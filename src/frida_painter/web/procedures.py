@@ -1,0 +1,75 @@
+"""Routes for calibrating: what is asked for, how it stands, and answers to what the procedures want to know."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from fastapi import APIRouter, HTTPException
+from fastapi.responses import FileResponse
+
+from frida_painter import storage
+from frida_painter.web.asking import Reply, reply
+from frida_painter.web.calibrate import Calibrate
+from frida_painter.web.calibration_state import CalibrationState
+from frida_painter.web.feed import Feed
+from frida_painter.web.folder import PaintingFolder, working
+from frida_painter.web.requests import AnySession, Beside, Operating, TheShelf, TheWatch, TheWorkers
+from frida_painter.web.watch import EventStream, current, require_room
+
+router = APIRouter(prefix="/api/calibration")
+_ID = "calibration"
+
+
+@router.get("")
+def state(session: AnySession, shelf: TheShelf) -> dict[str, Any]:
+    """Everything that the page shows of it, as it is now."""
+    return current(shelf.calibration, CalibrationState)
+
+
+@router.get("/events", response_model=None)
+def events(session: AnySession, shelf: TheShelf, watch: TheWatch) -> EventStream:
+    """The same, told again whenever something changes (server-sent events)."""
+    require_room(watch)
+    return EventStream(watch, _ID, shelf.calibration, CalibrationState)
+
+
+@router.post("/start")
+def start(
+    wish: Calibrate, session: Operating, beside: Beside, shelf: TheShelf, workers: TheWorkers
+) -> Mapping[str, str]:
+    """Begins to calibrate."""
+    folder = shelf.calibration
+    storage.require_space(folder.path, 200 * 2**20)
+    with workers.place_at(folder) as place:
+        beside.allow(folder, workers.station)
+        folder.stop.unlink(missing_ok=True)
+        shelf.note(session.id, _ID, f"calibrate {', '.join(wish.what)}")
+        wish.keep(folder)
+        feed = Feed(folder)
+        feed.tell("begun", what=list(wish.what))
+        feed.close()
+        place.start("calibrate", folder.plan(1))
+    return {"id": _ID}
+
+
+@router.post("/answer")
+def answer(given: Reply, session: Operating, shelf: TheShelf) -> Mapping[str, str]:
+    """Answers what a procedure has asked."""
+    hand_on(given, shelf.calibration, current(shelf.calibration, CalibrationState)["question"], session.id)
+    return {"id": _ID}
+
+
+@router.get("/files/{name}")
+def file(name: str, session: AnySession, shelf: TheShelf) -> FileResponse:
+    """A picture of what is asked, or was found."""
+    path = shelf.calibration.shown("live", name)
+    if path is None:
+        raise HTTPException(404, "There is no such picture.")
+    return FileResponse(path, headers={"Content-Disposition": "attachment", "Cache-Control": "no-store"})
+
+
+def hand_on(given: Reply, folder: PaintingFolder, asked: Any, by: str) -> None:
+    """Hands an answer to the worker that waits for it. Answers 409 where none does; raises ConfigError."""
+    if not isinstance(asked, dict) or asked.get("id") != given.question or not working(folder):
+        raise HTTPException(409, "This is not asked any more; look at the page.")
+    given.answering(str(asked["kind"]), asked)
+    reply(folder, given, by)
