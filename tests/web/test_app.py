@@ -9,6 +9,8 @@ import pytest
 from PIL import Image
 
 from frida_painter import web
+from frida_painter.hardware.latch import Latch, latch_path
+from frida_painter.web.feed import Feed
 from frida_painter.web.folder import WorkerLock
 from frida_painter.web.shelf import Entry
 from frida_painter.web.workers import Place
@@ -212,3 +214,28 @@ def test_a_painting_can_be_taken_along_and_deleted(studio: Studio, visitor: Visi
     assert visitor.post(f"{path}/delete").status_code == 200
     assert not entry.folder.path.exists() and visitor.get(path).status_code == 404
     assert visitor.get("/api/paintings").json() == []
+
+
+def test_a_painting_that_was_stopped_is_gone_on_with(studio: Studio, visitor: Visitor, started: Any) -> None:
+    entry = begun(studio, visitor)
+    path = f"/api/paintings/{entry.id}"
+    assert "nothing to go on with" in visitor.post(f"{path}/resume").json()["sentence"]
+    finish_plan(entry)
+    assert visitor.post(f"{path}/start", json={"plan": 1, "ready": True}).status_code == 200
+    entry.folder.painting.mkdir()
+    (entry.folder.painting / "journal").write_text("")
+    feed = Feed(entry.folder)
+    feed.tell("stopped", done=2)
+    for file in (entry.folder.stop, entry.folder.robot_stop):
+        file.touch()
+    latch = Latch(latch_path(entry.folder.easel, "virtual"), "virtual")
+    latch.engage("you stopped it")
+    assert "you stopped it" in visitor.post(f"{path}/resume").json()["sentence"]
+    studio.presence.press()
+    assert visitor.post(f"{path}/resume").status_code == 200
+    assert started[-1] == ("resume", 1)
+    assert not entry.folder.stop.exists() and not entry.folder.robot_stop.exists() and latch.read() is None
+    feed.tell("taken up", done=2)
+    assert visitor.get(path).json()["painting"]["status"] == "preparing"
+    feed.tell("finished", film=False)
+    assert "finished" in visitor.post(f"{path}/resume").json()["sentence"]

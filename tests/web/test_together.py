@@ -8,8 +8,11 @@ import pytest
 import torch
 
 from frida_painter import images
+from frida_painter.cli import kept
 from frida_painter.planning.planner import Effort, Planner
+from frida_painter.session import resuming
 from frida_painter.session.events import Event, Paused, Planned, StrokePainted
+from frida_painter.session.journal import Journal
 from frida_painter.web.commands import tell_painter
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
@@ -108,11 +111,18 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
     wish = Wish.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]})
     assert folder.begin_change(wish, tmp_path / "pictures") == 1
     table.says = [("spare", {"record": 1}), ("goal", {"record": 1}), ("go on", {})]
+    folder.painting.mkdir()
+    table.evening.session.journal = Journal.begin(folder.painting, {}, {})
     table.evening.session.run(4, 1, made)
+    table.evening.session.journal.close()
     after = table.evening.session.planner
     assert after is not planner and after.region is planner.region is not None
     assert after.goal.terms[0].weight == 2
     assert table.told("region")[0] == {**table.told("region")[0], "picture": "region-1.png", "only": False}
+    history = Journal.reopen(folder.painting)[1]
+    kept_region = resuming.region(folder.painting, history)
+    assert kept_region is not None and torch.equal(kept_region.forbidden, after.region.forbidden)
+    assert kept.read_goal(folder.painting / history.goal).wishes[0][2] == 2
     assert table.told("changed")[0]["wish"]["terms"][0]["weight"] == 2
     assert sum(isinstance(event, Planned) for event in table.evening.heard) >= 3
 

@@ -15,6 +15,7 @@ from frida_painter.web.shelf import Shelf
 from frida_painter.web.station import Station
 
 LOCAL = "127.0.0.1"
+_BACKLOG = 256
 
 
 def listen(address: str, port: int) -> socket.socket:
@@ -24,6 +25,7 @@ def listen(address: str, port: int) -> socket.socket:
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind((address, port))
+        listening.listen(_BACKLOG)  # from now on browsers wait rather than being refused
     except OSError as error:
         listening.close()
         raise ConfigError(

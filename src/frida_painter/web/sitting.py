@@ -44,7 +44,7 @@ def paint(job: Job, place: PlanFolder) -> None:
     """Paints the plan, and plans the rest again at every look."""
     folder = job.folder.painting
     storage.new_folder(folder)
-    settings, plan = place.wish().settings(), Plan.load(place.plan)
+    settings, plan = settings_of(place), Plan.load(place.plan)
     wanted, target = wanted_of(place)
     with ExitStack() as stack:
         process = stack.enter_context(EaselProcess())  # it loads while the planner does
@@ -88,9 +88,14 @@ def resume(job: Job, place: PlanFolder) -> None:
             sitting.to_its_end(lambda session: session.resume(where))
 
 
+def settings_of(place: PlanFolder) -> PaintingSettings:
+    """How a plan is painted, to the last digit as it will be read again when it is gone on with."""
+    return kept.as_read_again(place.wish().settings())
+
+
 def wanted_of(place: PlanFolder) -> tuple[goals.Wanted, Tensor | None]:
     """The goal of a plan, and its first picture if it has one, as they will fill the canvas."""
-    return fit_to_canvas(goals.read_goal(None, {"goal": place.goal}), place.wish().settings())
+    return fit_to_canvas(goals.read_goal(None, {"goal": place.goal}), settings_of(place))
 
 
 def _at_the_easel(

@@ -24,7 +24,7 @@ from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder, PlanFolder
 from frida_painter.web.illustrations import Growing, illustrate, mixtures
 from frida_painter.web.job import Job
-from frida_painter.web.sitting import paint, resume, wanted_of
+from frida_painter.web.sitting import paint, resume, settings_of, wanted_of
 from frida_painter.web.station import Station
 from frida_painter.web.stop import Stop, StopPressed
 
@@ -77,7 +77,7 @@ def work(what: str, job: Job, place: PlanFolder) -> None:
 
 def make_plan(job: Job, place: PlanFolder) -> None:
     """Makes the plan that was wished, and pictures of it."""
-    feed, settings = job.feed, place.wish().settings()
+    feed, settings = job.feed, settings_of(place)
     wanted, _ = wanted_of(place)
     planner = open_planner(settings, wanted.goal, job.station.known)
     bare = torch.ones(3, planner.fine.rows, planner.fine.columns)

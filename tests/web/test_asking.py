@@ -1,0 +1,113 @@
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from frida_painter.errors import ConfigError
+from frida_painter.session.procedures.dialogue import (
+    Answer,
+    Confirm,
+    Jog,
+    JogMove,
+    Measure,
+    PointCorners,
+    Question,
+)
+from frida_painter.web import asking
+from frida_painter.web.asking import Asker, Reply, described, reply
+from frida_painter.web.feed import Feed
+from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.lines import LineReader
+from frida_painter.web.stop import Stop, StopPressed
+
+PICTURE = torch.zeros(3, 20, 30)
+CORNERS = ((1.25, 1.0), (25.0, 1.0), (25.0, 15.0), (1.0, 15.0))
+QUESTIONS: list[tuple[Question, dict[str, Any], Answer]] = [
+    (Confirm("Is it so?", PICTURE), {"yes": False}, False),
+    (PointCorners("Where?", PICTURE, CORNERS), {"corners": [list(each) for each in CORNERS]}, CORNERS),
+    (Jog("Up?", 0.1, 0.0, 0.2, proposal=None), {"step": 0.005}, JogMove(0.005)),
+    (Jog("Up?", 0.1, 0.0, 0.2, proposal=None), {"settled": True}, JogMove(settled=True)),
+    (Measure("How long?", 0.0, 0.5), {"length": 0.25}, 0.25),
+]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> PaintingFolder:
+    (tmp_path / "live").mkdir()
+    return PaintingFolder(tmp_path)
+
+
+def asked(folder: PaintingFolder) -> dict[str, Any]:
+    """The question that stands in the feed, once it does."""
+    deadline = time.monotonic() + 20
+    while time.monotonic() < deadline:
+        for line in LineReader(folder.feed).read():
+            if line["kind"] == "asked":
+                question: dict[str, Any] = line["question"]
+                return question
+        time.sleep(0.01)
+    raise AssertionError("nothing is asked")
+
+
+@pytest.mark.parametrize(("question", "says", "means"), QUESTIONS)
+def test_a_question_waits_for_its_answer_and_no_other(
+    folder: PaintingFolder, question: Question, says: dict[str, Any], means: Answer
+) -> None:
+    asker, found = Asker(folder, Feed(folder), Stop(folder.stop)), list[Answer]()
+    waiting = threading.Thread(target=lambda: found.append(asker.answer(question)), daemon=True)
+    waiting.start()
+    shown = asked(folder)
+    assert ("picture" in shown) == (getattr(question, "picture", None) is not None)
+    reply(folder, Reply.model_validate({"question": "0" * 16, **says}), "browser")
+    reply(folder, Reply.model_validate({"question": shown["id"]}), "browser")
+    waiting.join(0.2)
+    assert waiting.is_alive(), "these were answers to something else, or none"
+    reply(folder, Reply.model_validate({"question": shown["id"], **says}), "browser")
+    waiting.join(20)
+    assert found == [means]
+    assert LineReader(folder.feed).read()[-1]["kind"] == "answered"
+
+
+def test_an_answer_that_comes_too_late_is_none(folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = {"id": "0" * 16, **described(Confirm("Is it so?"))}
+    reply(folder, Reply(question="0" * 16, yes=True), "browser")
+    line = LineReader(folder.replies).read()[0]
+    assert asking._understood(line, "0" * 16, shown) is True
+    now = time.time()
+    monkeypatch.setattr(asking.time, "time", lambda: now + asking.GOOD_FOR + 1)
+    assert asking._understood(line, "0" * 16, shown) is None
+
+
+def test_stop_ends_a_question(folder: PaintingFolder) -> None:
+    asker, caught = Asker(folder, Feed(folder), Stop(folder.stop)), list[BaseException]()
+
+    def wait() -> None:
+        try:
+            asker.answer(Confirm("Is it so?"))
+        except StopPressed as stop:
+            caught.append(stop)
+
+    waiting = threading.Thread(target=wait, daemon=True)
+    waiting.start()
+    asked(folder)
+    folder.stop.touch()
+    waiting.join(20)
+    assert len(caught) == 1
+
+
+@pytest.mark.parametrize(
+    ("question", "says", "complaint"),
+    [
+        (Confirm("?"), {"length": 0.1}, "no answer"),
+        (Jog("?", 0.1, 0.09, 0.11), {"step": 0.05}, "cannot go further"),
+        (Measure("?", 0.0, 0.5), {"length": 0.6}, "0.0 to 500.0 mm"),
+        (PointCorners("?", PICTURE, None), {"corners": [[0, 0], [31, 0], [9, 9], [0, 9]]}, "outside the photograph"),
+    ],
+)
+def test_what_is_no_answer_is_refused(question: Question, says: dict[str, Any], complaint: str) -> None:
+    shown = {**described(question), "rows": 20, "columns": 30}
+    with pytest.raises(ConfigError, match=complaint):
+        Reply.model_validate({"question": "0" * 16, **says}).answering(shown["kind"], shown)

@@ -1,0 +1,71 @@
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from frida_painter.errors import RobotStopped
+from frida_painter.hardware.latch import Latch, latch_path
+from frida_painter.web import presence as presence_module
+from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.presence import Presence
+from frida_painter.web.station import Station
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> PaintingFolder:
+    return PaintingFolder(tmp_path)
+
+
+def test_a_simulated_robot_moves_without_a_press(folder: PaintingFolder) -> None:
+    Presence().allow(folder, Station(folder.path / "record.json"))
+
+
+@pytest.mark.parametrize("robot", ["xarm:10.0.0.1", "axidraw"])
+def test_a_real_robot_moves_only_after_a_press_and_each_press_is_good_for_one_thing(
+    folder: PaintingFolder, robot: str
+) -> None:
+    presence, station = Presence(possible=True), Station(folder.path / "record.json", robot)
+    with pytest.raises(RobotStopped, match="press Enter"):
+        presence.allow(folder, station)
+    presence.press()
+    presence.allow(folder, station)
+    with pytest.raises(RobotStopped):
+        presence.allow(folder, station)
+
+
+def test_a_press_is_forgotten_after_a_minute(folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    presence = Presence()
+    presence.press()
+    now = time.monotonic()
+    monkeypatch.setattr(presence_module.time, "monotonic", lambda: now + presence_module.GOOD_FOR + 1)
+    with pytest.raises(RobotStopped, match="in a terminal"):
+        presence.allow(folder, Station(folder.path / "record.json", "axidraw"))
+
+
+def test_a_stop_holds_until_somebody_has_pressed(folder: PaintingFolder) -> None:
+    latch = Latch(latch_path(folder.easel, "virtual studio 0"), "virtual studio 0")
+    latch.engage("you stopped it")
+    presence, station = Presence(possible=True), Station(folder.path / "record.json")
+    with pytest.raises(RobotStopped, match=r"you stopped it.*Nothing moves"):
+        presence.allow(folder, station)
+    assert latch.read() is not None
+    presence.press()
+    presence.allow(folder, station)
+    assert latch.read() is None
+
+
+def test_presses_are_heard_from_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    presence = Presence()
+    read, write = os.pipe()
+    presence.listen(read)
+    os.write(write, b"\n")
+    deadline = time.monotonic() + 10
+    while presence._pressed is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert presence.possible and presence.use() and not presence.use()
+    os.close(write)
+    while presence.possible and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not presence.possible
+    os.close(read)

@@ -1,0 +1,109 @@
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from frida_painter.web.calibrate import Calibrate
+from frida_painter.web.calibration_state import CalibrationState
+from frida_painter.web.feed import Feed
+from frida_painter.web.folder import WorkerLock
+from frida_painter.web.station import Station
+from frida_painter.web.workers import Place
+from studios import Studio, order
+
+QUESTION = {"id": "f" * 16, "kind": "confirm", "text": "Is it so?", "proposal": True}
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    jobs: list[str] = []
+    monkeypatch.setattr(Place, "start", lambda self, job, plan: jobs.append(job))
+    return jobs
+
+
+def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, started: list[str]) -> None:
+    studio = Studio(tmp_path)
+    visitor, folder = studio.visitor(), studio.shelf.calibration
+    assert [each["dated"] for each in visitor.get("/api/calibration").json()["procedures"]] == [None] * 5
+    assert visitor.post("/api/calibration/start", json={"what": ["canvas", "brush"]}).status_code == 200
+    assert started == ["calibrate"] and Calibrate.kept(folder).what == ("canvas", "brush")
+    Feed(folder).tell("asked", question=QUESTION)
+    (folder.live / "found-canvas.png").write_bytes(b"x")
+    assert visitor.get("/api/calibration/files/found-canvas.png").content == b"x"
+    assert visitor.get("/api/calibration/files/..%2fasked.json").status_code == 404
+    answer = {"question": QUESTION["id"], "yes": True}
+    assert visitor.post("/api/calibration/answer", json=answer).status_code == 409, "nobody waits for it"
+    lock = WorkerLock(folder)
+    assert lock.take()
+    assert visitor.get("/api/calibration").json()["question"] == QUESTION
+    assert visitor.post("/api/calibration/answer", json={**answer, "question": "0" * 16}).status_code == 409
+    assert visitor.post("/api/calibration/answer", json={"question": QUESTION["id"]}).status_code == 422
+    assert visitor.post("/api/calibration/answer", json=answer).status_code == 200
+    assert json.loads(folder.replies.read_text())["reply"]["yes"] is True
+    assert visitor.post("/api/calibration/start", json={"what": ["canvas"]}).status_code == 409
+    assert visitor.post("/api/stop").json() == {"stopped": 1} and folder.stop.exists()
+    lock.release()
+
+
+@pytest.mark.parametrize(
+    "wish", [{"what": []}, {"what": ["robot", "canvas"]}, {"what": ["canvas", "canvas"]}, {"what": ["all"]},
+             {"what": ["canvas"], "width": 1e9}, {"what": ["strokes"], "count": 3}, {"what": ["canvas"], "robot": "x"}]
+)  # fmt: skip
+def test_what_cannot_be_calibrated_is_refused(tmp_path: Path, started: list[str], wish: dict[str, Any]) -> None:
+    answer = Studio(tmp_path).visitor().post("/api/calibration/start", json=wish)
+    assert answer.status_code == 422 and started == []
+
+
+def test_a_real_robot_is_not_moved_without_somebody_beside_it(tmp_path: Path, started: list[str]) -> None:
+    studio = Studio(tmp_path, Station(tmp_path / "record.json", "axidraw"))
+    visitor = studio.visitor()
+    refused = visitor.post("/api/calibration/start", json={"what": ["canvas"]})
+    assert refused.status_code == 409 and "beside the robot" in refused.json()["sentence"] and started == []
+    studio.presence.press()
+    assert visitor.post("/api/calibration/start", json={"what": ["canvas"]}).status_code == 200
+
+
+def test_an_order_without_its_number_or_from_a_second_browser_is_not_done(tmp_path: Path, started: list[str]) -> None:
+    studio = Studio(tmp_path)
+    first, second = studio.visitor(), studio.visitor()
+    wish = {"what": ["canvas"]}
+    nameless = first.post("/api/calibration/start", json=wish, headers={"X-Nonce": "", "X-Given": ""})
+    assert nameless.status_code in (409, 422) and started == []
+    same = order()
+    assert first.post("/api/calibration/start", json=wish, headers=same).status_code == 200
+    assert "already" in first.post("/api/calibration/start", json=wish, headers=same).json()["sentence"]
+    led = second.post("/api/calibration/start", json=wish)
+    assert led.status_code == 409 and led.json()["led"] is True
+    assert second.post("/api/stop").status_code == 200, "whoever may look may stop"
+    assert second.post("/api/lead").status_code == 200
+    assert second.post("/api/calibration/start", json=wish).status_code == 200
+    assert started == ["calibrate"] * 2
+
+
+def test_what_is_found_is_followed() -> None:
+    state = CalibrationState()
+    for told in (
+        {"kind": "begun", "what": ["canvas", "robot"]},
+        {"kind": "standing", "easel": "e", "procedures": [{"name": "robot", "dated": "d", "fault": "f", "old": True}]},
+        {"kind": "procedure", "name": "canvas"},
+        {"kind": "asked", "question": QUESTION},
+        {"kind": "answered"},
+        {"kind": "found", "name": "canvas", "sentence": "It is there.", "picture": "found-canvas.png"},
+        {"kind": "procedure", "name": "robot"},
+        {"kind": "progress", "words": "dot 3"},
+        {"kind": "procedure"}, {}, {"kind": "found", "name": "?"},
+    ):  # fmt: skip
+        state.hear(told)
+    shown = state.shown(working=True)
+    canvas, robot = shown["procedures"][:2]
+    assert (canvas["status"], canvas["sentence"], robot["status"], robot["fault"]) == (
+        "done",
+        "It is there.",
+        "busy",
+        "f",
+    )
+    assert shown["progress"] == "dot 3" and shown["question"] is None
+    assert "without saying why" in state.shown(working=False)["trouble"]
+    state.hear({"kind": "failed", "sentence": "No dots."})
+    assert state.shown(working=False)["procedures"][1]["status"] == "failed"
