@@ -20,6 +20,7 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal, ImageTerm
@@ -120,7 +121,7 @@ def blank_scene(picture: Tensor, size: CanvasSize, rows: int, model: StrokeTable
 
 def broad_brush() -> StrokeTable:
     """The stroke model of the shipped broad brush, as the planner uses it."""
-    return StrokeTable.of(load_stroke_model("broad"))
+    return cached_table(load_stroke_model("broad"))
 
 
 def psnr(loss: float) -> float:

@@ -6,6 +6,8 @@ import torch
 from frida_painter.brush.bezier import BezierStroke, RibbonShape
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.brush.library import StrokeLibrary
+from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 
@@ -21,6 +23,11 @@ def ribbon(rows: int = 24, columns: int = 42) -> BezierStroke:
     return BezierStroke("small", small_frame(rows, columns), SMALL.limits, RibbonShape(1.0, 4.0, 1.5)).requires_grad_(
         False
     )
+
+
+def coarse_table(model: StrokeModel) -> StrokeTable:
+    """In the place of a painter's own table: it is quickly made and quickly looked up in."""
+    return StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8))
 
 
 def shapes(count: int, seed: int = 0, dtype: torch.dtype = torch.float32) -> tuple[torch.Tensor, ...]:

@@ -1,12 +1,9 @@
-from types import SimpleNamespace
-
 import pytest
 
-from frida_painter.brush.table import StrokeTable, TableDetail
+from marks import coarse_table
 
 
 @pytest.fixture
 def coarse_brush(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plans with a coarsely tabulated brush, which is there sooner."""
-    coarse = SimpleNamespace(of=lambda model: StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8)))
-    monkeypatch.setattr("frida_painter.session.opening.StrokeTable", coarse)
+    monkeypatch.setattr("frida_painter.session.opening.cached_table", coarse_table)

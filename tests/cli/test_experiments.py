@@ -1,14 +1,12 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 from frida_painter import cli
-from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.experiments import replanning, sim2real
-from marks import small_library
+from marks import coarse_table, small_library
 
 Said = tuple[int, str, str]
 Run = Callable[..., Said]
@@ -18,9 +16,8 @@ Run = Callable[..., Said]
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
     """run(word, ...): the exit status, and what was said on both channels."""
     monkeypatch.chdir(tmp_path)
-    coarse = SimpleNamespace(of=lambda model: StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8)))
     for module in (sim2real, replanning):
-        monkeypatch.setattr(module, "StrokeTable", coarse)
+        monkeypatch.setattr(module, "cached_table", coarse_table)
 
     def running(*words: object) -> Said:
         monkeypatch.setattr("sys.argv", ["frida-painter", "experiments", *map(str, words)])

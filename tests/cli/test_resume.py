@@ -6,18 +6,17 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from PIL import Image
 from skimage import data
 
 from frida_painter import cli
-from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.plan import Plan
 from frida_painter.session.history import History
 from frida_painter.session.logbook import Logbook
 from killing import began, kill_when
+from marks import coarse_table
 
 STROKES = 10
 SMALL = ("--canvas", "120x90mm", "--render-height", "64", "--effort", "0.05", "--brush", "fine", "--colors", "3")
@@ -28,8 +27,7 @@ Resume = Callable[..., tuple[int, str]]
 def _coarse_brush(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
-        coarse = SimpleNamespace(of=lambda model: StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8)))
-        patch.setattr("frida_painter.session.opening.StrokeTable", coarse)
+        patch.setattr("frida_painter.session.opening.cached_table", coarse_table)
         yield
 
 

@@ -1,17 +1,15 @@
 """The experiments about styles, meaning and sketches, at the scale that only shows that they run."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import torch
 
-from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.experiments import composition, semantic, sketch, style
 from frida_painter.experiments.goal_paintings import QUICK
 from frida_painter.experiments.targets import DRAWINGS, PHOTOGRAPHS, STYLES, Target, shipped
 from frida_painter.experiments.text import PROMPTS
 from frida_painter.frames import CanvasSize
+from marks import coarse_table
 from networks import QuickEncoders
 from scenes import picture
 
@@ -21,9 +19,8 @@ PHOTO = Target("photo", picture())
 
 @pytest.fixture(autouse=True)
 def coarse_brush(monkeypatch: pytest.MonkeyPatch) -> None:
-    coarse = SimpleNamespace(of=lambda model: StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8)))
     for module in (composition, semantic, sketch, style):
-        monkeypatch.setattr(module, "StrokeTable", coarse)
+        monkeypatch.setattr(module, "cached_table", coarse_table)
 
 
 def how(**rest):

@@ -1,12 +1,10 @@
-from types import SimpleNamespace
-
 import pytest
 
-from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.experiments import replanning
 from frida_painter.experiments.replanning import BLIND, LOOKING, Scale
 from frida_painter.experiments.targets import shipped
 from frida_painter.frames import CanvasSize
+from marks import coarse_table
 
 SCALE = Scale(strokes=12, colors=3, rows=64, looks=3, effort=0.1)
 
@@ -18,9 +16,8 @@ def heard():
 
 @pytest.fixture(scope="module")
 def outcome(heard):
-    coarse = SimpleNamespace(of=lambda model: StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8)))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(replanning, "StrokeTable", coarse)
+        patch.setattr(replanning, "cached_table", coarse_table)
         return replanning.run(
             shipped(["coffee"])[0], brush="fine", canvas=CanvasSize(0.09, 0.07), seeds=(4,), scale=SCALE,
             notify=heard.append,

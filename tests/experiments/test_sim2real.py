@@ -1,15 +1,13 @@
-from types import SimpleNamespace
-
 import pytest
 import torch
 
 from frida_painter import images
-from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.errors import ConfigError
 from frida_painter.experiments import sim2real
 from frida_painter.experiments.sim2real import FULL, PLANNERS, QUICK
 from frida_painter.experiments.targets import SHIPPED, given, shipped
 from frida_painter.frames import CanvasSize
+from marks import coarse_table
 
 CANVAS = CanvasSize(0.12, 0.09)
 
@@ -22,9 +20,8 @@ def kept(tmp_path_factory):
 @pytest.fixture(scope="module", autouse=True)
 def coarse_brush():
     """Plans with a coarsely tabulated brush, which is there sooner."""
-    coarse = SimpleNamespace(of=lambda model: StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8)))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sim2real, "StrokeTable", coarse)
+        patch.setattr(sim2real, "cached_table", coarse_table)
         yield
 
 

@@ -1,15 +1,14 @@
 import json
-from types import SimpleNamespace
 
 import pytest
 import torch
 
-from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.experiments import text
 from frida_painter.experiments.text import PROMPTS, QUICK, WAYS, Unjudged
 from frida_painter.frames import CanvasSize
 from frida_painter.objectives.encoders.class_names import class_names
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+from marks import coarse_table
 from networks import QuickEncoders, random_lite_tensors
 
 CANVAS = CanvasSize(0.12, 0.09)
@@ -23,9 +22,8 @@ def kept(tmp_path_factory):
 @pytest.fixture(scope="module", autouse=True)
 def coarse_brush():
     """Plans with a coarsely tabulated brush, which is there sooner."""
-    coarse = SimpleNamespace(of=lambda model: StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8)))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(text, "StrokeTable", coarse)
+        patch.setattr(text, "cached_table", coarse_table)
         yield
 
 

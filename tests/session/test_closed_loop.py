@@ -10,6 +10,7 @@ from torch import Tensor
 from frida_painter import images
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm
@@ -30,7 +31,7 @@ OFF = PlacementError((0.004 * math.cos(1), 0.004 * math.sin(1)), math.radians(2)
 
 @cache
 def broad() -> StrokeTable:
-    return StrokeTable.of(load_stroke_model("broad"))
+    return cached_table(load_stroke_model("broad"))
 
 
 @cache

@@ -8,6 +8,7 @@ from skimage import data
 from frida_painter import images
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm
@@ -29,7 +30,7 @@ EXACT = PlacementError((0.0, 0.0), 0.0)
 
 @cache
 def medium() -> StrokeTable:
-    return StrokeTable.of(load_stroke_model("medium"))
+    return cached_table(load_stroke_model("medium"))
 
 
 def error(seed: int, *, calibrated: bool) -> float:

@@ -7,6 +7,8 @@ too. A stroke then costs 4 x 4 x 4 rows of coefficients and its share of one mat
 those cells that any stroke ever touches. docs/stroke-model.md states error and speed.
 """
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -79,7 +81,7 @@ class StrokeTable(nn.Module):
 
     @classmethod
     def of(cls, model: StrokeModel, like: Tensor | None = None, detail: TableDetail | None = None) -> Self:
-        """Tabulates a model as it is now, in a second or two; make the table anew when the model changes.
+        """Tabulates a model as it is now, in some seconds; make the table anew when the model changes.
 
         like: a tensor of the precision and on the device of the model (default: float32, CPU).
         """
@@ -92,6 +94,31 @@ class StrokeTable(nn.Module):
         logits -= mean
         basis = _best_basis(logits, detail.rank)
         return cls(model, detail, _fit(logits @ basis.T, grids, detail.spans), basis, mean, touched)
+
+    def kept(self) -> dict[str, Tensor]:
+        """What a table is made of again, by `restored`."""
+        touched = torch.zeros(len(self.source), dtype=torch.bool, device=self.cells.device)
+        touched[self.cells] = True
+        return {
+            "coefficients": self.coefficients,
+            "basis": self.basis[:, :-1],
+            "mean": self.mean[:-1],
+            "touched": touched,
+        }
+
+    @classmethod
+    def restored(cls, model: StrokeModel, detail: TableDetail, kept: Mapping[str, Tensor]) -> Self:
+        """The table of that model and detail from what it kept. Raises KeyError, ValueError where that does not fit."""
+        coefficients, basis, mean, touched = (kept[name] for name in ("coefficients", "basis", "mean", "touched"))
+        rank, cells = len(basis), int(touched.sum())
+        knots = math.prod(spans + 3 for spans in detail.spans)
+        shapes = ((knots, rank), (rank, cells), (cells,), (model.frame.rows * model.frame.columns,))
+        if (
+            tuple(tuple(one.shape) for one in (coefficients, basis, mean, touched)) != shapes
+            or touched.dtype != torch.bool
+        ):
+            raise ValueError(f"the parts of a table have the shapes {shapes}, the last one of booleans")
+        return cls(model, detail, coefficients, basis, mean, touched)
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
         """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from torch import Tensor
 
-from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.goal_paintings import CANVAS, FULL, Scale, paint
 from frida_painter.experiments.ledger import Finding, Ledger
@@ -118,7 +118,7 @@ class _Bench:
             BEGUN: lambda: Goal((TextTerm(words), wanted), (ImageTerm(style.picture),)),
         }
         size = self.canvas.turned_like(*style.picture.shape[1:])
-        model = StrokeTable.of(load_stroke_model(self.brush))
+        model = cached_table(load_stroke_model(self.brush))
         doing = f"{words or 'nothing'} in the style of {style.name}"
         painted = paint(goals[way](), size, model, self.encoders, self.scale, seed, notify, doing)
         picture = painted.photograph

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.brush.kinds import brush_kind
-from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.chart import Series, chart
 from frida_painter.experiments.execution import open_easel
@@ -67,7 +67,7 @@ def run(
     canvas: turned as the target asks for. The robot stands as far off as the seed says.
     """
     size = canvas.turned_like(*target.picture.shape[1:])
-    model = StrokeTable.of(load_stroke_model(brush))
+    model = cached_table(load_stroke_model(brush))
     tasks = [(seed, way) for seed in seeds for way in (LOOKING, BLIND)]
     courses: dict[tuple[int, str], _Course] = {}
     for number, (seed, way) in enumerate(tasks):

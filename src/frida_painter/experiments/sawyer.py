@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import EXACT, execute
 from frida_painter.experiments.measures import psnr
@@ -181,7 +181,7 @@ def _planned(target: Target, canvas: CanvasSize, brush: str, seed: int, scale: S
     grid = PixelGrid.of_height(canvas, scale.rows)
     wanted = images.fit(target.picture, grid.rows, grid.columns)
     planner = Planner(
-        Goal((ImageTerm(wanted),)), canvas, StrokeTable.of(load_stroke_model(brush)), rows=scale.rows,
+        Goal((ImageTerm(wanted),)), canvas, cached_table(load_stroke_model(brush)), rows=scale.rows,
         effort=Effort().scaled(scale.effort), seed=seed,
     )  # fmt: skip
 

@@ -13,7 +13,7 @@ import numpy as np
 from torch import Tensor
 
 from frida_painter import images, weights
-from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.goal_paintings import CANVAS, FULL, Scale, paint
 from frida_painter.experiments.ledger import Finding, Ledger
@@ -100,7 +100,7 @@ class _Bench:
     def _measure(self, photo: Target, seed: int, way: str, notify: Notify) -> Finding:
         term = ImageTerm(photo.picture) if way == PIXELS else SemanticTerm(photo.picture)
         size = self.canvas.turned_like(*photo.picture.shape[1:])
-        model = StrokeTable.of(load_stroke_model(self.brush))
+        model = cached_table(load_stroke_model(self.brush))
         painted = paint(Goal((term,)), size, model, self.encoders, self.scale, seed, notify, f"{photo.name} {way}")
         notify(Progress(0.97, f"{photo.name} {way}: measuring"))
         picture = painted.photograph

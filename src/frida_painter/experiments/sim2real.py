@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments import robot_strokes, soft_planner
 from frida_painter.experiments.execution import execute, open_easel
@@ -114,7 +114,7 @@ class _Bench:
 
     def __init__(self, brush: str, canvas: CanvasSize, scale: Scale) -> None:
         self.brush, self.canvas, self.scale = brush, canvas, scale
-        self.model = StrokeTable.of(load_stroke_model(brush))
+        self.model = cached_table(load_stroke_model(brush))
 
     def depends_on(self, target: Target) -> dict[str, object]:
         """All that a painting of the target follows from, but for its seed and planner."""

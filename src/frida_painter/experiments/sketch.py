@@ -14,7 +14,7 @@ import numpy as np
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.goal_paintings import CANVAS, FULL, Scale, paint
 from frida_painter.experiments.ledger import Finding, Ledger
@@ -104,7 +104,7 @@ class _Bench:
             SKETCHED: Goal((words, sketch)),
         }
         size = self.canvas.turned_like(*drawing.picture.shape[1:])
-        model = StrokeTable.of(load_stroke_model(self.brush))
+        model = cached_table(load_stroke_model(self.brush))
         doing = f"{drawing.name} by {way}"
         painted = paint(goals[way], size, model, self.encoders, self.scale, seed, notify, doing)
         picture = painted.photograph

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, weights
-from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.goal_paintings import CANVAS, FULL, Scale, paint
 from frida_painter.experiments.ledger import Finding, Ledger
@@ -115,7 +115,7 @@ class _Bench:
         }
         like = style if way == BEGUN else photo
         size = self.canvas.turned_like(*like.picture.shape[1:])
-        model = StrokeTable.of(load_stroke_model(self.brush))
+        model = cached_table(load_stroke_model(self.brush))
         painted = paint(goals[way], size, model, self.encoders, self.scale, seed, notify, words)
         notify(Progress(0.97, f"{words}: measuring"))
         picture = painted.photograph

@@ -16,7 +16,7 @@ from torch import Tensor
 from frida_painter import images
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.stroke_model import StrokeModel
-from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import open_easel
 from frida_painter.experiments.ledger import Finding, Ledger
@@ -112,7 +112,7 @@ def run(
     notify: Notify = silent,
 ) -> Outcome:
     """Paints every prompt once per seed. keep: a folder of what was finished, from which it goes on."""
-    model = StrokeTable.of(load_stroke_model(brush))
+    model = cached_table(load_stroke_model(brush))
     bench = _Bench(encoders, judge, model, canvas, scale)
     readers = " and ".join(reader.name for reader in encoders.readers())
     settings: dict[str, str | int | float] = {

@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from frida_painter.brush.kinds import brush_kind
-from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration
 from frida_painter.config import PaintingSettings
@@ -52,7 +52,7 @@ def open_planner(settings: PaintingSettings, goal: Goal, record: Path | None = N
         known = Calibration.load(record)
         if known.weights is not None and known.brush == settings.brush:
             source = Path(known.weights.path)
-    model = StrokeTable.of(load_stroke_model(source))
+    model = cached_table(load_stroke_model(source))
     effort = Effort().scaled(settings.effort)
     return Planner(
         goal,

@@ -1,0 +1,63 @@
+"""Tables of stroke models that were made before, kept in the system's folder for caches.
+
+Tabulating a network takes some seconds of computing, which every command would begin with; reading a table
+takes milliseconds. A file is named after everything that its table follows from, so that it is never out of
+date; one that is damaged is made anew.
+"""
+
+import contextlib
+import hashlib
+from dataclasses import astuple
+from pathlib import Path
+from typing import Protocol
+
+import platformdirs
+import torch
+from torch import Tensor
+
+from frida_painter import storage
+from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.brush.table import StrokeTable, TableDetail
+from frida_painter.errors import StorageError
+
+# To be raised whenever a table, or what a stroke model makes of its weights, is computed otherwise.
+VERSION = 1
+# The tables of this many models are kept, about 1.5 MB each.
+_MOST_KEPT = 16
+
+
+class WeightedModel(StrokeModel, Protocol):
+    """A stroke model that follows from its weights."""
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """The weights by name."""
+
+
+def cached_table(model: WeightedModel, detail: TableDetail | None = None, folder: Path | None = None) -> StrokeTable:
+    """The table of a model (float32, CPU): read where it was made before, else made, and written.
+
+    folder: of the tables (default: the one that the system gives to caches). Where it cannot be written
+    to, tables are made every time.
+    """
+    detail = detail or TableDetail()
+    folder = folder or platformdirs.user_cache_path("frida-painter", appauthor=False) / "tables"
+    path = folder / f"{_identity(model, detail)}.safetensors"
+    # A table that is missing, damaged or not one is made anew; so is one of other shapes than it should have.
+    with contextlib.suppress(StorageError, KeyError, ValueError):
+        return StrokeTable.restored(model, detail, storage.read_tensors(path, "a table of a stroke model")[0])
+    table = StrokeTable.of(model, detail=detail)
+    with contextlib.suppress(StorageError, OSError):
+        storage.write_tensors(path, table.kept())
+        for old in sorted(folder.glob("*.safetensors"), key=lambda one: one.stat().st_mtime)[:-_MOST_KEPT]:
+            old.unlink(missing_ok=True)
+    return table
+
+
+def _identity(model: WeightedModel, detail: TableDetail) -> str:
+    """Differs between models and details of different tables."""
+    about = (VERSION, type(model).__name__, torch.__version__, model.brush, astuple(model.frame), astuple(model.limits))
+    told = hashlib.sha256(repr((*about, astuple(detail))).encode())
+    for name, tensor in sorted(model.state_dict().items()):
+        told.update(f"{name} {tensor.dtype} {tuple(tensor.shape)}".encode())
+        told.update(tensor.detach().cpu().contiguous().numpy().tobytes())
+    return told.hexdigest()[:32]
