@@ -1,8 +1,7 @@
 """The commands that get pretrained networks: models list, fetch, path."""
 
 from pathlib import Path
-from types import TracebackType
-from typing import Annotated, Self
+from typing import Annotated
 
 import typer
 from rich import box
@@ -12,6 +11,7 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeR
 from rich.table import Table
 
 from frida_painter import weights
+from frida_painter.cli.progress import Line
 from frida_painter.errors import ConfigError, WeightsError
 
 Cache = Annotated[
@@ -96,30 +96,23 @@ def path(
     typer.echo(weights.require(name, cache))
 
 
-class _FetchProgress:
+class _FetchProgress(Line):
     """On the terminal: from where and how much, how far it is, and why a source did not give it."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=36),
-            DownloadColumn(),
-            TransferSpeedColumn(),
-            TimeRemainingColumn(),
-            console=console,
-            transient=True,
-            disable=not console.is_terminal,
+        super().__init__(
+            Progress(
+                TextColumn("{task.description}"),
+                BarColumn(bar_width=36),
+                DownloadColumn(),
+                TransferSpeedColumn(),
+                TimeRemainingColumn(),
+                console=console,
+                transient=True,
+                disable=not console.is_terminal,
+            )
         )
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
 
     def hear(self, notice: weights.Notice) -> None:
         """Shows what is told."""

@@ -120,16 +120,15 @@ class Forecast:
         return max(0.0, self._walked - before)
 
 
-class PaintingProgress:
-    """One line on the terminal: what is going on, how far it is, and the time left."""
+def _bar(console: Console) -> Progress:
+    return Progress(TextColumn("{task.description}"), BarColumn(bar_width=36), _TimeLeft(), console=console)
 
-    def __init__(self, console: Console, forecast: Forecast) -> None:
-        self._forecast = forecast
-        self._started = time.monotonic()
-        self._bar = Progress(
-            TextColumn("{task.description}"), BarColumn(bar_width=36), _TimeLeft(), console=console, transient=False
-        )
-        self._task = self._bar.add_task("getting ready", total=1.0, left=forecast.remaining)
+
+class Line:
+    """A bar on the terminal, there while a `with` block lasts."""
+
+    def __init__(self, bar: Progress) -> None:
+        self._bar = bar
 
     def __enter__(self) -> Self:
         self._bar.start()
@@ -139,6 +138,18 @@ class PaintingProgress:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._bar.stop()
+
+
+class PaintingProgress(Line):
+    """One line on the terminal: what is going on, how far it is, and the time left."""
+
+    def __init__(self, console: Console, forecast: Forecast) -> None:
+        self._forecast = forecast
+        self._started = time.monotonic()
+        super().__init__(
+            Progress(TextColumn("{task.description}"), BarColumn(bar_width=36), _TimeLeft(), console=console)
+        )
+        self._task = self._bar.add_task("getting ready", total=1.0, left=forecast.remaining)
 
     def hear(self, event: Event) -> None:
         """Shows an event; while the painting pauses, the terminal is for questions."""
@@ -172,22 +183,15 @@ class PaintingProgress:
         self._bar.update(self._task, description=words)
 
 
-class PlanningProgress:
+class PlanningProgress(Line):
     """One line on the terminal for a plan alone."""
 
     def __init__(self, console: Console) -> None:
         self._started = time.monotonic()
-        self._bar = Progress(TextColumn("{task.description}"), BarColumn(bar_width=36), _TimeLeft(), console=console)
+        super().__init__(
+            Progress(TextColumn("{task.description}"), BarColumn(bar_width=36), _TimeLeft(), console=console)
+        )
         self._task = self._bar.add_task("getting ready", total=1.0, left=math.inf)
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
 
     def hear(self, step: Step) -> None:
         """Shows a step; later ones, with all strokes placed, take longer than the first."""
