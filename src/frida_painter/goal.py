@@ -57,11 +57,13 @@ class SemanticTerm:
 class SketchTerm:
     """Paint along the lines of this drawing: `image` [3, H, W] in [0, 1], with at least one line. Raises ConfigError.
 
-    Dark lines on light paper, scanned or photographed, or chalk on a dark board.
+    Dark lines on light paper, scanned or photographed, or chalk on a dark board. shown [3, h, w]: the
+    drawing on a photograph that is painted with it; None: on white paper.
     """
 
     image: Tensor
     weight: float = 1.0
+    shown: Tensor | None = None
 
     def __post_init__(self) -> None:
         _require_weight(self.weight, "a sketch")

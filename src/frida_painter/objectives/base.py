@@ -77,7 +77,7 @@ def _(term: SketchTerm, setting: Setting) -> Prepared:
     from frida_painter.objectives.semantic import Semantic
     from frida_painter.objectives.sketch import Sketch
 
-    drawing = images.fit(term.drawing, setting.grid.rows, setting.grid.columns)
+    drawing = images.fit(term.drawing if term.shown is None else term.shown, setting.grid.rows, setting.grid.columns)
     shown = Semantic(drawing, setting.encoders.meaning(), setting.seed)
     hed = setting.encoders.edges()
     return Prepared(Sketch(drawing, hed, shown), Sketch(drawing, hed, shown.judge))

@@ -16,6 +16,7 @@ from frida_painter.objectives.attention import attended
 from frida_painter.objectives.base import Aim, prepare
 from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.objectives.imagination import imagined
+from frida_painter.objectives.overlay import overlaid
 from frida_painter.objectives.replication import spread
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
@@ -95,7 +96,7 @@ class Planner:
         self.seed = seed
         self.region: Region | None = None
         self.encoders = encoders or Encoders()
-        self.goal = goal = attended(imagined(goal, self.fine, self.encoders, seed), self.encoders)
+        self.goal = goal = attended(imagined(overlaid(goal), self.fine, self.encoders, seed), self.encoders)
         self._aims = {grid: prepare(goal, grid, self.encoders, seed) for grid in (self.fine, self.coarse)}
         self._opening = self._aims[self.coarse]
         if goal.opening is not goal.terms:

@@ -23,6 +23,7 @@ from frida_painter.weights.sources import Counter, Original
 _CHUNK = 2**18
 _LONGEST_PACKED = 2**20  # of one file among many in an archive
 _GLANCE = 0.1  # seconds
+_FULL = ("No space left on device", "Disk quota exceeded", "File too large")  # as systems say that no file can grow
 
 
 @dataclass(frozen=True)
@@ -179,8 +180,11 @@ def _complaint(log: str) -> str:
     """What pip says is wrong, as part of a sentence."""
     if "(from versions: none)" in log:  # which pip also says where it reaches no index at all
         return "pip finds it nowhere: no index that it knows has it, or none can be reached"
+    full = next((words for words in _FULL if words in log), None)
+    if full is not None:
+        return f"there is not space enough to keep it ({full[0].lower()}{full[1:]})"
     errors = [line.removeprefix("ERROR:").strip() for line in log.splitlines() if line.startswith("ERROR:")]
-    if not errors:
+    if not errors or errors[-1] == "Exception:":  # what it was stands in the last line of the traceback
         errors = [line.strip() for line in log.splitlines() if line.strip()] or ["it says nothing"]
     if "No module named pip" in errors[-1]:
         return f"{sys.executable} has no pip; `{sys.executable} -m ensurepip` gives it one"
