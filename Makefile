@@ -28,10 +28,10 @@ browser:
 		&& apt-get -qq update && apt-get -qq install -y --no-install-recommends chromium; } || true
 
 test: lint browser
-	$(BIN)/pytest -n 2
+	$(BIN)/pytest -n 2 --dist worksteal
 
 quick: install
-	$(BIN)/pytest -n 2 -m "not slow"
+	$(BIN)/pytest -n 2 --dist worksteal -m "not slow"
 
 benchmarks: install
 	$(BIN)/python benchmarks/report.py
