@@ -1,13 +1,16 @@
+from dataclasses import replace
+
 import pytest
 import torch
 
 from easels import CALIBRATION, CANVAS, WORKSPACE
+from frida_painter.brush.dip import Dip
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.hardware.motion import Motion
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.session.choreography import BrushLoad, Choreography
-from frida_painter.session.events import Dipped
+from frida_painter.session.events import Dipped, StrokePainted
 from frida_painter.strokes import StrokeLimits, Strokes
 
 LIMITS = StrokeLimits((0.01, 0.03), (-0.008, 0.008))
@@ -37,17 +40,24 @@ def test_between_two_dips_no_more_is_painted_than_a_dip_holds_unless_by_one_stro
         if isinstance(action.done, Dipped):
             since, strokes, dips = 0.0, 0, dips + 1
         else:
-            since, strokes = since + load.area - action.load.area, strokes + 1
+            since, strokes = since + load.left - action.load.left, strokes + 1
             assert strokes == 1 or since <= 0.6 * LARGEST + 1e-12
         load = action.load
     assert 1 < dips < 30
+
+
+def test_where_strokes_are_counted_every_so_many_get_a_dip() -> None:
+    counted = Choreography(CHOREOGRAPHY.motion, replace(BRUSH, known_dip=Dip.of_strokes(4)))
+    told = [type(action.done) for action in counted.actions(plan(10 * [0], 0.03, 1.0), BrushLoad(), 0, 10)]
+    four = [Dipped, *4 * [StrokePainted]]
+    assert told == [*four, *four, *four[:3]]
 
 
 def test_every_action_tells_what_it_leaves_on_the_brush() -> None:
     actions = list(CHOREOGRAPHY.actions(plan([0, 1], 0.01, 0.0), BrushLoad(), 0, 2))
     assert [action.load.paint for action in actions] == [0, 0, 1, 1]
     full = 0.6 * LARGEST
-    left = [action.load.area for action in actions]
+    left = [action.load.left for action in actions]
     assert left == pytest.approx([full, full - 0.01 * 0.008 / 4] * 2)
 
 

@@ -4,24 +4,35 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
+from frida_painter.brush.dip import Dip, painted_area
 from frida_painter.errors import ConfigError
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits, Strokes
 
 CELLS_ALONG = 80
+_DIP_SHARE = 0.6
 
 
 @dataclass(frozen=True)
 class BrushKind:
-    """A brush: its name, what it can paint, and the widest mark that it leaves, in metres."""
+    """A brush: its name, what it can paint, and the widest mark that it leaves, in metres.
+
+    known_dip: what one dip is good for, where that is known of it better than `dip` reckons.
+    """
 
     name: str
     limits: StrokeLimits
     width: float
+    known_dip: Dip | None = None
+
+    @property
+    def dip(self) -> Dip:
+        """What one dip is good for: six tenths of the largest mark keep their paint with the project's brushes."""
+        return self.known_dip or Dip(_DIP_SHARE * self.limits.length[1] * self.width)
 
     def area(self, strokes: Strokes) -> Tensor:
         """What each stroke paints, m2, [n]: its length times the width of a mark of its thickness."""
-        return strokes.length * self.width * (0.25 + 0.75 * strokes.thickness)
+        return painted_area(strokes.length, strokes.thickness, self.width)
 
     @property
     def frame(self) -> MapFrame:

@@ -20,7 +20,7 @@ from frida_painter.frames import MapFrame
 MOST_STROKES = 20_000
 MOST_BYTES = 2**31
 _KEYS = ("magnitude", "length_m", "bend_m", "thickness", "metres_per_pixel", "origin_px", "recorded_index")
-_OPTIONAL_KEYS = ("flaws",)
+_OPTIONAL_KEYS = ("flaws", "since_dip")
 _DAMAGED = (
     OSError,
     EOFError,
@@ -45,7 +45,8 @@ class StrokeLibrary:
     above 0 towards smaller rows; metres_per_pixel: scale of both axes; origin_px: (row, column) of
     the crop where each stroke was asked to start, heading towards larger columns;
     recorded_index [n]: order of recording; flaws [n] of `Flaw`: what is wrong with each stroke, None
-    where nobody has judged them. Raises LibraryError where the parts cannot be true.
+    where nobody has judged them; since_dip [n]: square metres that the brush had painted since it was
+    dipped, 0 for a full one, None where that is not known. Raises LibraryError where the parts cannot be true.
     """
 
     magnitude: NDArray[np.uint8]
@@ -56,6 +57,7 @@ class StrokeLibrary:
     origin_px: tuple[float, float]
     recorded_index: NDArray[np.int32]
     flaws: NDArray[np.uint8] | None = None
+    since_dip: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         if self.magnitude.ndim != 3 or self.magnitude.dtype != np.uint8 or 0 in self.magnitude.shape:
@@ -72,6 +74,13 @@ class StrokeLibrary:
             raise LibraryError(
                 f"A stroke library has flaws that are not {n} numbers from 0 to {max(Flaw):d}; "
                 "give a library that this version of `frida-painter strokes paint` wrote."
+            )
+        if self.since_dip is not None and not (
+            self.since_dip.shape == (n,) and ((self.since_dip >= 0) & (self.since_dip <= 1)).all()
+        ):
+            raise LibraryError(
+                f"A stroke library has since_dip that are not {n} areas from 0 to 1 m2; "
+                "give a library that `frida-painter strokes paint` wrote."
             )
         ranges = {"length_m": (0.0, 1.0), "bend_m": (-1.0, 1.0), "thickness": (0.0, 1.0)}
         for name, (least, most) in ranges.items():
@@ -102,6 +111,7 @@ class StrokeLibrary:
             self.origin_px,
             self.recorded_index[index],
             None if self.flaws is None else self.flaws[index],
+            None if self.since_dip is None else self.since_dip[index],
         )
 
     @property
@@ -126,7 +136,8 @@ class StrokeLibrary:
 
     def save(self, path: Path) -> None:
         """Writes an .npz, atomically. Raises StorageError."""
-        judgement: dict[str, Any] = {} if self.flaws is None else {"flaws": self.flaws}
+        known = {"flaws": self.flaws, "since_dip": self.since_dip}
+        optional: dict[str, Any] = {name: part for name, part in known.items() if part is not None}
         with storage.replacing(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(
                 file,
@@ -137,7 +148,7 @@ class StrokeLibrary:
                 metres_per_pixel=np.float64(self.metres_per_pixel),
                 origin_px=np.array(self.origin_px, np.float32),
                 recorded_index=self.recorded_index,
-                **judgement,
+                **optional,
             )
 
     @classmethod
@@ -163,6 +174,7 @@ class StrokeLibrary:
                 origin_px=(row, column),
                 recorded_index=arrays["recorded_index"].astype(np.int32),
                 flaws=arrays["flaws"].astype(np.uint8) if "flaws" in arrays else None,
+                since_dip=arrays["since_dip"].astype(np.float32) if "since_dip" in arrays else None,
             )
         except LibraryError as cause:
             raise LibraryError(f"{path}: {cause}") from cause

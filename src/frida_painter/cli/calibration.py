@@ -34,7 +34,7 @@ from frida_painter.session.procedures.dialogue import Answer, Procedure, Questio
 from frida_painter.session.procedures.finding import Finding
 from frida_painter.session.procedures.robot import robot as robot_procedure
 from frida_painter.session.procedures.standing import require_basis
-from frida_painter.session.procedures.strokes import MOST_STROKES, StrokesFinding, StrokesProgress
+from frida_painter.session.procedures.strokes import MOST_BETWEEN_REFILLS, MOST_STROKES, StrokesFinding, StrokesProgress
 from frida_painter.session.procedures.strokes import strokes as strokes_procedure
 from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.table import PlacementError
@@ -96,6 +96,14 @@ def calibrate(
             help="How many strokes the strokes procedure paints, and learns the brush from.",
         ),
     ] = 200,
+    refill_every: Annotated[
+        int,
+        typer.Option(
+            parser=whole_number_within(1, MOST_BETWEEN_REFILLS),
+            metavar="N",
+            help="Strokes that the strokes procedure paints with one dip; from 2 on it learns what a dip holds.",
+        ),
+    ] = 1,
     ask: Annotated[
         bool, typer.Option("--ask", help="Ask me, as on a real easel; without it the virtual studio answers itself.")
     ] = False,
@@ -109,11 +117,13 @@ def calibrate(
     settle_threads()
     site, error = Site(robot, camera, workspace), read_placement_error(placement_error)
     with _easel(site, canvas, brush, seed, error) as here:
-        _calibrate(what, here, brush, seed, count, record, ask=ask or not here.simulated)
+        path = (record or default_record(here.calibration.easel)).absolute()
+        place = Place(here, brush_kind(brush), path, seed, count, print, refill_every)
+        _calibrate(what, place, ask=ask or not here.simulated)
 
 
-def _calibrate(what: What, here: Easel, brush: str, seed: int, count: int, record: Path | None, *, ask: bool) -> None:
-    path = (record or default_record(here.calibration.easel)).absolute()
+def _calibrate(what: What, begun: "Place", *, ask: bool) -> None:
+    here, path = begun.easel, begun.record
     known = record_to_renew(path, here.calibration, anew=what is What.all)
     console = Console(stderr=True, highlight=False)
     terminal = Terminal(
@@ -126,7 +136,7 @@ def _calibrate(what: What, here: Easel, brush: str, seed: int, count: int, recor
         for name in PROCEDURES if what is What.all else (what.value,):
             require_basis(name, known, here.calibration, defaults_hold=here.simulated)
             with console.status(f"{name} ...") if not ask else _Silence() as status:
-                place = Place(replace(here, calibration=known), brush_kind(brush), path, seed, count, status.update)
+                place = replace(begun, easel=replace(here, calibration=known), say=status.update)
                 finding = lead(begin_procedure(name, place), answer)
                 known = finding.enter(known)
                 if isinstance(finding, StrokesFinding):
@@ -197,6 +207,7 @@ class Place:
     seed: int
     count: int
     say: Callable[[str], None]
+    refill_every: int = 1
 
     def beside(self, ending: str) -> Path:
         """A file that belongs to the record."""
@@ -220,7 +231,15 @@ def begin_procedure(name: str, place: Place) -> Procedure[Any]:
             return brush_procedure(place.easel, name=place.brush.name)
         case _:
             library = place.beside("strokes.npz")
-            return strokes_procedure(place.easel, place.brush, library, count=place.count, seed=place.seed, notify=hear)
+            return strokes_procedure(
+                place.easel,
+                place.brush,
+                library,
+                count=place.count,
+                seed=place.seed,
+                refill_every=place.refill_every,
+                notify=hear,
+            )
 
 
 def learn_from(finding: StrokesFinding, place: Place, record: Calibration) -> Calibration:

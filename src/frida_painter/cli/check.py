@@ -27,10 +27,11 @@ from frida_painter.report.offending_strokes import offending_strokes
 from frida_painter.report.workspace_plan import workspace_plan
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.easel_process import state_folder
-from frida_painter.session.easels import OPENERS, SAWYER_SIM, EaselOrder, open_easel
+from frida_painter.session.easels import OPENERS, SAWYER_SIM, SIMULATED, EaselOrder, open_easel
 from frida_painter.session.machines import MACHINES, MachineName, robot_named
 from frida_painter.session.opening import settle_threads
 from frida_painter.session.procedures.standing import require
+from frida_painter.session.refilling import refilled
 from frida_painter.session.rehearsal import Rehearsal, rehearse
 from frida_painter.session.timetable import Timetable
 from frida_painter.session.timing import reckon
@@ -88,8 +89,10 @@ def check(
     found = rehearse(loaded, place, there.canvas, known, there.reach)
     if found.passed:
         print(f"{_count(len(loaded), 'stroke')} in {_count(len(loaded.palette), 'paint')}: all of it can be painted.")
-        choreography = Choreography(Motion(place, known), brush_kind(loaded.brush))
+        brush = refilled(brush_kind(loaded.brush), known, simulated=there.simulated)
+        choreography = Choreography(Motion(place, known), brush)
         _tell_time(reckon(loaded, choreography, BrushLoad(), lambda painted: 0, there.timing))
+        print(f"The brush is dipped again after {brush.dip}.")
         return
     _tell(found, len(loaded))
     if found.strokes:
@@ -123,6 +126,7 @@ class _Place:
     calibration: Calibration
     reach: Reach | None
     timing: Timing | None
+    simulated: bool
 
 
 def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
@@ -135,12 +139,13 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
         timing: Timing | None = None
         if robot == SAWYER_SIM:  # a Sawyer whose foot is the workspace's origin
             reach, timing = SawyerReach(stand.workspace, stand.canvas), TIMING
-        return _Place(stand.workspace, stand.canvas, stand.calibration(plan.brush), reach, timing)
+        known, simulated = stand.calibration(plan.brush), robot in SIMULATED
+        return _Place(stand.workspace, stand.canvas, known, reach, timing, simulated)
     if robot is not None and MachineName.of(robot).kind in MACHINES:
         raise ConfigError(f"Where things stand around {robot[:60]!r} is not known; say it with --workspace FILE.")
     order = EaselOrder(robot or VIRTUAL.robot, plan.canvas, plan.brush, 0, state_folder(), camera=_SOME_CAMERA)
     easel = open_easel(order).easel
-    return _Place(easel.workspace, easel.canvas, easel.calibration, easel.reach, easel.timing)
+    return _Place(easel.workspace, easel.canvas, easel.calibration, easel.reach, easel.timing, easel.simulated)
 
 
 def _known(record: Path | None, default: Calibration) -> Calibration:

@@ -26,6 +26,7 @@ from frida_painter.session.choreography import Action, BrushLoad, Choreography
 from frida_painter.session.desk import Desk
 from frida_painter.session.events import Dipped, StrokePainted
 from frida_painter.session.procedures.standing import require
+from frida_painter.session.refilling import refilled
 from frida_painter.session.rehearsal import rehearse
 
 
@@ -143,7 +144,8 @@ def _program(plan: Plan, workspace: Path | None, calibration: Path | None, diale
             f"Not all of this plan can be painted in the workspace {str(workspace)!r}, and nothing was written; "
             f"`frida-painter check PLAN --workspace {workspace}` tells what."
         )
-    choreography = Choreography(Motion(stand.workspace, known), brush_kind(load_stroke_model(plan.brush).brush))
+    brush = refilled(brush_kind(load_stroke_model(plan.brush).brush), known, simulated=False)
+    choreography = Choreography(Motion(stand.workspace, known), brush)
     actions = choreography.actions(plan, BrushLoad(), 0, len(plan))
     language = Gcode(dialect, stand.workspace.travel_speed)
     return gcode(plan, actions, language, pauses=False, ending=choreography.cleaning())

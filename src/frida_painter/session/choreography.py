@@ -16,15 +16,14 @@ from frida_painter.plan import Plan
 from frida_painter.session.events import Dipped, StrokePainted
 
 _WASHINGS = 2  # rinse and wipe, so often, where the colour changes
-_DIP_SHARE = 0.6  # of the largest mark of the brush
 
 
 @dataclass(frozen=True)
 class BrushLoad:
-    """What is on the brush: the number of a paint, None on a clean one, and the area that it still paints, m2."""
+    """What is on the brush: the number of a paint, None on a clean one, and how much is left of its dip."""
 
     paint: int | None = None
-    area: float = 0.0
+    left: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -40,17 +39,12 @@ class Action:
 class Choreography:
     """Sets plans for a brush: refills it before it runs out, and cleans it where the colour changes.
 
-    What is left on the brush is reckoned by the area that it has painted since it was dipped
-    (paper, "Robot Setup Details").
+    What is left on the brush is reckoned by the area that it has painted since it was dipped, or by its
+    strokes where that is all that is known (paper, "Robot Setup Details").
     """
 
     motion: Motion
     brush: BrushKind
-
-    @property
-    def dip_area(self) -> float:
-        """What one dip paints before the next, m2: the stroke model was learned from strokes of a full brush."""
-        return _DIP_SHARE * self.brush.limits.length[1] * self.brush.width
 
     def actions(self, plan: Plan, load: BrushLoad, already_done: int, of: int) -> Iterator[Action]:
         """All that painting the plan takes with a brush that holds `load`, in order.
@@ -59,14 +53,15 @@ class Choreography:
         where the workspace has no well for a paint.
         """
         strokes = plan.strokes.detach().to(torch.float64)
-        areas = self.brush.area(strokes).tolist()
-        for index, (paint, area) in enumerate(zip(plan.paint.tolist(), areas, strict=True)):
-            if paint != load.paint or load.area < area:
+        dip = self.brush.dip
+        used = dip.used_by(self.brush.area(strokes)).tolist()
+        for index, (paint, use) in enumerate(zip(plan.paint.tolist(), used, strict=True)):
+            if paint != load.paint or load.left < use:
                 change = load.paint is not None and paint != load.paint
                 washing = self.cleaning() if change else ()
-                load = BrushLoad(paint, self.dip_area)
+                load = BrushLoad(paint, dip.holds)
                 yield Action((*washing, self.motion.dip(paint)), Dipped(paint, cleaned=change), load)
-            load = BrushLoad(paint, load.area - area)
+            load = BrushLoad(paint, load.left - use)
             number = already_done + index + 1
             red, green, blue = strokes.color[index].tolist()
             waypoints = self.motion.stroke(strokes, index, f"stroke {number}")

@@ -26,6 +26,7 @@ from frida_painter.session.eye import Eye
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession, Rhythm
 from frida_painter.session.procedures.standing import NEEDED, require
+from frida_painter.session.refilling import refilled
 from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.table import PlacementError
 
@@ -80,12 +81,12 @@ def open_session(
     placement: Placement | None = None,
     mixed: Callable[[Palette], Palette | None] = lambda wanted: None,
 ) -> PaintingSession:
-    """A session on an easel whose robot and camera are connected. Raises ConfigError where colours exceed wells.
+    """A session on an easel whose robot and camera are connected. Raises LibraryError where its library is damaged.
 
     light, placement: what an earlier sitting learned of the room and of where strokes land; mixed: asked
     what was really mixed.
     """
-    kind = brush_kind(planner.model.brush)
+    kind = refilled(brush_kind(planner.model.brush), easel.calibration, simulated=easel.simulated)
     brushwork = Brushwork(easel, kind, placement or Placement.unknown())
     eye = Eye(easel, (1.0, 1.0, 1.0), light)
     rhythm = Rhythm(settings.replans, glimpses)

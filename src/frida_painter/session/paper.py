@@ -105,10 +105,14 @@ class Crop:
 
 @dataclass(frozen=True)
 class Print:
-    """What one stroke left: mark [rows, columns] uint8, 255 full paint; and what is wrong with it."""
+    """What one stroke left: mark [rows, columns] uint8, 255 full paint; and what is wrong with it.
+
+    since_dip: square metres that the brush had painted since its dip, 0 for a full one.
+    """
 
     mark: NDArray[np.uint8]
     flaw: Flaw
+    since_dip: float = 0.0
 
 
 class Paper:

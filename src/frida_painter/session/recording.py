@@ -76,7 +76,8 @@ class Recording:
         """Puts a stroke to the others, on the disk first. Raises StorageError."""
         if self._folder is not None:
             mark = {"mark": torch.from_numpy(stroke.mark)}
-            storage.write_tensors(self._path(self._folder, number), mark, {"flaw": stroke.flaw.name})
+            words = {"flaw": stroke.flaw.name, "since_dip": repr(stroke.since_dip)}
+            storage.write_tensors(self._path(self._folder, number), mark, words)
         self.prints[number] = stroke
 
     def discard(self, numbers: list[int]) -> None:
@@ -118,7 +119,7 @@ class Recording:
             return None
         try:
             tensors, words = storage.read_tensors(path, "a recorded stroke", LibraryError)
-            mark, flaw = tensors["mark"].numpy(), Flaw[words["flaw"]]
-        except (LibraryError, KeyError):
+            mark, flaw, since_dip = tensors["mark"].numpy(), Flaw[words["flaw"]], float(words["since_dip"])
+        except (LibraryError, KeyError, ValueError):
             return None
-        return Print(mark, flaw) if mark.shape == self._shape and mark.dtype == np.uint8 else None
+        return Print(mark, flaw, since_dip) if mark.shape == self._shape and mark.dtype == np.uint8 else None

@@ -41,20 +41,21 @@ def reckon(
     places, lengths = _on_canvas(plan, choreography)
     painting = _steadily(lengths, motion) if timing is None else _motion_by_motion(plan, motion, pace)
     x, y, z = workspace.home or (*workspace.rag[:2], workspace.rag[2] + _HOME_RISE)
-    home, areas = np.array([x, y, max(z, motion.travel_height)]), choreography.brush.area(plan.strokes).tolist()
+    home, dip = np.array([x, y, max(z, motion.travel_height)]), choreography.brush.dip
+    used = dip.used_by(choreography.brush.area(plan.strokes)).tolist()
     dips = {paint: motion.dip(paint) for paint in sorted(set(plan.paint.tolist()))}
     washing = choreography.cleaning()
     hand = _Hand(workspace.travel_speed, tuple(home), pace)
     table, after = Timetable(), []
-    for index, (paint, area) in enumerate(zip(plan.paint.tolist(), areas, strict=True)):
-        if paint != load.paint or load.area < area:
+    for index, (paint, use) in enumerate(zip(plan.paint.tolist(), used, strict=True)):
+        if paint != load.paint or load.left < use:
             if load.paint is not None and paint != load.paint:
                 for wash in washing:
                     table = replace(table, travel=table.travel + hand.to(wash), washing=table.washing + pace.of(wash))
-            dip = dips[paint]
-            table = replace(table, travel=table.travel + hand.to(dip), dips=table.dips + pace.of(dip))
-            load = BrushLoad(paint, choreography.dip_area)
-        load = BrushLoad(paint, load.area - area)
+            dipping = dips[paint]
+            table = replace(table, travel=table.travel + hand.to(dipping), dips=table.dips + pace.of(dipping))
+            load = BrushLoad(paint, dip.holds)
+        load = BrushLoad(paint, load.left - use)
         way = hand.across(places[index, 0], places[index, 1])
         table = replace(table, travel=table.travel + way, strokes=table.strokes + painting[index])
         after.append(table.total)

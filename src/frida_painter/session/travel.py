@@ -69,12 +69,12 @@ class _Tour:
 
     starts: list[Place]
     ends: list[Place]
-    areas: list[float]
+    uses: list[float]
     before: list[set[int]]
     well: Place
     water: Place
     load: float
-    dip_area: float
+    dip_holds: float
     dip_length: float  # metres that a dip itself takes at the speed of travel
 
     @classmethod
@@ -89,17 +89,17 @@ class _Tour:
         return cls(
             starts=places[::2],
             ends=places[1::2],
-            areas=choreography.brush.area(strokes).tolist(),
+            uses=choreography.brush.dip.used_by(choreography.brush.area(strokes)).tolist(),
             before=[set(np.flatnonzero(meets[index, :index]).tolist()) for index in range(len(strokes))],
             well=complex(*dip.position[-1, :2]),
             water=complex(*motion.rinse().position[0, :2]),
-            load=load.area if held else 0.0,
-            dip_area=choreography.dip_area,
+            load=load.left if held else 0.0,
+            dip_holds=choreography.brush.dip.holds,
             dip_length=dip.length,
         )
 
     def shortest(self) -> tuple[list[int], float]:
-        """The shortest order that was found, and what it leaves on the brush, m2."""
+        """The shortest order that was found, and what it leaves of the dip."""
         order = min((list(range(len(self.starts))), self._nearest_next()), key=self.travel)
         best = self.travel(order)
         for _ in range(_ROUNDS):
@@ -116,12 +116,12 @@ class _Tour:
     def _walk(self, order: list[int]) -> tuple[float, float]:
         here, left, total = self.well, self.load, 0.0
         for index in order:
-            area, start = self.areas[index], self.starts[index]
-            if left < area:
+            use, start = self.uses[index], self.starts[index]
+            if left < use:
                 total += abs(self.well - here) + self.dip_length
-                here, left = self.well, self.dip_area
+                here, left = self.well, self.dip_holds
             total += abs(start - here)
-            here, left = self.ends[index], left - area
+            here, left = self.ends[index], left - use
         return total + abs(self.water - here), left
 
     def _nearest_next(self) -> list[int]:
@@ -133,16 +133,16 @@ class _Tour:
         while open_:
             free = [index for index in open_ if self.before[index] <= done]
             chosen = min(free, key=lambda index: (self._step(here, left, index), index))
-            if left < self.areas[chosen]:
-                left = self.dip_area
-            here, left = self.ends[chosen], left - self.areas[chosen]
+            if left < self.uses[chosen]:
+                left = self.dip_holds
+            here, left = self.ends[chosen], left - self.uses[chosen]
             order.append(chosen)
             done.add(chosen)
             open_.remove(chosen)
         return order
 
     def _step(self, here: Place, left: float, index: int) -> float:
-        if left < self.areas[index]:
+        if left < self.uses[index]:
             return abs(self.well - here) + self.dip_length + abs(self.starts[index] - self.well)
         return abs(self.starts[index] - here)
 

@@ -215,7 +215,12 @@ def test_a_person_who_forgets_to_change_the_paper_is_asked_again_and_may_give_up
 
 def test_the_brush_is_refilled_as_often_as_was_asked():
     studio = paper_studio()
-    paint(studio.easel, count=5, refill_every=2)
+    library = paint(studio.easel, count=5, refill_every=2).library
+    assert library.since_dip is not None
+    np.testing.assert_array_equal(library.since_dip > 0, [False, True, False, True, False])
+    np.testing.assert_allclose(
+        library.since_dip[1], KIND.width * library.length_m[0] * (0.25 + 0.75 * library.thickness[0])
+    )
     assert studio.table.tuft.volume < 1  # rinsed and wiped at the end
     assert studio.table.dips == 3  # before strokes 0 and 2, and before 4, which is the first on the second paper
 

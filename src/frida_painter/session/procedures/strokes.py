@@ -15,6 +15,8 @@ import torch
 from torch import Tensor
 
 from frida_painter.brush.bezier import BezierStroke, RibbonShape, fit_bezier
+from frida_painter.brush.dip import painted_area
+from frida_painter.brush.endurance import dip_shown
 from frida_painter.brush.flaw import Flaw
 from frida_painter.brush.judge import clean, judge_marks
 from frida_painter.brush.kinds import BrushKind
@@ -59,14 +61,16 @@ class StrokesFinding:
 
     @property
     def sentence(self) -> str:
-        """How many strokes there are, and why some are left out."""
+        """How many strokes there are, why some are left out, and what a dip holds where that shows."""
         assert self.library.flaws is not None
         counts = Counter(Flaw(flaw) for flaw in self.library.flaws if flaw)
         dirty = sum(counts.values())
         reasons = ", ".join(f"{count} {flaw.words}" for flaw, count in counts.most_common())
         left_out = f"; {dirty} {'is' if dirty == 1 else 'are'} left out ({reasons})" if dirty else ", all of them clean"
+        dip = dip_shown(self.library, self.kind.width)
+        shown = "" if dip is None else f"; one dip paints {dip}"
         where = f": {self.file.path}" if self.file else ""
-        return f"{len(self.library)} strokes of brush {self.kind.name}{left_out}{where}"
+        return f"{len(self.library)} strokes of brush {self.kind.name}{left_out}{shown}{where}"
 
     @property
     def picture(self) -> Tensor:
@@ -115,7 +119,7 @@ def strokes(
     order = Order(easel.calibration.easel, kind, count, seed, refill_every)
     recording = Recording(unfinished(out) if out else None, order, crop.shape)
     paper: Paper | None = None
-    sheets, on_brush = 0, 0
+    sheets, on_brush, since_dip = 0, 0, 0.0
     running: list[int] = []  # the last strokes, as far as they are dirty
     for number in recording.missing:
         if paper is None:
@@ -123,8 +127,10 @@ def strokes(
         if paper is None or paper.is_used_up:
             paper = yield from _fresh_paper(easel, kind, paper, len(recording.prints))
             sheets, on_brush = sheets + 1, 0
-        stroke = paper.paint(shapes[number], refill=on_brush == 0)
+        since_dip = 0.0 if on_brush == 0 else since_dip
+        stroke = replace(paper.paint(shapes[number], refill=on_brush == 0), since_dip=since_dip)
         on_brush = (on_brush + 1) % refill_every
+        since_dip += float(painted_area(shapes[number].length, shapes[number].thickness, kind.width))
         recording.keep(number, stroke)
         flaw = stroke.flaw or _seems_empty(stroke, shapes[number], kind, crop.pitch)
         running = [*running, number] if flaw and flaw is not Flaw.MOVED else []
@@ -203,6 +209,7 @@ def _finding(
         metres_per_pixel=crop.pitch,
         origin_px=(float(crop.above), float(crop.left)),
         recorded_index=np.arange(count, dtype=np.int32),
+        since_dip=np.array([stroke.since_dip for stroke in prints], np.float32),
     )
     seen = np.array([stroke.flaw for stroke in prints], np.uint8)
     library = replace(library, flaws=np.where(seen > 0, seen, judge_marks(library)).astype(np.uint8))
