@@ -87,8 +87,8 @@ class World:
         )
         return session, studio
 
-    def paint(self, folder: Path) -> VirtualStudio:
-        journal = Journal.begin(folder, {"strokes": STROKES}, RESTS_ON)
+    def paint(self, folder: Path, kind: type[Journal] = Journal) -> VirtualStudio:
+        journal = kind.begin(folder, {"strokes": STROKES}, RESTS_ON)
         session, studio = self.session(folder, journal)
         session.run(STROKES, 3)
         journal.close()

@@ -16,6 +16,8 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.logbook import Logbook
 from sittings import Evening
 
+WASHED = 2 * ["rinse", "wipe"]
+
 
 def after(stroke: int) -> object:
     return lambda event: isinstance(event, StrokePainted) and event.done == stroke
@@ -44,7 +46,7 @@ def test_f11_a_pause_in_a_stroke_lets_it_be_finished_and_the_arm_is_aside_with_a
     evening = Evening(9, replans=1, pause_at=after(stroke), go_on=answer)
     assert evening.run().painted == 9
     assert [paused.done for paused in pauses(evening)] == [stroke]
-    assert seen[0][-4:] == [f"stroke {stroke}", "rinse", "wipe", "home"]
+    assert seen[0][-6:] == [f"stroke {stroke}", *WASHED, "home"]
     going_on = evening.robot.labels()[len(seen[0]) :]
     assert going_on[0] == "home" or going_on[0].startswith("dip"), "a clean brush takes paint before it paints"
     assert evening.painted() == list(range(1, 10)), "and every stroke is painted once"
@@ -94,7 +96,7 @@ def test_f05_on_a_full_disk_it_pauses_before_the_next_stroke_and_goes_on_when_th
         return False
 
     def make_room(paused: Paused) -> bool:
-        assert evening.robot.labels()[-4:] == ["stroke 3", "rinse", "wipe", "home"]
+        assert evening.robot.labels()[-6:] == ["stroke 3", *WASHED, "home"]
         disk.full = False
         return True
 

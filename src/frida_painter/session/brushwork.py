@@ -63,9 +63,8 @@ class Brushwork:
         self._take_note(self.easel.robot.home())
 
     def clean(self) -> None:
-        """Rinses and wipes the brush; afterwards it holds no paint."""
-        motion = Motion(self.easel.workspace, self.easel.calibration)
-        washing = (motion.rinse(), motion.wipe())
+        """Rinses and wipes the brush as before another paint; afterwards it holds none."""
+        washing = self._choreography().cleaning()
         self._check(washing)
         self._follow(washing)
         self.load = BrushLoad()

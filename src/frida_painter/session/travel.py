@@ -21,7 +21,7 @@ from frida_painter.strokes import Strokes
 _MOST_AT_ONCE = 120  # strokes; of longer runs each part is put in order on its own
 _POINTS = 9  # of a path, to tell whether two marks meet
 _ROUNDS = 6
-_GAIN = 1e-9  # metres: less is not worth a move
+_GAIN = 1e-3  # metres: less is not worth a move, and would let a hair's breadth decide between equal ways
 
 Place = complex  # metres in the robot's frame from above, x + iy: the distance of two is abs(a - b)
 
@@ -100,7 +100,9 @@ class _Tour:
 
     def shortest(self) -> tuple[list[int], float]:
         """The shortest order that was found, and what it leaves of the dip."""
-        order = min((list(range(len(self.starts))), self._nearest_next()), key=self.travel)
+        order, other = list(range(len(self.starts))), self._nearest_next()
+        if self.travel(other) < self.travel(order) - _GAIN:
+            order = other
         best = self.travel(order)
         for _ in range(_ROUNDS):
             found = self._moved_one(order, best)

@@ -56,6 +56,7 @@ class Tuft:
         self.capacity = (brush.capacity * share / share.sum()).astype(np.float64)
         self.load = np.zeros(n)
         self.pigment = np.zeros((n, 2 * BANDS))
+        self._luck: NDArray[np.float64] | None = None
 
     @property
     def volume(self) -> float:
@@ -67,9 +68,14 @@ class Tuft:
         self._random = random
 
     def fill(self, paint: NDArray[np.float64]) -> float:
-        """Dips into a paint (K, S [6]), which some locks take up better; returns the microlitres taken up."""
-        luck = np.minimum(1, 1.2 - self._random.random(_LOCKS) ** 3)[self._lock]
-        missing = np.maximum(0, luck * self.capacity - self.load)
+        """Dips into a paint (K, S [6]), which some locks take up better; returns the microlitres taken up.
+
+        Which ones changes with every stroke: a brush that is cleaned and dipped once more before it, as
+        after a crash, paints the same.
+        """
+        if self._luck is None:
+            self._luck = np.minimum(1, 1.2 - self._random.random(_LOCKS) ** 3)[self._lock]
+        missing = np.maximum(0, self._luck * self.capacity - self.load)
         self.pigment += missing[:, None] * paint
         self.load += missing
         return float(missing.sum())
@@ -98,6 +104,7 @@ class Tuft:
         it is in the air). The tuft takes a slightly different shape with every stroke.
         """
         random, n, lock = self._random, len(self.load), self._lock
+        self._luck = None
         shear = np.eye(2) + random.normal(0, 0.05, (2, 2))
         locks = random.normal(0, 0.05, (_LOCKS, 2))
         offset = self._place @ shear + random.normal(0, 0.05, 2) + locks[lock] + random.normal(0, 0.012, (n, 2))
