@@ -230,7 +230,7 @@ def test_a_painting_that_was_stopped_is_gone_on_with(studio: Studio, visitor: Vi
         file.touch()
     latch = Latch(latch_path(entry.folder.easel, "virtual"), "virtual")
     latch.engage("you stopped it")
-    assert "you stopped it" in visitor.post(f"{path}/resume").json()["sentence"]
+    assert "was stopped" in visitor.post(f"{path}/resume").json()["sentence"]
     studio.presence.press()
     assert visitor.post(f"{path}/resume").status_code == 200
     assert started[-1] == ("resume", 1)

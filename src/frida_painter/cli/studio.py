@@ -9,6 +9,7 @@ import typer
 
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.cli.real import CameraOption, RobotOption, WorkspaceOption
+from frida_painter.cli.virtual import PaceOption
 from frida_painter.errors import ConfigError
 from frida_painter.web.access import Role
 from frida_painter.web.server import LOCAL, listen, serve
@@ -43,6 +44,7 @@ def studio(
     robot: RobotOption = "virtual",
     camera: CameraOption = "",
     workspace: WorkspaceOption = None,
+    pace: PaceOption = 0.0,
     calibration: Annotated[
         Path | None,
         typer.Option(
@@ -61,7 +63,7 @@ def studio(
     _require_address(address)
     shelf = Shelf(folder.absolute())
     record = calibration or shelf.calibration.path / "calibration.json"
-    station = Station(record.absolute(), robot, camera, workspace)
+    station = Station(record.absolute(), robot, camera, workspace, pace)
     station.require()
 
     def tell(links: dict[Role, str]) -> None:

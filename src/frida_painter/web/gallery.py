@@ -43,8 +43,7 @@ def file(entry: ThisPainting, place: str, name: str) -> FileResponse:
     path = entry.folder.shown(place, name)
     if path is None:
         raise HTTPException(404, "There is no such file.")
-    lasting = place != "live" and not (place == "painting" and working(entry.folder))
-    caching = "private, max-age=3600" if lasting else "no-store"
+    caching = "private, max-age=3600" if place.isdecimal() else "no-store"  # a plan stays as it is
     return FileResponse(path, headers={"Content-Disposition": "attachment", "Cache-Control": caching})
 
 

@@ -3,6 +3,7 @@
 import re
 import time
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Annotated, Any
 
 from fastapi import APIRouter, HTTPException, Path, Request
@@ -12,6 +13,7 @@ from fastapi.responses import FileResponse
 from frida_painter.web import uploads
 from frida_painter.web.abilities import abilities
 from frida_painter.web.feed import Feed
+from frida_painter.web.pace import pace
 from frida_painter.web.requests import AnySession, Planning, TheShelf, TheWorkers, ThisPainting
 from frida_painter.web.shelf import Entry, Shelf
 from frida_painter.web.wish import Wish
@@ -21,7 +23,7 @@ router = APIRouter(prefix="/api")
 
 
 @router.get("/studio")
-def studio(session: AnySession, workers: TheWorkers) -> dict[str, Any]:
+def studio(session: AnySession, shelf: TheShelf, workers: TheWorkers) -> dict[str, Any]:
     """What the page needs to know of this studio, and the sign that its requests carry."""
     station = workers.station
     canvas = station.canvas
@@ -32,6 +34,8 @@ def studio(session: AnySession, workers: TheWorkers) -> dict[str, Any]:
         "now": time.time(),
         "robot": station.robot,
         "simulated": station.simulated,
+        "dangerous": station.dangerous,
+        "pace": asdict(pace(shelf, real_time=not station.simulated)),
         "canvas": None if canvas is None else [1000 * canvas.width, 1000 * canvas.height],
     }
 

@@ -105,6 +105,9 @@ def resume(
         folder.stop.unlink(missing_ok=True)
         folder.robot_stop.unlink(missing_ok=True)
         shelf.note(session.id, entry.id, "resume")
+        feed = Feed(folder)
+        feed.tell("taken up", done=painting["done"])
+        feed.close()
         place.start("resume", folder.plan(painting["plan"]))
     return {"id": entry.id}
 

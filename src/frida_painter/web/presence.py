@@ -45,7 +45,7 @@ class Presence:
         if not (held or station.dangerous):
             return
         if not self.use():
-            why = f"{held[0].read()}. Nothing moves until somebody has looked. " if held else ""
+            why = "The robot was stopped, and nothing moves until somebody has looked at it. " if held else ""
             raise RobotStopped(f"{why}{how_to_press(self)}")
         for latch in held:
             latch.release()
@@ -77,7 +77,7 @@ def how_to_press(presence: Presence) -> str:
     """What to do where a press is needed, in a sentence."""
     if presence.possible:
         return (
-            "Look at the robot first: is nobody in its way, and is the brush free? Then press Enter in the terminal of "
-            f"the studio, beside the robot, and ask again within {GOOD_FOR:.0f} s."
+            "Is nobody in the robot's way, and is its brush free? Then press Enter in the terminal of the studio, "
+            f"beside the robot, and ask again within {GOOD_FOR:.0f} s."
         )
     return "Somebody has to be beside the robot: start `frida-painter studio` in a terminal there, and open its page."

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from frida_painter.cli.real import attended_by
 from frida_painter.cli.resume import Begun, require_as_left
 from frida_painter.cli.sitting import occasion
 from frida_painter.config import PaintingSettings
-from frida_painter.errors import CalibrationError, FrameRejected, PaintingPaused, RobotStopped
+from frida_painter.errors import CalibrationError, FrameRejected, FridaError, PaintingPaused, RobotStopped
 from frida_painter.goal import Goal
 from frida_painter.hardware.easel import Easel
 from frida_painter.plan import Plan
@@ -25,6 +25,7 @@ from frida_painter.report.doubt import doubt
 from frida_painter.report.recorder import Occasion, Recorder
 from frida_painter.session import resuming
 from frida_painter.session.easel_process import EaselProcess
+from frida_painter.session.easels import ARM_FILM
 from frida_painter.session.events import Event
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
@@ -32,6 +33,7 @@ from frida_painter.session.loop import Halfway, Painting, PaintingSession, Rhyth
 from frida_painter.session.opening import on_record, open_planner, open_session
 from frida_painter.session.procedures.dialogue import Confirm
 from frida_painter.session.resuming import KeptPlan
+from frida_painter.web.exports import export
 from frida_painter.web.folder import PlanFolder
 from frida_painter.web.job import Job
 from frida_painter.web.telling import Reporter
@@ -182,11 +184,18 @@ class _Sitting:
         except (RobotStopped, PaintingPaused):
             if not self._job.stop.asked:
                 raise
-            made = self.session.so_far or Painting(self._reporter.seen, self._reporter.done, None)
+            so_far = self.session.so_far
+            made = Painting(self._reporter.seen, self._reporter.done, so_far.rest if so_far else None)
             self._job.feed.tell("stopped", done=self._reporter.done)
         self._job.feed.tell("finishing")
+        with suppress(FridaError):  # whatever is wrong with it was told before
+            self.session.brushwork.easel.robot.close()  # a film of the arm ends here
         self._recorder.finish(made)
-        self._job.feed.tell("finished", film=(self._job.folder.painting / "film.mp4").exists())
+        whole = Plan.load(self._job.folder.painting)
+        export(whole, self._planner.model, self._job.folder.painting)
+        films = {"film": "film.mp4", "arm": ARM_FILM}
+        there = {name: (self._job.folder.painting / file).exists() for name, file in films.items()}
+        self._job.feed.tell("finished", **there)
 
     def is_as_left(self, begun: Begun, history: History, before: Tensor, now: Tensor) -> bool:
         """Whether the canvas is as it was left; where it is not, a person has to want it painted on all the same."""

@@ -29,7 +29,8 @@ class PaintState:
     plan: the number it was painted from; turn: whether it is the person's turn; turns: strokes after
     which it is, 0 where nobody takes turns; region: what is protected; remark: what could not be done
     as it was asked; wish: as it was changed in the middle; looks: what was seen, expected and planned again, in order;
-    film, kept: whether there is a film, and all else that is kept of a painting.
+    film, arm, kept: whether there is a film, one of a simulated arm at work, and all else that is kept of
+    a painting.
     """
 
     plan: int
@@ -50,6 +51,7 @@ class PaintState:
     remark: str = ""
     wish: dict[str, Any] | None = None
     film: bool = False
+    arm: bool = False
     kept: bool = False
 
 
@@ -179,6 +181,7 @@ class PaintingState:
                 painting.remark = str(told["sentence"])
             case "finished":
                 painting.film, painting.left, painting.kept = told["film"], 0.0, True
+                painting.arm = bool(told.get("arm", False))
                 if self.stopped:
                     painting.status = "stopped"
             case _:

@@ -10,7 +10,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.stand import Stand
 from frida_painter.session.easel_process import state_folder
-from frida_painter.session.easels import HUMAN, OPENERS, SIMULATED, EaselOrder
+from frida_painter.session.easels import HUMAN, OPENERS, SAWYER_SIM, SIMULATED, EaselOrder
 from frida_painter.session.machines import MACHINES, MachineName
 from frida_painter.web.folder import PaintingFolder
 
@@ -20,13 +20,15 @@ class Station:
     """Chosen at the terminal that started the studio; no page can change it.
 
     record: the easel's calibration record, whether it is there already or not; robot, camera: by name;
-    workspace: the file that says where things stand around a real robot.
+    workspace: the file that says where things stand around a real robot; pace: how fast a simulated one
+    moves, 1 as a real one, 0 as fast as can be computed.
     """
 
     record: Path
     robot: str = "virtual"
     camera: str = ""
     workspace: Path | None = None
+    pace: float = 0.0
 
     @property
     def simulated(self) -> bool:
@@ -78,6 +80,8 @@ class Station:
             folder=folder.painting.absolute(),
             workspace=None if self.workspace is None else self.workspace.absolute(),
             camera=self.camera,
+            pace=self.pace if self.simulated else 0.0,
+            film=self.robot == SAWYER_SIM,
         )
 
     def plain(self) -> dict[str, str]:
@@ -88,10 +92,11 @@ class Station:
             "robot": self.robot,
             "camera": self.camera,
             "workspace": workspace,
+            "pace": str(self.pace),
         }
 
     @classmethod
     def take(cls, plain: Mapping[str, str]) -> Self:
         """From plain values."""
         workspace = Path(plain["workspace"]) if plain["workspace"] else None
-        return cls(Path(plain["record"]), plain["robot"], plain["camera"], workspace)
+        return cls(Path(plain["record"]), plain["robot"], plain["camera"], workspace, float(plain["pace"]))

@@ -20,6 +20,7 @@ from frida_painter.planning.optimize import Step
 from frida_painter.session.opening import open_planner, settle_threads
 from frida_painter.web.asking import Asker
 from frida_painter.web.calibrating import calibrate
+from frida_painter.web.exports import export
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder, PlanFolder
 from frida_painter.web.illustrations import Growing, illustrate, mixtures
@@ -96,6 +97,7 @@ def make_plan(job: Job, place: PlanFolder) -> None:
 
     made = planner.plan(bare, settings.strokes, settings.colors, hear)
     made.save(place.plan)
+    export(made, planner.model, place.path)
     expected = planner.expected(made, bare)
     nearer = 1 - planner.judge(expected) / max(planner.judge(bare), 1e-9)
     told = illustrate(made, planner.model, bare, place.path)

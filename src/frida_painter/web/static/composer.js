@@ -3,7 +3,7 @@
 import * as api from "./api.js";
 import { shape } from "./canvasview.js";
 import { pad } from "./pad.js";
-import { choices, count, h, show, slider } from "./dom.js";
+import { choices, count, duration, h, show, slider } from "./dom.js";
 
 const KINDS = {
   text: { label: "Words", verb: "In words", button: "Words" },
@@ -12,6 +12,7 @@ const KINDS = {
   sketch: { label: "A drawing", verb: "Along these lines", button: "A drawing" },
   semantic: { label: "A meaning", verb: "What this picture shows, in the robot's own way", button: "A meaning" },
 };
+const FIRST = { text: "+ Words", image: "+ A picture", style: "+ A style" };
 const WEIGHTS = [[0.2, "a hint"], [0.5, "a little"], [1, "normally"], [2, "strongly"], [5, "above all"]];
 const STROKES = [15, 30, 50, 80, 120, 160, 200, 250, 300, 400, 500, 650, 800, 1000];
 const SIZES = [["14 × 11 in", 355.6, 279.4], ["A4", 297, 210], ["A3", 420, 297], ["30 × 30 cm", 300, 300], ["20 × 20 cm", 200, 200]];
@@ -29,22 +30,27 @@ export const fresh = () => ({
 export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = null } = {}) {
   const cards = h("ul", { class: "terms" });
   const how = h("div", { class: "how" });
+  const time = h("p", { class: "label time", role: "status" });
+  const first = h("ul", { class: "terms" });
   const chooser = h("input", { type: "file", accept: "image/*", hidden: true });
-  let kindToAdd = "image";
+  let adding = { kind: "image", terms: wish.terms };
+  wish.initial ??= [];
+  if (house.canvas && !goalsOnly) [wish.width, wish.height] = house.canvas;
 
-  async function add(kind, blob) {
+  async function add(kind, blob, terms = wish.terms) {
     const id = await house.attempt(() => api.upload(blob));
     if (!id) return;
-    wish.terms.push({ kind, picture: id, weight: 1 });
-    if (!wish.title && blob.name) wish.title = blob.name.replace(/\.[^.]*$/, "").replace(/[_-]+/g, " ").slice(0, 80);
+    terms.push({ kind, picture: id, weight: 1 });
+    if (terms === wish.terms && !wish.title && blob.name) wish.title = blob.name.replace(/\.[^.]*$/, "").replace(/[_-]+/g, " ").slice(0, 80);
     await turnLike(id);
     draw();
+    drawHow();
     changed();
   }
 
   /** Puts the canvas upright or on its side so that it suits the first picture. */
   async function turnLike(id) {
-    if (wish.terms.length !== 1) return;
+    if (wish.terms.length !== 1 || house.canvas) return;
     const image = new Image();
     image.src = api.picture(id);
     await image.decode().catch(() => {});
@@ -53,41 +59,42 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
   }
 
   chooser.addEventListener("change", () => {
-    for (const blob of chooser.files) add(kindToAdd, blob);
+    for (const blob of chooser.files) add(adding.kind, blob, adding.terms);
     chooser.value = "";
   });
 
-  function adder(kind) {
+  function adder(kind, terms = wish.terms, label = `+ ${KINDS[kind].button}`) {
     const { ready, advice } = house.abilities[kind];
     return h("button", {
       type: "button", class: "add", disabled: !ready, title: advice,
       onclick: () => {
-        if (kind === "text") { wish.terms.push({ kind, words: "", weight: 1 }); draw(); changed(); cards.querySelector("li:last-child input[type=text]").focus(); return; }
+        if (kind === "text") { terms.push({ kind, words: "", weight: 1 }); draw(); changed(); (terms === wish.terms ? cards : first).querySelector("li:last-child input[type=text]").focus(); return; }
         if (kind === "sketch" && ondraw) { ondraw((blob) => add(kind, blob)); return; }
-        kindToAdd = kind;
+        adding = { kind, terms };
         chooser.click();
       },
-    }, `+ ${KINDS[kind].button}`);
+    }, label);
   }
 
-  function card(term) {
+  function card(term, terms) {
     const place = WEIGHTS.reduce((best, [weight], index) => (Math.abs(Math.log(weight / term.weight)) < Math.abs(Math.log(WEIGHTS[best][0] / term.weight)) ? index : best), 0);
     return h("li", {},
       term.picture ? h("img", { src: api.picture(term.picture), alt: KINDS[term.kind].label }) : h("span", { class: "quote", "aria-hidden": "true" }, "“"),
       h("div", {},
         term.kind === "text"
           ? h("input", { type: "text", maxLength: 300, value: term.words, placeholder: "a sailing ship at dusk", "aria-label": "What it shall be, in words", oninput: (event) => { term.words = event.target.value; changed(); } })
-          : h("p", {}, KINDS[term.kind].verb),
-        slider({ label: "This matters", min: 0, max: WEIGHTS.length - 1, value: place, words: (index) => WEIGHTS[index][1],
+          : h("p", {}, terms === wish.terms ? KINDS[term.kind].verb : "The painting begins with this, and its composition stays"),
+        terms !== wish.terms ? null : slider({ label: "This matters", min: 0, max: WEIGHTS.length - 1, value: place, words: (index) => WEIGHTS[index][1],
           oninput: (index) => { term.weight = WEIGHTS[index][0]; changed(); } })),
       h("button", { type: "button", class: "quiet remove", "aria-label": `Remove: ${KINDS[term.kind].label}`, title: "Remove",
-        onclick: () => { wish.terms.splice(wish.terms.indexOf(term), 1); draw(); changed(); } }, "×"));
+        onclick: () => { terms.splice(terms.indexOf(term), 1); draw(); changed(); } }, "×"));
   }
 
   function drawHow() {
     const same = (preset) => ["strokes", "colors", "replans", "effort"].every((name) => preset[name] === wish[name]);
     const nearest = STROKES.reduce((best, strokes, index) => (Math.abs(strokes - wish.strokes) < Math.abs(STROKES[best] - wish.strokes) ? index : best), 0);
-    const set = (name) => (value) => { wish[name] = value; changed(); };
+    const set = (name) => (value) => { wish[name] = value; tellTime(); changed(); };
+    tellTime();
     show(how,
       choices({ legend: "How thorough", name: "preset", value: PRESETS.findIndex(same),
         options: PRESETS.map((preset, index) => ({ value: index, label: preset.label })),
@@ -98,10 +105,19 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
         slider({ label: "Paints to mix", min: 1, max: 24, value: wish.colors, oninput: set("colors") }),
         slider({ label: "Looks at the canvas", min: 0, max: 12, value: wish.replans, words: (looks) => (looks ? `${looks}, and plans again` : "none"), oninput: set("replans") }),
         choices({ legend: "Brush", name: "brush", value: wish.brush, options: ["fine", "medium", "broad"].map((brush) => ({ value: brush, label: brush })), onchange: set("brush") }),
-        h("label", { class: "field" }, h("span", {}, "Canvas"), canvasChoice()),
+        h("div", { class: "field" }, h("span", {}, "To begin with, if it shall begin with something else"), first,
+          h("div", { class: "adders", role: "group", "aria-label": "To begin with" }, Object.entries(FIRST).map(([kind, label]) => adder(kind, wish.initial, label)))),
+        h("label", { class: "field" }, h("span", {}, "Canvas"), house.canvas ? h("span", {}, `${Math.round(wish.width)} × ${Math.round(wish.height)} mm, as the workspace of the robot says`) : canvasChoice()),
         h("label", { class: "field" }, h("span", {}, "Chance"), h("span", { class: "pair" },
           h("input", { type: "number", min: 0, max: 2147483647, step: 1, value: wish.seed, onchange: (event) => { wish.seed = Math.max(0, Math.min(2147483647, Math.trunc(Number(event.target.value)) || 0)); event.target.value = wish.seed; changed(); } }),
           h("small", {}, "Another number gives another painting")))));
+  }
+
+  /** How long it will take, from how long the last paintings took here. */
+  function tellTime() {
+    const { loading, planning, painting } = house.pace;
+    const plan = loading + planning * wish.strokes * wish.effort;
+    show(time, `About ${duration(plan)} to plan, and ${duration(painting * wish.strokes)} to paint.`);
   }
 
   function canvasChoice() {
@@ -119,15 +135,17 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
   }
 
   function draw() {
-    show(cards, wish.terms.map(card));
-    drawHow();
+    show(cards, wish.terms.map((term) => card(term, wish.terms)));
+    show(first, wish.initial.map((term) => card(term, wish.initial)));
+    if (!how.hasChildNodes()) drawHow();
   }
 
+  drawHow();
   const element = h("div", { class: "wish" },
     goalsOnly ? null : h("label", { class: "field title" }, h("span", {}, "Title"), h("input", { type: "text", maxLength: 80, value: wish.title, placeholder: "Untitled", oninput: (event) => { wish.title = event.target.value; } })),
     cards,
-    h("div", { class: "adders", role: "group", "aria-label": "Add to what shall be painted" }, Object.keys(KINDS).filter((kind) => kind in house.abilities).map(adder)),
-    chooser, goalsOnly ? null : how);
+    h("div", { class: "adders", role: "group", "aria-label": "Add to what shall be painted" }, Object.keys(KINDS).filter((kind) => kind in house.abilities).map((kind) => adder(kind))),
+    chooser, goalsOnly ? null : [how, time]);
   draw();
   return { element, add, redraw: draw };
 }
@@ -164,7 +182,7 @@ export function composer(house) {
     show(mount, !first && words ? h("p", { class: "words" }, words.words) : first
       ? h("img", { src: api.picture(first.picture), alt: "What the canvas will be planned from" })
       : h("p", {}, "Drop a photograph here, or add something beside it."));
-    button.disabled = wish.terms.length === 0 || wish.terms.some((term) => term.kind === "text" && !term.words.trim());
+    button.disabled = wish.terms.length === 0 || [...wish.terms, ...wish.initial].some((term) => term.kind === "text" && !term.words.trim());
   }
 
   async function begin() {

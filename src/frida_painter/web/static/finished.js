@@ -7,7 +7,8 @@ import { count, h, show } from "./dom.js";
 
 const FILES = [
   ["painting.png", "The painting, photographed"], ["film.mp4", "The film"], ["palette.png", "The palette, to print"],
-  ["strokes.svg", "The strokes, for plotters and Inkscape (SVG)"], ["strokes.csv", "The strokes as a table (CSV)"], ["plan.json", "The plan"],
+  ["strokes.svg", "The strokes, for plotters and Inkscape (SVG)"], ["strokes.gcode", "The strokes for GRBL machines (G-code, waits at every dip)"],
+  ["strokes.csv", "The strokes as a table (CSV)"], ["plan.json", "The plan"],
 ];
 
 export function finishedStage(house, here, first) {
@@ -32,6 +33,15 @@ export function finishedStage(house, here, first) {
     if (begun) location.hash = `#/p/${begun.id}`;
   }
 
+  const goOn = h("button", { type: "button", class: "button wide", disabled: house.role !== "operate", onclick: async () => {
+    goOn.disabled = true;
+    const begun = await house.attempt(() => api.post(`/api/paintings/${here.id}/resume`));
+    if (!begun) goOn.disabled = false;
+  } }, "Go on with this painting");
+  const rest = painting.status === "finished" ? null : [goOn, h("p", { class: "label beneath" }, painting.status === "stopped"
+    ? "Whoever stopped the robot had a reason: look at it, press Enter in the studio's terminal beside it, then go on here within a minute. It photographs the canvas before anything else."
+    : "It photographs the canvas before anything else, and asks where it cannot tell what was painted.")];
+
   async function remove() {
     if (!window.confirm(`Delete "${here.title}" with all its pictures, for good?`)) return;
     const gone = await house.attempt(() => api.post(`/api/paintings/${here.id}/delete`));
@@ -45,8 +55,9 @@ export function finishedStage(house, here, first) {
 
   const easel = h("div", { class: "easel" }, hero,
     painting.film ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("film.mp4"), "aria-label": "Film of the painting, stroke by stroke, without sound" }) : null,
+    painting.arm ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("arm.mp4"), "aria-label": "Film of the simulated arm at work, without sound" }) : null,
     compare);
-  const panel = h("aside", { class: "panel" }, h("h1", {}, here.title || "Finished"), h("p", {}, verdict), h("p", { class: "label" }, summary(wish), `, chance ${wish.seed}`),
+  const panel = h("aside", { class: "panel" }, h("h1", {}, here.title || "Finished"), h("p", {}, verdict), h("p", { class: "label" }, summary(wish), `, chance ${wish.seed}`), rest,
     whole ? [h("h2", {}, "To take along"), h("ul", { class: "files" }, FILES.filter(([name]) => name !== "film.mp4" || painting.film).map(([name, label]) => h("li", {}, h("a", { href: place(name), download: name }, label))),
       h("li", {}, h("a", { href: `/api/paintings/${here.id}/everything.zip`, download: "painting.zip" }, "Everything, with a page that tells the story (ZIP)")))] : null,
     h("p", { class: "actions" },

@@ -31,7 +31,9 @@ async function lead() {
 /** Does something that may fail, and shows the sentence if it does. */
 async function attempt(work) {
   try {
-    return await work();
+    const done = await work();
+    show(noticeBoard);
+    return done;
   } catch (error) {
     if (error.led) notice(error.message, "Lead from here", lead);
     else notice(error.message);
@@ -47,6 +49,7 @@ const house = {
   get simulated() { return studio.simulated; },
   get robot() { return studio.robot; },
   get canvas() { return studio.canvas; },
+  get pace() { return studio.pace; },
   connected(there) { connection.textContent = there ? "" : "No connection; trying again"; },
   active(working) { stopButton.classList.toggle("live", working); },
 };

@@ -5,6 +5,8 @@ import { canvasView } from "./canvasview.js";
 import { summary, wishForm } from "./composer.js";
 import { count, duration, h, show } from "./dom.js";
 
+const TAKEN = [["strokes.svg", "The strokes, for plotters and Inkscape (SVG)"], ["strokes.gcode", "The strokes for GRBL machines (G-code)"], ["palette.png", "The palette, to print"]];
+
 export function planStage(house, here, first) {
   const canvas = canvasView(first.plans[0].wish);
   const caption = h("p", { class: "caption" });
@@ -93,7 +95,7 @@ export function planStage(house, here, first) {
       h("p", {}, h("button", { type: "button", class: "button second", disabled: state.working || house.role === "watch", onclick: () => another(again) }, "Make another plan")),
       h("details", {}, h("summary", {}, "Change what was said"), form.element, h("button", { type: "button", class: "button second wide", disabled: state.working || house.role === "watch", onclick: () => another(wish) }, "Plan it so")),
       h("p", { class: "label" }, summary(plan.wish)),
-      plan.made ? [h("h2", {}, "The palette"), paletteList(plan)] : null);
+      plan.made ? [h("h2", {}, "The palette"), paletteList(plan), h("h2", {}, "To take along"), h("ul", { class: "files" }, TAKEN.map(([name, label]) => h("li", {}, h("a", { href: api.file(here.id, plan.number, name), download: name }, label))))] : null);
   }
 
   function prepare(plan) {

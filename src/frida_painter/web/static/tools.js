@@ -14,19 +14,33 @@ export function togetherTools(house, here, wish, onPad) {
 
   const button = (label, work, kind = "second") => h("button", { type: "button", class: `button ${kind}`, disabled: !may, onclick: work }, label);
 
+  const photograph = (state) => (state.painting.photograph ? api.file(here.id, "live", state.painting.photograph) : "");
+
   function protecting(state) {
-    const drawing = pad({ shape: wish.width / wish.height, mask: true, background: state.painting.photograph ? api.file(here.id, "live", state.painting.photograph) : "" });
+    const sheet = pad({ shape: wish.width / wish.height, mask: true, background: photograph(state) });
     const done = () => { shown = ""; onPad(null); update(state); };
     async function hand(only) {
-      const blob = await drawing.picture();
+      const blob = await sheet.picture();
       if (!blob) return house.notice("Nothing is drawn yet: draw over the part of the canvas that you mean.");
       await house.attempt(async () => api.post(`/api/paintings/${here.id}/region`, { picture: await api.upload(blob), only }));
       return done();
     }
-    onPad(drawing.element);
-    show(element, h("h2", {}, "Draw over the part you mean"), drawing.tools,
+    onPad(sheet.element);
+    show(element, h("h2", {}, "Draw over the part you mean"), sheet.tools,
       h("p", { class: "stack" }, button("The robot must not touch this", () => hand(false), "wide"), button("The robot may touch only this", () => hand(true), "second wide")),
       h("button", { type: "button", class: "quiet", onclick: done }, "Leave it"));
+  }
+
+  /** A drawing over the photograph of the canvas, to go by from now on. */
+  function drawing(state, use) {
+    const sheet = pad({ shape: wish.width / wish.height, background: photograph(state) });
+    const done = async () => {
+      const blob = await sheet.picture();
+      if (!blob) { house.notice("Nothing is drawn yet."); return; }
+      onPad(null);
+      use(blob);
+    };
+    onPad(h("div", {}, sheet.element, sheet.tools, h("p", { class: "pair" }, button("Use this drawing", done, ""), h("button", { type: "button", class: "quiet", onclick: () => onPad(null) }, "Leave it"))));
   }
 
   function leavingOut(left) {
@@ -38,7 +52,7 @@ export function togetherTools(house, here, wish, onPad) {
 
   function changing(state) {
     const changed = structuredClone(state.painting.wish ?? wish);
-    const form = wishForm(house, changed, () => {}, { goalsOnly: true });
+    const form = wishForm(house, changed, () => {}, { goalsOnly: true, ondraw: (use) => drawing(state, use) });
     return h("details", {}, h("summary", {}, "Change what was said"), h("p", {}, "The canvas and the paints stay as they are; the strokes that are left are planned towards the new goal."),
       form.element, button("Plan towards this", () => house.attempt(() => api.post(`/api/paintings/${here.id}/goal`, changed)), "second wide"));
   }
