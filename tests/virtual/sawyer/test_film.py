@@ -35,8 +35,10 @@ def drawn(hand):
 
     neutral = model.key("neutral").qpos.copy()
 
-    def draw(grey, angles=neutral):
-        view.lay_canvas(np.full((CANVAS_PIXELS, CANVAS_PIXELS, 3), grey, np.uint8))
+    def draw(grey, angles=neutral, rows=slice(None), columns=slice(None)):
+        canvas = np.full((CANVAS_PIXELS, CANVAS_PIXELS, 3), 255, np.uint8)
+        canvas[rows, columns] = grey
+        view.lay_canvas(canvas)
         return view.draw(angles).copy()
 
     yield draw
@@ -46,6 +48,18 @@ def drawn(hand):
 def test_the_painting_lies_before_the_arm(drawn):
     change = (drawn(255).astype(int) - drawn(20)).max(-1)
     assert 50 < (change > 40).sum() < 0.15 * change.size  # the canvas, and nothing else
+
+
+def test_the_painting_lies_the_right_way_round_before_whoever_stands_opposite(drawn):
+    def middle(**part):
+        """Where a dark part of the canvas is seen: row and column of the picture."""
+        return np.argwhere((drawn(255).astype(int) - drawn(20, **part)).max(-1) > 40).mean(0)
+
+    half = CANVAS_PIXELS // 2
+    lower, upper = middle(rows=slice(None, half)), middle(rows=slice(half, None))
+    assert lower[0] > upper[0] + 1
+    left, right = middle(columns=slice(None, half)), middle(columns=slice(half, None))
+    assert left[1] < right[1] - 3
 
 
 def test_the_arm_moves_in_the_picture(drawn):

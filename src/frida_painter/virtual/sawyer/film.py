@@ -18,6 +18,7 @@ from frida_painter.frames import CanvasSize
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.virtual.arm import Course
 from frida_painter.virtual.paint import BANDS, to_srgb
+from frida_painter.virtual.sawyer.inset import Inset
 from frida_painter.virtual.sawyer.reel import Reel
 from frida_painter.virtual.sawyer.surroundings import CANVAS_PIXELS, Surroundings, fill
 from frida_painter.virtual.sawyer.view import ArmView
@@ -52,6 +53,7 @@ class ArmFilm:
     def __init__(self, path: Path, workspace: Workspace, canvas: CanvasSize, table: Table) -> None:
         self._path, self._table = path, table
         self._surroundings = Surroundings(workspace, canvas)
+        self._inset = Inset(canvas, _ROWS, _COLUMNS)
         self._moments: queue.Queue[Moment | None] = queue.Queue(_WAITING)
         self._now, self._next, self._count = 0.0, 0.0, 0
         self._canvas = self._look()
@@ -125,6 +127,7 @@ class ArmFilm:
                     view.lay_canvas(moment.canvas)
                     shown = moment.canvas
                 pixels[:] = view.draw(moment.angles)
+                self._inset.hang(moment.canvas, pixels)
                 reel.send()
             reel.finish()
 

@@ -19,6 +19,7 @@ CANVAS, CANVAS_PIXELS = "canvas", 1024
 _PLANKS, _PLANK_PIXELS = "planks", 512
 _THICKNESS = 0.018
 _FLOOR = -0.78
+_WALL = (0.86, 0.855, 0.845)
 _WELL_RADIUS, _WELL_WALL = 0.0175, 0.0025
 # Things of this group are not drawn.
 _UNUSED = 4
@@ -59,12 +60,15 @@ class Surroundings:
         spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 1280
         spec.visual.map.znear = 0.02
         spec.stat.center, spec.stat.extent = (0.45, 0.0, 0.2), 1.5
+        # The floor loses itself in the wall, as a photographer's backdrop does.
+        spec.visual.rgba.fog = (*_WALL, 1)
+        spec.visual.map.fogstart, spec.visual.map.fogend = 1.9, 3.6
         spec.add_texture(
-            type=mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-            rgb1=(0.93, 0.93, 0.92), rgb2=(0.72, 0.71, 0.70), width=256, height=256 * 6,
+            type=mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+            rgb1=_WALL, rgb2=_WALL, width=8, height=8 * 6,
         )  # fmt: skip
-        spec.add_material(name="floor", rgba=(0.80, 0.79, 0.77, 1), specular=0.1)
-        self._stand(spec, mjtGeom.mjGEOM_PLANE, (6, 6, 0.1), (0, 0, _FLOOR), material="floor")
+        spec.add_material(name="floor", rgba=(0.86, 0.85, 0.83, 1), specular=0.05)
+        self._stand(spec, mjtGeom.mjGEOM_PLANE, (12, 12, 0.1), (0, 0, _FLOOR), material="floor")
         self._stand(spec, mjtGeom.mjGEOM_CYLINDER, (0.09, -_FLOOR / 2), (0, 0, _FLOOR / 2), material="black")
         self._stand(spec, mjtGeom.mjGEOM_CYLINDER, (0.27, 0.015), (0, 0, _FLOOR + 0.015), material="black")
         lamp: dict[str, Any] = {"type": mujoco.mjtLightType.mjLIGHT_SPOT, "cutoff": 60, "exponent": 6}
@@ -178,7 +182,7 @@ def paper(model: mujoco.MjModel, texture: str, picture: NDArray[np.uint8]) -> in
     """Makes a picture [n, n, 3], its first row at the lower edge, the texture of that name; returns its number."""
     number = model.texture(texture).id
     first = model.tex_adr[number]
-    model.tex_data[first : first + picture.size] = picture.reshape(-1)
+    model.tex_data[first : first + picture.size] = picture[::-1].reshape(-1)  # MuJoCo's first row is the upper one
     return int(number)
 
 

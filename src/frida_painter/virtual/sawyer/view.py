@@ -17,7 +17,7 @@ Picture = NDArray[np.uint8]
 Color = NDArray[np.float64]
 
 _MOST_THINGS = 1000
-_DISTANCE, _ELEVATION, _AZIMUTH, _OPENING = 1.62, -27.0, 163.0, 40.0
+_DISTANCE, _ELEVATION, _AZIMUTH, _OPENING = 1.80, -31.0, 161.0, 37.0
 
 
 class ArmView:
@@ -54,8 +54,9 @@ class ArmView:
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._drawing)
             self._open = stack.pop_all()
         self._scene = mujoco.MjvScene(model, maxgeom=_MOST_THINGS)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = True
         self._camera = mujoco.MjvCamera()
-        self._camera.lookat[:] = (0.42, 0.01, 0.17)
+        self._camera.lookat[:] = (0.40, 0.19, 0.235)
         self._camera.distance, self._camera.elevation, self._camera.azimuth = _DISTANCE, _ELEVATION, _AZIMUTH
         return self
 
