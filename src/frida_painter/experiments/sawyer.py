@@ -61,7 +61,7 @@ class Scale:
 
 
 FULL = Scale(strokes=200, colors=12, rows=256, effort=1.0, canvas=CanvasSize(14 * 0.0254, 11 * 0.0254))
-QUICK = Scale(strokes=3, colors=1, rows=64, effort=0.05, canvas=CanvasSize(0.12, 0.09))
+QUICK = Scale(strokes=2, colors=1, rows=64, effort=0.05, canvas=CanvasSize(0.12, 0.09))
 
 
 @dataclass(frozen=True)
