@@ -91,6 +91,12 @@ SECTIONS = (
         "what each kind of goal is judged by.",
     ),
     Section(
+        "sawyer",
+        "The simulated Sawyer",
+        "Inverse kinematics, control and physics of the arm alone. [The simulated Sawyer](sawyer.md)\n"
+        "tells how it works, and `frida-painter experiments sawyer` paints a whole picture with it.",
+    ),
+    Section(
         "painting",
         "A whole painting",
         "From the photograph to the finished film and page, in the virtual studio, on all cores.",

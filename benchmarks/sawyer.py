@@ -1,11 +1,10 @@
-"""How exactly and how fast the simulated Sawyer follows a painting: python benchmarks/sawyer.py [PLAN]
+"""How exactly and how fast the simulated Sawyer follows a painting: python benchmarks/sawyer.py [--plan FILE]
 
 Paints every stroke of a plan (without one, 200 drawn at random from the brush's limits) with dips
 between them, and prints the tip's tracking error in the canvas's plane while the brush touches, and how many
 seconds of the arm's own time pass in one second of one core, inverse kinematics included.
 """
 
-import sys
 import threading
 import time
 from pathlib import Path
@@ -23,6 +22,7 @@ from frida_painter.virtual.brushes import brush_named
 from frida_painter.virtual.sawyer.arm import SawyerArm
 from frida_painter.virtual.stand import sawyer_stand
 from frida_painter.virtual.studio import SAWYER, StudioSettings, open_studio
+from measure import Table, arguments, publish
 
 _STROKES, _PER_DIP = 200, 4
 
@@ -43,12 +43,16 @@ def random_strokes(brush: str, canvas: CanvasSize, count: int) -> Strokes:
 
 
 def main() -> None:
-    if len(sys.argv) > 1:
-        plan = Plan.load(Path(sys.argv[1]))
+    parser = arguments(__doc__)
+    parser.add_argument("--plan", type=Path, help="a plan.json, or the folder of a painting")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    if options.plan:
+        plan = Plan.load(options.plan)
         strokes, canvas, brush = plan.strokes, plan.canvas, plan.brush
     else:
         canvas, brush = CanvasSize(14 * 0.0254, 11 * 0.0254), "broad"
-        strokes = random_strokes(brush, canvas, _STROKES)
+        strokes = random_strokes(brush, canvas, 4 if options.quick else _STROKES)
     stand = sawyer_stand(canvas, brush_named(brush))
     calibration = open_studio(canvas, brush, settings=StudioSettings(arm=SAWYER)).easel.calibration
     motion = Motion(stand.workspace, calibration)
@@ -72,12 +76,20 @@ def main() -> None:
                 plane.append(np.hypot(off[:, 0], off[:, 1]))
                 depth.append(np.abs(off[:, 2]))
     across, down = np.concatenate(plane), np.concatenate(depth)
-    print(
-        f"{len(strokes)} strokes, {seconds:.0f} s of the arm's time in {spent:.1f} s of one core: "
-        f"{seconds / spent:.1f} times real time"
+    table = Table(
+        f"{len(strokes)} strokes of the {brush} brush on {canvas}, with dips, one thread",
+        ("", "measured", "at most", "aim"),
+        [
+            ("tracking error in the canvas's plane, mean", f"{across.mean():.3f} mm", "0.3 mm", ""),
+            ("the same, worst", f"{across.max():.3f} mm", "1.5 mm", ""),
+            ("tracking error in depth, mean", f"{down.mean():.3f} mm", "", ""),
+            ("the same, worst", f"{down.max():.3f} mm", "", ""),
+            ("seconds of the arm in a second of CPU", f"{seconds / spent:.1f}", "at least 5", "8"),
+        ],
+        [f"{seconds:.0f} s of the arm took {spent:.1f} CPU seconds."],
     )
-    print(f"tip's tracking error in the canvas's plane: mean {across.mean():.3f} mm, worst {across.max():.3f} mm")
-    print(f"tip's tracking error in depth:              mean {down.mean():.3f} mm, worst {down.max():.3f} mm")
+    figures = {"plane": float(across.mean()), "worst": float(across.max()), "times real time": seconds / spent}
+    publish([table], figures, options)
 
 
 if __name__ == "__main__":
