@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal, ImageTerm, StyleTerm, TextTerm
+from frida_painter.goal import Goal, ImageTerm, SketchTerm, StyleTerm, TextTerm
 from frida_painter.objectives.grounds import ground_of
 from frida_painter.objectives.imagination import imagined, lay
 from frida_painter.objectives.pictograms import Pictograms
@@ -87,6 +87,22 @@ def test_a_picture_to_begin_with_needs_no_imagination() -> None:
     begun = Goal((TextTerm("a strawberry"),), (ImageTerm(picture()),))
     for goal in (with_photo, begun, Goal((ImageTerm(picture()),))):
         assert imagined(goal, GRID, NoEncoders(), 0) is goal
+
+
+def test_a_sketch_is_filled_with_the_colours_of_what_the_words_say(encoders: QuickEncoders) -> None:
+    frame = torch.ones(3, 60, 80)
+    frame[:, 15:45, 20:60] = 0
+    frame[:, 18:42, 23:57] = 1
+    goal = imagined(Goal((TextTerm("a strawberry"), SketchTerm(frame))), GRID, encoders, 0)
+    words, sketch, kept = goal.terms
+    (begun,) = goal.initial
+    assert isinstance(sketch, SketchTerm) and isinstance(kept, ImageTerm) and isinstance(begun, ImageTerm)
+    red, green, blue = begun.image[:, GRID.rows // 2, GRID.columns // 2].tolist()
+    assert red > 0.9 and max(green, blue) < 0.1, "what the lines enclose"
+    assert float(begun.image[:, 2, 2].min()) > 0.9, "the ground"
+    assert encoders.remarks[0].startswith("Coloured like the pictogram 'strawberry'")
+    styled = Goal((TextTerm("a strawberry"), SketchTerm(frame), StyleTerm(picture())))
+    assert imagined(styled, GRID, encoders, 0) is styled, "a style has colours of its own"
 
 
 def test_words_to_begin_with_have_a_picture_first(encoders: QuickEncoders) -> None:

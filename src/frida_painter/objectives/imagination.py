@@ -7,8 +7,10 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from frida_painter import images
+from frida_painter.drawing import colored
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, TextTerm
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, TextTerm
 from frida_painter.objectives.encoders.class_names import synonyms
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.encoders.shelf import Encoders
@@ -31,7 +33,8 @@ def imagined(goal: Goal, grid: PixelGrid, encoders: Encoders, seed: int) -> Goal
     """The goal with a picture to begin with, where words are all there is to begin with.
 
     It stays in the goal, beside the words, so that the composition is kept while they shape it.
-    A goal without words, and one with a picture of its own to begin with, stays as it is.
+    A sketch that has neither photograph nor style is filled with that picture's colours. A goal
+    without words, and one with a picture of its own to begin with, stays as it is.
     """
     if goal.initial:
         words = [term for term in goal.initial if isinstance(term, TextTerm)]
@@ -40,27 +43,35 @@ def imagined(goal: Goal, grid: PixelGrid, encoders: Encoders, seed: int) -> Goal
         begun = ImageTerm(_composed(words[0].prompt, grid, encoders, seed))
         return replace(goal, initial=(begun, *goal.initial))
     words = [term for term in goal.terms if isinstance(term, TextTerm)]
-    if not words or any(isinstance(term, ImageTerm | SemanticTerm | SketchTerm) for term in goal.terms):
+    sketch = next((term for term in goal.terms if isinstance(term, SketchTerm)), None)
+    if not words or any(isinstance(term, ImageTerm | SemanticTerm) for term in goal.terms):
+        return goal
+    if sketch is not None and any(isinstance(term, StyleTerm) for term in goal.terms):
         return goal
     main = max(words, key=lambda term: term.weight)
-    begun = ImageTerm(_composed(main.prompt, grid, encoders, seed), _KEPT * main.weight)
+    if sketch is None:
+        picture = _composed(main.prompt, grid, encoders, seed)
+    else:
+        drawing = images.fit(sketch.drawing, grid.rows, grid.columns)
+        picture = colored(drawing, _composed(main.prompt, grid, encoders, seed, "coloured like"))
+    begun = ImageTerm(picture, _KEPT * main.weight)
     return Goal((*goal.terms, begun), (replace(begun, weight=1.0),))
 
 
-def _composed(prompt: str, grid: PixelGrid, encoders: Encoders, seed: int) -> Tensor:
-    """The picture [3, H, W] of the grid; the encoders remember what it was made of."""
+def _composed(prompt: str, grid: PixelGrid, encoders: Encoders, seed: int, use: str = "begun with") -> Tensor:
+    """The picture [3, H, W] of the grid; the encoders remember what it was made of, and what use the painting makes."""
     pictograms, phrase = encoders.pictograms(), Phrase.of(prompt)
     if pictograms is None:
-        encoders.remark(f"No pictogram was found for {prompt[:60]!r}; begun with bare paper alone.")
+        encoders.remark(f"No pictogram was found for {prompt[:60]!r}; {use} bare paper alone.")
         return Ground.paper().picture(grid)
     found = pictograms.nearest([phrase.thing, phrase.plain, *synonyms(phrase.plain)])
     ground = _ground(phrase, found, encoders.sentences())
     bare, words = ground.picture(grid), Text(prompt, encoders.readers(), seed)
     if found is None:
-        return _look_alike(phrase, ground, bare, pictograms, words, encoders)
+        return _look_alike(phrase, ground, bare, pictograms, words, encoders, use)
     laid, color = _painted(phrase, found, pictograms.drawings(found), bare, words)
-    colored = f" in {color}" if color else ""
-    encoders.remark(f"Begun with the pictogram {found.name!r}{colored} on {ground.name}; it is of {CREDIT}.")
+    painted = f" in {color}" if color else ""
+    encoders.remark(f"{use.capitalize()} the pictogram {found.name!r}{painted} on {ground.name}; it is of {CREDIT}.")
     return laid
 
 
@@ -74,8 +85,8 @@ def _painted(phrase: Phrase, found: Pictogram, drawings: list[Tensor], bare: Ten
 
     def nearest(color: str, judge: Callable[[Tensor], Tensor]) -> tuple[float, Tensor]:
         paint = paint_of(color)
-        colored = drawings if paint is None else [recolored(drawing, paint) for drawing in drawings]
-        judged = [(float(judge(one)), one) for one in (lay(drawing, bare) for drawing in colored)]
+        tinted = drawings if paint is None else [recolored(drawing, paint) for drawing in drawings]
+        judged = [(float(judge(one)), one) for one in (lay(drawing, bare) for drawing in tinted)]
         return min(judged, key=lambda pair: pair[0])
 
     named = set(found.name.split()) & set(COLORS)
@@ -96,7 +107,7 @@ def _ground(phrase: Phrase, found: Pictogram | None, sentences: SentenceEncoder)
 
 @torch.no_grad()
 def _look_alike(
-    phrase: Phrase, ground: Ground, bare: Tensor, pictograms: Pictograms, words: Text, encoders: Encoders
+    phrase: Phrase, ground: Ground, bare: Tensor, pictograms: Pictograms, words: Text, encoders: Encoders, use: str
 ) -> Tensor:
     """For a thing that no pictogram is called, one of something akin that the networks take for it most."""
     best, name, paint = bare, "", paint_of(phrase.color)
@@ -111,11 +122,11 @@ def _look_alike(
     shown = repr(phrase.thing[:60])
     if name:
         encoders.remark(
-            f"No pictogram is called {shown}; begun with {name!r} on {ground.name}, which looks most like it to the "
+            f"No pictogram is called {shown}; {use} {name!r} on {ground.name}, which looks most like it to the "
             f"networks; it is of {CREDIT}."
         )
     else:
-        encoders.remark(f"No pictogram was found for {shown}; begun with {ground.name} alone.")
+        encoders.remark(f"No pictogram was found for {shown}; {use} {ground.name} alone.")
     return best
 
 
