@@ -94,7 +94,7 @@ def test_a_sketch_is_filled_with_the_colours_of_what_the_words_say(encoders: Qui
     frame[:, 15:45, 20:60] = 0
     frame[:, 18:42, 23:57] = 1
     goal = imagined(Goal((TextTerm("a strawberry"), SketchTerm(frame))), GRID, encoders, 0)
-    words, sketch, kept = goal.terms
+    _, sketch, kept = goal.terms
     (begun,) = goal.initial
     assert isinstance(sketch, SketchTerm) and isinstance(kept, ImageTerm) and isinstance(begun, ImageTerm)
     red, green, blue = begun.image[:, GRID.rows // 2, GRID.columns // 2].tolist()
