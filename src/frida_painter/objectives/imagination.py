@@ -89,8 +89,9 @@ def _painted(phrase: Phrase, found: Pictogram, drawings: list[Tensor], bare: Ten
         judged = [(float(judge(one)), one) for one in (lay(drawing, bare) for drawing in tinted)]
         return min(judged, key=lambda pair: pair[0])
 
-    named = set(found.name.split()) & set(COLORS)
-    wanted = "" if phrase.color in found.name else phrase.color
+    called = set(found.name.split())
+    named = called & set(COLORS)
+    wanted = "" if called.issuperset(phrase.color.split()) else phrase.color
     if wanted or named:
         return nearest(wanted, words.judge)[1], wanted
     likely = min(_TRIED, key=lambda color: nearest(color, words.glance)[0])
