@@ -3,12 +3,12 @@ import torch
 
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.kubelka_munk import mixed, reflectance
-from frida_painter.mixing.paint import Paint, Source, published
+from frida_painter.mixing.paint import Paint, Source, published, published_names
 from frida_painter.mixing.spectrum import color_of
 from frida_painter.palette import from_hex, to_lab
 from frida_painter.perception.difference import ciede2000
 
-PAINTS = published()
+PAINTS = {name: published(name) for name in published_names()}
 
 # Golden Artist Colors' own measurements (CIE L*a*b*) of thin drawdowns of the same pigments in fluid acrylics.
 MEASURED = {
@@ -89,6 +89,22 @@ def test_a_tint_tells_how_strong_a_paint_is() -> None:
     assert off[0] < 3 < off[1], off
 
 
+@pytest.mark.parametrize(
+    ("name", "tint", "parts"),
+    [("phthalo blue", "#7bc3e7", 10), ("dioxazine purple", "#c2b7e0", 20), ("ultramarine blue", "#b8ceed", 10)],
+)
+def test_of_paints_too_dark_to_be_told_by_their_colour_a_tint_of_any_strength_tells(
+    name: str, tint: str, parts: int
+) -> None:
+    wanted, white = PAINTS[name], PAINTS["titanium white"]
+    known = Paint.of_tint(name, wanted.color, from_hex(tint).double(), parts)
+    tints = [
+        color_of(reflectance(one.absorption + 4 * white.absorption, one.scattering + 4 * white.scattering))
+        for one in (known, wanted)
+    ]
+    assert float(ciede2000(*(to_lab(color) for color in tints))) < 2
+
+
 def test_a_tint_that_cannot_be_is_refused() -> None:
-    with pytest.raises(ConfigError, match="CIEDE2000 from all that the paint and white can give"):
+    with pytest.raises(ConfigError, match="CIEDE2000 from all that a paint with this tint can have"):
         Paint.of_tint("mine", from_hex("#8090a0").double(), from_hex("#201008").double(), 5)

@@ -53,6 +53,12 @@ def test_more_paints_never_come_out_worse_by_more_than_they_are_simpler() -> Non
     assert all(one.difference < 4 for one in many)
 
 
+@pytest.mark.parametrize("text", ["#c9a27e", "#d0b090", "#b5988c"])
+def test_a_very_little_of_a_fourth_paint_is_found(text: str) -> None:
+    (found,) = recipes(from_hex(text)[None], SIX)
+    assert found.difference < 2 and len(found.parts) == 4 and found.parts[-1][1] == 1
+
+
 def test_what_no_paint_can_give_is_out_of_reach() -> None:
     green, black, red = recipes(torch.tensor([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [0.78, 0.17, 0.2]]), SIX)
     assert not green.within_reach and not black.within_reach
@@ -68,7 +74,7 @@ def test_the_same_every_time() -> None:
 
 
 def test_one_paint_is_all_there_is() -> None:
-    white = published()["titanium white"]
+    white = published("titanium white")
     (found,) = recipes(torch.tensor([[0.2, 0.3, 0.4]]), [white])
     assert found.words == "1 titanium white" and not found.within_reach
 

@@ -32,7 +32,7 @@ def file(tmp_path: Path, text: str) -> Path:
 def test_paints_are_known_by_name_by_colour_and_by_tint(tmp_path: Path) -> None:
     white, ochre, rose = read_paints(file(tmp_path, WHOLE))
     assert (white.name, white.source) == ("Titanium White", Source.published)
-    assert torch.equal(white.scattering, published()["titanium white"].scattering)
+    assert torch.equal(white.scattering, published("titanium white").scattering)
     assert (to_hex(ochre.color), ochre.source) == ("#b97f2c", Source.color)
     assert rose.source is Source.tint and 0.005 < float(rose.scattering.mean()) < 0.3
 
@@ -78,7 +78,7 @@ def test_the_six_that_are_taken_otherwise() -> None:
         ("[[paint]]\nname = 'x'\ncolor = '#112233'\ntint = '#a0a0b0'", "x needs a color, or color, tint and white"),
         ("[[paint]]\nname='x'\ncolor='#112233'\ntint='#a0a0b0'\nwhite=nan", "x: white is nan; it is how many parts"),
         ("[[paint]]\nname='x'\ncolor='#112233'\ntint='#a0a0b0'\nwhite=0", "x: white is 0"),
-        ("[[paint]]\nname='x'\ncolor='#8090a0'\ntint='#200800'\nwhite=5", "x: its tint lies"),
+        ("[[paint]]\nname='x'\ncolor='#8090a0'\ntint='#200800'\nwhite=5", "x: its colour lies"),
         ("[[paint]]\nname='x'\nover_white='#203040'\nover_black='#8090a0'", "x: it is lighter over black"),
         ("[[paint]]\nname='x'\ncolor='#112233'\n[[paint]]\nname='x'\ncolor='#112244'", "x is there twice"),
         ("[[paint]\n", "is not TOML"),

@@ -1,7 +1,7 @@
 """A paint that a person owns, and what its name, its colour or a few marks tell of its absorption and scattering."""
 
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from importlib import resources
 from typing import Self
@@ -12,15 +12,21 @@ from torch import Tensor
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.kubelka_munk import film_over, ratio, reflectance
 from frida_painter.mixing.spectrum import BANDS, color_of, reflectance_of
-from frida_painter.palette import to_lab
+from frida_painter.palette import from_hex, to_lab
 from frida_painter.perception.difference import ciede2000
 
 WHITE = "titanium white"
 _WHITE_CARD = 0.95  # what the white ground under a film reflects
 _NOISE = 0.01  # sRGB
-_STEEPNESS, _STEEPEST = (0.0, 0.25, 0.5), 50.0
+_TINT = 4.0  # parts of white with one part of a published paint
+_WHITE_ABSORPTION = 0.0025
+# What is tried for a paint's scattering: how strong (powers of ten, steps), how it leans, how it follows absorption.
+_STRENGTHS = (-2.7, -0.3, 61)
+_LEANS, _FOLLOWS = (-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0), (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
+_SCATTERING, _LEAST_ABSORPTION, _LEAST_SHARE = (0.005, 0.5), 3e-4, 0.05
+_PRICE = 0.5  # CIEDE2000 for a scattering that leans by 1
+_ROUNDS = 10
 _MOST_OFF = 10.0  # CIEDE2000
-_ROUNDED_AWAY = 0.0025  # what stands as 0.00 in a table of two decimals
 # How much less than titanium white the published paints scatter, on average, where they are dark.
 _TYPICAL_SCATTERING = 0.1
 
@@ -64,24 +70,33 @@ class Paint:
     def of_tint(cls, name: str, color: Tensor, tint: Tensor, parts: float) -> Self:
         """A paint whose colour is known alone and as one part with `parts` parts of titanium white, sRGB [3] each.
 
-        Raises ConfigError where the tint cannot be one of that paint.
+        The tint tells the absorption band by band, whatever the scattering is; the colour alone tells
+        that, of which is tried how strong it is, how it leans towards red or blue, and how it goes with
+        the absorption. Raises ConfigError where the tint cannot be one of that paint.
         """
-        white, own = published()[WHITE], ratio(reflectance_of(color))
-        # Where a paint absorbs much, it may scatter more as well: how much more is tried, too.
-        strength = torch.logspace(-3, 0.7, 75, dtype=own.dtype)[:, None, None]
-        steepness = torch.tensor(_STEEPNESS, dtype=own.dtype)[:, None]
-        scattering = (strength * own.clamp(max=_STEEPEST) ** steepness).reshape(-1, len(own))  # [m, 16]
-        tints = reflectance(
-            own * scattering + parts * white.absorption, scattering + parts * white.scattering
-        )  # fmt: skip
-        off = ciede2000(to_lab(color_of(tints)), to_lab(tint.to(tints)))
-        best = int(off.argmin())
+        white, tinted = _white(), ratio(reflectance_of(tint))
+        axis = torch.linspace(-1, 1, len(tinted), dtype=tinted.dtype)
+        strength = torch.logspace(*_STRENGTHS, dtype=tinted.dtype)[:, None, None, None]
+        lean = torch.tensor(_LEANS, dtype=tinted.dtype)[:, None, None]
+        follows = torch.tensor(_FOLLOWS, dtype=tinted.dtype)[:, None]
+        plain = scattering = (strength * (lean * axis).exp()).expand(-1, -1, len(_FOLLOWS), -1)  # [s, l, f, 16]
+
+        def absorption() -> Tensor:
+            return (tinted * (scattering + parts) - parts * white.absorption).clamp(min=_LEAST_ABSORPTION)
+
+        for _ in range(_ROUNDS):
+            share = absorption() / absorption().amax(-1, keepdim=True)
+            following = (plain * share.clamp(min=_LEAST_SHARE) ** follows).clamp(*_SCATTERING)
+            scattering = (scattering + following) / 2
+        off = ciede2000(to_lab(color_of(reflectance(absorption(), scattering))), to_lab(color.to(tinted)))
+        plainer = off + _PRICE * (2 * follows.abs() + lean.abs())[..., 0]
+        best = tuple(int(index) for index in torch.unravel_index(plainer.argmin(), plainer.shape))
         if not float(off[best]) <= _MOST_OFF:
             raise ConfigError(
-                f"its tint lies {float(off[best]):.0f} CIEDE2000 from all that the paint and white can give; "
+                f"its colour lies {float(off[best]):.0f} CIEDE2000 from all that a paint with this tint can have; "
                 "photograph both in the same light"
             )
-        return cls(name, own * scattering[best], scattering[best], Source.tint)
+        return cls(name, absorption()[best], scattering[best], Source.tint)
 
     @classmethod
     def of_films(cls, name: str, over_white: Tensor, over_black: Tensor) -> Self:
@@ -101,19 +116,33 @@ class Paint:
         return type(self)(self.name, self.absorption / scattering, self.scattering / scattering, self.source)
 
 
-def published() -> dict[str, Paint]:
-    """Eleven artists' acrylics by name, by their absorption and scattering as determined from tints.
+def published_names() -> tuple[str, ...]:
+    """Names of eleven artists' acrylics."""
+    return WHITE, *_colors()
 
-    The method is that of Y. Okumura, "Developing a spectral and colorimetric database of artist paint
-    materials" (Rochester Institute of Technology, 2005); the numbers are those of the public table
-    github.com/feeneyko/km-web, every 20 nm of it.
+
+def published(name: str) -> Paint:
+    """One of the eleven acrylics by its name.
+
+    Each is known by two colours, of a thick mark and of one part with four parts of titanium white. Both
+    follow from absorption and scattering that were determined by the method of Y. Okumura, "Developing a
+    spectral and colorimetric database of artist paint materials" (Rochester Institute of Technology,
+    2005), as github.com/feeneyko/km-web has them.
     """
+    if name == WHITE:
+        return _white()
+    color, tint = (from_hex(text).double() for text in _colors()[name])
+    return replace(Paint.of_tint(name, color, tint, _TINT), source=Source.published)
+
+
+def _white() -> Paint:
+    """Titanium white, which hardly absorbs, and by whose scattering all others are measured."""
+    scattering = torch.ones(len(BANDS), dtype=torch.float64)
+    return Paint(WHITE, _WHITE_ABSORPTION * scattering, scattering, Source.published)
+
+
+def _colors() -> dict[str, tuple[str, str]]:
+    """The colours of the other ten, alone and as tints, by name."""
     table = resources.files("frida_painter.mixing") / "data" / "acrylics.csv"
-    rows = list(csv.reader(table.read_text(encoding="utf-8").splitlines()))
-    assert tuple(map(int, rows[0][2:])) == BANDS
-    numbers = {
-        (row[0], row[1]): torch.tensor([float(part) for part in row[2:]], dtype=torch.float64) for row in rows[1:]
-    }
-    names = list(dict.fromkeys(row[0] for row in rows[1:]))
-    absorption = {name: torch.where(numbers[name, "K"] == 0, _ROUNDED_AWAY, numbers[name, "K"]) for name in names}
-    return {name: Paint(name, absorption[name], numbers[name, "S"], Source.published) for name in names}
+    rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
+    return {row["paint"]: (row["color"], row["tint"]) for row in rows}

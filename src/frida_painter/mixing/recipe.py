@@ -21,6 +21,8 @@ GOOD, REACHED = 2.0, 5.0
 MOST_PARTS = 120
 """Of all paints together: drops of a small spoonful."""
 _LEVELS = (1, 3, 9, 27, 81)  # parts that are tried first
+# What a fourth paint is tried with: how many times the other three, and its parts.
+_LITTLE, _MUCH = ((27, 1), (9, 1), (3, 1)), tuple((1, level) for level in _LEVELS)
 _SEEDS = 16  # mixtures from which the nearest is sought
 # What a simpler recipe may cost in CIEDE2000: for each paint less, and for half as many parts.
 _PER_PAINT, _PER_DOUBLING = 0.6, 0.25
@@ -106,9 +108,10 @@ class _Search:
         return parts[self._cost(parts).argsort()[:_SEEDS]]
 
     def _with_another(self, seed: Tensor) -> Tensor:
-        """The mixture with a little or much of each paint that it has none of."""
+        """The mixture with very little to much of each paint that it has none of."""
         unused = (seed == 0).nonzero()[:, 0].tolist()
-        return torch.stack([seed + _only(index, level, seed) for index in unused for level in _LEVELS] or [seed])
+        added = [scale * seed + _only(index, level, seed) for index in unused for scale, level in (*_LITTLE, *_MUCH)]
+        return torch.stack(added or [seed])
 
     def _refined(self, start: tuple[int, ...]) -> tuple[tuple[int, ...], float]:
         """Whole parts near `start` that cost least, and their cost."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError
-from frida_painter.mixing.paint import WHITE, Paint, Source, published
+from frida_painter.mixing.paint import WHITE, Paint, Source, published, published_names
 from frida_painter.palette import from_hex
 
 MOST_PAINTS = 32
@@ -22,8 +22,7 @@ _ADVICE = "docs/mixing.md shows such a file"
 
 def usual_paints() -> tuple[Paint, ...]:
     """The six paints."""
-    known = published()
-    return tuple(known[name] for name in SIX)
+    return tuple(published(name) for name in SIX)
 
 
 def read_paints(path: Path) -> tuple[Paint, ...]:
@@ -87,8 +86,8 @@ def _faults(number: int, entry: Any) -> Iterator[str]:
     if isinstance(parts, bool) or not isinstance(parts, int | float) or not 0.1 <= parts <= 1000 or math.isnan(parts):
         yield f"{name}: white is {str(parts)[:20]}; it is how many parts of white the tint has, from 0.1 to 1000"
     given = {key for key in _ENTRIES if key in entry}
-    if given == {"name"} and name.lower() not in published():
-        yield f"{name} is not one of the published paints ({', '.join(published())}); give its color"
+    if given == {"name"} and name.lower() not in published_names():
+        yield f"{name} is not one of the published paints ({', '.join(published_names())}); give its color"
     if given != {"name"} and given not in (
         {"name", "color"},
         {"name", "color", "tint", "white"},
@@ -108,4 +107,4 @@ def _paint(entry: dict[str, Any]) -> Paint:
         return Paint.of_color(name, colors["color"])
     if "over_white" in entry:
         return Paint.of_films(name, colors["over_white"], colors["over_black"])
-    return replace(published()[name.lower()], name=name)
+    return replace(published(name.lower()), name=name)
