@@ -24,7 +24,8 @@ class Kept:
     """How a painting is painted, beside its goal.
 
     calibration: the easel's record, None for the virtual studio's own; placement_error: as it was given
-    on the command line; film: whether it is filmed; site: where.
+    on the command line; film: whether it is filmed; site: where; arm_meshes: the folder of shapes in which a
+    simulated arm is seen in its film.
     """
 
     settings: PaintingSettings
@@ -32,6 +33,7 @@ class Kept:
     placement_error: str | None
     film: bool
     site: Site = field(default_factory=Site)
+    arm_meshes: Path | None = None
 
     @property
     def glimpses(self) -> int:
@@ -49,6 +51,7 @@ class Kept:
             "calibration": str(self.calibration.resolve()) if self.calibration else None,
             "placement_error": self.placement_error,
             "film": self.film,
+            "arm_meshes": str(self.arm_meshes.resolve()) if self.arm_meshes else None,
             **self.site.plain(),
         }
 
@@ -62,15 +65,24 @@ class Kept:
             calibration, placement_error, film = (
                 plain.pop(name) for name in ("calibration", "placement_error", "film")
             )
-            site = Site.take(plain)
+            site, meshes = Site.take(plain), plain.pop("arm_meshes", None)
             if not isinstance(film, bool) or not all(
-                isinstance(it, str | None) for it in (calibration, placement_error)
+                isinstance(it, str | None) for it in (calibration, placement_error, meshes)
             ):
-                raise ConfigError(f"{path}: film is true or false, calibration and placement_error are texts or null.")
+                raise ConfigError(
+                    f"{path}: film is true or false, calibration, placement_error and arm_meshes are texts or null."
+                )
         except (ValueError, KeyError, AttributeError, RecursionError) as cause:
             raise ConfigError(f"{path} does not hold the settings of a painting ({cause}); bring it back.") from cause
         settings = PaintingSettings.of(**plain)
-        return cls(settings, Path(calibration) if calibration else None, placement_error, film, site)
+        return cls(
+            settings,
+            Path(calibration) if calibration else None,
+            placement_error,
+            film,
+            site,
+            Path(meshes) if meshes else None,
+        )
 
     def rests_on(self, folder: Path) -> dict[str, str]:
         """Hashes of all files that decide how it is painted, by what they are. Raises StorageError."""

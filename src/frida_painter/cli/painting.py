@@ -18,7 +18,15 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.cli import goals, kept
 from frida_painter.cli.numbers import number, whole_number
 from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress
-from frida_painter.cli.real import CameraOption, RobotOption, Site, WorkspaceOption, attended
+from frida_painter.cli.real import (
+    ArmMeshesOption,
+    CameraOption,
+    RobotOption,
+    Site,
+    WorkspaceOption,
+    attended,
+    require_meshes,
+)
 from frida_painter.cli.sitting import Pauses, occasion, order, say, tell, tell_encoders, to_its_end
 from frida_painter.cli.stopping import stopping
 from frida_painter.cli.virtual import PaceOption, PlacementErrorOption, read_placement_error
@@ -157,6 +165,7 @@ def paint(
     ask: AskOption = False,
     yes: FilledOption = False,
     film: Annotated[bool, typer.Option("--film/--no-film", help="Film how the painting comes into being.")] = True,
+    arm_meshes: ArmMeshesOption = None,
     out: Out = None,
 ) -> None:
     """Paint a photograph, or words: plan, paint some strokes, look, plan the rest again.
@@ -177,7 +186,8 @@ def paint(
     wanted, target, chosen = _prepare(photo, settings, {**locals(), "canvas": site.canvas(canvas)})
     site.require_somebody(asked=not yes)
     console = Console(stderr=True, highlight=False)
-    how = kept.Kept(chosen, calibration, placement_error, film, site)
+    require_meshes(arm_meshes, site)
+    how = kept.Kept(chosen, calibration, placement_error, film, site, arm_meshes)
     filming = film and robot == SAWYER_SIM
     if filming and headless_opengl() is None:
         print(NO_OPENGL, file=sys.stderr)
@@ -191,7 +201,7 @@ def paint(
         planner = open_planner(chosen, wanted.goal, calibration)
         tell_encoders(planner.encoders)
         folder = _new_folder(out, wanted.name, needed=200 * 2**20)
-        wish = order(chosen, planner.model.brush, folder, error, pace, site, film_arm=filming)
+        wish = order(chosen, planner.model.brush, folder, error, pace, site, film_arm=filming, arm_meshes=arm_meshes)
         with _taken_back(folder):
             easel = on_record(process.open(wish), calibration, site.needed)
             stop.at_once = easel.robot.stop

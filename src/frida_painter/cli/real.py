@@ -15,9 +15,10 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.stand import Stand
 from frida_painter.session.attendance import PersonAttending
 from frida_painter.session.by_hand import ByHand
-from frida_painter.session.easels import HUMAN
+from frida_painter.session.easels import HUMAN, SAWYER_SIM
 from frida_painter.session.procedures.dialogue import Answer, Question
 from frida_painter.session.procedures.standing import NEEDED
+from frida_painter.virtual.sawyer.meshes import Meshes
 
 
 def camera_name(text: str) -> str:
@@ -47,6 +48,14 @@ CameraOption = Annotated[
 WorkspaceOption = Annotated[
     Path | None,
     typer.Option("--workspace", metavar="FILE", help="Where things stand around a real robot (TOML)."),
+]
+ArmMeshesOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--arm-meshes",
+        metavar="FOLDER",
+        help="The maker's shapes (OBJ or STL), in which the simulated Sawyer is seen in its film. [dim]our own[/]",
+    ),
 ]
 
 
@@ -90,6 +99,15 @@ class Site:
 
 
 VIRTUAL = Site()
+
+
+def require_meshes(folder: Path | None, site: Site) -> None:
+    """Raises ConfigError where a folder with an arm's shapes is given that does not fit, or no arm is seen."""
+    if folder is None:
+        return
+    if site.robot != SAWYER_SIM:
+        raise ConfigError(f"--arm-meshes is for the film of --robot {SAWYER_SIM}; leave it out.")
+    Meshes.in_folder(folder)
 
 
 def attended(

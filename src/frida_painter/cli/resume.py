@@ -86,7 +86,10 @@ def resume(
         tell_encoders(planner.encoders)
         error = read_placement_error(how.placement_error)
         filming = how.film and how.site.robot == SAWYER_SIM
-        wish = order(how.settings, planner.model.brush, folder, error, pace, how.site, film_arm=filming)
+        shapes = how.arm_meshes if how.arm_meshes and how.arm_meshes.is_dir() else None
+        wish = order(
+            how.settings, planner.model.brush, folder, error, pace, how.site, film_arm=filming, arm_meshes=shapes
+        )
         easel = on_record(process.open(wish), how.calibration, how.site.needed)
         stop.at_once = easel.robot.stop
         stack.enter_context(process.hearing_signals())

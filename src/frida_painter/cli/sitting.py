@@ -67,14 +67,16 @@ def order(
     site: Site = VIRTUAL,
     *,
     film_arm: bool = False,
+    arm_meshes: Path | None = None,
 ) -> EaselOrder:
     """The easel that a painting is painted on: the virtual studio of its folder, or a real one.
 
-    film_arm: whether a simulated arm is filmed at work.
+    film_arm: whether a simulated arm is filmed at work; arm_meshes: the folder of shapes in which it is seen.
     """
     return EaselOrder(
         robot=site.robot,
         film=film_arm,
+        meshes=None if arm_meshes is None else arm_meshes.absolute(),
         canvas=settings.canvas,
         brush=brush,
         seed=settings.seed,

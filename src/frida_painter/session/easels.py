@@ -23,6 +23,7 @@ from frida_painter.session.desk import Desk
 from frida_painter.session.machines import CAMERAS, MACHINES, MachineName, camera_named, robot_named
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.kernels import load_kernels
+from frida_painter.virtual.sawyer.meshes import Meshes
 from frida_painter.virtual.studio import FREE, SAWYER, StudioSettings, VirtualStudio, open_studio
 from frida_painter.virtual.table import PlacementError
 
@@ -39,7 +40,8 @@ class EaselOrder:
     the painting's settings say; state: the folder in which stops are latched and robots locked; folder:
     of the painting, where the stop file is looked for and a virtual studio keeps its diary; pace,
     placement_error, faults: of a virtual studio; film: whether a simulated arm is filmed at work, into
-    that folder; workspace, camera: of a real easel, its file and its camera's name.
+    that folder, and meshes: the folder of shapes in which it is seen there, None for its own; workspace,
+    camera: of a real easel, its file and its camera's name.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -56,6 +58,7 @@ class EaselOrder:
     workspace: Path | None = None
     camera: str = ""
     film: bool = False
+    meshes: Path | None = None
 
     def record(self) -> dict[str, Any]:
         """The order as plain values."""
@@ -120,9 +123,11 @@ def _open_sawyer(order: EaselOrder) -> OpenEasel:
     if order.film and order.folder is not None:
         with contextlib.suppress(ImportError):  # connecting the arm says what to install
             from frida_painter.virtual.sawyer.film import ArmFilm
+            from frida_painter.virtual.sawyer.surroundings import Surroundings
 
-            place = studio.easel.workspace
-            studio.robot.watcher = ArmFilm(order.folder / ARM_FILM, place, order.canvas, studio.table)
+            seen = None if order.meshes is None else Meshes.in_folder(order.meshes)
+            before = Surroundings(studio.easel.workspace, order.canvas, seen)
+            studio.robot.watcher = ArmFilm(order.folder / ARM_FILM, before, studio.table)
 
     def close() -> None:
         studio.robot.watcher.close()

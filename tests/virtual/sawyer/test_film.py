@@ -71,7 +71,7 @@ def test_a_film_shows_every_motion_and_the_arm_does_not_feel_it(drawn, hand, tmp
     path = tmp_path / "arm.mp4"
     plain = Hand([0.05, 0.1, 0.7], canvas=CANVAS, arm="sawyer", noise=None)
     filmed = Hand([0.05, 0.1, 0.7], canvas=CANVAS, arm="sawyer", noise=None)
-    film = ArmFilm(path, filmed.easel.workspace, CANVAS, filmed.studio.table)
+    film = ArmFilm(path, Surroundings(filmed.easel.workspace, CANVAS), filmed.studio.table)
     filmed.studio.robot.watcher = film
     film.open()
     for one in (plain, filmed):
@@ -88,7 +88,7 @@ def test_a_film_shows_every_motion_and_the_arm_does_not_feel_it(drawn, hand, tmp
 
 def test_without_opengl_the_film_is_missing_and_nothing_else(hand, tmp_path, monkeypatch):
     monkeypatch.setattr("frida_painter.virtual.sawyer.view.headless_opengl", lambda: None)
-    film = ArmFilm(tmp_path / "arm.mp4", hand.easel.workspace, CANVAS, hand.studio.table)
+    film = ArmFilm(tmp_path / "arm.mp4", Surroundings(hand.easel.workspace, CANVAS), hand.studio.table)
     hand.studio.robot.watcher = film
     film.open()
     hand.easel.robot.home()

@@ -14,8 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import FridaError
-from frida_painter.frames import CanvasSize
-from frida_painter.hardware.workspace import Workspace
 from frida_painter.virtual.arm import Course
 from frida_painter.virtual.paint import BANDS, to_srgb
 from frida_painter.virtual.sawyer.inset import Inset
@@ -47,13 +45,14 @@ class ArmFilm:
     """Films an arm: `open` before it moves, `watch` its motions, `close`. What goes wrong never stops the arm.
 
     path: of the film, which is there after `close` if there was OpenGL, disk and a motion to see; where a
-    film was begun there, it goes on. workspace, canvas, table: what the arm stands before.
+    film was begun there, it goes on. surroundings, table: what the arm stands before. Raises ConfigError where
+    the arm's meshes cannot be used.
     """
 
-    def __init__(self, path: Path, workspace: Workspace, canvas: CanvasSize, table: Table) -> None:
+    def __init__(self, path: Path, surroundings: Surroundings, table: Table) -> None:
         self._path, self._table = path, table
-        self._surroundings = Surroundings(workspace, canvas)
-        self._inset = Inset(canvas, _ROWS, _COLUMNS)
+        self._model = surroundings.model()
+        self._inset = Inset(surroundings.canvas, _ROWS, _COLUMNS)
         self._moments: queue.Queue[Moment | None] = queue.Queue(_WAITING)
         self._now, self._next, self._count = 0.0, 0.0, 0
         self._canvas = self._look()
@@ -107,7 +106,7 @@ class ArmFilm:
             self._ready.set()
 
     def _draw_all(self) -> None:
-        model = self._surroundings.model()
+        model = self._model
         pixels = np.empty((_ROWS, _COLUMNS, 3), np.uint8)
         with ArmView(model, _ROWS, _COLUMNS) as view:
             reel = Reel(self._path, pixels)

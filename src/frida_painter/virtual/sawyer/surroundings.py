@@ -12,13 +12,17 @@ import numpy as np
 from mujoco import mjtGeom, mjtTexture, mjtTextureRole
 from numpy.typing import NDArray
 
+from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.workspace import Point, Workspace
+from frida_painter.virtual.sawyer.meshes import PARTS, Meshes
 
 CANVAS, CANVAS_PIXELS = "canvas", 1024
 _PLANKS, _PLANK_PIXELS = "planks", 512
 _THICKNESS = 0.018
 _FLOOR = -0.78
+_HEAD = (0.0, 0.0, 0.2965)  # of its joint, in the frame of l0 (sawyer_description)
+_LARGEST = 0.5  # half the length of a part of the arm
 _WALL = (0.86, 0.855, 0.845)
 _WELL_RADIUS, _WELL_WALL = 0.0175, 0.0025
 # Things of this group are not drawn.
@@ -28,13 +32,20 @@ _EMPTY = (0.93, 0.92, 0.90, 1.0)
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Where things are around one arm: its workspace, and the size of the canvas in it."""
+    """Where things are around one arm: its workspace, the size of the canvas in it, and what the arm looks like.
+
+    meshes: the maker's shapes, to be looked at only; None for the description's own.
+    """
 
     workspace: Workspace
     canvas: CanvasSize
+    meshes: Meshes | None = None
 
     def model(self) -> mujoco.MjModel:
-        """The arm in these surroundings, ready to be simulated and looked at."""
+        """The arm in these surroundings, ready to be simulated and looked at.
+
+        Raises ConfigError where its meshes cannot be used.
+        """
         spec = mujoco.MjSpec.from_string(resources.files(__package__).joinpath("sawyer.xml").read_text("utf-8"))
         self._add_room(spec)
         self._add_table(spec)
@@ -43,7 +54,7 @@ class Surroundings:
             self._add_bowl(spec, f"well {number}", well, _WELL_RADIUS, group=_UNUSED)
         self._add_bowl(spec, "water", self.workspace.water, 0.042, rgba=(0.55, 0.68, 0.74, 1))
         self._add_rag(spec)
-        model = spec.compile()
+        model = spec.compile() if self.meshes is None else _dressed(spec, self.meshes)
         paper(model, _PLANKS, _planks())
         return model
 
@@ -176,6 +187,32 @@ class Surroundings:
         return spec.worldbody.add_geom(
             type=kind, size=full, pos=place, contype=0, conaffinity=0, **{"group": 1, **look}
         )
+
+
+def _dressed(spec: mujoco.MjSpec, meshes: Meshes) -> mujoco.MjModel:
+    """The model with the maker's shapes in place of the description's."""
+    spec.body("l0").add_body(name="head", pos=_HEAD)
+    for part in PARTS:
+        for shape in spec.body(part).geoms:
+            shape.group = _UNUSED
+    for number, piece in enumerate(meshes.pieces):
+        name = f"{piece.part} {number}"
+        spec.add_mesh(name=name, file=str(piece.path.absolute()), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+        spec.add_material(name=name, rgba=(*piece.color, 1), specular=0.4, shininess=0.4)
+        spec.body(piece.part).add_geom(
+            type=mjtGeom.mjGEOM_MESH, meshname=name, material=name, group=1, contype=0, conaffinity=0, mass=0
+        )
+    try:
+        model = spec.compile()
+    except ValueError as cause:
+        raise ConfigError(f"The meshes of the arm cannot be used: {cause}") from cause
+    largest = float(model.geom_rbound[model.geom_type == mjtGeom.mjGEOM_MESH].max())
+    if not largest <= _LARGEST:
+        raise ConfigError(
+            f"A mesh of the arm is {2 * largest:.3g} m long; meshes are in metres, and no part is longer than "
+            f"{2 * _LARGEST:g} m. Scale them, then try again."
+        )
+    return model
 
 
 def paper(model: mujoco.MjModel, texture: str, picture: NDArray[np.uint8]) -> int:
