@@ -8,8 +8,12 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
@@ -19,7 +23,7 @@ from scenes import picture
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 PATIENCE = 60_000  # ms; the machine that tests may be busy
-ENOUGH = 280.0  # seconds for everything here; a browser that hangs is not waited for by any other clock
+ENOUGH = 600.0  # seconds for everything here; a browser that hangs is not waited for by any other clock
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
 pytestmark = [
     pytest.mark.slow,
@@ -39,26 +43,42 @@ def deadline() -> Iterator[None]:
     faulthandler.cancel_dump_traceback_later()
 
 
+@dataclass(frozen=True)
+class Studio:
+    """A studio that was started: the address that it printed, and its terminal."""
+
+    address: str
+    terminal: IO[str]
+
+    def press_enter(self) -> None:
+        """Somebody stands beside the robot."""
+        self.terminal.write("\n")
+        self.terminal.flush()
+
+
 @pytest.fixture(scope="module")
-def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address that a studio prints."""
+def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Studio]:
     folder = tmp_path_factory.mktemp("studio")
     program = [sys.executable, "-m", "frida_painter", "studio", "--folder", str(folder / "paintings"), "--port", "0"]
-    studio = subprocess.Popen([*program, "--no-browser"], stdout=subprocess.PIPE, text=True, env={**os.environ})
-    assert studio.stdout is not None
+    process = subprocess.Popen(
+        [*program, "--pace", "0.05", "--no-browser"],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env={**os.environ},
+    )  # fmt: skip
+    assert process.stdin is not None and process.stdout is not None
     try:
-        assert select.select([studio.stdout], [], [], 60)[0], "the studio says nothing"
-        match = re.search(r"http://\S+", studio.stdout.readline())
+        assert select.select([process.stdout], [], [], 60)[0], "the studio says nothing"
+        match = re.search(r"http://\S+", process.stdout.readline())
         assert match is not None
-        yield match[0]
+        yield Studio(match[0], process.stdin)
         for painting in (folder / "paintings").glob("*/feed.jsonl"):
             painting.with_name("stop").touch()  # whatever a test that failed has left at work
-        studio.send_signal(signal.SIGINT)
-        studio.wait(30)
+        process.send_signal(signal.SIGINT)
+        process.wait(30)
     finally:
-        studio.kill()
-        studio.wait(10)
-        studio.stdout.close()
+        process.kill()
+        process.wait(10)
+        process.stdin.close()
+        process.stdout.close()
 
 
 @pytest.fixture(scope="module")
@@ -70,16 +90,24 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture
-def page(browser: Browser, address: str) -> Iterator[Page]:
-    """A window on the studio, in which nothing may go wrong unnoticed."""
-    context = browser.new_context(viewport={"width": 1280, "height": 860})
-    window = context.new_page()
-    window.set_default_timeout(PATIENCE)
+def page(browser: Browser, studio: Studio) -> Iterator[Page]:
+    """A window on the studio."""
+    with window(browser, studio, 1280, 860) as opened:
+        yield opened
+
+
+@contextmanager
+def window(browser: Browser, studio: Studio, width: int, height: int) -> Iterator[Page]:
+    """A window of that size, in which nothing may go wrong unnoticed."""
+    context = browser.new_context(viewport={"width": width, "height": height})
+    opened = context.new_page()
+    opened.set_default_timeout(PATIENCE)
     complaints: list[str] = []
-    window.on("pageerror", lambda error: complaints.append(str(error)))
-    window.goto(address)
-    assert "token" not in window.url
-    yield window
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.goto(studio.address)
+    assert "token" not in opened.url
+    expect(opened.get_by_text("What shall we paint?")).to_be_visible(timeout=PATIENCE)  # it knows the studio now
+    yield opened
     context.close()
     assert complaints == []
 
@@ -107,8 +135,8 @@ def slide(page: Page, label: str, value: int) -> None:
     page.get_by_label(label).fill(str(value))
 
 
-def start(page: Page) -> None:
-    page.get_by_role("button", name="Take plan 1").click()
+def start(page: Page, plan: int = 1) -> None:
+    page.get_by_role("button", name=f"Take plan {plan}").click()
     begin = page.get_by_role("button", name="Start painting")
     expect(begin).to_be_disabled()
     for box in page.locator(".check input").all():
@@ -141,3 +169,79 @@ def test_a_painting_from_the_wish_to_the_gallery(page: Page, photograph: Path) -
     page.get_by_role("button", name="Delete").click()
     expect(page.get_by_text("What shall we paint?")).to_be_visible()
     expect(page.locator(".shelf li")).to_have_count(0)
+
+
+BEGIN = """async (wish) => {
+  const api = await import("/static/api.js");
+  const sheet = document.createElement("canvas");
+  [sheet.width, sheet.height] = [120, 90];
+  const paper = sheet.getContext("2d");
+  paper.fillStyle = "#eadfcb"; paper.fillRect(0, 0, 120, 90);
+  paper.fillStyle = "#b23a20"; paper.fillRect(30, 20, 60, 50);
+  const picture = await api.upload(await new Promise((resolve) => sheet.toBlob(resolve)));
+  const begun = await api.post("/api/paintings", { terms: [{ kind: "image", picture }], ...wish });
+  location.hash = `#/p/${begun.id}`;
+  return { id: begun.id, picture };
+}"""
+AGAIN = """async ({ id, picture, wish }) => {
+  const api = await import("/static/api.js");
+  await api.post(`/api/paintings/${id}/plans`, { terms: [{ kind: "image", picture }], ...wish });
+}"""
+
+
+def test_stopped_while_planning_and_in_a_stroke_with_two_browsers_one_of_them_a_tablet(
+    page: Page, browser: Browser, studio: Studio
+) -> None:
+    begun = page.evaluate(BEGIN, {"title": "Red", "strokes": 300, "effort": 2, "colors": 2})
+    expect(page.get_by_label("Planning")).to_be_visible()
+    page.get_by_role("button", name="Stop", exact=True).click()
+    expect(page.get_by_role("button", name="Make another plan")).to_be_enabled(timeout=PATIENCE)
+    page.evaluate(AGAIN, {**begun, "wish": {"strokes": 12, "effort": 0.05, "colors": 2, "replans": 1}})
+    expect(page.get_by_role("button", name="Take plan 2")).to_be_visible(timeout=PATIENCE)
+    with window(browser, studio, 820, 1180) as tablet:
+        tablet.evaluate("id => { location.hash = `#/p/${id}`; }", begun["id"])
+        expect(tablet.get_by_role("button", name="Take plan 2")).to_be_visible()
+        assert tablet.evaluate("document.documentElement.scrollWidth") <= 820
+        start(page, 2)
+        pause = tablet.get_by_role("button", name="Pause after this stroke")
+        pause.click(timeout=PATIENCE)
+        tablet.get_by_role("button", name="Lead from here").click()
+        expect(tablet.get_by_text("This page leads now")).to_be_visible()
+        pause.click()
+        expect(page.get_by_role("button", name="Go on", exact=True)).to_be_visible(timeout=PATIENCE)
+        protect(tablet)
+        for each in (page, tablet):
+            expect(each.locator(".hatching").first).to_be_visible(timeout=PATIENCE)
+        expect(tablet.get_by_role("button", name="Go on", exact=True)).to_be_visible(timeout=PATIENCE)
+        tablet.get_by_role("button", name="Go on", exact=True).click()
+        expect(page.get_by_role("button", name="Pause after this stroke")).to_be_visible(timeout=PATIENCE)
+        page.keyboard.press("Escape")
+        page.keyboard.press("Escape")
+        for each in (page, tablet):
+            expect(each.get_by_text("You stopped after")).to_be_visible(timeout=PATIENCE)
+        go_on = tablet.get_by_role("button", name="Go on with this painting")
+        go_on.click()
+        expect(tablet.get_by_text("nothing moves until somebody has looked")).to_be_visible()
+        studio.press_enter()
+        tablet.wait_for_timeout(1500)
+        go_on.click()
+        expect(page.get_by_role("heading", name="Paint together")).to_be_visible(timeout=PATIENCE)
+        deadline = time.monotonic() + PATIENCE / 1000
+        while page.get_by_text("are on the canvas").count() == 0 and time.monotonic() < deadline:
+            asked = tablet.locator(".question").get_by_role("button", name="No", exact=True)
+            if asked.count():
+                asked.click()
+            tablet.wait_for_timeout(100)
+        expect(page.get_by_text("12 strokes are on the canvas")).to_be_visible()
+
+
+def protect(page: Page) -> None:
+    """Draws over the left of the canvas, which the robot must not touch then."""
+    page.get_by_role("button", name="Protect a part").click()
+    box = page.locator(".pad canvas").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.1 * box["width"], box["y"] + 0.2 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.1 * box["width"], box["y"] + 0.8 * box["height"], steps=4)
+    page.mouse.up()
+    page.get_by_role("button", name="The robot must not touch this").click()
