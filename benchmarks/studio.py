@@ -2,6 +2,8 @@
 
     python benchmarks/studio.py [--trials 200] [--rounds 3] [--json FILE]
 
+--rounds 0 leaves out the comparison of plans and strokes, which needs a machine that does nothing else.
+
 One studio, its painting with the robot at a fifth of its real pace, without anybody watching and with 20 clients that
 watch (state as it changes, two photographs a second) and 5 that connect and never read. A machine that is busy with
 something else spoils all of it.
@@ -264,38 +266,48 @@ def main() -> None:
         painting = here.ask("/api/paintings", wish)["id"]
         finish(here, painting)
         folder = PaintingFolder(next(here.folder.glob(f"*-{painting[:6]}")))
-        alone, watched, strokes_alone, strokes_watched = [], [], [], []
-        longer = {**wish, "strokes": 100, "effort": 0.3}
-        for _ in range(rounds):
-            alone.append(planned(here, longer, painting))
-            with Crowd(here, painting):
-                watched.append(planned(here, longer, painting))
-            strokes_alone.append(intervals(here, wish, crowd=False))
-            strokes_watched.append(intervals(here, wish, crowd=True))
         memory, worked, since = here.memory(), here.cpu(), time.monotonic()
         with Crowd(here, painting) as crowd:
             delays = told_after(crowd, folder, 10 if options.quick else 40)
             took, missed = stops(here, folder, trials)
             work = (here.cpu() - worked) / (time.monotonic() - since)
             grown = here.memory() - memory
-    base, under = np.concatenate(strokes_alone), np.concatenate(strokes_watched)
-    p99 = percentile(under, 99) / percentile(base, 99) - 1
-    slower = statistics.median(watched) / statistics.median(alone) - 1
+        compared, figures = comparison(here, wish, rounds) if rounds else ([], {})
     rows = [
         ("first page in a fresh browser", "-" if shown is None else f"{shown:.0f} ms", "< 1000 ms"),
-        ("99th percentile of the time of a stroke, watched against alone", f"{100 * p99:+.1f} %", "within 10 %"),
-        ("time of a plan, watched against alone (medians)", f"{100 * slower:+.1f} %", "within 5 %"),
         (f"a change is told to {WATCHING} clients: median, 99th percentile",
          f"{percentile(delays, 50):.0f}, {percentile(delays, 99):.0f} ms", "< 300 ms"),
         (f"from the click to the robot's stop, {trials} times: median, longest",
          f"{percentile(took, 50):.0f}, {max(took):.0f} ms", "< 250 ms"),
         ("stops that were missed", str(missed), "none"),
+        *compared,
         ("what the page's process works meanwhile", f"{100 * work:.0f} % of a core", ""),
         ("memory of the page's process, and what the clients add", f"{memory:.0f} MB, {grown:+.0f} MB", "+50 MB"),
     ]  # fmt: skip
     table = Table(f"The studio with {WATCHING} clients that watch and {DEAF} that never read", ("", "", "wanted"), rows)
-    figures = {"plans": [alone, watched], "strokes": [base.tolist(), under.tolist()], "stops": took, "told": delays}
-    publish([table], figures, options)
+    publish([table], {**figures, "stops": took, "told": delays}, options)
+
+
+def comparison(here: Studio, wish: dict[str, Any], rounds: int) -> tuple[list[tuple[str, str, str]], dict[str, Any]]:
+    """How much longer strokes and plans take while everybody watches, turn by turn."""
+    alone, watched, strokes_alone, strokes_watched = [], [], [], []
+    longer = {**wish, "strokes": 100, "effort": 0.3}
+    painting = here.ask("/api/paintings", wish)["id"]
+    finish(here, painting)
+    for _ in range(rounds):
+        alone.append(planned(here, longer, painting))
+        with Crowd(here, painting):
+            watched.append(planned(here, longer, painting))
+        strokes_alone.append(intervals(here, wish, crowd=False))
+        strokes_watched.append(intervals(here, wish, crowd=True))
+    base, under = np.concatenate(strokes_alone), np.concatenate(strokes_watched)
+    p99 = percentile(under, 99) / percentile(base, 99) - 1
+    slower = statistics.median(watched) / statistics.median(alone) - 1
+    rows = [
+        ("99th percentile of the time of a stroke, watched against alone", f"{100 * p99:+.1f} %", "within 10 %"),
+        ("time of a plan, watched against alone (medians)", f"{100 * slower:+.1f} %", "within 5 %"),
+    ]
+    return rows, {"plans": [alone, watched], "strokes": [base.tolist(), under.tolist()]}
 
 
 if __name__ == "__main__":

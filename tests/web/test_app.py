@@ -70,6 +70,7 @@ def test_the_page_and_all_that_it_needs_come_from_here(visitor: Visitor) -> None
     assert "style=" not in page.text and "<script>" not in page.text
     static = Path(web.__file__).parent / "static"
     for file in static.iterdir():
+        assert file.suffix != ".js" or f"/static/{file.name}" in page.text, f"{file.name} is fetched late"
         answer = visitor.get(f"/static/{file.name}")
         assert answer.status_code == 200 and answer.content == file.read_bytes()
         assert "http" not in answer.text.replace("http://www.w3.org/2000/svg", ""), f"{file.name} asks somebody else"

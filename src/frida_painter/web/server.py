@@ -13,9 +13,23 @@ from frida_painter.web.app import application, guarded
 from frida_painter.web.presence import Presence
 from frida_painter.web.shelf import Shelf
 from frida_painter.web.station import Station
+from frida_painter.web.watch import Watch
 
 LOCAL = "127.0.0.1"
 _BACKLOG = 256
+
+
+class _Server(uvicorn.Server):
+    """Lets those go who watch before it waits for all requests to end."""
+
+    def __init__(self, config: uvicorn.Config, watch: Watch) -> None:
+        super().__init__(config)
+        self._watch = watch
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Ends the server."""
+        self._watch.end()
+        await super().shutdown(sockets)
 
 
 def listen(address: str, port: int) -> socket.socket:
@@ -58,8 +72,9 @@ def serve(
     known = hosts(address, port, names)
     keys, presence = Keys(), Presence()
     first = f"{names[0]}:{port}" if names else sorted(known)[0]
+    app = application(shelf, station, presence)
     config = uvicorn.Config(
-        guarded(application(shelf, station, presence), keys, known, f"studio-{port}"),
+        guarded(app, keys, known, f"studio-{port}"),
         log_level="warning",
         access_log=False,
         server_header=False,
@@ -70,6 +85,6 @@ def serve(
     )
     with contextlib.suppress(OSError, ValueError):  # there may be no standard input at all
         presence.listen(sys.stdin.fileno())
-    server = uvicorn.Server(config)
+    server = _Server(config, app.state.watch)
     tell({role: f"http://{first}/?token={token}" for role, token in keys.tokens.items()})
     server.run(sockets=[listening])

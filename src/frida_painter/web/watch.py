@@ -49,6 +49,7 @@ class _Watched:
     watchers: int = 0
     changed: asyncio.Event = field(default_factory=asyncio.Event)
     task: asyncio.Task[None] | None = None
+    over: bool = False
 
     async def follow(self) -> None:
         reader = LineReader(self.folder.feed)
@@ -89,6 +90,12 @@ class Watch:
                 watched.task.cancel()
                 del self._watched[identifier]
 
+    def end(self) -> None:
+        """Lets all of them go: the studio is closed."""
+        for watched in self._watched.values():
+            watched.over = True
+            watched.changed.set()
+
 
 def require_room(watch: Watch) -> None:
     """Answers 503 where too many watch already."""
@@ -98,7 +105,7 @@ def require_room(watch: Watch) -> None:
 
 async def _following(watched: _Watched) -> AsyncIterator[str]:
     last = ""
-    while True:
+    while not watched.over:
         changed = watched.changed
         if watched.text != last:
             last = watched.text
@@ -139,6 +146,7 @@ class EventStream(Response):
                 body = f"data: {text}\n\n" if text else ": still here\n\n"
                 message = {"type": "http.response.body", "body": body.encode(), "more_body": True}
                 await asyncio.wait_for(send(message), _PATIENCE)
+        await send({"type": "http.response.body", "body": b"", "more_body": False})
 
 
 async def _gone(receive: Receive) -> None:
