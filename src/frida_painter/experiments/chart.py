@@ -154,7 +154,7 @@ def _steps(least: float, most: float) -> tuple[float, ...]:
 
 def _decades(least: float, most: float) -> tuple[float, ...]:
     """Round values between two powers of ten, at most about eight of them."""
-    for parts in ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 6, 8), tuple(k / 10 for k in range(10, 100))):
+    for parts in ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 6, 8)):
         found = [
             float(f"{part * 10.0**decade:.6g}")
             for decade in range(math.floor(least), math.ceil(most) + 1)
@@ -162,8 +162,8 @@ def _decades(least: float, most: float) -> tuple[float, ...]:
             if least <= math.log10(part) + decade <= most
         ]
         if len(found) >= 4:
-            break
-    return tuple(found[:: math.ceil(len(found) / 8)]) if found else ()
+            return tuple(found[:: math.ceil(len(found) / 8)])
+    return _steps(10.0**least, 10.0**most)
 
 
 def _apart(wanted: Sequence[float]) -> list[float]:
