@@ -106,6 +106,28 @@ def test_stopping_brakes_at_once_and_holds_until_it_is_rearmed(hand):
     robot.home()
 
 
+def test_moving_as_slowly_as_a_real_one_it_stops_within_a_tenth_of_a_second():
+    hand, ends = sawyer(pace=1.0), []
+    robot, began = hand.studio.robot, time.monotonic()
+    start = robot.pose()
+
+    def go():
+        try:
+            robot.follow(Waypoints("aside", start[None] - [0.0, 0.3, 0.0], 0.1))
+        except RobotStopped:
+            ends.append(time.monotonic())
+
+    thread = threading.Thread(target=go)
+    thread.start()
+    time.sleep(0.8)
+    asked = time.monotonic()
+    robot.stop()
+    thread.join()
+    assert ends[0] - asked < 0.1
+    gone = np.linalg.norm(robot.pose() - start)
+    assert 0.001 < gone < 0.25 * (asked - began) + 0.02, "not farther than a real one in that time"
+
+
 def test_braking_takes_a_tenth_of_a_second_and_a_few_millimetres(hand):
     """Stopped in full travel: how far the tip still goes, by the arm's own clock."""
     arm = hand.studio.robot._arm

@@ -6,6 +6,7 @@ the arm need not wait. Whoever moves the arm hands over what was seen, as plain 
 
 import queue
 import threading
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +27,7 @@ _ROWS, _COLUMNS = 540, 960
 # Seconds of work from picture to picture at first, for so many pictures, and how that grows from then on.
 _AT_LEISURE, _PICTURES, _GROWTH = 0.25, 96, 1.02
 _WAITING = 4  # pictures that may be waiting to be drawn
+_HELD_UP = 6.0  # so many times longer than it takes may a motion be held up by its pictures; others are left out
 _CLEAN = np.array([0.78, 0.66, 0.48])  # sRGB of bristles without paint
 _DRY = 0.5  # microlitres: a brush with less looks clean
 _MM = 1000.0
@@ -73,10 +75,11 @@ class ArmFilm:
             return
         before, self._canvas = self._canvas, self._look()
         period = course.seconds / max(1, len(course.angles) - 1)
+        latest = time.monotonic() + _HELD_UP * (1 + course.seconds)
         while self._next <= self._now and not self._over.is_set():
             index = min(len(course.angles) - 1, round((self._next - began) / period)) if period else 0
             canvas = self._in_between(before, self._canvas, course.places[: index + 1])
-            self._hand_over(Moment(course.angles[index], canvas, self._bristles(), self._wells()))
+            self._hand_over(Moment(course.angles[index], canvas, self._bristles(), self._wells()), latest)
             self._next += _AT_LEISURE * _GROWTH ** max(0, self._count - _PICTURES)
             self._count += 1
 
@@ -87,12 +90,14 @@ class ArmFilm:
             self._thread.join()
         self._over.set()
 
-    def _hand_over(self, moment: Moment) -> None:
+    def _hand_over(self, moment: Moment, latest: float) -> None:
+        """Waits for room until then (by the monotonic clock); afterwards the picture is left out."""
         while not self._over.is_set():
             try:
-                self._moments.put(moment, timeout=0.2)
+                self._moments.put(moment, timeout=min(0.2, max(0.0, latest - time.monotonic())))
             except queue.Full:
-                continue
+                if time.monotonic() < latest:
+                    continue
             return
 
     def _shoot(self) -> None:
