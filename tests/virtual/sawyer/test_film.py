@@ -83,7 +83,7 @@ def test_a_film_shows_every_motion_and_the_arm_does_not_feel_it(drawn, hand, tmp
     counting = ("-v", "error", "-stats", "-i", str(path), "-f", "null", "-")
     said = subprocess.run([imageio_ffmpeg.get_ffmpeg_exe(), *counting], capture_output=True, text=True, check=True)
     frames = int(said.stderr.split("frame=")[-1].split()[0])
-    assert frames == pytest.approx(filmed.studio.clock.now / 0.25 + 1 + 48, abs=1)
+    assert frames == pytest.approx(filmed.studio.clock.now / 0.25 + 2 + 48, abs=1)
 
 
 def test_without_opengl_the_film_is_missing_and_nothing_else(hand, tmp_path, monkeypatch):

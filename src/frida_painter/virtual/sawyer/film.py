@@ -58,6 +58,7 @@ class ArmFilm:
         self._moments: queue.Queue[Moment | None] = queue.Queue(_WAITING)
         self._now, self._next, self._count = 0.0, 0.0, 0
         self._canvas = self._look()
+        self._angles: NDArray[np.float64] | None = None  # of the joints now
         self._thread: threading.Thread | None = None
         self._ready, self._over = threading.Event(), threading.Event()
 
@@ -71,6 +72,7 @@ class ArmFilm:
     def watch(self, course: Course) -> None:
         """Sees a motion that has just been made, with what it left on the canvas."""
         began, self._now = self._now, self._now + course.seconds
+        self._angles = None if course.angles is None else course.angles[-1]
         if course.angles is None or self._thread is None or self._next > self._now or self._over.is_set():
             return
         before, self._canvas = self._canvas, self._look()
@@ -84,8 +86,11 @@ class ArmFilm:
             self._count += 1
 
     def close(self) -> None:
-        """Ends the film after what was seen so far."""
+        """Ends the film after what was seen so far, with a picture of how it is now."""
         if self._thread is not None and self._thread.is_alive():
+            if self._angles is not None:
+                now = Moment(self._angles, self._look(), self._bristles(), self._wells())
+                self._hand_over(now, time.monotonic() + _HELD_UP)
             self._moments.put(None)
             self._thread.join()
         self._over.set()
