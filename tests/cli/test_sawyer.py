@@ -36,10 +36,3 @@ def test_it_paints_looks_and_paints_the_rest(painting):
     page = (folder / "index.html").read_text()
     assert "Rethink Sawyer, simulated" in page
     assert "The arm at work" not in page
-
-
-def test_a_canvas_out_of_its_reach_is_refused_before_anything_moves(painting, capsys):
-    assert painting("--canvas", "900x900mm", "--replans", "0", "--no-film") == 2
-    said = " ".join(capsys.readouterr().err.split())
-    assert "the arm does not reach" in said
-    assert "Nothing was sent to the robot" in said

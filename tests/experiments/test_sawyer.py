@@ -1,12 +1,10 @@
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import torch
 
-from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.experiments import sawyer
 from frida_painter.experiments.targets import shipped
+from marks import coarse_table
 
 
 def step(edge: float) -> torch.Tensor:
@@ -27,8 +25,7 @@ def test_where_there_is_no_paint_there_are_no_edges():
 
 def test_the_sawyer_paints_what_the_kinematic_arm_paints_but_for_its_small_errors(monkeypatch):
     pytest.importorskip("mink")
-    coarse = SimpleNamespace(of=lambda model: StrokeTable.of(model, detail=TableDetail((2, 2, 2), 8)))
-    monkeypatch.setattr(sawyer, "StrokeTable", coarse)
+    monkeypatch.setattr(sawyer, "cached_table", coarse_table)
     (target,) = shipped(["coffee"])
     outcome = sawyer.run(target, scale=sawyer.QUICK)
     errors, apart, took = (table.rows for table in outcome.tables)

@@ -4,13 +4,16 @@ import pytest
 import torch
 
 from easels import CALIBRATION, CANVAS, NotingRobot, PatientCamera, stub_easel
-from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.kinds import BrushKind, brush_kind
 from frida_painter.errors import PoseMismatch, WorkspaceViolation
+from frida_painter.frames import CanvasSize
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.events import Dipped, StrokePainted
 from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.virtual.studio import SAWYER, StudioSettings, open_studio
+from plans import made_up_strokes
 
 LIMITS = StrokeLimits((0.01, 0.03), (-0.008, 0.008))
 BRUSH = BrushKind("small", LIMITS, 0.008)
@@ -130,3 +133,17 @@ def test_the_time_of_the_last_motion_is_the_robot_s() -> None:
     assert brushwork.last_motion == 101.0
     painted(brushwork, plan([0]))
     assert brushwork.last_motion == 103.0
+
+
+def test_a_batch_that_the_simulated_sawyer_does_not_reach_is_refused_before_anything_moves() -> None:
+    pytest.importorskip("mink")
+    wide = CanvasSize(0.9, 0.9)
+    studio = open_studio(wide, "broad", settings=StudioSettings(arm=SAWYER, cell=2.0))
+    strokes = made_up_strokes(6, 0, wide)
+    which = Plan.of(
+        strokes, Palette(torch.zeros(1, 3)), torch.zeros(6).long(), canvas=wide, brush="broad",
+        limits=StrokeLimits((0.01, 0.06), (-0.016, 0.016)),
+    )  # fmt: skip
+    with pytest.raises(WorkspaceViolation, match=r"stroke \d: the arm does not reach .* Nothing was sent to the robot"):
+        Brushwork(studio.easel, brush_kind("broad")).prepare(which, 0, 6)
+    assert studio.robot.motions == 0
