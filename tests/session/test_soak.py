@@ -75,8 +75,11 @@ def made_up(model: StrokeTable) -> Plan:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory and handles are read from /proc")
-def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(tmp_path: Path) -> None:
+def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     torch.set_num_threads(1)
+    monkeypatch.setattr("frida_painter.session.loop.PHOTOGRAPH_ROWS", 216)  # looked at more coarsely, and sooner
     model = StrokeTable.of(load_stroke_model("fine"), detail=TableDetail((2, 2, 2), 8))
     # A goal that is begun with something else spares looking for better places, which takes most of the time.
     goal = Goal((ImageTerm(picture(120, 160)),), initial=(ImageTerm(picture(120, 160)),))
