@@ -4,6 +4,7 @@ import shutil
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ from PIL import Image
 from skimage import data
 
 from frida_painter import cli
+from frida_painter.frames import CanvasSize
 from frida_painter.hardware.stand import Stand, example
+from frida_painter.session.easels import EaselOrder, open_easel
 from frida_painter.session.history import History
 from frida_painter.session.logbook import Logbook
 from machines.fake_grbl import FakeGrbl
@@ -103,6 +106,26 @@ def on(port: str) -> tuple[object, ...]:
 
 def told(folder: Path) -> History:
     return History.of(Logbook.read(folder / "journal"), folder)
+
+
+@pytest.mark.usefixtures("coarse_brush")
+def test_a_person_paints_as_they_are_asked_and_is_asked_for_everything(run: Run, easel: Path) -> None:
+    shots = f"folder:{easel / 'shots'}"
+    size = CanvasSize(0.14, 0.1)
+    known = open_easel(EaselOrder("human", size, "fine", 0, easel, camera=shots)).easel.calibration
+    corners = ((9.5, 9.5), (149.5, 9.5), (149.5, 109.5), (9.5, 109.5))
+    replace(known, photograph=SIZE).with_canvas(corners, SIZE, camera=shots, canvas=size, residual=0.1).save(
+        easel / "hand.json"
+    )
+    seen = ("--robot", "human", "--camera", "folder:shots", "--calibration", "hand.json", "--canvas", "140x100mm")
+    words = ("paint", "coffee.png", *SMALL, *seen, "--no-film", "--out", "mine", "--strokes", 2)
+    status, said = run(*words, typing=7 * ["y"])
+    assert status == 0, said
+    said = " ".join(said.split())
+    assert said.count("Dip the brush into paint 1 (#") == 1 and said.count("Painted?") == 2
+    assert "Mix these paints" in said and "hands, brush and shadow" in said
+    assert told(easel / "mine").painted == 2 and (easel / "mine" / "question.png").exists()
+    assert "2 strokes" in said and (easel / "mine" / "painting.png").exists()
 
 
 @pytest.mark.usefixtures("coarse_brush")
