@@ -133,7 +133,8 @@ def request(chance: random.Random, paths: dict[str, Any], known: str) -> tuple[s
         else chance.choice(NASTY)
         for part in template.split("/")
     )
-    method = chance.choice(["GET", "POST", "POST", "POST", "PUT", "DELETE", "HEAD", "OPTIONS", "PATCH"])
+    meant = paths.get(template, ["GET"])
+    method = chance.choice(meant if chance.random() < 0.85 else ["GET", "POST", "PUT", "DELETE", "HEAD", "PATCH"])
     written = json.dumps(chance.choice([nonsense, almost_sensible])(chance)).encode()
     return (
         method,
@@ -163,9 +164,10 @@ RAW = [
 
 
 def routes(folder: Path) -> dict[str, Any]:
-    """The paths of a studio, as its own description tells them; those that never end or destroy left out."""
+    """The paths of a studio with their methods, from its own description, but for those that never end or destroy."""
     app = application(Shelf(folder), Station(folder / "record.json"), Presence())
-    return {path: None for path in app.openapi()["paths"] if not path.endswith(("/events", "/delete"))}
+    described = app.openapi()["paths"].items()
+    return {path: [*map(str.upper, own)] for path, own in described if not path.endswith(("/events", "/delete"))}
 
 
 class Visitor:

@@ -23,6 +23,7 @@ from scenes import picture
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 PATIENCE = 60_000  # ms; the machine that tests may be busy
+SCREENSHOTS = Path(__file__).parents[2] / ".screenshots"  # of every run, for people to look at
 ENOUGH = 600.0  # seconds for everything here; a browser that hangs is not waited for by any other clock
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
 pytestmark = [
@@ -119,6 +120,11 @@ def photograph(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def keep(page: Page, name: str) -> None:
+    """A screenshot for people."""
+    page.screenshot(path=SCREENSHOTS / f"{name}.png")
+
+
 def say(page: Page, photograph: Path, strokes: int = 15) -> None:
     """Asks for a small painting of the photograph."""
     page.get_by_role("link", name="New painting").click()
@@ -151,11 +157,13 @@ def test_a_painting_from_the_wish_to_the_gallery(page: Page, photograph: Path) -
     scrub.fill("7")
     expect(page.get_by_text("7 of 15")).to_be_visible()
     expect(page.locator(".overlay .mark")).to_have_count(1, timeout=PATIENCE)
+    keep(page, "plan")
     start(page)
     expect(page.locator(".status")).to_have_text(re.compile(r"Stroke \d+ of 15"), timeout=PATIENCE)
     page.reload()
     expect(page.locator(".looks h3").first).to_be_visible(timeout=PATIENCE)
     expect(page.get_by_role("link", name="The painting, photographed")).to_be_visible(timeout=PATIENCE)
+    keep(page, "finished")
     film = page.locator("video")
     film.evaluate("async film => { film.muted = true; await film.play(); }")
     assert film.evaluate("film => film.videoWidth") > 0
@@ -212,6 +220,8 @@ def test_stopped_while_planning_and_in_a_stroke_with_two_browsers_one_of_them_a_
         protect(tablet)
         for each in (page, tablet):
             expect(each.locator(".hatching").first).to_be_visible(timeout=PATIENCE)
+        keep(page, "protected")
+        keep(tablet, "protected-tablet")
         expect(tablet.get_by_role("button", name="Go on", exact=True)).to_be_visible(timeout=PATIENCE)
         tablet.get_by_role("button", name="Go on", exact=True).click()
         expect(page.get_by_role("button", name="Pause after this stroke")).to_be_visible(timeout=PATIENCE)
@@ -219,6 +229,7 @@ def test_stopped_while_planning_and_in_a_stroke_with_two_browsers_one_of_them_a_
         page.keyboard.press("Escape")
         for each in (page, tablet):
             expect(each.get_by_text("You stopped after")).to_be_visible(timeout=PATIENCE)
+        keep(page, "stopped")
         go_on = tablet.get_by_role("button", name="Go on with this painting")
         go_on.click()
         expect(tablet.get_by_text("nothing moves until somebody has looked")).to_be_visible()

@@ -6,6 +6,7 @@ checked against other names for this machine (DNS rebinding), the origin and a s
 other pages in the same browser (cross-site request forgery).
 """
 
+import contextlib
 import hmac
 import secrets
 import time
@@ -14,6 +15,7 @@ from enum import IntEnum
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qsl, urlencode
 
+from h11 import LocalProtocolError
 from starlette.datastructures import Headers
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -103,7 +105,9 @@ class Door:
             await self._app(scope, receive, send)
         elif scope["type"] == "http":
             answer = self._judge(scope)
-            await (answer or self._app)(scope, receive, _with_headers(send))
+            # Where what comes after the headers is no HTTP, the server has refused it already: nothing can be sent.
+            with contextlib.suppress(LocalProtocolError):
+                await (answer or self._app)(scope, receive, _with_headers(send))
         else:  # the studio has no WebSockets
             await receive()
             await send({"type": "websocket.close", "code": 1008})

@@ -80,6 +80,7 @@ def serve(
         server_header=False,
         timeout_keep_alive=10,
         timeout_graceful_shutdown=2,
+        http="h11",  # what access.py knows of
         ws="none",
         h11_max_incomplete_event_size=32 * 1024,
     )

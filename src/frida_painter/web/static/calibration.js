@@ -16,7 +16,7 @@ const PROCEDURES = {
   strokes: { title: "What the brush can do", tells: "It paints strokes of all kinds on paper, photographs each, and learns from them.",
     drawing: "M6 12C16 4 22 20 32 10M10 24C20 16 30 30 42 22M6 36C18 28 24 40 38 32" },
 };
-const STATUS = { waiting: "waits its turn", busy: "being done", done: "done", failed: "did not succeed", stopped: "stopped" };
+const STATUS = { waiting: "waits its turn", busy: "being done", failed: "did not succeed", stopped: "stopped" };
 
 export function calibration(house) {
   const questions = questionCard(house, "/api/calibration", picture);
@@ -51,7 +51,7 @@ export function calibration(house) {
   function procedure(each, working) {
     const { title, tells, drawing } = PROCEDURES[each.name];
     const when = each.dated ? `last done on ${new Date(each.dated).toLocaleDateString(undefined, { day: "numeric", month: "long", year: "numeric" })}` : "never done";
-    const state = STATUS[each.status] ?? when;
+    const state = each.status === "done" ? when : STATUS[each.status] ?? when;
     return h("li", { class: each.status },
       svg("svg", { viewBox: "0 0 48 44", class: "drawing", "aria-hidden": "true" }, svg("path", { d: drawing })),
       h("div", {}, h("h3", {}, title), h("p", {}, each.status === "done" && each.sentence ? each.sentence : tells),
