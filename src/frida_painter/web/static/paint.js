@@ -2,7 +2,7 @@
 
 import * as api from "./api.js";
 import { canvasView } from "./canvasview.js";
-import { duration, h, show } from "./dom.js";
+import { count, duration, h, show } from "./dom.js";
 import { togetherTools } from "./tools.js";
 
 const WORDS = {
@@ -48,7 +48,7 @@ export function paintStage(house, here, first) {
     const gain = look.gain === undefined ? "" : look.gain > 0.005
       ? `It planned the rest again, and means to come ${Math.round(100 * look.gain)} % nearer to the goal than without looking.`
       : "All was as expected; the plan stays as it was.";
-    return h("li", {}, h("h3", {}, `After ${look.done} strokes`), gain ? h("p", {}, gain) : null,
+    return h("li", {}, h("h3", {}, `After ${count(look.done, "stroke", "strokes")}`), gain ? h("p", {}, gain) : null,
       h("div", { class: "trio" }, picture("expected", "Expected"), picture("seen", "Seen"), picture("difference", "Difference")));
   }
 

@@ -1,0 +1,39 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from frida_painter.config import PaintingSettings
+from frida_painter.errors import ConfigError
+from frida_painter.session.easel_process import state_folder
+from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.station import Station
+
+
+@pytest.mark.parametrize(
+    ("robot", "says"), [("toaster", "no robot 'toaster'"), ("axidraw", "workspace file"), ("xarm:10.0.0.1", "camera")]
+)
+def test_what_cannot_paint_is_refused_before_the_page_opens(tmp_path: Path, robot: str, says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        Station(tmp_path / "record.json", robot).require()
+
+
+@pytest.mark.parametrize(
+    ("robot", "simulated", "dangerous"),
+    [("virtual", True, False), ("sawyer-sim", True, False), ("human", False, False), ("axidraw", False, True)],
+)
+def test_whose_stops_hold_where(tmp_path: Path, robot: str, simulated: bool, dangerous: bool) -> None:
+    station = Station(tmp_path / "record.json", robot, "opencv:0", tmp_path / "easel.toml", 0.5)
+    assert (station.simulated, station.dangerous) == (simulated, dangerous)
+    assert Station.take(json.loads(json.dumps(station.plain()))) == station
+    folder = PaintingFolder(tmp_path)
+    order = station.order(PaintingSettings(), "broad", folder)
+    assert order.state == (folder.easel if simulated else state_folder())
+    assert order.pace == (0.5 if simulated else 0.0) and order.folder == folder.painting
+
+
+def test_a_record_counts_once_it_is_there(tmp_path: Path) -> None:
+    station = Station(tmp_path / "record.json")
+    assert station.known is None and station.canvas is None
+    station.record.write_text("{}")
+    assert station.known == station.record
