@@ -30,6 +30,9 @@ class Choice:
     better: str = ""
 
 
+_ASIDE = Choice("progress", "EfficientNet-Lite2, kept aside")
+
+
 class Encoders:
     """The networks of one painting.
 
@@ -92,8 +95,7 @@ class Encoders:
         """What sees shapes beside what sees meaning; None, and it is said, where neither VGG16 nor HED was fetched."""
         if self._vgg is None and all(weights.find(name, self._cache) is None for name in ("vgg16", "hed")):
             missing = Choice("shapes", "nothing", "the trunk of HED: frida-painter models fetch hed")
-            if missing not in self.choices:
-                self.choices.append(missing)
+            self._note(missing)
             return None
         return self.style()
 
@@ -117,7 +119,7 @@ class Encoders:
                 self.choices.append(Choice("progress", "the same network", better))
                 return self.meaning()
             self._aside = EfficientNetLite(weights.tensors("efficientnet-lite2", self._cache))
-            self.choices.append(Choice("progress", "EfficientNet-Lite2, kept aside"))
+            self._note(_ASIDE)
         return self._aside
 
     def readers(self) -> tuple[Reader, ...]:
@@ -143,7 +145,7 @@ class Encoders:
         """A reader that the optimiser never asks, and which says when to stop; None where there is none."""
         if self._reader_aside is None and self._has("efficientnet-lite2") and self._has("minilm"):
             self._reader_aside = self._conse(2)
-            self.choices.append(Choice("progress", "EfficientNet-Lite2, kept aside"))
+            self._note(_ASIDE)
         return self._reader_aside
 
     def sentences(self) -> SentenceEncoder:
@@ -166,6 +168,11 @@ class Encoders:
         """Notes once what a person is to be told."""
         if words not in self.remarks:
             self.remarks.append(words)
+
+    def _note(self, choice: Choice) -> None:
+        """Notes once which network was used."""
+        if choice not in self.choices:
+            self.choices.append(choice)
 
     @property
     def _kept(self) -> Path:
