@@ -208,6 +208,8 @@ def test_a_painting_can_be_taken_along_and_deleted(studio: Studio, visitor: Visi
     (entry.folder.painting / "photographs").mkdir(parents=True)
     (entry.folder.painting / "index.html").write_text("page")
     (entry.folder.painting / ".reserve").write_text("hidden")
+    (entry.folder.painting / ".arm").mkdir()
+    (entry.folder.painting / ".arm" / "0.mp4").write_text("a piece of a film")
     (entry.folder.painting / "photographs" / "look.png").write_text("look")
     packed = zipfile.ZipFile(io.BytesIO(visitor.get(f"{path}/everything.zip").content))
     assert packed.namelist() == ["painting/index.html", "painting/photographs/look.png"]

@@ -65,14 +65,20 @@ def pack(folder: Path) -> Path:
             try:
                 with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
                     for path in sorted(folder.rglob("*")):
-                        if path.is_file() and not path.is_symlink() and not path.name.startswith("."):
-                            archive.write(path, Path("painting") / path.relative_to(folder))
+                        inside = path.relative_to(folder)
+                        if path.is_file() and not path.is_symlink() and not _hidden(inside):
+                            archive.write(path, Path("painting") / inside)
             except OSError:
                 packed.unlink()
                 raise
     except OSError as error:
         raise storage.cannot_write(folder, error) from error
     return packed
+
+
+def _hidden(path: Path) -> bool:
+    """Whether a file is one that is only needed while a painting is made, by its path inside the folder."""
+    return any(part.startswith(".") for part in path.parts)
 
 
 def _glance(folder: PaintingFolder) -> dict[str, Any]:
