@@ -62,9 +62,13 @@ class Brushwork:
         """Moves the arm out of the camera's sight."""
         self._take_note(self.easel.robot.home())
 
+    def cleaning(self) -> tuple[Waypoints, ...]:
+        """The motions of `clean`."""
+        return self._choreography().cleaning()
+
     def clean(self) -> None:
         """Rinses and wipes the brush as before another paint; afterwards it holds none."""
-        washing = self._choreography().cleaning()
+        washing = self.cleaning()
         self._check(washing)
         self._follow(washing)
         self.load = BrushLoad()

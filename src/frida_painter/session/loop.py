@@ -340,7 +340,8 @@ class PaintingSession:
         self.brushwork.step_aside()
 
     def _clean(self) -> None:
-        self._insist(partial(self.journal.note, "began", what=["rinse", "wipe"]))
+        what = [motion.label for motion in self.brushwork.cleaning()]
+        self._insist(partial(self.journal.note, "began", what=what))
         self.brushwork.clean()
 
     def _heeding(self, phase: str) -> Callable[[Step], None]:
