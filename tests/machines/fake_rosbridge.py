@@ -31,10 +31,8 @@ class FakeRosbridge:
 
     def __exit__(self, *_: object) -> None:
         self.arm.end()
-        self.drop()
-        self._loop.call_soon_threadsafe(self._server.close)
         self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join(2)
+        self._thread.join(5)
         self._loop.close()
 
     def drop(self) -> None:
@@ -81,3 +79,7 @@ class FakeRosbridge:
         self.port = self._server.sockets[0].getsockname()[1]
         self._ready.set()
         self._loop.run_forever()
+        self._server.close()
+        for client in list(self.clients):
+            client.dropConnection(True)
+        self._loop.run_until_complete(asyncio.sleep(0.05))  # in which those connections are lost, and closed
