@@ -1,12 +1,10 @@
 import errno
 import json
 import os
-import pickle
 from pathlib import Path
 from typing import NoReturn
 
 import pytest
-import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -123,30 +121,6 @@ def test_missing_folder_and_too_large(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"12345678901")
     with pytest.raises(StorageError, match="11 bytes; a record has at most 10"):
         storage.read_bytes(tmp_path / "a", "a record", 10)
-
-
-def test_tensors_come_back_as_they_were(tmp_path: Path) -> None:
-    tensors = {"a": torch.rand(3, 4).T, "b": torch.arange(5), "empty": torch.zeros(0, 2)}
-    sha256 = storage.write_tensors(tmp_path / "t.safetensors", tensors, {"brush": "fine"})
-    found, metadata = storage.read_tensors(tmp_path / "t.safetensors", "tensors", sha256=sha256)
-    assert metadata == {"brush": "fine"} and found.keys() == tensors.keys()
-    assert all(torch.equal(found[name], tensors[name]) for name in tensors)
-    with pytest.raises(StorageError, match="sha256 differs"):
-        storage.read_tensors(tmp_path / "t.safetensors", "tensors", sha256="0" * 64)
-
-
-def test_tensors_that_are_damaged_pickled_or_not_finite_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "t.safetensors"
-    storage.write_tensors(path, {"a": torch.ones(100)})
-    path.write_bytes(path.read_bytes()[:-4])
-    with pytest.raises(StorageError, match="damaged or not safetensors"):
-        storage.read_tensors(path, "tensors")
-    path.write_bytes(pickle.dumps({"a": 1}))
-    with pytest.raises(StorageError, match="damaged or not safetensors"):
-        storage.read_tensors(path, "tensors")
-    storage.write_tensors(path, {"a": torch.tensor([1.0, float("nan")])})
-    with pytest.raises(StorageError, match="not finite in 'a'"):
-        storage.read_tensors(path, "tensors")
 
 
 def test_space_is_asked_for_before_work_begins(tmp_path: Path) -> None:

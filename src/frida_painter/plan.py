@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from frida_painter import storage
+from frida_painter import storage, tensor_file
 from frida_painter.errors import ConfigError, PlanError
 from frida_painter.frames import CanvasSize
 from frida_painter.palette import Palette
@@ -86,7 +86,7 @@ class Plan:
         """
         tensors = {**self.strokes.arrays(), "palette": self.palette.color, "paint": self.paint}
         beside = path.with_name(f"{path.stem}-{self.digest[:12]}.safetensors")
-        sha256 = storage.write_tensors(beside, tensors)
+        sha256 = tensor_file.write_tensors(beside, tensors)
         storage.write_json(
             path,
             {
@@ -124,7 +124,7 @@ class Plan:
             beside = path.with_name(Path(record["tensors"]).name)
             if record["strokes"] > MOST_STROKES:
                 raise PlanError(f"{path} has {record['strokes']} strokes; a plan has at most {MOST_STROKES}.")
-            tensors, _ = storage.read_tensors(beside, f"the plan {path.name}", PlanError, record["tensors_sha256"])
+            tensors, _ = tensor_file.read_tensors(beside, f"the plan {path.name}", PlanError, record["tensors_sha256"])
             limits = record["limits"]
             plan = cls(
                 strokes=Strokes(**{name: tensors[name] for name in GROUPS}),

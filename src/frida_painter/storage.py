@@ -1,4 +1,4 @@
-"""Files that are either whole or not there: atomic writes, checksummed JSON, safetensors, free space.
+"""Files that are either whole or not there: atomic writes, checksummed JSON, free space.
 
 A write goes to a temporary file in the same folder, is flushed to the disk, takes the place of
 the old file in one step, and the folder itself is flushed: after a crash or a power cut there is
@@ -17,15 +17,9 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import torch
-from safetensors import SafetensorError
-from safetensors.torch import load as _tensors_from_bytes
-from safetensors.torch import save as _tensors_to_bytes
-
 from frida_painter.errors import FridaError, StorageError
 
 MAX_JSON_BYTES = 32 * 2**20
-MAX_TENSOR_BYTES = 2 * 2**30
 _TEMPORARY = re.compile(r"\..+-[a-z0-9_]{8}(\.[^.]+)?")  # as tempfile names those of `replacing`
 
 
@@ -112,38 +106,6 @@ def read_bytes(path: Path, what: str, most: int, error: type[FridaError] = Stora
         raise error(f"{path} does not exist; give the path of {what}.") from cause
     except OSError as cause:
         raise error(f"{path} cannot be read ({cause.strerror}); give the path of {what}.") from cause
-
-
-def write_tensors(path: Path, tensors: Mapping[str, torch.Tensor], metadata: Mapping[str, str] | None = None) -> str:
-    """Writes tensors as safetensors, atomically; returns the sha256 of the file. Raises StorageError."""
-    content = _tensors_to_bytes(
-        {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()},
-        metadata=dict(metadata) if metadata else None,
-    )
-    write_bytes(path, content)
-    return hashlib.sha256(content).hexdigest()
-
-
-def read_tensors(
-    path: Path, what: str, error: type[FridaError] = StorageError, sha256: str | None = None
-) -> tuple[dict[str, torch.Tensor], dict[str, str]]:
-    """The tensors and the metadata of a safetensors file, whose hash is checked on the bytes that are used.
-
-    Raises `error` where the file is missing, damaged, not safetensors (a pickle is never run),
-    holds numbers that are not finite, or has another sha256 than the one given.
-    """
-    content = read_bytes(path, what, MAX_TENSOR_BYTES, error)
-    if sha256 is not None and hashlib.sha256(content).hexdigest() != sha256:
-        raise error(f"{path} is not the file that belongs to {what} (its sha256 differs); take an unchanged copy.")
-    try:
-        tensors = _tensors_from_bytes(content)
-        header = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
-    except (SafetensorError, ValueError, RecursionError, KeyError) as cause:
-        raise error(f"{path} is not {what}: it is damaged or not safetensors ({cause}).") from cause
-    for name, tensor in tensors.items():
-        if tensor.is_floating_point() and not bool(torch.isfinite(tensor).all()):
-            raise error(f"{path} holds numbers that are not finite in {name!r}; take an undamaged copy.")
-    return tensors, dict(header.get("__metadata__", {}))
 
 
 def require_space(folder: Path, needed: int) -> None:

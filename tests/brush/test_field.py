@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter import storage
+from frida_painter import tensor_file
 from frida_painter.brush.field import StrokeField
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.weights import load_stroke_model
@@ -80,7 +80,7 @@ def test_each_kind_of_weights_is_told_from_the_other(saved, tmp_path):
 
 
 def test_weights_of_another_shape_missing_or_nan_are_refused(saved):
-    tensors, metadata = storage.read_tensors(saved, "weights")
+    tensors, metadata = tensor_file.read_tensors(saved, "weights")
     broken = (
         {name: tensor for name, tensor in tensors.items() if name != "reach"},
         {**tensors, "layers.0.bias": torch.zeros(3)},
@@ -88,7 +88,7 @@ def test_weights_of_another_shape_missing_or_nan_are_refused(saved):
         {**tensors, "reach": torch.tensor(-1.0)},
     )
     for part in broken:
-        storage.write_tensors(saved, part, metadata)
+        tensor_file.write_tensors(saved, part, metadata)
         with pytest.raises(WeightsError):
             load_stroke_model(saved)
 

@@ -5,7 +5,7 @@ import pytest
 import torch
 from torch import nn
 
-from frida_painter import storage
+from frida_painter import tensor_file
 from frida_painter.brush.kinds import KINDS
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.weights import load_stroke_model
@@ -56,9 +56,9 @@ def test_weights_come_back_as_they_were(saved):
 
 
 def spoil(path: Path, **changes: object) -> None:
-    tensors, metadata = storage.read_tensors(path, "weights")
+    tensors, metadata = tensor_file.read_tensors(path, "weights")
     about = {**json.loads(metadata["stroke_model"]), **changes}
-    storage.write_tensors(path, tensors, {"stroke_model": json.dumps(about)})
+    tensor_file.write_tensors(path, tensors, {"stroke_model": json.dumps(about)})
 
 
 @pytest.mark.parametrize(
@@ -89,8 +89,8 @@ def test_weights_that_do_not_fit_are_refused(saved, changes):
     "metadata", [{}, {"stroke_model": "{"}, {"stroke_model": "[" * 100_000}, {"stroke_model": "7"}]
 )
 def test_tensors_that_do_not_say_what_they_are_are_refused(saved, metadata):
-    tensors, _ = storage.read_tensors(saved, "weights")
-    storage.write_tensors(saved, tensors, metadata)
+    tensors, _ = tensor_file.read_tensors(saved, "weights")
+    tensor_file.write_tensors(saved, tensors, metadata)
     with pytest.raises(WeightsError, match="strokes train"):
         Param2Stroke.load(saved)
 
@@ -101,14 +101,14 @@ def test_the_same_model_gives_the_same_file_byte_for_byte(tmp_path):
 
 
 def test_weights_of_another_shape_missing_or_nan_are_refused(saved):
-    tensors, metadata = storage.read_tensors(saved, "weights")
+    tensors, metadata = tensor_file.read_tensors(saved, "weights")
     broken = (
         {name: tensor for name, tensor in tensors.items() if name != "draw.bias"},
         {**tensors, "draw.bias": torch.zeros(3)},
         {**tensors, "draw.bias": torch.full_like(tensors["draw.bias"], torch.nan)},
     )
     for part in broken:
-        storage.write_tensors(saved, part, metadata)
+        tensor_file.write_tensors(saved, part, metadata)
         with pytest.raises(WeightsError):
             Param2Stroke.load(saved)
 

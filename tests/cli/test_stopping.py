@@ -13,7 +13,7 @@ from PIL import Image
 from skimage import data
 
 from frida_painter.hardware.latch import latches
-from frida_painter.session.easels import STOP_FILE
+from frida_painter.session.names import STOP_FILE
 from session.easel_errands import moves, until
 
 pytestmark = pytest.mark.slow

@@ -17,7 +17,7 @@ from frida_painter.errors import MotionFailed, PoseMismatch, RobotDisconnected, 
 from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.session.easel_process import EaselProcess
-from frida_painter.session.easels import STOP_FILE
+from frida_painter.session.names import STOP_FILE
 from frida_painter.virtual.faults import FailedMotion, Faults
 from session.easel_errands import PAINTS, easel_of, moves, order_in, paint, stroke, until
 

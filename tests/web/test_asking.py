@@ -16,12 +16,14 @@ from frida_painter.session.procedures.dialogue import (
     PointCorners,
     Question,
 )
-from frida_painter.web import asking
-from frida_painter.web.asking import Asker, Reply, described, reply
+from frida_painter.web import answers
+from frida_painter.web.answers import Reply, reply, understood
+from frida_painter.web.asking import Asker, described
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.lead import GOOD_FOR
 from frida_painter.web.lines import LineReader
-from frida_painter.web.stop import Stop, StopPressed
+from frida_painter.web.stop_file import Stop, StopPressed
 
 PICTURE = torch.zeros(3, 20, 30)
 CORNERS = ((1.25, 1.0), (25.0, 1.0), (25.0, 15.0), (1.0, 15.0))
@@ -75,10 +77,10 @@ def test_an_answer_that_comes_too_late_is_none(folder: PaintingFolder, monkeypat
     shown = {"id": "0" * 16, **described(Confirm("Is it so?"))}
     reply(folder, Reply(question="0" * 16, yes=True), "browser")
     line = LineReader(folder.replies).read()[0]
-    assert asking._understood(line, "0" * 16, shown) is True
+    assert understood(line, "0" * 16, shown) is True
     now = time.time()
-    monkeypatch.setattr(asking.time, "time", lambda: now + asking.GOOD_FOR + 1)
-    assert asking._understood(line, "0" * 16, shown) is None
+    monkeypatch.setattr(answers.time, "time", lambda: now + GOOD_FOR + 1)
+    assert understood(line, "0" * 16, shown) is None
 
 
 def test_stop_ends_a_question(folder: PaintingFolder) -> None:

@@ -7,6 +7,7 @@ import pytest
 from frida_painter.web import commands
 from frida_painter.web.commands import Command, Ear, tell_painter
 from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.lead import GOOD_FOR
 
 
 def test_each_command_is_heard_once(tmp_path: Path) -> None:
@@ -26,7 +27,7 @@ def test_what_was_asked_while_nobody_could_hear_is_not_done_later(
     folder = PaintingFolder(tmp_path)
     tell_painter(folder, "go on", "browser")
     now = commands.time.time()
-    monkeypatch.setattr(commands.time, "time", lambda: now + commands.GOOD_FOR + 1)
+    monkeypatch.setattr(commands.time, "time", lambda: now + GOOD_FOR + 1)
     assert Ear(folder).listen() == []
     monkeypatch.setattr(commands.time, "time", lambda: now - 3600)
     assert Ear(folder).listen() == [], "the clock was set back"

@@ -4,6 +4,8 @@ from typing import Any
 
 import pytest
 
+from frida_painter import calibration
+from frida_painter.web import calibrate
 from frida_painter.web.calibrate import Calibrate
 from frida_painter.web.calibration_state import CalibrationState
 from frida_painter.web.feed import Feed
@@ -20,6 +22,10 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     jobs: list[str] = []
     monkeypatch.setattr(Place, "start", lambda self, job, plan: jobs.append(job))
     return jobs
+
+
+def test_the_page_knows_the_procedures_that_there_are() -> None:
+    assert calibrate.PROCEDURES == calibration.PROCEDURES
 
 
 def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, started: list[str]) -> None:

@@ -46,6 +46,42 @@ def test_the_studio_closes_in_peace_while_somebody_watches(studio: subprocess.Po
     assert "Traceback" not in said and "ERROR" not in said, said
 
 
+# What the page's process does, but for the socket: opened, asked by a browser, given a picture.
+PAGE = """
+import io, sys
+from pathlib import Path
+from PIL import Image
+from frida_painter import cli
+from studios import Studio
+
+cli.build("studio")
+visitor = Studio(Path(sys.argv[1])).visitor()
+picture = io.BytesIO()
+Image.new("RGB", (64, 48)).save(picture, "PNG")
+for path in ("/", "/api/studio", "/api/paintings", "/api/calibration"):
+    assert visitor.get(path).status_code == 200, path
+assert visitor.post("/api/pictures", content=picture.getvalue()).status_code == 200
+assert visitor.post("/api/stop").status_code == 200
+print(*sys.modules)
+"""
+
+
+def test_the_process_of_the_page_holds_neither_robot_nor_accelerator(tmp_path: Path) -> None:
+    """In a process of its own: what was loaded before by other tests does not count."""
+    tests = str(Path(__file__).parents[1])
+    path = os.pathsep.join(filter(None, (tests, os.environ.get("PYTHONPATH"))))
+    said = subprocess.run(
+        [sys.executable, "-c", PAGE, str(tmp_path / "shelf")],
+        capture_output=True, text=True, check=True, env={**os.environ, "PYTHONPATH": path},
+    )  # fmt: skip
+    loaded = set(said.stdout.split())
+    assert "frida_painter.web.server" in loaded
+    heavy = {"torch", "safetensors", "numba", "cv2", "scipy", "sklearn", "h5py", "transformers", "mujoco"}
+    assert not loaded & heavy
+    drivers = {name for name in loaded if name.startswith(("frida_painter.hardware.drivers", "frida_painter.virtual"))}
+    assert not drivers and "frida_painter.session.easels" not in loaded
+
+
 def test_names_and_addresses() -> None:
     assert hosts("127.0.0.1", 80, ("easel.local",)) == {"127.0.0.1:80", "localhost:80", "easel.local:80"}
     assert "[::1]:80" in hosts("::1", 80)

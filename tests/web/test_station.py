@@ -1,13 +1,20 @@
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError
+from frida_painter.hardware.stand import example
 from frida_painter.session.easel_process import state_folder
+from frida_painter.web import survey, surveying
+from frida_painter.web.asking import Asker
+from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.job import Job
 from frida_painter.web.station import Station
+from frida_painter.web.stop_file import Stop
 
 
 @pytest.mark.parametrize(
@@ -15,7 +22,7 @@ from frida_painter.web.station import Station
 )
 def test_what_cannot_paint_is_refused_before_the_page_opens(tmp_path: Path, robot: str, says: str) -> None:
     with pytest.raises(ConfigError, match=says):
-        Station(tmp_path / "record.json", robot).require()
+        Station(tmp_path / "record.json", robot).surveyed()
 
 
 @pytest.mark.parametrize(
@@ -27,9 +34,25 @@ def test_whose_stops_hold_where(tmp_path: Path, robot: str, simulated: bool, dan
     assert (station.simulated, station.dangerous) == (simulated, dangerous)
     assert Station.take(json.loads(json.dumps(station.plain()))) == station
     folder = PaintingFolder(tmp_path)
-    order = station.order(PaintingSettings(), "broad", folder)
+    feed, stop = Feed(folder), Stop(folder.stop)
+    order = Job(folder, station, feed, stop, Asker(folder, feed, stop)).order(PaintingSettings(), "broad")
     assert order.state == (folder.easel if simulated else state_folder())
     assert order.pace == (0.5 if simulated else 0.0) and order.folder == folder.painting
+
+
+def test_the_canvas_is_the_one_of_the_workspace_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "easel.toml"
+    file.write_text(example().replace("width = 0.3556", "width = 0.3"))
+    station = Station(tmp_path / "record.json", "xarm:10.0.0.1", "opencv:0", file).surveyed()
+    assert station.canvas == pytest.approx((300, 279.4))
+    file.write_text("canvas = 3")
+    monkeypatch.setattr("sys.argv", ["survey", str(file)])
+    survey.main()
+    monkeypatch.setattr(surveying.subprocess, "run", lambda *_, **__: SimpleNamespace(stdout=capsys.readouterr().out))
+    with pytest.raises(ConfigError, match="is no workspace"):
+        station.surveyed()
 
 
 def test_a_record_counts_once_it_is_there(tmp_path: Path) -> None:

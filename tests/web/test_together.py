@@ -17,7 +17,7 @@ from frida_painter.web.commands import tell_painter
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.lines import LineReader
-from frida_painter.web.stop import Stop, StopPressed
+from frida_painter.web.stop_file import Stop, StopPressed
 from frida_painter.web.together import Together
 from frida_painter.web.wish import Wish
 from scenes import CANVAS, goal, picture, small_table

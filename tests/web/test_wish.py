@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from frida_painter.web.painting_settings import to_paint
 from frida_painter.web.wish import Term, Wish
 
 PICTURE = "0" * 32
@@ -21,7 +22,7 @@ def test_a_wish_is_told_to_the_command_line_in_its_own_terms() -> None:
         "goal": [{"image": f"{PICTURE}.png", "weight": 1.0}],
         "initial": [{"text": 'a "sea"', "weight": 1.0}],
     }
-    settings = asked.settings()
+    settings = to_paint(asked)
     assert (settings.strokes, settings.colors, settings.replans) == (5, 5, 4)
     assert settings.canvas.width == pytest.approx(0.297) and settings.brush == "broad"
     assert asked.pictures == {PICTURE}

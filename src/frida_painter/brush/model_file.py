@@ -9,7 +9,7 @@ from typing import Any
 
 from torch import Tensor, nn
 
-from frida_painter import storage
+from frida_painter import tensor_file
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import WeightsError
 from frida_painter.frames import MapFrame
@@ -39,7 +39,7 @@ class ModelFile:
     @classmethod
     def read(cls, path: Path) -> "ModelFile":
         """Reads weights of any kind of stroke model. Raises WeightsError where they are missing, damaged or foreign."""
-        tensors, metadata = storage.read_tensors(path, "weights of a stroke model", WeightsError)
+        tensors, metadata = tensor_file.read_tensors(path, "weights of a stroke model", WeightsError)
         about = _about(metadata)
         if not isinstance(about.get("format"), str) or not isinstance(about.get("version"), int):
             raise WeightsError(_foreign(path))
@@ -78,7 +78,7 @@ def write_model(path: Path, format: str, version: int, model: StrokeModel, tenso
         "limits": [*limits.length, *limits.bend],
     }
     # One entry only: several would be written in an order that changes from run to run.
-    return storage.write_tensors(path, tensors, {_ABOUT: json.dumps(about)})
+    return tensor_file.write_tensors(path, tensors, {_ABOUT: json.dumps(about)})
 
 
 def _foreign(path: Path) -> str:

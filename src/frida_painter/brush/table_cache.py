@@ -15,7 +15,7 @@ import platformdirs
 import torch
 from torch import Tensor
 
-from frida_painter import storage
+from frida_painter import tensor_file
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.errors import StorageError
@@ -44,10 +44,10 @@ def cached_table(model: WeightedModel, detail: TableDetail | None = None, folder
     path = folder / f"{_identity(model, detail)}.safetensors"
     # A table that is missing, damaged or not one is made anew; so is one of other shapes than it should have.
     with contextlib.suppress(StorageError, KeyError, ValueError):
-        return StrokeTable.restored(model, detail, storage.read_tensors(path, "a table of a stroke model")[0])
+        return StrokeTable.restored(model, detail, tensor_file.read_tensors(path, "a table of a stroke model")[0])
     table = StrokeTable.of(model, detail=detail)
     with contextlib.suppress(StorageError, OSError):
-        storage.write_tensors(path, table.kept())
+        tensor_file.write_tensors(path, table.kept())
         for old in sorted(folder.glob("*.safetensors"), key=lambda one: one.stat().st_mtime)[:-_MOST_KEPT]:
             old.unlink(missing_ok=True)
     return table

@@ -1,4 +1,4 @@
-"""The command line: parse, call, show. One module for each group of commands."""
+"""The command line: parse, call, show. One module for each group of commands, put together in commands.py."""
 
 import sys
 from typing import Any
@@ -6,17 +6,6 @@ from typing import Any
 import typer
 from rich.console import Console
 
-from frida_painter.cli.arm import register as register_arm
-from frida_painter.cli.calibration import register as register_calibration
-from frida_painter.cli.check import register as register_check
-from frida_painter.cli.experiments import build as experiments
-from frida_painter.cli.export import export
-from frida_painter.cli.mix import register as register_mix
-from frida_painter.cli.models import build as models
-from frida_painter.cli.painting import register
-from frida_painter.cli.resume import register as register_resume
-from frida_painter.cli.strokes import build as strokes
-from frida_painter.cli.studio import register as register_studio
 from frida_painter.errors import FridaError, PaintingPaused
 
 _PAUSED = 3
@@ -24,8 +13,8 @@ _PAUSED = 3
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 
-def build() -> typer.Typer:
-    """The command `frida-painter` with all that it can do."""
+def build(command: str = "") -> typer.Typer:
+    """The command `frida-painter` with all that it can do; with `command` alone where that loads much less."""
     app = typer.Typer(
         name="frida-painter",
         help="A robot that paints with you: it plans brush strokes, paints some, looks at the canvas, and plans again.",
@@ -34,18 +23,13 @@ def build() -> typer.Typer:
         pretty_exceptions_enable=False,
         rich_markup_mode="rich",
         context_settings={"help_option_names": ["-h", "--help"]},
+        callback=_nothing_first,
     )
+    if command == "studio":  # its process serves the page, and does without all that painting needs
+        from frida_painter.cli.studio import register
+    else:
+        from frida_painter.cli.commands import register
     register(app)
-    register_resume(app)
-    app.command("export")(export)
-    register_calibration(app)
-    register_arm(app)
-    register_check(app)
-    register_mix(app)
-    register_studio(app)
-    app.add_typer(strokes(), name="strokes")
-    app.add_typer(models(), name="models")
-    app.add_typer(experiments(), name="experiments")
     return app
 
 
@@ -56,7 +40,7 @@ def main() -> None:
     paused and can be resumed, 130 when stopped.
     """
     try:
-        status = build()(prog_name="frida-painter", standalone_mode=False)
+        status = build(*sys.argv[1:2])(prog_name="frida-painter", standalone_mode=False)
     except FridaError as error:
         _complain(str(error))
         status = _PAUSED if isinstance(error, PaintingPaused) else 2
@@ -64,6 +48,10 @@ def main() -> None:
         _complain(_advice(error))
         status = 2
     sys.exit(status)
+
+
+def _nothing_first() -> None:
+    """Done before every command; that there is something keeps a single command's name."""
 
 
 def _complain(message: str) -> None:

@@ -17,8 +17,9 @@ from frida_painter.brush.learn import DEFAULT_MODEL, learn
 from frida_painter.brush.training import FEWEST_STROKES, TrainingProgress
 from frida_painter.calibration import PROCEDURES, Calibration, LearnedFile
 from frida_painter.cli.doctor import examine
+from frida_painter.cli.easel_options import CameraOption, RobotOption, WorkspaceOption
 from frida_painter.cli.numbers import whole_number_within
-from frida_painter.cli.real import VIRTUAL, CameraOption, RobotOption, Site, WorkspaceOption
+from frida_painter.cli.real import VIRTUAL, Site
 from frida_painter.cli.terminal import Terminal
 from frida_painter.cli.virtual import PlacementErrorOption, read_placement_error
 from frida_painter.errors import CalibrationError

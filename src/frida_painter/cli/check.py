@@ -27,8 +27,9 @@ from frida_painter.report.offending_strokes import offending_strokes
 from frida_painter.report.workspace_plan import workspace_plan
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.easel_process import state_folder
-from frida_painter.session.easels import OPENERS, SAWYER_SIM, SIMULATED, EaselOrder, open_easel
-from frida_painter.session.machines import MACHINES, MachineName, robot_named
+from frida_painter.session.easels import OPENERS, EaselOrder, open_easel
+from frida_painter.session.machines import robot_named
+from frida_painter.session.names import MACHINES, SAWYER_SIM, SIMULATED, MachineName
 from frida_painter.session.opening import settle_threads
 from frida_painter.session.procedures.standing import require
 from frida_painter.session.refilling import refilled

@@ -16,20 +16,13 @@ from rich.console import Console
 from frida_painter import images, storage
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.cli import goals, kept
+from frida_painter.cli.easel_options import CameraOption, PaceOption, RobotOption, WorkspaceOption
 from frida_painter.cli.numbers import number, whole_number
 from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress
-from frida_painter.cli.real import (
-    ArmMeshesOption,
-    CameraOption,
-    RobotOption,
-    Site,
-    WorkspaceOption,
-    attended,
-    require_meshes,
-)
+from frida_painter.cli.real import ArmMeshesOption, Site, attended, require_meshes
 from frida_painter.cli.sitting import Pauses, occasion, order, say, tell, tell_encoders, to_its_end
 from frida_painter.cli.stopping import stopping
-from frida_painter.cli.virtual import PaceOption, PlacementErrorOption, read_placement_error
+from frida_painter.cli.virtual import PlacementErrorOption, read_placement_error
 from frida_painter.cli.wells import AskOption, FilledOption, PaletteOption, Wells, read_palette
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, FridaError, Interrupted
@@ -40,9 +33,9 @@ from frida_painter.render import render as render_strokes
 from frida_painter.report.palette_sheet import palette_sheet
 from frida_painter.report.recorder import Recorder
 from frida_painter.session.easel_process import EaselProcess
-from frida_painter.session.easels import SAWYER_SIM
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PHOTOGRAPH_ROWS, Rhythm
+from frida_painter.session.names import SAWYER_SIM
 from frida_painter.session.opening import on_record, open_planner, open_session, settle_threads
 from frida_painter.virtual.sawyer.opengl import NONE as NO_OPENGL
 from frida_painter.virtual.sawyer.opengl import headless_opengl

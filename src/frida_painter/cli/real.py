@@ -1,4 +1,4 @@
-"""How real robots, cameras and workspaces are given on the command line, and the person beside them."""
+"""Where is painted, as it was given on the command line, and the person beside a real robot."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -15,40 +15,11 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.stand import Stand
 from frida_painter.session.attendance import PersonAttending
 from frida_painter.session.by_hand import ByHand
-from frida_painter.session.easels import HUMAN, SAWYER_SIM
+from frida_painter.session.names import HUMAN, SAWYER_SIM
 from frida_painter.session.procedures.dialogue import Answer, Question
 from frida_painter.session.procedures.standing import NEEDED
 from frida_painter.virtual.sawyer.meshes import Meshes
 
-
-def camera_name(text: str) -> str:
-    """The name of a camera, the same wherever the program is started: a folder from the root on."""
-    kind, _, where = text.partition(":")
-    return f"{kind}:{Path(where).expanduser().absolute()}" if kind == "folder" and where else text
-
-
-RobotOption = Annotated[
-    str,
-    typer.Option(
-        "--robot",
-        metavar="NAME",
-        help="Who paints: virtual; sawyer-sim, the paper's arm with its weight, its friction and a film of it; human, "
-        "xarm:ADDRESS, gcode:PORT, marlin:PORT, axidraw, ros or rosbridge:HOST.",
-    ),
-]
-CameraOption = Annotated[
-    str,
-    typer.Option(
-        "--camera",
-        parser=camera_name,
-        metavar="NAME",
-        help="The camera of a real easel: opencv:0, gphoto or folder:PATH.",
-    ),
-]
-WorkspaceOption = Annotated[
-    Path | None,
-    typer.Option("--workspace", metavar="FILE", help="Where things stand around a real robot (TOML)."),
-]
 ArmMeshesOption = Annotated[
     Path | None,
     typer.Option(

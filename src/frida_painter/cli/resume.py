@@ -12,23 +12,24 @@ from rich.console import Console
 
 from frida_painter import images, storage
 from frida_painter.cli import goals, kept
+from frida_painter.cli.easel_options import PaceOption
 from frida_painter.cli.painting import fit_to_canvas
 from frida_painter.cli.progress import Forecast, PaintingProgress, duration
 from frida_painter.cli.real import attended
 from frida_painter.cli.sitting import Pauses, confirm, occasion, order, say, tell, tell_encoders, to_its_end
 from frida_painter.cli.stopping import stopping
-from frida_painter.cli.virtual import PaceOption, read_placement_error
+from frida_painter.cli.virtual import read_placement_error
 from frida_painter.errors import ConfigError, FrameRejected, FridaError, Interrupted
 from frida_painter.planning.planner import Planner
 from frida_painter.report.doubt import doubt
 from frida_painter.report.recorder import Recorder
 from frida_painter.session import resuming
 from frida_painter.session.easel_process import EaselProcess
-from frida_painter.session.easels import SAWYER_SIM
 from frida_painter.session.eye import Eye
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import Halfway, Rhythm
+from frida_painter.session.names import SAWYER_SIM
 from frida_painter.session.opening import on_record, open_planner, open_session, settle_threads
 from frida_painter.session.resuming import KeptPlan
 

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
+from frida_painter.cli.easel_options import CameraOption, PaceOption, RobotOption, WorkspaceOption
 from frida_painter.cli.numbers import whole_number_within
-from frida_painter.cli.real import CameraOption, RobotOption, WorkspaceOption
-from frida_painter.cli.virtual import PaceOption
 from frida_painter.errors import ConfigError
 from frida_painter.web.access import Role
 from frida_painter.web.server import LOCAL, listen, serve
@@ -63,8 +62,7 @@ def studio(
     _require_address(address)
     shelf = Shelf(folder.absolute())
     record = calibration or shelf.calibration.path / "calibration.json"
-    station = Station(record.absolute(), robot, camera, workspace, pace)
-    station.require()
+    station = Station(record.absolute(), robot, camera, workspace, pace).surveyed()
 
     def tell(links: dict[Role, str]) -> None:
         print(f"The studio is open: {links[Role.operate]}", flush=True)

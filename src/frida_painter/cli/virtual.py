@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from frida_painter.cli.numbers import number
 from frida_painter.errors import ConfigError
 from frida_painter.virtual.table import PlacementError
 
@@ -19,16 +18,6 @@ PlacementErrorOption = Annotated[
         metavar="X,Y,TURN",
         help="How far the studio's canvas lies from where its robot believes it to be, like 4mm,2deg or "
         "3mm,-2mm,1.5deg. [dim]about 2mm and 0.4deg, by the seed[/]",
-    ),
-]
-
-PaceOption = Annotated[
-    float,
-    typer.Option(
-        "--pace",
-        parser=number,
-        metavar="X",
-        help="How fast the studio's robot moves: 1 as a real one, 0 as fast as can be computed.",
     ),
 ]
 

@@ -29,7 +29,8 @@ from frida_painter.hardware.link.wire import Wire
 from frida_painter.hardware.lock import RobotLock
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
-from frida_painter.session.easels import SIMULATED, STOP_FILE, EaselOrder, lock_path, machine, open_easel
+from frida_painter.session.easels import EaselOrder, lock_path, machine, open_easel
+from frida_painter.session.names import SIMULATED, STOP_FILE
 
 _GRACE = 5.0
 # How many times longer than its way takes a motion may last: a simulated robot has the computer's pace.

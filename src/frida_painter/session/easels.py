@@ -1,7 +1,7 @@
 """The easels there are, by name: what is wanted of one, and how it is opened.
 
-A simulated robot joins with one line in `OPENERS`, a real one in machines.py; everything else, its
-process, stop, latch and lock, is the same for all.
+A simulated robot joins with its name in names.py and one line in `OPENERS`, a real one in names.py and
+machines.py; everything else, its process, stop, latch and lock, is the same for all.
 """
 
 import contextlib
@@ -20,7 +20,17 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.stand import Stand
 from frida_painter.session.attendance import NobodyAttending
 from frida_painter.session.desk import Desk
-from frida_painter.session.machines import CAMERAS, MACHINES, MachineName, camera_named, robot_named
+from frida_painter.session.machines import camera_named, robot_named
+from frida_painter.session.names import (
+    CAMERAS,
+    HUMAN,
+    MACHINES,
+    SAWYER_SIM,
+    SIMULATED,
+    VIRTUAL,
+    MachineName,
+    require_known,
+)
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.kernels import load_kernels
 from frida_painter.virtual.sawyer.meshes import Meshes
@@ -28,7 +38,6 @@ from frida_painter.virtual.studio import FREE, SAWYER, StudioSettings, VirtualSt
 from frida_painter.virtual.table import PlacementError
 
 DIARY = "studio.diary"
-STOP_FILE = "stop"
 ARM_FILM = "arm.mp4"
 
 
@@ -36,7 +45,7 @@ ARM_FILM = "arm.mp4"
 class EaselOrder:
     """Which easel is wanted, and for what: everything that its process has to know, as plain values.
 
-    robot: its name in `OPENERS`, or a real one as session/machines.py names it; canvas, brush, seed: as
+    robot: its name in `OPENERS`, or a real one as session/names.py says; canvas, brush, seed: as
     the painting's settings say; state: the folder in which stops are latched and robots locked; folder:
     of the painting, where the stop file is looked for and a virtual studio keeps its diary; pace,
     placement_error, faults: of a virtual studio; film: whether a simulated arm is filmed at work, into
@@ -86,15 +95,8 @@ class OpenEasel:
 
 def open_easel(order: EaselOrder) -> OpenEasel:
     """Opens the easel of that name; its robot and camera are not connected yet. Raises ConfigError and StorageError."""
-    kind = MachineName.of(order.robot).kind
-    if kind in MACHINES:
-        return _open_real(order)
-    if kind not in OPENERS:
-        raise ConfigError(
-            f"There is no robot {order.robot[:60]!r}; take {', '.join(OPENERS)}, or a real one: "
-            f"{', '.join(MACHINES.values())}."
-        )
-    return OPENERS[kind](order)
+    kind = require_known(order.robot)
+    return _open_real(order) if kind in MACHINES else OPENERS[kind](order)
 
 
 def machine(order: EaselOrder) -> str | None:
@@ -190,12 +192,8 @@ def _open_by_hand(order: EaselOrder) -> OpenEasel:
     return OpenEasel(easel, lambda: None)
 
 
-HUMAN, VIRTUAL, SAWYER_SIM = "human", "virtual", "sawyer-sim"
 OPENERS: Mapping[str, Callable[[EaselOrder], OpenEasel]] = {
     HUMAN: _open_by_hand,
     VIRTUAL: _open_virtual,
     SAWYER_SIM: _open_sawyer,
 }
-SIMULATED = frozenset({VIRTUAL, SAWYER_SIM})
-TITLES: Mapping[str, str] = {VIRTUAL: "virtual studio", SAWYER_SIM: "Rethink Sawyer, simulated"}
-"""What pages call a simulated robot."""

@@ -25,8 +25,8 @@ from frida_painter.session.choreography import Action
 from frida_painter.session.events import StrokePainted
 from frida_painter.session.history import FORMAT, VERSION, History
 from frida_painter.session.logbook import Logbook
+from frida_painter.session.names import JOURNAL
 
-JOURNAL = "journal"
 PLAN = "plan.json"
 PHOTOGRAPHS = "photographs"
 

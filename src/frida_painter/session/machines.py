@@ -1,7 +1,6 @@
-"""Real robots and cameras as a person names them: "xarm:192.168.1.10", "gcode:/dev/ttyUSB0,homing=yes", "opencv:0"."""
+"""The drivers of real robots and cameras, by the names that a person gives them."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from frida_painter.errors import ConfigError
@@ -18,62 +17,7 @@ from frida_painter.hardware.drivers.xarm import XarmRobot, XarmSettings
 from frida_painter.hardware.gcode import Gcode, Servo
 from frida_painter.hardware.robot import Robot
 from frida_painter.hardware.workspace import Point, Workspace
-
-CAMERAS = ("opencv:NUMBER", "gphoto", "folder:PATH")
-MACHINES: Mapping[str, str] = {
-    "xarm": "xarm:ADDRESS[,brush_length=METRES]",
-    "gcode": "gcode:PORT[,baud=N][,homing=yes][,servo=Z/S/Z/S]",
-    "marlin": "marlin:PORT[,baud=N][,homing=yes][,servo=Z/DEGREES/Z/DEGREES]",
-    "axidraw": "axidraw[:PORT][,servo=Z/PULSE/Z/PULSE]",
-    "ros": "ros[:MASTER][,namespace=/NAME][,frame=NAME]",
-    "rosbridge": "rosbridge:HOST[:PORT][,ros=2][,namespace=/NAME][,frame=NAME]",
-}
-"""How each kind of real robot is named."""
-
-
-@dataclass(frozen=True)
-class MachineName:
-    """A machine as it was named: its kind, where it is, and what else was said of it."""
-
-    kind: str
-    where: str
-    options: Mapping[str, str]
-
-    @classmethod
-    def of(cls, text: str) -> "MachineName":
-        """Reads "kind:where,name=value". Raises ConfigError."""
-        named, *parts = text.split(",")
-        kind, _, where = named.partition(":")
-        options = {}
-        for part in parts:
-            name, equals, value = part.partition("=")
-            if not (equals and name.strip() and value.strip()) or name.strip() in options:
-                raise ConfigError(
-                    f"{part[:40]!r} in {text[:80]!r} is not understood; write name=value, each name once."
-                )
-            options[name.strip()] = value.strip()
-        return cls(kind.strip(), where.strip(), options)
-
-    def choose(self, name: str, read: Callable[[str], object], default: object) -> object:
-        """An option as `read` understands it. Raises ConfigError where it does not."""
-        if name not in self.options:
-            return default
-        try:
-            return read(self.options[name])
-        except (ValueError, KeyError) as error:
-            raise ConfigError(f"{name}={self.options[name][:40]} is not understood; {self._form}.") from error
-
-    def require(self, *known: str, where: bool = True) -> None:
-        """Raises ConfigError where something is said that this kind does not know, or not where it is."""
-        strangers = sorted(set(self.options) - set(known))
-        if strangers:
-            raise ConfigError(f"{self.kind} does not know {', '.join(strangers)}; {self._form}.")
-        if where and not self.where:
-            raise ConfigError(f"{self.kind!r} was given without where it is; {self._form}.")
-
-    @property
-    def _form(self) -> str:
-        return f"write {MACHINES[self.kind]}"
+from frida_painter.session.names import CAMERAS, MACHINES, MachineName
 
 
 def robot_named(text: str, workspace: Workspace) -> Robot:

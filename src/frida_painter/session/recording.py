@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from frida_painter import storage
+from frida_painter import storage, tensor_file
 from frida_painter.brush.flaw import Flaw
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.errors import ConfigError, LibraryError
@@ -77,7 +77,7 @@ class Recording:
         if self._folder is not None:
             mark = {"mark": torch.from_numpy(stroke.mark)}
             words = {"flaw": stroke.flaw.name, "since_dip": repr(stroke.since_dip)}
-            storage.write_tensors(self._path(self._folder, number), mark, words)
+            tensor_file.write_tensors(self._path(self._folder, number), mark, words)
         self.prints[number] = stroke
 
     def discard(self, numbers: list[int]) -> None:
@@ -118,7 +118,7 @@ class Recording:
         if not path.exists():
             return None
         try:
-            tensors, words = storage.read_tensors(path, "a recorded stroke", LibraryError)
+            tensors, words = tensor_file.read_tensors(path, "a recorded stroke", LibraryError)
             mark, flaw, since_dip = tensors["mark"].numpy(), Flaw[words["flaw"]], float(words["since_dip"])
         except (LibraryError, KeyError, ValueError):
             return None

@@ -1,6 +1,6 @@
 """What this studio can be asked for: which kinds of goals there are, and what is missing for the others."""
 
-from frida_painter import weights
+from frida_painter.model_folder import are_here
 from frida_painter.web.wish import Kind
 
 # Which weights each kind of goal needs: one of each group.
@@ -19,6 +19,6 @@ def abilities() -> dict[str, dict[str, object]]:
 
 
 def _ability(groups: tuple[tuple[str, ...], ...]) -> dict[str, object]:
-    missing = [group[-1] for group in groups if not any(weights.find(name) is not None for name in group)]
+    missing = [group[-1] for group in groups if not any(map(are_here, group))]
     advice = f"This needs a network that is not here yet; fetch it with: frida-painter models fetch {' '.join(missing)}"
     return {"ready": not missing, "advice": advice if missing else ""}

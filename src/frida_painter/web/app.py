@@ -13,7 +13,7 @@ from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp
 
 from frida_painter.errors import FridaError, Interrupted, RobotStopped
-from frida_painter.web import gallery, goals, painting, procedures, stopping
+from frida_painter.web import gallery, goals, in_charge, painting, procedures
 from frida_painter.web.access import Door, Keys
 from frida_painter.web.lead import Lead, Led
 from frida_painter.web.limits import Bucket, Limits
@@ -31,7 +31,7 @@ def application(shelf: Shelf, station: Station, presence: Presence) -> FastAPI:
     app = FastAPI(title="frida-painter studio", docs_url=None, redoc_url=None, openapi_url=None)
     app.state.shelf, app.state.watch, app.state.workers = shelf, Watch(), Workers(station)
     app.state.lead, app.state.presence = Lead(), presence
-    for part in (stopping, goals, painting, procedures, gallery):
+    for part in (in_charge, goals, painting, procedures, gallery):
         app.include_router(part.router)
 
     @app.get("/", include_in_schema=False)

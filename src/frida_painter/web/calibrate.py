@@ -1,15 +1,15 @@
 """What is to be calibrated, as a person asks for it on the page."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from frida_painter import storage
-from frida_painter.calibration import PROCEDURES
 from frida_painter.errors import StorageError
-from frida_painter.frames import CanvasSize
 from frida_painter.web.folder import PaintingFolder
 
+Procedure = Literal["canvas", "robot", "color", "brush", "strokes"]
+PROCEDURES: tuple[Procedure, ...] = get_args(Procedure)
 _FILE = "asked.json"
 _Side = Annotated[float, Field(ge=60, le=2000, allow_inf_nan=False)]
 
@@ -22,7 +22,7 @@ class Calibrate(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    what: tuple[Literal["canvas", "robot", "color", "brush", "strokes"], ...] = Field(min_length=1, max_length=5)
+    what: tuple[Procedure, ...] = Field(min_length=1, max_length=5)
     brush: Literal["fine", "medium", "broad"] = "broad"
     width: _Side = 14 * 25.4
     height: _Side = 11 * 25.4
@@ -34,11 +34,6 @@ class Calibrate(BaseModel):
         if list(self.what) != [name for name in PROCEDURES if name in self.what]:
             raise ValueError("Each procedure is done once, in the order canvas, robot, color, brush, strokes.")
         return self
-
-    @property
-    def canvas(self) -> CanvasSize:
-        """The canvas in metres."""
-        return CanvasSize(self.width / 1000, self.height / 1000)
 
     @property
     def whole(self) -> bool:

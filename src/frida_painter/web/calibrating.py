@@ -8,7 +8,6 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration
 from frida_painter.cli.calibration import Place, begin_procedure, beside, learn_from, record_to_renew
 from frida_painter.cli.real import attended_by
-from frida_painter.config import PaintingSettings
 from frida_painter.hardware.easel import Easel
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.procedures.dialogue import lead
@@ -18,16 +17,17 @@ from frida_painter.session.procedures.strokes import StrokesFinding
 from frida_painter.web.calibrate import Calibrate
 from frida_painter.web.feed import Feed
 from frida_painter.web.job import Job
+from frida_painter.web.painting_settings import to_calibrate
 
 
 def calibrate(job: Job) -> None:
     """Does what was asked for in the folder, one procedure after another; what is done is kept at once."""
-    wish, station, folder = Calibrate.kept(job.folder), job.station, job.folder.painting
+    wish, folder = Calibrate.kept(job.folder), job.folder.painting
     shutil.rmtree(folder, ignore_errors=True)  # the world in which was calibrated before
     storage.new_folder(folder)
-    settings = PaintingSettings.of(canvas=station.canvas or wish.canvas, brush=wish.brush, seed=wish.seed)
+    settings = to_calibrate(wish, job.station)
     with EaselProcess() as process:
-        here = process.open(station.order(settings, wish.brush, job.folder))
+        here = process.open(job.order(settings, wish.brush))
         here = attended_by(here, job.site, job.asker.answer)
         try:
             here.robot.connect()

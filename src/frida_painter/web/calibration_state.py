@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from frida_painter.calibration import PROCEDURES
+from frida_painter.web.calibrate import PROCEDURES
 
 
 @dataclass

@@ -11,9 +11,9 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.lead import GOOD_FOR
 from frida_painter.web.lines import LineReader, LineWriter
 
-GOOD_FOR = 10.0  # seconds
 Kind = Literal["pause", "go on", "look", "leave out", "turns", "spare", "only", "free", "goal"]
 
 

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from frida_painter import storage
 from frida_painter.errors import StorageError
-from frida_painter.session.easels import STOP_FILE
+from frida_painter.session.names import STOP_FILE
 from frida_painter.web.wish import Wish
 
 _SHOWN = re.compile(r"[a-z][a-z0-9-]{0,60}\.(png|jpg|mp4|json|svg|csv|gcode|html)")

@@ -26,7 +26,6 @@ router = APIRouter(prefix="/api")
 def studio(session: AnySession, shelf: TheShelf, workers: TheWorkers) -> dict[str, Any]:
     """What the page needs to know of this studio, and the sign that its requests carry."""
     station = workers.station
-    canvas = station.canvas
     return {
         "csrf": session.csrf,
         "role": session.role.name,
@@ -36,7 +35,7 @@ def studio(session: AnySession, shelf: TheShelf, workers: TheWorkers) -> dict[st
         "simulated": station.simulated,
         "dangerous": station.dangerous,
         "pace": asdict(pace(shelf, real_time=not station.simulated)),
-        "canvas": None if canvas is None else [1000 * canvas.width, 1000 * canvas.height],
+        "canvas": station.canvas,
     }
 
 

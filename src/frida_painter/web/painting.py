@@ -7,8 +7,8 @@ from fastapi import APIRouter, HTTPException
 from pydantic import BaseModel, ConfigDict, Field
 
 from frida_painter import storage
-from frida_painter.session.journal import JOURNAL
-from frida_painter.web.asking import Reply
+from frida_painter.session.names import JOURNAL
+from frida_painter.web.answers import Reply
 from frida_painter.web.commands import tell_painter
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import working

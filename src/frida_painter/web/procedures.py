@@ -7,7 +7,7 @@ from fastapi import APIRouter, HTTPException
 from fastapi.responses import FileResponse
 
 from frida_painter import storage
-from frida_painter.web.asking import Reply, reply
+from frida_painter.web.answers import Reply, reply
 from frida_painter.web.calibrate import Calibrate
 from frida_painter.web.calibration_state import CalibrationState
 from frida_painter.web.feed import Feed

@@ -36,6 +36,7 @@ from frida_painter.session.resuming import KeptPlan
 from frida_painter.web.exports import export
 from frida_painter.web.folder import PlanFolder
 from frida_painter.web.job import Job
+from frida_painter.web.painting_settings import to_paint
 from frida_painter.web.telling import Reporter
 from frida_painter.web.together import Together
 
@@ -92,7 +93,7 @@ def resume(job: Job, place: PlanFolder) -> None:
 
 def settings_of(place: PlanFolder) -> PaintingSettings:
     """How a plan is painted, to the last digit as it will be read again when it is gone on with."""
-    return kept.as_read_again(place.wish().settings())
+    return kept.as_read_again(to_paint(place.wish()))
 
 
 def wanted_of(place: PlanFolder) -> tuple[goals.Wanted, Tensor | None]:
@@ -105,7 +106,7 @@ def _at_the_easel(
 ) -> tuple[Planner, Easel, Path | None]:
     """The planner, the easel, and the calibration record by which both work; None where a simulated one has none."""
     planner = open_planner(settings, goal, record)
-    easel = process.open(job.station.order(settings, planner.model.brush, job.folder))
+    easel = process.open(job.order(settings, planner.model.brush))
     try:
         return planner, on_record(easel, record, job.site.needed), record
     except CalibrationError:

@@ -1,18 +1,13 @@
 """Where a studio's paintings are painted: the robot with its camera and workspace, and the easel's record."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
-from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError
-from frida_painter.frames import CanvasSize
-from frida_painter.hardware.stand import Stand
-from frida_painter.session.easel_process import state_folder
-from frida_painter.session.easels import HUMAN, OPENERS, SAWYER_SIM, SIMULATED, EaselOrder
-from frida_painter.session.machines import MACHINES, MachineName
-from frida_painter.web.folder import PaintingFolder
+from frida_painter.session.names import HUMAN, MACHINES, SIMULATED, require_known
+from frida_painter.web.surveying import survey
 
 
 @dataclass(frozen=True)
@@ -21,7 +16,8 @@ class Station:
 
     record: the easel's calibration record, whether it is there already or not; robot, camera: by name;
     workspace: the file that says where things stand around a real robot; pace: how fast a simulated one
-    moves, 1 as a real one, 0 as fast as can be computed.
+    moves, 1 as a real one, 0 as fast as can be computed; canvas: width and height in millimetres where the
+    workspace says them, None where any may be chosen.
     """
 
     record: Path
@@ -29,6 +25,7 @@ class Station:
     camera: str = ""
     workspace: Path | None = None
     pace: float = 0.0
+    canvas: tuple[float, float] | None = None
 
     @property
     def simulated(self) -> bool:
@@ -45,44 +42,17 @@ class Station:
         """The record, where there is one."""
         return self.record if self.record.is_file() else None
 
-    @property
-    def canvas(self) -> CanvasSize | None:
-        """The canvas of the workspace file; None where any may be chosen. Raises ConfigError."""
-        return None if self.workspace is None else Stand.load(self.workspace).canvas
+    def surveyed(self) -> Self:
+        """The same, with the canvas of its workspace file.
 
-    def require(self) -> None:
-        """Raises ConfigError where there is no such robot, or it lacks a workspace file or a camera."""
-        kind = MachineName.of(self.robot).kind
-        if kind not in {*OPENERS, *MACHINES}:
-            raise ConfigError(
-                f"There is no robot {self.robot[:60]!r}; take {', '.join(OPENERS)}, or a real one: "
-                f"{', '.join(MACHINES.values())}."
-            )
-        if kind in MACHINES and (self.workspace is None or not self.camera):
+        Raises ConfigError where there is no such robot, it lacks a workspace file or a camera, or that file is wrong.
+        """
+        if require_known(self.robot) in MACHINES and (self.workspace is None or not self.camera):
             raise ConfigError(
                 f"The robot {self.robot[:60]!r} needs a workspace file (--workspace) and a camera (--camera); "
                 "`frida-painter workspace example` prints a whole one."
             )
-        if self.workspace is not None:
-            Stand.load(self.workspace)
-
-    def order(self, settings: PaintingSettings, brush: str, folder: PaintingFolder) -> EaselOrder:
-        """The easel for a painting.
-
-        A stop latches the robot until somebody has looked; a simulated one lives in the world of its painting alone.
-        """
-        return EaselOrder(
-            robot=self.robot,
-            canvas=settings.canvas,
-            brush=brush,
-            seed=settings.seed,
-            state=folder.easel if self.simulated else state_folder(),
-            folder=folder.painting.absolute(),
-            workspace=None if self.workspace is None else self.workspace.absolute(),
-            camera=self.camera,
-            pace=self.pace if self.simulated else 0.0,
-            film=self.robot == SAWYER_SIM,
-        )
+        return self if self.workspace is None else replace(self, canvas=survey(self.workspace))
 
     def plain(self) -> dict[str, str]:
         """As plain values, for the processes that work."""

@@ -17,7 +17,7 @@ from frida_painter.session.loop import PHOTOGRAPH_ROWS, PaintingSession
 from frida_painter.web.commands import Command, Ear
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.stop import Stop
+from frida_painter.web.stop_file import Stop
 
 _BETWEEN_GLANCES = 0.04  # seconds
 _ROUNDS = 3  # of planning where the goal has changed

@@ -4,7 +4,10 @@ import secrets
 import tempfile
 from pathlib import Path
 
-from frida_painter import images, storage
+import numpy as np
+from PIL import Image
+
+from frida_painter import picture_file, storage
 from frida_painter.errors import ImageError
 
 _MOST_PIXELS = 50_000_000
@@ -22,11 +25,19 @@ def keep(content: bytes, folder: Path) -> str:
         file.write(content)
         file.flush()
         try:
-            picture = images.load(Path(file.name), most_pixels=_MOST_PIXELS, longest=_LONGEST)
+            picture = picture_file.decode(Path(file.name), most_pixels=_MOST_PIXELS, longest=_LONGEST)
         except ImageError as trouble:
             raise ImageError(str(trouble).replace(file.name, "The file")) from trouble
     identifier = secrets.token_hex(16)
     folder.mkdir(parents=True, exist_ok=True)
     storage.require_space(folder, 2**26)
-    images.save(picture, folder / f"{identifier}.png")
+    with storage.replacing(folder / f"{identifier}.png") as temporary:
+        _of_bytes(picture).save(temporary, format="PNG")
     return identifier
+
+
+def _of_bytes(picture: Image.Image) -> Image.Image:
+    """The picture with one byte for each value; grey of 16 bits is rounded."""
+    if picture.mode != "F":
+        return picture
+    return Image.fromarray((np.asarray(picture).clip(0, 1) * 255).round().astype(np.uint8))

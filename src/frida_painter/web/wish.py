@@ -5,9 +5,6 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
-from frida_painter.config import PaintingSettings
-from frida_painter.frames import CanvasSize
-
 Identifier = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
 Words = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=300)]
 Kind = Literal["image", "style", "semantic", "sketch", "text"]
@@ -77,15 +74,3 @@ class Wish(_Checked):
         """The goal file (TOML) that says the same to the command line."""
         goals = [f"[[goal]]\n{term.toml}" for term in self.terms]
         return "\n".join(goals + [f"[[initial]]\n{term.toml}" for term in self.initial])
-
-    def settings(self) -> PaintingSettings:
-        """How it is painted, in the terms of the command line."""
-        return PaintingSettings.of(
-            strokes=self.strokes,
-            colors=min(self.colors, self.strokes),
-            canvas=CanvasSize(self.width / 1000, self.height / 1000),
-            brush=self.brush,
-            replans=min(self.replans, self.strokes - 1),
-            effort=self.effort,
-            seed=self.seed,
-        )

@@ -27,7 +27,7 @@ from frida_painter.web.illustrations import Growing, illustrate, mixtures
 from frida_painter.web.job import Job
 from frida_painter.web.sitting import paint, resume, settings_of, wanted_of
 from frida_painter.web.station import Station
-from frida_painter.web.stop import Stop, StopPressed
+from frida_painter.web.stop_file import Stop, StopPressed
 
 _GROWING_COST = 1.4  # later iterations, with all strokes placed, take longer than the first
 

@@ -4,7 +4,8 @@
 loads a network's; `fetch` gets them from the first of several sources that gives the right files.
 """
 
-from frida_painter.weights.cache import VARIABLE, cache_folder, fetch, find, require, tensors
+from frida_painter.model_folder import VARIABLE, cache_folder
+from frida_painter.weights.cache import fetch, find, require, tensors
 from frida_painter.weights.catalogue import NamedWeights, known, named
 from frida_painter.weights.notices import Announced, Listener, Notice, Received, Refused
 

@@ -6,36 +6,25 @@ nothing is there. <cache>/partial/ holds what is on its way.
 
 import contextlib
 import hashlib
-import os
 import shutil
 from pathlib import Path
 from typing import Any
 
-import platformdirs
 from safetensors import SafetensorError
 from safetensors.torch import save_file
 from torch import Tensor
 
-from frida_painter import storage
+from frida_painter import storage, tensor_file
 from frida_painter.errors import StorageError, WeightsError
+from frida_painter.model_folder import RECORD, VARIABLE, are_here, cache_folder
 from frida_painter.weights.catalogue import Kept, NamedWeights, named
 from frida_painter.weights.folder import Folder
 from frida_painter.weights.notices import Announced, Listener, Received, Refused
 from frida_painter.weights.sources import Counter, Original, Source
 
-VARIABLE = "FRIDA_PAINTER_MODELS"
 _VERSION = 1
 _PARTIAL = "partial"
 _MARGIN = 16 * 2**20
-
-
-def cache_folder(cache: Path | None = None) -> Path:
-    """The folder of weights: `cache`, or what FRIDA_PAINTER_MODELS says, or the one that the system gives to caches."""
-    if cache is not None:
-        return cache
-    if os.environ.get(VARIABLE):
-        return Path(os.environ[VARIABLE]).expanduser()
-    return platformdirs.user_cache_path("frida-painter", appauthor=False) / "models"
 
 
 def find(name: str, cache: Path | None = None) -> Path | None:
@@ -46,7 +35,7 @@ def find(name: str, cache: Path | None = None) -> Path | None:
     weights = named(name)
     folder = cache_folder(cache) / name
     try:
-        if not (folder / "record.json").is_file():
+        if not are_here(name, cache):
             return None
         for file, sha256 in _recorded(weights, folder).items():
             if not (folder / file).is_file() or _sha256(folder / file) != sha256:
@@ -73,7 +62,8 @@ def tensors(name: str, cache: Path | None = None) -> dict[str, Tensor]:
     path = folder / "model.safetensors"
     if not path.is_file():
         raise WeightsError(f"{name} is no network: it holds {', '.join(file.name for file in named(name).kept)}.")
-    return storage.read_tensors(path, f"the weights {name}", WeightsError, _recorded(named(name), folder)[path.name])[0]
+    sha256 = _recorded(named(name), folder)[path.name]
+    return tensor_file.read_tensors(path, f"the weights {name}", WeightsError, sha256)[0]
 
 
 def fetch(
@@ -150,10 +140,10 @@ def _keep(weights: NamedWeights, source: Source, scratch: Path, folder: Path) ->
         _check(original, original.in_folder(scratch))
     # The record goes first and comes last: a folder that is half of one kind and half of another is never ready.
     folder.mkdir(exist_ok=True)
-    (folder / "record.json").unlink(missing_ok=True)
+    (folder / RECORD).unlink(missing_ok=True)
     hashes = {file.name: _keep_file(file, scratch, folder) for file in weights.kept}
     storage.write_json(
-        folder / "record.json",
+        folder / RECORD,
         {
             "version": _VERSION,
             "name": weights.name,
@@ -198,11 +188,9 @@ def _recorded(weights: NamedWeights, folder: Path) -> dict[str, str]:
     """
     mend = _mend(weights.name, folder.parent)
     try:
-        record: dict[str, Any] = storage.read_json(
-            folder / "record.json", "the record of fetched weights", WeightsError
-        )
+        record: dict[str, Any] = storage.read_json(folder / RECORD, "the record of fetched weights", WeightsError)
     except WeightsError as cause:
-        raise WeightsError(f"{folder / 'record.json'} is damaged; {mend}.") from cause
+        raise WeightsError(f"{folder / RECORD} is damaged; {mend}.") from cause
     originals, files = record.get("originals"), record.get("files")
     current = record.get("version") == _VERSION and originals == [file.original.sha256 for file in weights.kept]
     if not current or not isinstance(files, dict) or set(files) != {file.name for file in weights.kept}:

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import storage, weights
+from frida_painter import tensor_file, weights
 from frida_painter.errors import StorageError, WeightsError
 
 if TYPE_CHECKING:
@@ -76,12 +76,12 @@ class SentenceEncoder:
         mark = hashlib.sha256("\n".join(sentences).encode()).hexdigest()[:16]
         path = keep / f"sentences-{mark}.safetensors"
         try:
-            kept = storage.read_tensors(path, "embedded sentences", StorageError)[0].get("meanings")
+            kept = tensor_file.read_tensors(path, "embedded sentences", StorageError)[0].get("meanings")
             if kept is not None and len(kept) == len(sentences):
                 return kept
         except StorageError:
             pass
         meanings = self.embed(sentences)
         with contextlib.suppress(StorageError):
-            storage.write_tensors(path, {"meanings": meanings})
+            tensor_file.write_tensors(path, {"meanings": meanings})
         return meanings

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from frida_painter import storage, weights
+from frida_painter import tensor_file, weights
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.base import Reader, Seer
 from frida_painter.objectives.encoders.class_names import class_names
@@ -193,6 +193,6 @@ def _given_clip(source: str) -> Clip | ClipResNet:
     """The CLIP of a folder, of a name on the hub, or of a safetensors file with OpenAI's names. Raises WeightsError."""
     path = Path(source)
     if path.is_file():
-        tensors, _ = storage.read_tensors(path, "the weights of a CLIP", WeightsError)
+        tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)
         return ClipResNet(tensors, f"CLIP {path.stem}")
     return Clip.load(source)

@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-from torch import Tensor
+if TYPE_CHECKING:  # who only passes answers on needs no pictures
+    from torch import Tensor
 
 Finding = TypeVar("Finding")
 Corners = tuple[tuple[float, float], ...]
@@ -19,7 +20,7 @@ class Confirm:
     """
 
     text: str
-    picture: Tensor | None = None
+    picture: "Tensor | None" = None
     proposal: bool = True
 
 
@@ -32,7 +33,7 @@ class PointCorners:
     """
 
     text: str
-    picture: Tensor
+    picture: "Tensor"
     proposal: Corners | None
 
 
@@ -48,7 +49,7 @@ class Jog:
     height: float
     lowest: float
     highest: float
-    picture: Tensor | None = None
+    picture: "Tensor | None" = None
     proposal: "JogMove | None" = None
 
 

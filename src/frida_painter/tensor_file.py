@@ -1,0 +1,47 @@
+"""Files of tensors: safetensors, written whole or not at all, and read without running anything that is in them."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load, save
+
+from frida_painter import storage
+from frida_painter.errors import FridaError, StorageError
+
+MOST_BYTES = 2 * 2**30
+
+
+def write_tensors(path: Path, tensors: Mapping[str, torch.Tensor], metadata: Mapping[str, str] | None = None) -> str:
+    """Writes tensors as safetensors, atomically; returns the sha256 of the file. Raises StorageError."""
+    content = save(
+        {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()},
+        metadata=dict(metadata) if metadata else None,
+    )
+    storage.write_bytes(path, content)
+    return hashlib.sha256(content).hexdigest()
+
+
+def read_tensors(
+    path: Path, what: str, error: type[FridaError] = StorageError, sha256: str | None = None
+) -> tuple[dict[str, torch.Tensor], dict[str, str]]:
+    """The tensors and the metadata of a safetensors file, whose hash is checked on the bytes that are used.
+
+    Raises `error` where the file is missing, damaged, not safetensors (a pickle is never run),
+    holds numbers that are not finite, or has another sha256 than the one given.
+    """
+    content = storage.read_bytes(path, what, MOST_BYTES, error)
+    if sha256 is not None and hashlib.sha256(content).hexdigest() != sha256:
+        raise error(f"{path} is not the file that belongs to {what} (its sha256 differs); take an unchanged copy.")
+    try:
+        tensors = load(content)
+        header = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
+    except (SafetensorError, ValueError, RecursionError, KeyError) as cause:
+        raise error(f"{path} is not {what}: it is damaged or not safetensors ({cause}).") from cause
+    for name, tensor in tensors.items():
+        if tensor.is_floating_point() and not bool(torch.isfinite(tensor).all()):
+            raise error(f"{path} holds numbers that are not finite in {name!r}; take an undamaged copy.")
+    return tensors, dict(header.get("__metadata__", {}))

@@ -1,0 +1,22 @@
+"""Reads a workspace file and tells of its canvas: `python -m frida_painter.web.survey FILE`, for web/surveying.py."""
+
+import json
+import sys
+from pathlib import Path
+
+from frida_painter.errors import ConfigError
+from frida_painter.hardware.stand import Stand
+
+
+def main() -> None:
+    """Prints {"canvas": [width, height]} in millimetres, or {"fault": a sentence}."""
+    try:
+        size = Stand.load(Path(sys.argv[1])).canvas
+    except ConfigError as fault:
+        print(json.dumps({"fault": str(fault)}))
+    else:
+        print(json.dumps({"canvas": [1000 * size.width, 1000 * size.height]}))
+
+
+if __name__ == "__main__":
+    main()

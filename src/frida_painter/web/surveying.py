@@ -1,0 +1,24 @@
+"""What the workspace file of a real robot says of the canvas, found out by a short process of its own.
+
+Whatever reads such a file comes with arrays and tensors; the page's process stays without them.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from frida_painter.errors import ConfigError
+
+_PATIENCE = 60.0
+
+
+def survey(workspace: Path) -> tuple[float, float]:
+    """Width and height of the canvas in millimetres. Raises ConfigError where the file is no workspace."""
+    program = [sys.executable, "-m", "frida_painter.web.survey", str(workspace)]
+    said = subprocess.run(program, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_PATIENCE)
+    found = json.loads(said.stdout)
+    if "fault" in found:
+        raise ConfigError(found["fault"])
+    width, height = found["canvas"]
+    return float(width), float(height)
