@@ -16,7 +16,8 @@ from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.events import Event, Paused
 from frida_painter.session.eye import Eye
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import Halfway, Painting, PaintingSession, Rhythm
+from frida_painter.session.loop import Halfway, Painting, PaintingSession
+from frida_painter.session.rhythm import Rhythm
 from marks import SMALL
 from scenes import CANVAS, some_strokes
 

@@ -22,7 +22,8 @@ from frida_painter.session.events import Event
 from frida_painter.session.eye import Eye
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import Halfway, Painting, PaintingSession, Rhythm
+from frida_painter.session.loop import Halfway, Painting, PaintingSession
+from frida_painter.session.rhythm import Rhythm
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio

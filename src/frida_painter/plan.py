@@ -55,7 +55,7 @@ class Plan:
     def __len__(self) -> int:
         return len(self.strokes)
 
-    def part(self, which: slice) -> "Plan":
+    def part(self, which: slice | list[int]) -> "Plan":
         """The plan of some of the strokes only."""
         return replace(self, strokes=self.strokes[which], paint=self.paint[which])
 

@@ -8,7 +8,7 @@ from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgr
 from frida_painter.palette import Palette
 from frida_painter.planning.optimize import Step
 from frida_painter.session.events import Event, Looked, PaintsWanted, Planned, PlanningStep, Scheduled, StrokePainted
-from frida_painter.session.loop import Rhythm
+from frida_painter.session.rhythm import Rhythm
 from frida_painter.session.timetable import Timetable
 from plans import made_up_plan
 

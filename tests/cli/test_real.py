@@ -1,5 +1,6 @@
 """Paintings from the command line on a real easel: a GRBL that is played, and a camera that fills a folder."""
 
+import json
 import shutil
 import sys
 import threading
@@ -118,14 +119,17 @@ def test_a_person_paints_as_they_are_asked_and_is_asked_for_everything(run: Run,
         easel / "hand.json"
     )
     seen = ("--robot", "human", "--camera", "folder:shots", "--calibration", "hand.json", "--canvas", "140x100mm")
-    words = ("paint", "coffee.png", *SMALL, *seen, "--no-film", "--out", "mine", "--strokes", 2)
-    status, said = run(*words, typing=7 * ["y"])
+    words = ("paint", "coffee.png", *SMALL, *seen, "--out", "mine", "--strokes", 3)
+    look, mix, one_by_one, left_out, wash = "y", "y", "n", ["n", "y"], "y"
+    status, said = run(*words, typing=[look, mix, one_by_one, "y", *left_out, "y", look, wash])
     assert status == 0, said
     said = " ".join(said.split())
-    assert said.count("Dip the brush into paint 1 (#") == 1 and said.count("Painted?") == 2
-    assert "Mix these paints" in said and "hands, brush and shadow" in said
-    assert told(easel / "mine").painted == 2 and (easel / "mine" / "question.png").exists()
-    assert "2 strokes" in said and (easel / "mine" / "painting.png").exists()
+    assert said.count("Dip the brush into paint 1 (#") == 1 and said.count("Painted?") == 3
+    assert "Mix these paints" in said and said.count("hands, brush and shadow") == 2 and "Wash the brush and" in said
+    assert told(easel / "mine").painted == 3 and (easel / "mine" / "question.png").exists()
+    result = json.loads((easel / "mine" / "result.json").read_text())
+    assert result["strokes_given_up"] == [2] and told(easel / "mine").given_up == [2]
+    assert "3 strokes" in said and (easel / "mine" / "painting.png").exists()
 
 
 @pytest.mark.usefixtures("coarse_brush")
@@ -133,7 +137,7 @@ def test_a_painting_on_a_real_easel_waits_for_the_wells_and_is_resumed_on_the_sa
     with FakeGrbl(pace=400) as grbl:
         grbl.place = np.array([100.0, -250.0, 250.0])
         status, said = run("paint", "coffee.png", *SMALL, *on(grbl.name), "--no-film", "--out", "it", typing=["n"])
-        assert status == 2 and "wells were not filled" in said.replace("\n", " ")
+        assert status == 2 and "paints were not there" in said.replace("\n", " ")
         assert told(easel / "it").painted == 0 and not any("Z118" in line for line in grbl.received)
         status, said = run("resume", "it", "--yes")
         assert status == 0, said

@@ -18,7 +18,8 @@ from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.events import Event, Planned, StrokePainted
 from frida_painter.session.eye import Eye
-from frida_painter.session.loop import Painting, PaintingSession, Rhythm
+from frida_painter.session.loop import Painting, PaintingSession
+from frida_painter.session.rhythm import Rhythm
 from frida_painter.virtual.faults import Faults
 from frida_painter.virtual.studio import VirtualStudio, open_studio
 from frida_painter.virtual.table import PlacementError

@@ -19,7 +19,7 @@ from frida_painter.session.events import (
     Stopped,
     StrokePainted,
 )
-from frida_painter.session.loop import Rhythm
+from frida_painter.session.rhythm import Rhythm
 from sittings import Evening
 
 

@@ -15,9 +15,10 @@ from frida_painter.goal import Goal, ImageTerm
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.eye import Eye
-from frida_painter.session.loop import PaintingSession, Rhythm
+from frida_painter.session.loop import PaintingSession
 from frida_painter.session.procedures.color import color
 from frida_painter.session.procedures.dialogue import lead
+from frida_painter.session.rhythm import Rhythm
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter.virtual.table import PlacementError

@@ -23,7 +23,8 @@ from frida_painter.session.eye import Eye
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.logbook import Logbook
-from frida_painter.session.loop import PaintingSession, Rhythm
+from frida_painter.session.loop import PaintingSession
+from frida_painter.session.rhythm import Rhythm
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio

@@ -12,6 +12,7 @@ from frida_painter.cli import goals
 from frida_painter.cli.real import Site
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, StorageError
+from frida_painter.session.names import HUMAN
 
 SETTINGS = "settings.json"
 GOAL = "goal"
@@ -37,8 +38,8 @@ class Kept:
 
     @property
     def glimpses(self) -> int:
-        """How many pictures the film gets."""
-        return min(self.settings.strokes, _GLIMPSES) if self.film else 0
+        """How many pictures the film gets: none by hand, for nobody wants to step aside after every stroke."""
+        return min(self.settings.strokes, _GLIMPSES) if self.film and self.site.robot != HUMAN else 0
 
     def write(self, folder: Path) -> None:
         """Puts it into the folder, for people to read. Raises StorageError."""

@@ -34,9 +34,10 @@ from frida_painter.report.palette_sheet import palette_sheet
 from frida_painter.report.recorder import Recorder
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import PHOTOGRAPH_ROWS, Rhythm
+from frida_painter.session.loop import PHOTOGRAPH_ROWS
 from frida_painter.session.names import SAWYER_SIM
 from frida_painter.session.opening import on_record, open_planner, open_session, settle_threads
+from frida_painter.session.rhythm import Rhythm
 from frida_painter.virtual.sawyer.opengl import NONE as NO_OPENGL
 from frida_painter.virtual.sawyer.opengl import headless_opengl
 

@@ -23,9 +23,10 @@ from frida_painter.session.events import (
     PlanningStep,
     Resumed,
     Scheduled,
+    StrokeLeftOut,
     StrokePainted,
 )
-from frida_painter.session.loop import Rhythm
+from frida_painter.session.rhythm import Rhythm
 
 _GROWING_COST = 1.4
 
@@ -97,7 +98,7 @@ class Forecast:
                 if not self._after:
                     self._painting = Pace(0.02)
                 self._after, self._end, self._begun, self._walked = timetable.after, timetable.total, done, 0.0
-            case StrokePainted(done=done):
+            case StrokePainted(done=done) | StrokeLeftOut(done=done):
                 self._painted = done
                 self._painting.measure(passed, self._walk(done))
             case Glimpsed() | Looked():
@@ -228,7 +229,7 @@ def _words(event: Event) -> str:
             return f"the robot will take {duration(timetable.total)}"
         case PaintsWanted(palette):
             return f"mixing {len(palette)} paints"
-        case StrokePainted(done, of):
+        case StrokePainted(done, of) | StrokeLeftOut(done, of):
             return f"stroke {done} of {of}"
         case Looked():
             return "looking at the canvas"

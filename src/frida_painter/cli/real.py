@@ -116,4 +116,4 @@ def attended_by(easel: Easel, site: Site, answer: Callable[[Question], Answer]) 
     if site.robot != HUMAN:
         return replace(easel, attendant=PersonAttending(answer))
     hand = ByHand(easel, answer)
-    return replace(easel, robot=hand, camera=hand.camera, attendant=hand)
+    return replace(easel, robot=hand, camera=hand.camera, attendant=hand, foretell=hand.foretell)

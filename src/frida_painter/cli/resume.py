@@ -28,10 +28,11 @@ from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.eye import Eye
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import Halfway, Rhythm
-from frida_painter.session.names import SAWYER_SIM
+from frida_painter.session.loop import Halfway
+from frida_painter.session.names import HUMAN, SAWYER_SIM
 from frida_painter.session.opening import on_record, open_planner, open_session, settle_threads
 from frida_painter.session.resuming import KeptPlan
+from frida_painter.session.rhythm import Rhythm
 
 NOW = "now.png"
 
@@ -72,9 +73,9 @@ def resume(
         begun = Begun.read(folder, history, accept_changes=accept_changes)
         begun.how.site.require_somebody(asked=not yes)
         _show(begun, history)
-        if not (
-            yes or confirm("The arm will lift and move aside to have the canvas photographed. Go on?", default=True)
-        ):
+        by_hand = begun.how.site.robot == HUMAN
+        first = "The canvas" if by_hand else "The arm will lift and move aside, and the canvas"
+        if not (yes or confirm(f"{first} will be photographed. Go on?", default=True)):
             raise Interrupted("Nothing was moved; the painting stays as it is.")
         storage.clear_leftovers(folder)
         started = time.monotonic()

@@ -30,7 +30,8 @@ from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.events import Event, Looked, Planned, PlanningStep, StrokePainted
 from frida_painter.session.eye import Eye
-from frida_painter.session.loop import PaintingSession, Rhythm
+from frida_painter.session.loop import PaintingSession
+from frida_painter.session.rhythm import Rhythm
 
 NAME = "replanning"
 CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)

@@ -34,7 +34,8 @@ from frida_painter.render import render
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.events import Event, Planned, PlanningStep, StrokePainted
 from frida_painter.session.eye import Eye
-from frida_painter.session.loop import PaintingSession, Rhythm
+from frida_painter.session.loop import PaintingSession
+from frida_painter.session.rhythm import Rhythm
 
 NAME = "text"
 CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)

@@ -1,5 +1,6 @@
 """An easel: the robot, the camera and the person beside them, with all that is known about the three."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -7,7 +8,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.camera import Camera
 from frida_painter.hardware.reach import Reach
-from frida_painter.hardware.robot import Robot
+from frida_painter.hardware.robot import Robot, Waypoints
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.palette import Palette
@@ -29,13 +30,18 @@ class Attendant(Protocol):
         """Whether the colour checker is gone again; False where a person is to be asked to take it away."""
 
 
+def _unheard(motions: Sequence[Waypoints]) -> None:
+    """A robot need not know what comes next."""
+
+
 @dataclass(frozen=True)
 class Easel:
     """Everything that differs between a virtual and a real painting.
 
     reach: where the robot's arm gets, None where it gets everywhere in its workspace; timing: how it
     starts and stops, None where it is not known and its full speed is reckoned with; simulated: no real
-    robot is moved.
+    robot is moved; foretell: hears what the robot will be sent next, in that order, for a person who paints
+    by hand and wants to see more than one stroke.
     """
 
     robot: Robot
@@ -47,3 +53,4 @@ class Easel:
     reach: Reach | None = None
     timing: Timing | None = None
     simulated: bool = False
+    foretell: Callable[[Sequence[Waypoints]], None] = _unheard

@@ -26,12 +26,16 @@ class Waypoints:
 
 @dataclass(frozen=True)
 class MotionReport:
-    """What was really done: times in seconds of the robot's own clock, and where the tip ended [3], metres."""
+    """What was really done: times in seconds of the robot's own clock, and where the tip ended [3], metres.
+
+    left_out: whether nothing was done, because a person who paints by hand chose so.
+    """
 
     label: str
     started_at: float
     finished_at: float
     reached: NDArray[np.float64]
+    left_out: bool = False
 
 
 class Robot(Protocol):

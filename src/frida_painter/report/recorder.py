@@ -36,6 +36,7 @@ from frida_painter.session.events import (
     Resumed,
     Scheduled,
     Stopped,
+    StrokeLeftOut,
 )
 from frida_painter.session.history import History
 from frida_painter.session.loop import Painting
@@ -82,6 +83,7 @@ class Recorder:
     _curve: list[tuple[int, float]] = field(default_factory=list, init=False)
     _dips: int = field(default=0, init=False)
     _cleanings: int = field(default=0, init=False)
+    _strokes_left_out: list[int] = field(default_factory=list, init=False)
     _stopped: bool = field(default=False, init=False)
     _recipes: tuple[Recipe, ...] = field(default=(), init=False)
     _left_out: int = field(default=0, init=False)
@@ -129,6 +131,8 @@ class Recorder:
                 self._show(photograph, color)
             case Looked():
                 self._seen = event
+            case StrokeLeftOut(done=done):
+                self._strokes_left_out.append(done)
             case Stopped():
                 self._stopped = True
             case _:
@@ -274,13 +278,18 @@ class Recorder:
             arm_film=ARM_FILM if (self.folder / ARM_FILM).exists() else None,
         )
 
+    @property
+    def _given_up(self) -> list[int]:
+        """The numbers of strokes that are not on the canvas, and were to be."""
+        return [*(self.before.given_up if self.before is not None else []), *self._strokes_left_out]
+
     def _mishaps(self) -> tuple[tuple[str, str], ...]:
         """What did not go as it should, for the page."""
         facts: list[tuple[str, str]] = []
         if self.before is not None:
             facts.append(("Sittings", str(self._sittings)))
-        if self.before is not None and self.before.given_up:
-            facts.append(("Strokes given up", ", ".join(map(str, self.before.given_up))))
+        if self._given_up:
+            facts.append(("Strokes given up", ", ".join(map(str, self._given_up))))
         if self._left_out:
             facts.append(("Pictures left out", f"{self._left_out}, for want of space on the disk"))
         return tuple(facts)
@@ -304,7 +313,7 @@ class Recorder:
                 "cleanings": self._cleanings,
                 "seconds": round(time.monotonic() - self._started, 3),
                 "sittings": self._sittings,
-                "strokes_given_up": self.before.given_up if self.before is not None else [],
+                "strokes_given_up": self._given_up,
                 "robot_seconds": round(painting.robot_seconds, 3),
                 "robot_seconds_expected": round(self._timetable.total, 3) if self._timetable else None,
                 "plan_digest": plan.digest,

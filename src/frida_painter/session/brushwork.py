@@ -14,6 +14,7 @@ from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
+from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
 from frida_painter.session.timetable import Timetable
 from frida_painter.session.timing import reckon
 from frida_painter.session.travel import shorten_travel
@@ -45,18 +46,22 @@ class Brushwork:
         return reckon(plan, self._choreography(), self.load, looks, self.easel.timing)
 
     def prepare(self, plan: Plan, already_done: int, of: int) -> list[Action]:
-        """Everything that painting the plan takes, checked as a whole against the workspace.
+        """Everything that painting the plan takes, checked as a whole against the workspace, and foretold.
 
         Raises WorkspaceViolation before anything moves.
         """
         actions = list(self._choreography().actions(plan, self.load, already_done, of))
-        self._check(motion for action in actions for motion in action.motions)
+        motions = [motion for action in actions for motion in action.motions]
+        self._check(motions)
+        self.easel.foretell(motions)
         return actions
 
-    def perform(self, action: Action) -> None:
-        """Does it. Raises RobotError and its kinds."""
-        self._follow(action.motions)
+    def perform(self, action: Action) -> Dipped | StrokePainted | StrokeLeftOut:
+        """Does it, and tells what was done. Raises RobotError and its kinds."""
+        left_out = self._follow(action.motions)
         self.load = action.load
+        done = action.done
+        return StrokeLeftOut(done.done, done.of) if left_out and isinstance(done, StrokePainted) else done
 
     def step_aside(self) -> None:
         """Moves the arm out of the camera's sight."""
@@ -81,7 +86,9 @@ class Brushwork:
         surface = limits.Surface(self.easel.canvas, self.easel.calibration.press_height)
         limits.check(motions, self.easel.workspace, surface, self.easel.reach)
 
-    def _follow(self, motions: Iterable[Waypoints]) -> None:
+    def _follow(self, motions: Iterable[Waypoints]) -> bool:
+        """Whether any of them was left out by whoever paints by hand."""
+        left_out = False
         for motion in motions:
             report = self.easel.robot.follow(motion)
             self._take_note(report)
@@ -92,6 +99,8 @@ class Brushwork:
                     f"was sent; allowed are {_ARRIVED * 1000:g} mm. Look at the robot, then repeat the robot "
                     "calibration."
                 )
+            left_out |= report.left_out
+        return left_out
 
     def _take_note(self, report: MotionReport) -> None:
         self.last_motion = report.finished_at

@@ -71,6 +71,14 @@ class StrokePainted:
 
 
 @dataclass(frozen=True)
+class StrokeLeftOut:
+    """Whoever paints by hand left stroke number `done` (from 1) of `of` out; it counts, and is not on the canvas."""
+
+    done: int
+    of: int
+
+
+@dataclass(frozen=True)
 class Glimpsed:
     """A photograph for the film, rectified, [3, H, W]."""
 
@@ -123,6 +131,7 @@ Event = (
     | PaintsWanted
     | Dipped
     | StrokePainted
+    | StrokeLeftOut
     | Glimpsed
     | Looked
     | Resumed

@@ -30,10 +30,11 @@ class History:
     settings, rests_on: as it was begun; plannings: the plans that were made, in order; painted: strokes
     that are done or were given up; in_doubt: the number of the stroke that was begun and not ended;
     light: of the last look, [3][terms]; looks, dips, cleanings, sittings: how many there were; given_up:
-    numbers of strokes in doubt that were skipped; region: the file of what a person drew over the canvas,
-    and whether only there it may be painted, None where nothing is protected; goal: the folder of the goal
-    that it is painted towards since it was changed, "" before; finished: whether nothing is left to do; seconds:
-    that were spent on it, pauses between sittings left out; last: when the last record was written.
+    numbers of strokes in doubt that were skipped, and of those that a person left out; region: the file of
+    what a person drew over the canvas, and whether only there it may be painted, None where nothing is
+    protected; goal: the folder of the goal that it is painted towards since it was changed, "" before;
+    finished: whether nothing is left to do; seconds: that were spent on it, pauses between sittings left
+    out; last: when the last record was written.
     """
 
     settings: dict[str, Any]
@@ -99,6 +100,8 @@ class History:
                 self.in_doubt = record["stroke"]
             case "ended" if "stroke" in record:
                 self.painted, self.in_doubt = record["stroke"], None
+                if record.get("left_out", False):
+                    self.given_up.append(record["stroke"])
             case "ended":
                 self.dips += 1
                 self.cleanings += int(record["cleaned"])

@@ -22,7 +22,7 @@ from frida_painter.perception.flatfield import FlatField
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.session.choreography import Action
-from frida_painter.session.events import StrokePainted
+from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
 from frida_painter.session.history import FORMAT, VERSION, History
 from frida_painter.session.logbook import Logbook
 from frida_painter.session.names import JOURNAL
@@ -104,13 +104,15 @@ class Journal:
         stroke = {"stroke": painted.done, "plan": plan.digest} if isinstance(painted, StrokePainted) else {}
         self.note("began", what=[motion.label for motion in action.motions], **stroke)
 
-    def ends(self, action: Action) -> None:
-        """The robot has done it."""
-        painted = action.done
-        if isinstance(painted, StrokePainted):
-            self.note("ended", stroke=painted.done)
-        else:
-            self.note("ended", paint=painted.paint, cleaned=painted.cleaned)
+    def ends(self, done: Dipped | StrokePainted | StrokeLeftOut) -> None:
+        """The robot has done it, or a person has left it out."""
+        match done:
+            case Dipped(paint, cleaned):
+                self.note("ended", paint=paint, cleaned=cleaned)
+            case StrokePainted(stroke):
+                self.note("ended", stroke=stroke)
+            case StrokeLeftOut(stroke):
+                self.note("ended", stroke=stroke, left_out=True)
 
     def looked(self, frame: Frame, light: FlatField | None) -> None:
         """A photograph was taken for planning; it is kept as the camera gave it where there is room for it."""

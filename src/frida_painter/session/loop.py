@@ -6,7 +6,6 @@ what, and tells it to whoever listens.
 """
 
 import contextlib
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -23,6 +22,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import (
+    Dipped,
     Glimpsed,
     Looked,
     Notify,
@@ -33,40 +33,17 @@ from frida_painter.session.events import (
     Resumed,
     Scheduled,
     Stopped,
+    StrokeLeftOut,
     StrokePainted,
 )
 from frida_painter.session.eye import Eye
 from frida_painter.session.journal import Journal
+from frida_painter.session.rhythm import Rhythm
 
 PHOTOGRAPH_ROWS = 864
 GLIMPSE_ROWS = 540
 
 _T = TypeVar("_T")
-
-
-@dataclass(frozen=True)
-class Rhythm:
-    """How a painting is divided: how often the painter looks and plans again, and glimpses for the film."""
-
-    replans: int
-    glimpses: int
-
-    def batches(self, strokes: int) -> list[int]:
-        """Strokes painted between two looks: `replans` + 1 batches that differ by at most one stroke."""
-        count = min(self.replans + 1, strokes)
-        return [strokes * (number + 1) // count - strokes * number // count for number in range(count)]
-
-    def next_look(self, done: int, of: int) -> int:
-        """How many of `of` strokes are painted when the painter looks next, `done` of them being painted now."""
-        return next(end for end in itertools.accumulate(self.batches(of)) if end > done)
-
-    def looks(self, done: int, of: int) -> int:
-        """How often the arm goes aside for a picture right after stroke `done` of `of`."""
-        return int(self.wants_glimpse(done, of)) + int(self.next_look(done - 1, of) == done)
-
-    def wants_glimpse(self, done: int, of: int) -> bool:
-        """Whether the film gets a picture after stroke `done` of `of`."""
-        return done * self.glimpses // of > (done - 1) * self.glimpses // of
 
 
 @dataclass(frozen=True)
@@ -141,6 +118,7 @@ class PaintingSession:
         self._before: Tensor | None = None  # the canvas as it was last seen
         self._seen = 0  # strokes that were on it
         self._touched = False
+        self._left_out: set[int] = set()  # strokes, by index, by whoever paints by hand
 
     def run(self, strokes: int, colors: int, plan: Plan | None = None) -> Painting:
         """Paints exactly `strokes` strokes in `colors` paints on a bare canvas, unless a person stops it.
@@ -258,19 +236,21 @@ class PaintingSession:
         except StorageError as trouble:
             self._pause(str(trouble), trouble)
             return False
-        self.brushwork.perform(action)
-        self._insist(partial(self.journal.ends, action))
-        self._notify(action.done)
-        if isinstance(action.done, StrokePainted):
-            self._painted = action.done.done
-            self._glimpse(action.done)
+        done = self.brushwork.perform(action)
+        self._insist(partial(self.journal.ends, done))
+        self._notify(done)
+        if isinstance(done, StrokeLeftOut):
+            self._left_out.add(done.done - 1)
+        if not isinstance(done, Dipped):
+            self._painted = done.done
+            self._glimpse(done)
             self._heed()
         return True
 
     def _look_and_plan_again(self, rounds: int = 1) -> None:
         assert self._plan is not None and self._before is not None
         canvas = self.look()
-        batch, rest = self._plan.part(slice(self._seen, self._painted)), self._plan.part(slice(self._painted, None))
+        batch, rest = self._batch(self._plan), self._plan.part(slice(self._painted, None))
         self._notify(Looked(canvas, self.planner.expected(batch, self._before), self._painted))
         if len(batch):  # where strokes landed tells where the robot is to be sent
             known = self.brushwork.placement
@@ -324,12 +304,16 @@ class PaintingSession:
         """What should be seen; None where there is no plan yet, or a person may have touched the canvas."""
         if self._plan is None or self._before is None or self._touched:
             return None
-        batch = self._plan.part(slice(self._seen, self._painted))
+        batch = self._batch(self._plan)
         return Expected(self._before, self.planner.expected(batch, self._before) if len(batch) else self._before)
 
-    def _glimpse(self, painted: StrokePainted) -> None:
+    def _batch(self, plan: Plan) -> Plan:
+        """What was painted since the canvas was last seen."""
+        return plan.part([index for index in range(self._seen, self._painted) if index not in self._left_out])
+
+    def _glimpse(self, painted: StrokePainted | StrokeLeftOut) -> None:
         """A picture for the film, which nothing is decided by, and without which the painting goes on."""
-        if self.rhythm.wants_glimpse(painted.done, painted.of):
+        if isinstance(painted, StrokePainted) and self.rhythm.wants_glimpse(painted.done, painted.of):
             self._insist(self._step_aside)
             with contextlib.suppress(CameraError):
                 picture = self.eye.look(self.brushwork.last_motion, GLIMPSE_ROWS)

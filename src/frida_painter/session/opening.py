@@ -24,9 +24,10 @@ from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.events import Notify, Paused
 from frida_painter.session.eye import Eye
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import PaintingSession, Rhythm
+from frida_painter.session.loop import PaintingSession
 from frida_painter.session.procedures.standing import NEEDED, require
 from frida_painter.session.refilling import refilled
+from frida_painter.session.rhythm import Rhythm
 from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.table import PlacementError
 
@@ -120,6 +121,8 @@ def on_record(easel: Easel, record: Path | None, needed: tuple[str, ...] = NEEDE
         return easel
     known = Calibration.load(record)
     require(known, easel.calibration, () if easel.simulated else needed)
+    if "brush" not in known.done:
+        known = replace(known, brush=easel.calibration.brush)
     return replace(easel, calibration=known)
 
 

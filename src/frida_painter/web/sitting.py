@@ -29,10 +29,12 @@ from frida_painter.session.easels import ARM_FILM
 from frida_painter.session.events import Event
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import Halfway, Painting, PaintingSession, Rhythm
+from frida_painter.session.loop import Halfway, Painting, PaintingSession
+from frida_painter.session.names import HUMAN
 from frida_painter.session.opening import on_record, open_planner, open_session
 from frida_painter.session.procedures.dialogue import Confirm
 from frida_painter.session.resuming import KeptPlan
+from frida_painter.session.rhythm import Rhythm
 from frida_painter.web.exports import export
 from frida_painter.web.folder import PlanFolder
 from frida_painter.web.job import Job
@@ -125,11 +127,12 @@ def _occasion(
 
 
 def _recorder(job: Job, planner: Planner, what: Occasion, history: History | None = None) -> Recorder:
-    return Recorder(job.folder.painting, what, planner.model, _glimpses(what), history)
+    return Recorder(job.folder.painting, what, planner.model, _glimpses(job, what), history)
 
 
-def _glimpses(what: Occasion) -> int:
-    return min(int(what.settings["strokes"]), _GLIMPSES)
+def _glimpses(job: Job, what: Occasion) -> int:
+    """How many pictures the film gets: none by hand, for nobody wants to step aside after every stroke."""
+    return 0 if job.site.robot == HUMAN else min(int(what.settings["strokes"]), _GLIMPSES)
 
 
 class _Sitting:
@@ -137,7 +140,7 @@ class _Sitting:
 
     def __init__(self, job: Job, planner: Planner, what: Occasion, recorder: Recorder) -> None:
         self._job, self._planner, self._recorder = job, planner, recorder
-        self._glimpses = _glimpses(what)
+        self._glimpses = _glimpses(job, what)
         self.session: PaintingSession
         self._reporter: Reporter
 

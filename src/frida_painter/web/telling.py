@@ -21,6 +21,7 @@ from frida_painter.session.events import (
     Planned,
     PlanningStep,
     Stopped,
+    StrokeLeftOut,
     StrokePainted,
 )
 from frida_painter.session.loop import GLIMPSE_ROWS
@@ -69,7 +70,7 @@ class Reporter:
                 self.feed.tell("mixing")
             case Dipped(paint=paint):
                 self.feed.tell("dipped", paint=paint)
-            case StrokePainted(done=done, of=of):
+            case StrokePainted(done=done, of=of) | StrokeLeftOut(done=done, of=of):
                 self.done = done
                 self.feed.tell("stroke", done=done, of=of, left=round(left, 1))
             case Glimpsed(photograph=photograph, done=done):
