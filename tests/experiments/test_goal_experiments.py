@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter.experiments import composition, semantic, sketch, style
+from frida_painter.experiments import composition, goal_paintings, semantic, sketch, style
 from frida_painter.experiments.goal_paintings import QUICK
 from frida_painter.experiments.targets import DRAWINGS, PHOTOGRAPHS, STYLES, Target, shipped
 from frida_painter.experiments.text import PROMPTS
@@ -19,8 +19,7 @@ PHOTO = Target("photo", picture())
 
 @pytest.fixture(autouse=True)
 def coarse_brush(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (composition, semantic, sketch, style):
-        monkeypatch.setattr(module, "cached_table", coarse_table)
+    monkeypatch.setattr(goal_paintings, "cached_table", coarse_table)
 
 
 def how(**rest):
@@ -39,7 +38,7 @@ def test_meaning_against_pixels() -> None:
 def test_what_was_painted_is_not_painted_again(tmp_path, monkeypatch) -> None:
     judge = QuickEncoders().meaning()
     one = semantic.run([PHOTO], **how(judge=judge, keep=tmp_path))
-    monkeypatch.setattr(semantic, "paint", None)
+    monkeypatch.setattr(goal_paintings.Bench, "paint", None)
     same = semantic.run([PHOTO], **how(judge=judge, keep=tmp_path))
     assert same.tables == one.tables
 

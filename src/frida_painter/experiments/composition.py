@@ -7,16 +7,14 @@ judged by a classifier that no optimiser asked.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from torch import Tensor
 
-from frida_painter.brush.table_cache import cached_table
-from frida_painter.brush.weights import load_stroke_model
-from frida_painter.experiments.goal_paintings import CANVAS, FULL, Scale, paint
-from frida_painter.experiments.ledger import Finding, Ledger
+from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
+from frida_painter.experiments.ledger import Finding
 from frida_painter.experiments.measures import edge_correlation
 from frida_painter.experiments.outcome import Notify, Outcome, Row, Table, silent, within
 from frida_painter.experiments.page import Cell, Line, page
@@ -53,7 +51,7 @@ def run(
     folder in which finished paintings wait in case the rest is interrupted. Raises WeightsError
     where a network is missing.
     """
-    bench = _Bench(brush, canvas, scale, encoders, judge)
+    bench = Bench(brush, canvas, scale, encoders, keep)
     tasks = [
         (style, prompt, seed, way)
         for seed in seeds
@@ -63,7 +61,15 @@ def run(
     found: dict[tuple[str, str, int, str], Finding] = {}
     for number, (style, prompt, seed, way) in enumerate(tasks):
         telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
-        finding = bench.recall(style, prompt, seed, way, keep, telling)
+        words = "" if prompt is None else prompt.words
+        finding = bench.recall(
+            f"{style.name}-{words.replace(' ', '-') or 'alone'}-{WAYS.index(way)}-{seed}",
+            partial(_measure, bench, judge, style, words, seed, way, telling),
+            way=way,
+            style=style.fingerprint,
+            prompt=words,
+            seed=seed,
+        )
         # The style alone is held against every one of the prompts.
         for said in prompts if prompt is None else [prompt]:
             found[style.name, said.words, seed, way] = finding
@@ -89,42 +95,22 @@ def run(
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Bench:
-    """What all paintings of a run share."""
-
-    brush: str
-    canvas: CanvasSize
-    scale: Scale
-    encoders: Encoders
-    judge: EfficientNetLite
-
-    def recall(
-        self, style: Target, prompt: Prompt | None, seed: int, way: str, keep: Path | None, notify: Notify
-    ) -> Finding:
-        """The painting's figures and picture; painted where it is not in the ledger."""
-        words = "" if prompt is None else prompt.words
-        depends = {"brush": self.brush, "canvas": str(self.canvas), "scale": repr(self.scale), "way": way,
-                   "style": style.fingerprint, "prompt": words, "seed": seed}  # fmt: skip
-        name = f"{style.name}-{words.replace(' ', '-') or 'alone'}-{WAYS.index(way)}-{seed}"
-        return Ledger(keep, depends).recall(name, lambda: self._measure(style, words, seed, way, notify))
-
-    def _measure(self, style: Target, words: str, seed: int, way: str, notify: Notify) -> Finding:
-        """How far the style's composition is kept, and the judge's log probability of every class."""
-        wanted = StyleTerm(style.picture)
-        goals = {
-            STYLE: lambda: Goal((wanted,)),
-            WORDS: lambda: Goal((TextTerm(words), wanted)),
-            BEGUN: lambda: Goal((TextTerm(words), wanted), (ImageTerm(style.picture),)),
-        }
-        size = self.canvas.turned_like(*style.picture.shape[1:])
-        model = cached_table(load_stroke_model(self.brush))
-        doing = f"{words or 'nothing'} in the style of {style.name}"
-        painted = paint(goals[way](), size, model, self.encoders, self.scale, seed, notify, doing)
-        picture = painted.photograph
-        logs = log_probabilities(self.judge, picture).tolist()
-        numbers = {EDGES: edge_correlation(picture, style.picture), SECONDS: painted.seconds}
-        return Finding({**numbers, **{str(at): value for at, value in enumerate(logs)}}, {"painting": picture})
+def _measure(
+    bench: Bench, judge: EfficientNetLite, style: Target, words: str, seed: int, way: str, notify: Notify
+) -> Finding:
+    """How far the style's composition is kept, and the judge's log probability of every class."""
+    wanted = StyleTerm(style.picture)
+    goals = {
+        STYLE: lambda: Goal((wanted,)),
+        WORDS: lambda: Goal((TextTerm(words), wanted)),
+        BEGUN: lambda: Goal((TextTerm(words), wanted), (ImageTerm(style.picture),)),
+    }
+    doing = f"{words or 'nothing'} in the style of {style.name}"
+    painted = bench.paint(goals[way](), style.picture, seed, notify, doing)
+    picture = painted.photograph
+    logs = log_probabilities(judge, picture).tolist()
+    numbers = {EDGES: edge_correlation(picture, style.picture), SECONDS: painted.seconds}
+    return Finding({**numbers, **{str(at): value for at, value in enumerate(logs)}}, {"painting": picture})
 
 
 def _figures(finding: Finding, prompt: Prompt) -> dict[str, float]:

@@ -1,14 +1,18 @@
 """Paintings of goals that networks judge: planned, and painted by the virtual robot without looking in between."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import torch
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.brush.table_cache import cached_table
+from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import execute, open_easel
+from frida_painter.experiments.ledger import Finding, Ledger
 from frida_painter.experiments.outcome import Notify, Progress
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
@@ -44,32 +48,44 @@ class Painted:
     seconds: float
 
 
-def paint(
-    goal: Goal,
-    size: CanvasSize,
-    model: StrokeModel,
-    encoders: Encoders,
-    scale: Scale,
-    seed: int,
-    notify: Notify,
-    words: str,
-) -> Painted:
-    """Plans the goal and has the virtual robot paint it; it stands as far off as the seed says.
+@dataclass(frozen=True)
+class Bench:
+    """What all paintings of a run share: brush, canvas, scale, and the networks that goals are seen through.
 
-    words: what `notify` says is being done. Raises WeightsError where a network is missing.
+    keep: a folder in which finished paintings wait in case the rest is interrupted.
     """
-    started = time.process_time()
-    planner = Planner(
-        goal, size, model, rows=scale.rows, effort=Effort().scaled(scale.effort), seed=seed, encoders=encoders
-    )
-    bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
 
-    def hear(step: Step) -> None:
-        notify(Progress(_PLANNING * step.iteration / step.of, f"{words}: planning"))
+    brush: str
+    canvas: CanvasSize
+    scale: Scale
+    encoders: Encoders
+    keep: Path | None
 
-    plan = planner.plan(bare, scale.strokes, scale.colors, hear)
-    seconds = time.process_time() - started
-    notify(Progress(_PLANNING, f"{words}: painting"))
-    photograph = execute(plan, open_easel(size, model.brush, seed), _PHOTOGRAPH_ROWS)
-    grid = planner.fine
-    return Painted(planner.expected(plan, bare), images.fit(photograph, grid.rows, grid.columns), seconds)
+    def recall(self, name: str, measure: Callable[[], Finding], /, **depends: object) -> Finding:
+        """A painting's figures and pictures; painted and measured where it is not kept with all it depends on."""
+        shared = {"brush": self.brush, "canvas": str(self.canvas), "scale": repr(self.scale)}
+        return Ledger(self.keep, {**shared, **depends}).recall(name, measure)
+
+    def paint(self, goal: Goal, picture: Tensor, seed: int, notify: Notify, words: str) -> Painted:
+        """Plans the goal and has the virtual robot paint it; it stands as far off as the seed says.
+
+        The canvas lies as `picture` [3, H, W] does; words: what `notify` says is being done. Raises
+        WeightsError where a network is missing.
+        """
+        started = time.process_time()
+        size, scale = self.canvas.turned_like(*picture.shape[1:]), self.scale
+        model = cached_table(load_stroke_model(self.brush))
+        planner = Planner(
+            goal, size, model, rows=scale.rows, effort=Effort().scaled(scale.effort), seed=seed, encoders=self.encoders
+        )
+        bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
+
+        def hear(step: Step) -> None:
+            notify(Progress(_PLANNING * step.iteration / step.of, f"{words}: planning"))
+
+        plan = planner.plan(bare, scale.strokes, scale.colors, hear)
+        seconds = time.process_time() - started
+        notify(Progress(_PLANNING, f"{words}: painting"))
+        photograph = execute(plan, open_easel(size, model.brush, seed), _PHOTOGRAPH_ROWS)
+        grid = planner.fine
+        return Painted(planner.expected(plan, bare), images.fit(photograph, grid.rows, grid.columns), seconds)

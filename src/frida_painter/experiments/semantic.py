@@ -6,17 +6,15 @@ VGG16's features in the manner of LPIPS, edges, and pixels.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from torch import Tensor
 
 from frida_painter import images, weights
-from frida_painter.brush.table_cache import cached_table
-from frida_painter.brush.weights import load_stroke_model
-from frida_painter.experiments.goal_paintings import CANVAS, FULL, Scale, paint
-from frida_painter.experiments.ledger import Finding, Ledger
+from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
+from frida_painter.experiments.ledger import Finding
 from frida_painter.experiments.measures import edge_score, feature_distance, perceptual_distance, psnr
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
 from frida_painter.experiments.page import Cell, Line, page
@@ -54,12 +52,19 @@ def run(
     default EfficientNet-Lite1; keep: a folder in which finished paintings wait in case the rest is
     interrupted. Raises WeightsError where a network is missing.
     """
-    bench = _Bench(brush, canvas, scale, encoders or Encoders(), judge or EfficientNetLite(weights.tensors(JUDGE)))
+    bench = Bench(brush, canvas, scale, encoders or Encoders(), keep)
+    judge = judge or EfficientNetLite(weights.tensors(JUDGE))
     tasks = [(photo, seed, way) for seed in seeds for photo in photographs for way in WAYS]
     found: dict[_Key, Finding] = {}
     for number, (photo, seed, way) in enumerate(tasks):
         telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
-        found[photo.name, seed, way] = bench.recall(photo, seed, way, keep, telling)
+        found[photo.name, seed, way] = bench.recall(
+            f"{photo.name}-{WAYS.index(way)}-{seed}",
+            partial(_measure, bench, judge, photo, seed, way, telling),
+            way=way,
+            photo=photo.fingerprint,
+            seed=seed,
+        )
     names = [photo.name for photo in photographs]
     every: list[Row] = [
         {"photograph": name, "seed": seed, "painted": way, **finding.numbers}
@@ -80,42 +85,24 @@ def run(
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Bench:
-    """What all paintings of a run share."""
-
-    brush: str
-    canvas: CanvasSize
-    scale: Scale
-    encoders: Encoders
-    judge: Seer
-
-    def recall(self, photo: Target, seed: int, way: str, keep: Path | None, notify: Notify) -> Finding:
-        """The painting's figures and pictures; painted where it is not in the ledger."""
-        depends = {"brush": self.brush, "canvas": str(self.canvas), "scale": repr(self.scale), "way": way,
-                   "photo": photo.fingerprint, "seed": seed}  # fmt: skip
-        name = f"{photo.name}-{WAYS.index(way)}-{seed}"
-        return Ledger(keep, depends).recall(name, lambda: self._measure(photo, seed, way, notify))
-
-    def _measure(self, photo: Target, seed: int, way: str, notify: Notify) -> Finding:
-        term = ImageTerm(photo.picture) if way == PIXELS else SemanticTerm(photo.picture)
-        size = self.canvas.turned_like(*photo.picture.shape[1:])
-        model = cached_table(load_stroke_model(self.brush))
-        painted = paint(Goal((term,)), size, model, self.encoders, self.scale, seed, notify, f"{photo.name} {way}")
-        notify(Progress(0.97, f"{photo.name} {way}: measuring"))
-        picture = painted.photograph
-        target = images.fit(photo.picture, *picture.shape[1:])
-        return Finding(
-            {
-                FEATURES: feature_distance(self.judge, picture, target, _SIDE),
-                PERCEPTUAL: perceptual_distance(self.encoders.style(), picture, target),
-                EDGES: edge_score(picture, target),
-                PSNR: psnr(picture, target),
-                "feature distance of the plan": feature_distance(self.judge, painted.planned, target, _SIDE),
-                "CPU s": painted.seconds,
-            },
-            {"planned": painted.planned, "painting": picture},
-        )
+def _measure(bench: Bench, judge: Seer, photo: Target, seed: int, way: str, notify: Notify) -> Finding:
+    """How near a painting of the photograph comes to it, and the pictures of its plan and of itself."""
+    term = ImageTerm(photo.picture) if way == PIXELS else SemanticTerm(photo.picture)
+    painted = bench.paint(Goal((term,)), photo.picture, seed, notify, f"{photo.name} {way}")
+    notify(Progress(0.97, f"{photo.name} {way}: measuring"))
+    picture = painted.photograph
+    target = images.fit(photo.picture, *picture.shape[1:])
+    return Finding(
+        {
+            FEATURES: feature_distance(judge, picture, target, _SIDE),
+            PERCEPTUAL: perceptual_distance(bench.encoders.style(), picture, target),
+            EDGES: edge_score(picture, target),
+            PSNR: psnr(picture, target),
+            "feature distance of the plan": feature_distance(judge, painted.planned, target, _SIDE),
+            "CPU s": painted.seconds,
+        },
+        {"planned": painted.planned, "painting": picture},
+    )
 
 
 def _summary(found: Mapping[_Key, Finding]) -> list[Row]:

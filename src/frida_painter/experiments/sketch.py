@@ -7,17 +7,15 @@ objective asks HED.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.brush.table_cache import cached_table
-from frida_painter.brush.weights import load_stroke_model
-from frida_painter.experiments.goal_paintings import CANVAS, FULL, Scale, paint
-from frida_painter.experiments.ledger import Finding, Ledger
+from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
+from frida_painter.experiments.ledger import Finding
 from frida_painter.experiments.measures import edge_score
 from frida_painter.experiments.outcome import Notify, Outcome, Row, Table, silent, within
 from frida_painter.experiments.page import Cell, Line, page
@@ -50,12 +48,19 @@ def run(
     wait in case the rest is interrupted. Raises WeightsError where a network is missing, and
     ConfigError for a drawing without a line.
     """
-    bench = _Bench(brush, canvas, scale, encoders or Encoders())
+    bench = Bench(brush, canvas, scale, encoders or Encoders(), keep)
     tasks = [(drawing, seed, way) for seed in seeds for drawing in drawings for way in WAYS]
     found: dict[_Key, Finding] = {}
     for number, (drawing, seed, way) in enumerate(tasks):
         telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
-        found[drawing.name, seed, way] = bench.recall(drawing, seed, way, keep, telling)
+        found[drawing.name, seed, way] = bench.recall(
+            f"{drawing.name}-{WAYS.index(way)}-{seed}",
+            partial(_measure, bench, drawing, seed, way, telling),
+            way=way,
+            drawing=drawing.fingerprint,
+            name=drawing.name,
+            seed=seed,
+        )
     summary: list[Row] = []
     for way in WAYS:
         findings = [finding for key, finding in found.items() if key[2] == way]
@@ -80,36 +85,18 @@ def run(
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Bench:
-    """What all paintings of a run share."""
-
-    brush: str
-    canvas: CanvasSize
-    scale: Scale
-    encoders: Encoders
-
-    def recall(self, drawing: Target, seed: int, way: str, keep: Path | None, notify: Notify) -> Finding:
-        """The painting's figures and picture; painted where it is not in the ledger."""
-        depends = {"brush": self.brush, "canvas": str(self.canvas), "scale": repr(self.scale), "way": way,
-                   "drawing": drawing.fingerprint, "name": drawing.name, "seed": seed}  # fmt: skip
-        name = f"{drawing.name}-{WAYS.index(way)}-{seed}"
-        return Ledger(keep, depends).recall(name, lambda: self._measure(drawing, seed, way, notify))
-
-    def _measure(self, drawing: Target, seed: int, way: str, notify: Notify) -> Finding:
-        words, sketch = TextTerm(_words(drawing)), SketchTerm(drawing.picture)
-        goals = {
-            WORDS: Goal((words,)),
-            BEGUN: Goal((words,), (ImageTerm(sketch.drawing),)),
-            SKETCHED: Goal((words, sketch)),
-        }
-        size = self.canvas.turned_like(*drawing.picture.shape[1:])
-        model = cached_table(load_stroke_model(self.brush))
-        doing = f"{drawing.name} by {way}"
-        painted = paint(goals[way], size, model, self.encoders, self.scale, seed, notify, doing)
-        picture = painted.photograph
-        lines = images.fit(sketch.drawing, *picture.shape[1:])
-        return Finding({EDGES: edge_score(picture, lines), "CPU s": painted.seconds}, {"painting": picture})
+def _measure(bench: Bench, drawing: Target, seed: int, way: str, notify: Notify) -> Finding:
+    """How much of the drawing's edges a painting has, and its picture."""
+    words, sketch = TextTerm(_words(drawing)), SketchTerm(drawing.picture)
+    goals = {
+        WORDS: Goal((words,)),
+        BEGUN: Goal((words,), (ImageTerm(sketch.drawing),)),
+        SKETCHED: Goal((words, sketch)),
+    }
+    painted = bench.paint(goals[way], drawing.picture, seed, notify, f"{drawing.name} by {way}")
+    picture = painted.photograph
+    lines = images.fit(sketch.drawing, *picture.shape[1:])
+    return Finding({EDGES: edge_score(picture, lines), "CPU s": painted.seconds}, {"painting": picture})
 
 
 def _words(drawing: Target) -> str:

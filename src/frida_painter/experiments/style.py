@@ -6,7 +6,7 @@ the optimiser's relaxed one and exactly.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +14,8 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, weights
-from frida_painter.brush.table_cache import cached_table
-from frida_painter.brush.weights import load_stroke_model
-from frida_painter.experiments.goal_paintings import CANVAS, FULL, Scale, paint
-from frida_painter.experiments.ledger import Finding, Ledger
+from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
+from frida_painter.experiments.ledger import Finding
 from frida_painter.experiments.measures import edge_correlation, exact_emd
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
 from frida_painter.experiments.page import Cell, Line, page
@@ -27,6 +25,7 @@ from frida_painter.goal import Goal, ImageTerm, StyleTerm
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.style import LAYERS as SEEN
 from frida_painter.objectives.transport import cosine_cost, euclidean_cost, relaxed_emd
 
@@ -61,13 +60,21 @@ def run(
     default EfficientNet-Lite1; keep: a folder in which finished paintings wait in case the rest is
     interrupted. Raises WeightsError where a network is missing.
     """
-    bench = _Bench(brush, canvas, scale, encoders or Encoders(), judge or EfficientNetLite(weights.tensors(JUDGE)))
+    bench = Bench(brush, canvas, scale, encoders or Encoders(), keep)
+    judge = judge or EfficientNetLite(weights.tensors(JUDGE))
     pairs = [(photo, style) for photo in photographs for style in styles]
     tasks = [(photo, style, seed, way) for seed in seeds for photo, style in pairs for way in WAYS]
     found: dict[tuple[str, str, int, str], Finding] = {}
     for number, (photo, style, seed, way) in enumerate(tasks):
         telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
-        found[photo.name, style.name, seed, way] = bench.recall(photo, style, seed, way, keep, telling)
+        found[photo.name, style.name, seed, way] = bench.recall(
+            f"{photo.name}-{style.name}-{WAYS.index(way)}-{seed}",
+            partial(_measure, bench, judge, photo, style, seed, way, telling),
+            way=way,
+            photo=photo.fingerprint,
+            style=style.fingerprint,
+            seed=seed,
+        )
     summary = [_summary(way, [finding for key, finding in found.items() if key[3] == way]) for way in WAYS]
     every: list[Row] = [
         {"photograph": photo, "style": style, "seed": seed, "painted": way, **finding.numbers}
@@ -89,67 +96,50 @@ def run(
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Bench:
-    """What all paintings of a run share."""
+def _measure(bench: Bench, judge: Seer, photo: Target, style: Target, seed: int, way: str, notify: Notify) -> Finding:
+    """How far a painting of the photograph is from the style, whose edges it has, and its picture."""
+    words = f"{photo.name}, {way}" if way == UNSTYLED else f"{photo.name} in the style of {style.name}, {way}"
+    goals = {
+        UNSTYLED: Goal((ImageTerm(photo.picture),)),
+        STYLED: Goal((ImageTerm(photo.picture), StyleTerm(style.picture))),
+        BEGUN: Goal((ImageTerm(photo.picture, _LIGHT), StyleTerm(style.picture)), (ImageTerm(style.picture),)),
+    }
+    like = style if way == BEGUN else photo
+    painted = bench.paint(goals[way], like.picture, seed, notify, words)
+    notify(Progress(0.97, f"{words}: measuring"))
+    picture = painted.photograph
+    return Finding(
+        {
+            **_distances(bench.encoders.style(), judge, picture, style.picture),
+            "edges like the photograph's": edge_correlation(picture, photo.picture),
+            "edges like the style's": edge_correlation(picture, style.picture),
+            "CPU s": painted.seconds,
+        },
+        {"painting": picture},
+    )
 
-    brush: str
-    canvas: CanvasSize
-    scale: Scale
-    encoders: Encoders
-    judge: Seer
 
-    def recall(self, photo: Target, style: Target, seed: int, way: str, keep: Path | None, notify: Notify) -> Finding:
-        """The painting's figures and pictures; painted where it is not in the ledger."""
-        depends = {"brush": self.brush, "canvas": str(self.canvas), "scale": repr(self.scale), "way": way,
-                   "photo": photo.fingerprint, "style": style.fingerprint, "seed": seed}  # fmt: skip
-        words = f"{photo.name}, {way}" if way == UNSTYLED else f"{photo.name} in the style of {style.name}, {way}"
-        name = f"{photo.name}-{style.name}-{WAYS.index(way)}-{seed}"
-        return Ledger(keep, depends).recall(name, lambda: self._measure(photo, style, seed, way, notify, words))
+@torch.no_grad()
+def _distances(vgg: Vgg16, judge: Seer, picture: Tensor, style: Tensor) -> dict[str, float]:
+    """Relaxed and exact distances in style by network."""
+    found = {}
+    for network, clouds in zip(
+        _NETWORKS, zip(_clouds(vgg, judge, picture), _clouds(vgg, judge, style), strict=True), strict=True
+    ):
+        costs = [
+            (euclidean_cost if network == "colours" else cosine_cost)(*_sampled(a, b))
+            for a, b in zip(*clouds, strict=True)
+        ]
+        found[f"{network}, relaxed"] = float(np.mean([float(relaxed_emd(cost)) for cost in costs]))
+        found[f"{network}, exact"] = float(np.mean([exact_emd(cost) for cost in costs]))
+    return found
 
-    def _measure(self, photo: Target, style: Target, seed: int, way: str, notify: Notify, words: str) -> Finding:
-        goals = {
-            UNSTYLED: Goal((ImageTerm(photo.picture),)),
-            STYLED: Goal((ImageTerm(photo.picture), StyleTerm(style.picture))),
-            BEGUN: Goal((ImageTerm(photo.picture, _LIGHT), StyleTerm(style.picture)), (ImageTerm(style.picture),)),
-        }
-        like = style if way == BEGUN else photo
-        size = self.canvas.turned_like(*like.picture.shape[1:])
-        model = cached_table(load_stroke_model(self.brush))
-        painted = paint(goals[way], size, model, self.encoders, self.scale, seed, notify, words)
-        notify(Progress(0.97, f"{words}: measuring"))
-        picture = painted.photograph
-        return Finding(
-            {
-                **self._distances(picture, style.picture),
-                "edges like the photograph's": edge_correlation(picture, photo.picture),
-                "edges like the style's": edge_correlation(picture, style.picture),
-                "CPU s": painted.seconds,
-            },
-            {"painting": picture},
-        )
 
-    @torch.no_grad()
-    def _distances(self, picture: Tensor, style: Tensor) -> dict[str, float]:
-        """Relaxed and exact distances in style by network."""
-        found = {}
-        for network, clouds in zip(
-            _NETWORKS, zip(self._clouds(picture), self._clouds(style), strict=True), strict=True
-        ):
-            costs = [
-                (euclidean_cost if network == "colours" else cosine_cost)(*_sampled(a, b))
-                for a, b in zip(*clouds, strict=True)
-            ]
-            found[f"{network}, relaxed"] = float(np.mean([float(relaxed_emd(cost)) for cost in costs]))
-            found[f"{network}, exact"] = float(np.mean([exact_emd(cost) for cost in costs]))
-        return found
-
-    def _clouds(self, picture: Tensor) -> list[list[Tensor]]:
-        """What each network sees at places, [n, c] for each of its layers, and last the colours."""
-        small = images.fit(picture, _ROWS, round(_ROWS * picture.shape[2] / picture.shape[1]))
-        vgg = self.encoders.style().features(small, UNSEEN)
-        lite = [layer[0] for layer in self.judge.features(small[None])]
-        return [[layer.flatten(1).T for layer in layers] for layers in (vgg, lite, [small])]
+def _clouds(vgg: Vgg16, judge: Seer, picture: Tensor) -> list[list[Tensor]]:
+    """What each network sees at places, [n, c] for each of its layers, and last the colours."""
+    small = images.fit(picture, _ROWS, round(_ROWS * picture.shape[2] / picture.shape[1]))
+    lite = [layer[0] for layer in judge.features(small[None])]
+    return [[layer.flatten(1).T for layer in layers] for layers in (vgg.features(small, UNSEEN), lite, [small])]
 
 
 def _sampled(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
