@@ -87,7 +87,7 @@ class QuickVgg(Vgg16):
         chance = torch.Generator().manual_seed(0)
         mixtures = [torch.randn(8, 3, generator=chance) for _ in layers]
         return [
-            torch.einsum("oc,chw->ohw", mixture, avg_pool2d(picture, 4 + 2 * depth)).relu()
+            torch.einsum("oc,chw->ohw", mixture.to(picture), avg_pool2d(picture, 4 + 2 * depth)).relu()
             for depth, mixture in enumerate(mixtures)
         ]
 

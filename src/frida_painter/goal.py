@@ -1,9 +1,11 @@
 """The goal: what a person wants to see on the canvas, as weighted terms."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
+import torch
 from torch import Tensor
 
 from frida_painter.drawing import broadened, cleaned, colored, ink
@@ -108,6 +110,14 @@ class Goal:
         if not self.terms:
             raise ConfigError("A goal without any term was given; name at least one picture or some words to paint.")
 
+    def to(self, device: torch.device) -> Self:
+        """The goal with its pictures on that device."""
+        return replace(
+            self,
+            terms=tuple(_moved(term, device) for term in self.terms),
+            initial=tuple(_moved(term, device) for term in self.initial),
+        )
+
     @cached_property
     def opening(self) -> tuple[Term, ...]:
         """What a plan begins with: the initial terms, or the pictures to paint, the sketches, or whatever there is.
@@ -129,6 +139,18 @@ class Goal:
             ImageTerm(term.drawing if style is None else colored(term.drawing, style.image), term.weight)
             for term in sketches
         )
+
+
+def _moved(term: Term, device: torch.device) -> Term:
+    """A term with its pictures on that device."""
+    if isinstance(term, TextTerm):
+        return term
+    image = term.image.to(device)
+    if isinstance(term, ImageTerm):
+        return replace(term, image=image, importance=None if term.importance is None else term.importance.to(device))
+    if isinstance(term, SketchTerm):
+        return replace(term, image=image, shown=None if term.shown is None else term.shown.to(device))
+    return replace(term, image=image)
 
 
 def _require_weight(weight: float, what: str) -> None:

@@ -14,7 +14,7 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.opening import on_record
+from frida_painter.session.opening import on_record, planning_device
 from frida_painter.session.procedures.canvas import canvas
 from frida_painter.session.procedures.dialogue import lead
 from frida_painter.session.procedures.robot import robot
@@ -98,3 +98,9 @@ def test_with_its_record_a_studio_that_stands_askew_paints_nearly_like_one_that_
     calibrated = painted(studio, on_record(studio.easel, tmp_path / "cal.json"))
     off, left = (float((picture - wanted).square().mean()) for picture in (unaware, calibrated))
     assert left < 0.5 * off
+
+
+@pytest.mark.parametrize(("has_gpu", "chosen"), [(True, "cuda"), (False, "cpu")])
+def test_planning_runs_on_a_gpu_where_there_is_one(has_gpu: bool, chosen: str, monkeypatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: has_gpu)
+    assert planning_device().type == chosen

@@ -13,6 +13,7 @@ from frida_painter.brush.kinds import KINDS
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration, previous
 from frida_painter.errors import CalibrationError, WeightsError
+from frida_painter.session.opening import planning_device
 from frida_painter.session.procedures.standing import OLD, Standing, require, standings
 
 
@@ -116,7 +117,8 @@ def _stroke_model(brush: str) -> str:
 
 
 def _device() -> str:
-    return torch.cuda.get_device_name() if torch.cuda.is_available() else "no GPU (none is needed)"
+    device = planning_device()
+    return "no GPU (none is needed)" if device.type == "cpu" else f"plans on {torch.cuda.get_device_name(device)}"
 
 
 def _plain(text: str) -> str:

@@ -36,7 +36,7 @@ from frida_painter.experiments import (
 from frida_painter.experiments.outcome import Notify, Outcome, within
 from frida_painter.experiments.virtual_library import virtual_library
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
-from frida_painter.session.opening import settle_threads
+from frida_painter.session.opening import planning_device, settle_threads
 
 BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
 Seed = Annotated[
@@ -239,11 +239,12 @@ def words(
     """Paintings towards words, judged by a network that planning never asked, against floors."""
     scale, prompts = text.QUICK if quick else text.FULL, text.PROMPTS[: 2 if quick else first]
     chosen, keep = seeds_of(seeds), out / text.NAME / "unfinished"
+    encoders = text.Unjudged(device=planning_device())
     judge = EfficientNetLite(weights.tensors("efficientnet-lite2"))
 
     def experiment(notify: Notify) -> Outcome:
         return text.run(
-            encoders=text.Unjudged(), judge=judge, prompts=prompts, brush=brush, seeds=chosen, scale=scale, keep=keep,
+            encoders=encoders, judge=judge, prompts=prompts, brush=brush, seeds=chosen, scale=scale, keep=keep,
             notify=notify,
         )  # fmt: skip
 
@@ -321,10 +322,11 @@ def compositions(
     scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / composition.NAME / "unfinished"
     wanted, chosen = targets.given(image) if image else targets.shipped(targets.STYLES), seeds_of(seeds)
     judge, prompts = EfficientNetLite(weights.tensors("efficientnet-lite2")), composition.SAID[: 1 if quick else None]
+    encoders = text.Unjudged(device=planning_device())
 
     def experiment(notify: Notify) -> Outcome:
         return composition.run(
-            wanted, encoders=text.Unjudged(), judge=judge, prompts=prompts, brush=brush, seeds=chosen, scale=scale,
+            wanted, encoders=encoders, judge=judge, prompts=prompts, brush=brush, seeds=chosen, scale=scale,
             keep=keep, notify=notify,
         )  # fmt: skip
 

@@ -19,6 +19,7 @@ from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Effort, Planner
+from frida_painter.session.opening import planning_device
 
 CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
 _PLANNING = 0.9  # share of the time that a painting takes
@@ -76,7 +77,14 @@ class Bench:
         size, scale = self.canvas.turned_like(*picture.shape[1:]), self.scale
         model = cached_table(load_stroke_model(self.brush))
         planner = Planner(
-            goal, size, model, rows=scale.rows, effort=Effort().scaled(scale.effort), seed=seed, encoders=self.encoders
+            goal,
+            size,
+            model,
+            rows=scale.rows,
+            effort=Effort().scaled(scale.effort),
+            seed=seed,
+            encoders=self.encoders,
+            device=planning_device(),
         )
         bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
 

@@ -24,6 +24,7 @@ from frida_painter.goal import Goal, ImageTerm, SemanticTerm
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.session.opening import planning_device
 
 NAME = "semantic"
 PIXELS, MEANING = "by pixels", "by meaning"
@@ -52,7 +53,7 @@ def run(
     default EfficientNet-Lite1; keep: a folder in which finished paintings wait in case the rest is
     interrupted. Raises WeightsError where a network is missing.
     """
-    bench = Bench(brush, canvas, scale, encoders or Encoders(), keep)
+    bench = Bench(brush, canvas, scale, encoders or Encoders(device=planning_device()), keep)
     judge = judge or EfficientNetLite(weights.tensors(JUDGE))
     tasks = [(photo, seed, way) for seed in seeds for photo in photographs for way in WAYS]
     found: dict[_Key, Finding] = {}

@@ -23,6 +23,7 @@ from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, SketchTerm, TextTerm
 from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.session.opening import planning_device
 
 NAME = "sketch"
 WORDS, BEGUN, SKETCHED = "words", "words, begun with the drawing", "words and sketch"
@@ -48,7 +49,7 @@ def run(
     wait in case the rest is interrupted. Raises WeightsError where a network is missing, and
     ConfigError for a drawing without a line.
     """
-    bench = Bench(brush, canvas, scale, encoders or Encoders(), keep)
+    bench = Bench(brush, canvas, scale, encoders or Encoders(device=planning_device()), keep)
     tasks = [(drawing, seed, way) for seed in seeds for drawing in drawings for way in WAYS]
     found: dict[_Key, Finding] = {}
     for number, (drawing, seed, way) in enumerate(tasks):

@@ -28,6 +28,7 @@ from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.style import LAYERS as SEEN
 from frida_painter.objectives.transport import cosine_cost, euclidean_cost, relaxed_emd
+from frida_painter.session.opening import planning_device
 
 NAME = "style"
 UNSTYLED, STYLED, BEGUN = "unstyled", "styled", "begun with the style"
@@ -60,7 +61,7 @@ def run(
     default EfficientNet-Lite1; keep: a folder in which finished paintings wait in case the rest is
     interrupted. Raises WeightsError where a network is missing.
     """
-    bench = Bench(brush, canvas, scale, encoders or Encoders(), keep)
+    bench = Bench(brush, canvas, scale, encoders or Encoders(device=planning_device()), keep)
     judge = judge or EfficientNetLite(weights.tensors(JUDGE))
     pairs = [(photo, style) for photo in photographs for style in styles]
     tasks = [(photo, style, seed, way) for seed in seeds for photo, style in pairs for way in WAYS]

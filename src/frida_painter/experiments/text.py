@@ -35,6 +35,7 @@ from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.events import Event, Planned, PlanningStep, StrokePainted
 from frida_painter.session.eye import Eye
 from frida_painter.session.loop import PaintingSession
+from frida_painter.session.opening import planning_device
 from frida_painter.session.rhythm import Rhythm
 
 NAME = "text"
@@ -175,7 +176,14 @@ class _Bench:
     def _planner(self, goal: Goal, seed: int) -> Planner:
         effort = Effort().scaled(self.scale.effort)
         return Planner(
-            goal, self.canvas, self.model, rows=self.scale.rows, effort=effort, seed=seed, encoders=self.encoders
+            goal,
+            self.canvas,
+            self.model,
+            rows=self.scale.rows,
+            effort=effort,
+            seed=seed,
+            encoders=self.encoders,
+            device=planning_device(),
         )
 
     def _session(self, planner: Planner, seed: int, words: str, notify: Notify) -> tuple[Tensor, Tensor]:

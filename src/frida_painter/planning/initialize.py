@@ -62,9 +62,9 @@ def progressive(
     In every round the error of the picture so far says where strokes are proposed; those that gain
     most are placed, and all are settled together by gradient descent on the scene's objective.
     """
-    strokes = Strokes.empty()
+    strokes = Strokes.empty(device=scene.canvas.device)
     if paints is not None:
-        paints = replace(paints, paint=torch.zeros(0, dtype=torch.long))
+        paints = replace(paints, paint=paints.paint[:0])
     quotas = round_sizes(count, growth.rounds)
     for number, quota in enumerate(quotas):
         strokes, paints = place(

@@ -73,7 +73,7 @@ def locate(meant: Strokes, known: Placement, before: Scene, seen: Tensor) -> Pla
 
     def residual(error: Tensor) -> Tensor:
         moved = _moved(sent, tuple(error.tolist()), before.size)
-        return (blurred - _blurred(before.render(moved), width)).flatten().double()
+        return (blurred - _blurred(before.render(moved), width)).flatten().cpu().double()
 
     steps = torch.diag(torch.tensor(_STEP, dtype=torch.float64))
     alike = 3 * _odd_pixels(_CORRELATED, before) ** 2

@@ -1,11 +1,12 @@
 """The planner: a goal and a canvas become a plan, and what is left of a plan is planned again from a photograph."""
 
+import copy
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from frida_painter import images
 from frida_painter.brush.stroke_model import StrokeModel
@@ -73,8 +74,9 @@ class Planner:
 
     rows: height of the picture in which is planned; the start is planned at half of it. Every
     random choice comes from `seed`. encoders: the networks that the goal is seen through, by default
-    those that were fetched. region: what strokes keep clear of, from the next plan on.
-    Raises WeightsError where the goal needs one that is missing.
+    those that were fetched. device: where is planned; pictures and plans come and go on the CPU.
+    region: what strokes keep clear of, from the next plan on. Raises WeightsError where the goal needs
+    a network that is missing.
     """
 
     def __init__(
@@ -87,6 +89,7 @@ class Planner:
         effort: Effort,
         seed: int,
         encoders: Encoders | None = None,
+        device: torch.device | None = None,
     ) -> None:
         self.size = size
         self.model = model
@@ -96,11 +99,14 @@ class Planner:
         self.seed = seed
         self.region: Region | None = None
         self.encoders = encoders or Encoders()
+        self.device = device or torch.device("cpu")
+        self._brush = _on(model, self.device)
         self.goal = goal = attended(imagined(overlaid(goal), self.fine, self.encoders, seed), self.encoders)
-        self._aims = {grid: prepare(goal, grid, self.encoders, seed) for grid in (self.fine, self.coarse)}
+        near = goal.to(self.device)
+        self._aims = {grid: prepare(near, grid, self.encoders, seed) for grid in (self.fine, self.coarse)}
         self._opening = self._aims[self.coarse]
         if goal.opening is not goal.terms:
-            self._opening = prepare(Goal(goal.opening), self.coarse, self.encoders, seed)
+            self._opening = prepare(Goal(near.opening), self.coarse, self.encoders, seed)
 
     def plan(self, canvas: Tensor, strokes: int, colors: int, notify: Callable[[Step], None]) -> Plan:
         """A plan of `strokes` strokes in `colors` paints for a canvas picture [3, H, W] of the fine grid."""
@@ -150,10 +156,10 @@ class Planner:
         Each stroke gets the paint that is nearest to what it was to have, and all of them are polished
         on the picture [3, H, W] of the canvas. The palette keeps its order, which is that of the wells.
         """
-        paints = Paints(palette.color.to(plan.strokes.color), palette.nearest(plan.strokes.color))
+        paints = Paints(palette.color.to(self.device), palette.nearest(plan.strokes.color).to(self.device))
         steps = _Progress(notify, self.effort.polishing)
         found, chosen = optimize(
-            plan.strokes,
+            plan.strokes.to(self.device),
             self._scene(canvas, self.fine),
             iterations=self.effort.polishing,
             paints=paints,
@@ -195,8 +201,9 @@ class Planner:
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
         steps = _Progress(notify, self.effort.refining + self.effort.replanning)
         # Never back to a lighter paint: it would pick up the dark paint that is still wet.
-        paints: Paints | None = Paints(rest.palette.color, rest.paint, first=int(rest.paint.min()))
-        found = rest.strokes
+        first = int(rest.paint.min())
+        paints: Paints | None = Paints(rest.palette.color.to(self.device), rest.paint.to(self.device), first)
+        found = rest.strokes.to(self.device)
         # Elsewhere than with pictures and what they mean, the guide is only what the plan began with.
         guided = self.goal.opening is self.goal.terms or coarse.importance is not None
         if guided and not sparing:
@@ -219,56 +226,68 @@ class Planner:
 
     def towards(self, goal: Goal) -> "Planner":
         """A planner for another goal, everything else being the same."""
-        rows, effort, encoders = self.fine.rows, self.effort, self.encoders
-        planner = Planner(goal, self.size, self.model, rows=rows, effort=effort, seed=self.seed, encoders=encoders)
+        planner = Planner(
+            goal,
+            self.size,
+            self.model,
+            rows=self.fine.rows,
+            effort=self.effort,
+            seed=self.seed,
+            encoders=self.encoders,
+            device=self.device,
+        )
         planner.region = self.region
         return planner
 
     def locate(self, painted: Plan, known: Placement, before: Tensor, seen: Tensor) -> Placement:
         """Where strokes really land, from those just painted and the canvas [3, H, W] before and after them."""
         scene = self._scene(before, self.coarse)
-        return locate(painted.strokes, known, scene, images.fit(seen, *scene.canvas.shape[1:]))
+        fitted = images.fit(seen.to(self.device), *scene.canvas.shape[1:])
+        return locate(painted.strokes.to(self.device), known, scene, fitted)
 
     def expected(self, plan: Plan, canvas: Tensor) -> Tensor:
         """The canvas [3, H, W] as it would look after the plan."""
         with torch.no_grad():
-            return self._scene(canvas, self.fine).render(plan.strokes)
+            return self._scene(canvas, self.fine).render(plan.strokes.to(self.device)).cpu()
 
     def judge(self, picture: Tensor) -> float:
         """The objective of a picture [3, H, W] of the canvas: the less, the nearer to the goal."""
         with torch.no_grad():
             aim = self._aims[self.fine]
-            return float((aim.judge or aim)(images.fit(picture, self.fine.rows, self.fine.columns)))
+            return float((aim.judge or aim)(images.fit(picture.to(self.device), self.fine.rows, self.fine.columns)))
 
     def _as_plan(self, strokes: Strokes, palette: Palette, paint: Tensor) -> Plan:
         limits = self.model.limits.within(self.size)
-        strokes = strokes.project(limits, self.size)
-        return self._clear(Plan.of(strokes, palette, paint, canvas=self.size, brush=self.model.brush, limits=limits))
+        strokes, palette = strokes.project(limits, self.size).to("cpu"), Palette(palette.color.cpu())
+        return self._clear(
+            Plan.of(strokes, palette, paint.cpu(), canvas=self.size, brush=self.model.brush, limits=limits)
+        )
 
     def _clear(self, plan: Plan) -> Plan:
         """The plan without a stroke that touches the region; each is moved out of it where it can be."""
         if self.region is None or len(plan) == 0:
             return plan
-        strokes, kept = self.region.keep_clear(plan.strokes, self.model, self.size, self.fine.rows)
-        return replace(plan, strokes=strokes, paint=plan.paint[kept])
+        near = plan.strokes.to(self.device)
+        strokes, kept = self.region.keep_clear(near, self._brush, self.size, self.fine.rows)
+        return replace(plan, strokes=strokes.to("cpu"), paint=plan.paint[kept])
 
     def _scene(self, canvas: Tensor, grid: PixelGrid, aim: Aim | None = None) -> Scene:
         aim = aim or self._aims[grid]
-        bare = images.fit(canvas, grid.rows, grid.columns)
-        scene = Scene(bare, self.size, self.model, aim, aim.judge, self._importance(grid))
+        bare = images.fit(canvas.to(self.device), grid.rows, grid.columns)
+        scene = Scene(bare, self.size, self._brush, aim, aim.judge, self._importance(grid))
         return scene if self.region is None else self.region.guarded(scene)
 
     def _guide(self, scene: Scene) -> Tensor:
         """The picture, of the scene's resolution, that says where strokes are needed."""
         pictures = [term.image for term in self.goal.opening if not isinstance(term, TextTerm)]
-        guide = images.fit(pictures[0], *scene.canvas.shape[1:])
+        guide = images.fit(pictures[0].to(self.device), *scene.canvas.shape[1:])
         return guide if self.region is None else self.region.spared(guide, scene.canvas, self.size)
 
     def _importance(self, grid: PixelGrid) -> Tensor | None:
         """How much errors matter where, while strokes are placed."""
         first = self.goal.opening[0]
         matters = first.importance if isinstance(first, ImageTerm) else None
-        return None if matters is None else spread(matters, grid.rows, grid.columns)
+        return None if matters is None else spread(matters.to(self.device), grid.rows, grid.columns)
 
     def _growing(self, strokes: int) -> int:
         return min(self.effort.growth.rounds, strokes) * self.effort.growth.settling
@@ -289,6 +308,11 @@ def _part(notify: Callable[[Step], None], number: int, of: int) -> Callable[[Ste
     return lambda step: notify(replace(step, iteration=number * step.of + step.iteration, of=of * step.of))
 
 
+def _on(model: StrokeModel, device: torch.device) -> StrokeModel:
+    """The model on a device: a copy of it where that is another than the CPU, on which others draw with it."""
+    return copy.deepcopy(model).to(device) if device.type != "cpu" and isinstance(model, nn.Module) else model
+
+
 class _Progress:
     """Adds the iterations of several optimisations up to one count."""
 
@@ -301,4 +325,9 @@ class _Progress:
         """Where the next `iterations` steps are to be reported."""
         before = self._done
         self._done += iterations
-        return lambda step: self._notify(replace(step, iteration=before + step.iteration, of=self._total))
+
+        def tell(step: Step) -> None:
+            strokes = None if step.strokes is None else step.strokes.to("cpu")
+            self._notify(replace(step, iteration=before + step.iteration, of=self._total, strokes=strokes))
+
+        return tell

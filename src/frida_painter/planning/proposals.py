@@ -72,8 +72,9 @@ def _ends(strokes: Strokes, light_to_dark: bool) -> list[slice]:
 
 
 def propose(error: Tensor, count: int, limits: StrokeLimits, size: CanvasSize, generator: torch.Generator) -> Strokes:
-    """`count` strokes of random shapes, whose middles lie where the error [H, W] is large."""
+    """`count` strokes of random shapes, whose middles lie where the error [H, W] is large; on its device."""
     _, columns = error.shape
+    wanted, error = error, error.cpu()  # the same chances on every device
     chosen = torch.multinomial(error.flatten() + 1e-12, count, replacement=True, generator=generator)
     grid = PixelGrid(size, *error.shape)
     pixel = torch.stack((chosen % columns, chosen // columns), -1).to(error)
@@ -88,7 +89,7 @@ def propose(error: Tensor, count: int, limits: StrokeLimits, size: CanvasSize, g
     bend = uniform(-1, 1) * torch.minimum(length / 3, torch.tensor(limits.bend[1]))
     half = torch.stack((torch.cos(angle), torch.sin(angle)), -1) * length[:, None] / 2
     strokes = Strokes(middle - half, angle, length, bend, uniform(0, 1), torch.zeros(count, 3))
-    return strokes.project(limits, size)
+    return strokes.project(limits, size).to(wanted.device)
 
 
 def weigh(
@@ -112,7 +113,7 @@ def weigh(
         paint = paints.first + torch.cdist(to_lab(color), to_lab(paints.color[paints.first :])).argmin(1)
         color = paints.color[paint]
     layer = under.place_of(color)
-    gain = torch.empty(len(proposals))
+    gain = alpha.new_empty(len(proposals))
     for number in sorted(set(layer.tolist())):
         mine = layer == number
         visible = alpha[mine] * _sample(under.open[number][None], place[mine])
@@ -123,6 +124,7 @@ def weigh(
 
 def pick(strokes: Strokes, gain: Tensor, count: int, model: StrokeModel) -> Tensor:
     """Indices of up to `count` strokes of the largest gain whose marks keep clear of each other's."""
+    strokes, gain = strokes.to("cpu"), gain.cpu()  # one after another is looked at
     middle = strokes.path(torch.tensor([0.5]))[:, 0]
     width = (model.frame.top - model.frame.bottom) / 3
     radius = torch.sqrt(strokes.length * (0.3 + 0.7 * strokes.thickness) * width) / 2
@@ -142,7 +144,7 @@ def _cells(strokes: Strokes, scene: Scene) -> tuple[Tensor, Tensor]:
     """Coarse alpha [m, cells] of each mark, and where its cells lie on the canvas, [m, cells, 2] in [-1, 1]."""
     magnitude = scene.model(strokes.thickness, strokes.length, strokes.bend)
     alpha = functional.interpolate(magnitude[:, None], _CELLS, mode="area")[:, 0].flatten(1)
-    centers = scene.model.frame.resized(*_CELLS).cell_centers(dtype=alpha.dtype).flatten(0, 1)  # [cells, 2]
+    centers = scene.model.frame.resized(*_CELLS).cell_centers(dtype=alpha.dtype, device=alpha.device).flatten(0, 1)
     cos, sin = torch.cos(strokes.angle)[:, None], torch.sin(strokes.angle)[:, None]
     x = strokes.position[:, 0:1] + cos * centers[:, 0] - sin * centers[:, 1]
     y = strokes.position[:, 1:2] + sin * centers[:, 0] + cos * centers[:, 1]

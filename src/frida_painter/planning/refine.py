@@ -106,7 +106,7 @@ def relocate(
     )
     weakest = torch.argsort(loss)[: len(found.strokes)]
     count = int((found.gain > _WORTHWHILE * loss[weakest].clamp(min=0)).sum())
-    stays = torch.ones(len(strokes), dtype=torch.bool)
+    stays = torch.ones(len(strokes), dtype=torch.bool, device=loss.device)
     stays[weakest[:count]] = False
     if paints is not None:
         paints = replace(paints, paint=paints.paint[stays])

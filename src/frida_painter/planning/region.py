@@ -52,12 +52,12 @@ class Region:
 
     def spared(self, picture: Tensor, canvas: Tensor, size: CanvasSize) -> Tensor:
         """The picture [3, H, W] with the canvas [3, H, W], as it is, in what is forbidden."""
-        forbidden = self.on(PixelGrid(size, *picture.shape[1:]), widened=False)
+        forbidden = self.on(PixelGrid(size, *picture.shape[1:]), widened=False).to(picture.device)
         return torch.where(forbidden, canvas, picture)
 
     def guarded(self, scene: Scene) -> Scene:
         """The scene with objectives for which nothing is gained by touching what is forbidden, and much is lost."""
-        forbidden = self.on(PixelGrid(scene.size, *scene.canvas.shape[1:]))
+        forbidden = self.on(PixelGrid(scene.size, *scene.canvas.shape[1:])).to(scene.canvas.device)
 
         def guard(objective: Objective) -> Objective:
             def guarded(picture: Tensor) -> Tensor:
@@ -72,10 +72,10 @@ class Region:
     def touched_by(self, strokes: Strokes, model: StrokeModel, size: CanvasSize, rows: int) -> Tensor:
         """Which strokes have a rendered pixel in it, [n] bool, each drawn alone in a picture of so many rows."""
         grid = PixelGrid.of_height(size, rows)
-        forbidden = self.on(grid)
-        white = torch.ones(3, grid.rows, grid.columns)
+        forbidden = self.on(grid).to(strokes.color.device)
+        white = strokes.color.new_ones(3, grid.rows, grid.columns)
         black = strokes.with_groups(color=torch.zeros_like(strokes.color))
-        touched = torch.zeros(len(strokes), dtype=torch.bool)
+        touched = torch.zeros(len(strokes), dtype=torch.bool, device=forbidden.device)
         if not bool(forbidden.any()):
             return touched
         with torch.no_grad():
@@ -126,9 +126,10 @@ class Region:
     def _crossed_by(self, strokes: Strokes, size: CanvasSize, rows: int) -> Tensor:
         """Which strokes' paths, without any width, cross it, [n] bool: told much sooner than by drawing them."""
         grid = PixelGrid.of_height(size, rows)
-        pixel = grid.to_pixels(strokes.path(torch.linspace(0, 1, 9))).round().long()  # [n, 9, 2]
+        along = torch.linspace(0, 1, 9).to(strokes.length)
+        pixel = grid.to_pixels(strokes.path(along)).round().long()  # [n, 9, 2]
         column, row = pixel[..., 0].clamp(0, grid.columns - 1), pixel[..., 1].clamp(0, grid.rows - 1)
-        return self.on(grid)[row, column].any(1)
+        return self.on(grid).to(row.device)[row, column].any(1)
 
 
 def region_of(picture: Tensor, *, only_inside: bool) -> Region:

@@ -42,6 +42,14 @@ def settle_threads() -> None:
     torch.set_num_threads(1)
 
 
+def planning_device() -> torch.device:
+    """Where is planned: on the GPU that PyTorch sees first, if any (`CUDA_VISIBLE_DEVICES=` hides it), else on the CPU.
+
+    No other place in the project chooses a device.
+    """
+    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+
+
 def open_planner(settings: PaintingSettings, goal: Goal, record: Path | None = None) -> Planner:
     """The planner that the settings describe, with the stroke model of their brush.
 
@@ -56,6 +64,7 @@ def open_planner(settings: PaintingSettings, goal: Goal, record: Path | None = N
             source = Path(known.weights.path)
     model = cached_table(load_stroke_model(source))
     effort = Effort().scaled(settings.effort)
+    device = planning_device()
     return Planner(
         goal,
         settings.canvas,
@@ -63,7 +72,8 @@ def open_planner(settings: PaintingSettings, goal: Goal, record: Path | None = N
         rows=settings.render_height,
         effort=effort,
         seed=settings.seed,
-        encoders=Encoders(clip=settings.clip),
+        encoders=Encoders(clip=settings.clip, device=device),
+        device=device,
     )
 
 

@@ -75,7 +75,9 @@ class Clip:
     @torch.no_grad()
     def embed_text(self, prompt: str) -> Tensor:
         """The meaning of words, [d], of unit length; what goes beyond the 77 tokens that it can read is cut off."""
-        tokens = self._tokenizer(prompt, truncation=True, max_length=self._most_tokens, return_tensors="pt")
+        tokens = self._tokenizer(prompt, truncation=True, max_length=self._most_tokens, return_tensors="pt").to(
+            self._model.device
+        )
         found = self._model.get_text_features(tokens["input_ids"], attention_mask=tokens["attention_mask"])
         return functional.normalize(found.pooler_output[0], dim=0)
 

@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import torch
+from torch import Tensor
+
 from frida_painter import tensor_file, weights
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.base import Reader, Seer
@@ -37,14 +40,16 @@ class Encoders:
     """The networks of one painting.
 
     cache: the folder of fetched weights, by default the usual one; clip: a CLIP to be used in place of
-    what was fetched: a folder, a name on the hub, or a file of CLIP's ResNet kind; choices: those
+    what was fetched: a folder, a name on the hub, or a file of CLIP's ResNet kind; device: where
+    those that see are held (pictures of any device are seen, but best of that one); choices: those
     used so far; remarks: what else a person is to be told of how the goal was understood.
     Everything that loads raises WeightsError, with the command that mends it, where weights are
     missing or altered.
     """
 
-    def __init__(self, cache: Path | None = None, clip: str | None = None) -> None:
+    def __init__(self, cache: Path | None = None, clip: str | None = None, device: torch.device | None = None) -> None:
         self._cache = cache
+        self._device = device or torch.device("cpu")
         self._clip_source = clip
         self._clip: Clip | ClipResNet | None = None
         self._vgg: Vgg16 | None = None
@@ -62,10 +67,10 @@ class Encoders:
         """What sees style: VGG16 as it was trained on ImageNet, or else the trunk of the edge detector."""
         if self._vgg is None:
             if weights.find("vgg16", self._cache) is not None:
-                self._vgg = Vgg16.of_torchvision(weights.tensors("vgg16", self._cache))
+                self._vgg = Vgg16.of_torchvision(self._tensors("vgg16"))
                 self.choices.append(Choice("style", "VGG16"))
             else:
-                self._vgg = Vgg16.of_hed(weights.tensors("hed", self._cache))
+                self._vgg = Vgg16.of_hed(self._tensors("hed"))
                 better = "VGG16 as trained on ImageNet: frida-painter models fetch vgg16"
                 self.choices.append(Choice("style", "VGG16 trunk of the edge detector HED", better))
         return self._vgg
@@ -78,7 +83,7 @@ class Encoders:
                 self._meaning = clip
                 self.choices.append(Choice("meaning", clip.name))
             else:
-                self._meaning = EfficientNetLite(weights.tensors("efficientnet-lite0", self._cache))
+                self._meaning = EfficientNetLite(self._tensors("efficientnet-lite0"))
                 self.choices.append(Choice("meaning", "EfficientNet-Lite0", CLIP_MISSING))
         return self._meaning
 
@@ -86,7 +91,7 @@ class Encoders:
         """The CLIP that was asked for, or that was fetched; None where there is none."""
         if self._clip is None:
             if self._clip_source is not None:
-                self._clip = _given_clip(self._clip_source)
+                self._clip = _given_clip(self._clip_source, self._device)
             elif (folder := weights.find(_CLIP, self._cache)) is not None:
                 self._clip = Clip.load(folder, "CLIP ViT-B/32")
         return self._clip
@@ -102,7 +107,7 @@ class Encoders:
     def edges(self) -> Hed:
         """What sees where a picture has edges."""
         if self._edges is None:
-            self._edges = Hed(weights.tensors("hed", self._cache))
+            self._edges = Hed(self._tensors("hed"))
             self.choices.append(Choice("edges", "HED"))
         return self._edges
 
@@ -118,7 +123,7 @@ class Encoders:
                 better = "an eye kept aside: frida-painter models fetch efficientnet-lite2"
                 self.choices.append(Choice("progress", "the same network", better))
                 return self.meaning()
-            self._aside = EfficientNetLite(weights.tensors("efficientnet-lite2", self._cache))
+            self._aside = EfficientNetLite(self._tensors("efficientnet-lite2"))
             self._note(_ASIDE)
         return self._aside
 
@@ -182,17 +187,20 @@ class Encoders:
     def _has(self, name: str) -> bool:
         return weights.find(name, self._cache) is not None
 
+    def _tensors(self, name: str) -> dict[str, Tensor]:
+        return {part: tensor.to(self._device) for part, tensor in weights.tensors(name, self._cache).items()}
+
     def _conse(self, number: int) -> ConSE:
-        classifier = EfficientNetLite(weights.tensors(f"efficientnet-lite{number}", self._cache))
+        classifier = EfficientNetLite(self._tensors(f"efficientnet-lite{number}"))
         names = class_names()
         meanings = self.sentences().embed_once([name for some in names for name in some], self._kept)
         return ConSE(classifier, names, meanings, self.sentences(), f"EfficientNet-Lite{number}")
 
 
-def _given_clip(source: str) -> Clip | ClipResNet:
+def _given_clip(source: str, device: torch.device) -> Clip | ClipResNet:
     """The CLIP of a folder, of a name on the hub, or of a safetensors file with OpenAI's names. Raises WeightsError."""
     path = Path(source)
     if path.is_file():
         tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)
-        return ClipResNet(tensors, f"CLIP {path.stem}")
+        return ClipResNet({name: tensor.to(device) for name, tensor in tensors.items()}, f"CLIP {path.stem}")
     return Clip.load(source)

@@ -1,0 +1,106 @@
+"""A device that is not there: its tensors are computed on the CPU, and refused wherever a real device's would be.
+
+Operations on tensors of two devices, and NumPy's on a device's memory, are what fails on a machine with a GPU and
+nowhere else. Here they fail too. The device is called "meta", whose name every build of PyTorch knows.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.utils._python_dispatch import TorchDispatchMode
+from torch.utils._pytree import tree_flatten, tree_map
+
+ELSEWHERE = torch.device("meta")
+_aten = torch.ops.aten
+_ACROSS = {_aten.copy_.default, _aten._to_copy.default}  # operations whose business are two devices
+_INDEXED = {_aten.index.Tensor, _aten.index_put_.default, _aten.index_put.default}  # by indices of either
+
+
+class _There(Tensor):
+    """A tensor of that device; `held` has its numbers."""
+
+    held: Tensor
+
+    @staticmethod
+    def __new__(cls, held: Tensor) -> "_There":
+        made = Tensor._make_wrapper_subclass(
+            cls,
+            held.shape,
+            strides=held.stride(),
+            storage_offset=held.storage_offset(),
+            dtype=held.dtype,
+            device=ELSEWHERE,
+        )
+        made.held = held
+        return made
+
+    def tolist(self) -> Any:
+        """As of a real device, whose numbers are fetched; subclasses have no `tolist` of their own."""
+        return self.held.tolist()
+
+    def new_tensor(self, data: Any, **how: Any) -> Tensor:
+        """As of a real device; on "meta" PyTorch would leave the numbers out."""
+        return _There(self.held.new_tensor(data, **how))
+
+    def __getitem__(self, index: Any) -> Any:
+        """As of a real device; PyTorch makes of a list an index on the tensor's own device, without its numbers."""
+        return super().__getitem__(_of_tensors(index))
+
+    def __setitem__(self, index: Any, value: Any) -> None:
+        super().__setitem__(_of_tensors(index), value)
+
+    @classmethod
+    def __torch_dispatch__(cls, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
+        return _compute(func, args, kwargs or {})
+
+
+def _of_tensors(index: Any) -> Any:
+    """An index in which what was a list is a tensor."""
+    if isinstance(index, tuple):
+        return tuple(_of_tensors(part) for part in index)
+    return torch.tensor(index, dtype=torch.long) if isinstance(index, list) else index
+
+
+class _Mode(TorchDispatchMode):
+    def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
+        return _compute(func, args, kwargs or {})
+
+
+@contextmanager
+def elsewhere() -> Iterator[torch.device]:
+    """The device, as long as it is pretended."""
+    with _Mode():
+        yield ELSEWHERE
+
+
+def _compute(func: Any, args: Any, kwargs: dict[str, Any]) -> Any:
+    given = [one for one in tree_flatten((args, kwargs))[0] if isinstance(one, Tensor)]
+    there = {id(one.held): one for one in given if isinstance(one, _There)}
+    here = [one for one in given if not isinstance(one, _There)]
+    assert not any(one.device == ELSEWHERE for one in here), f"{func}: PyTorch made a tensor without its numbers"
+    if there and func not in _ACROSS:
+        # A number is taken along to any device; and so are indices.
+        foreign = [one for one in here if one.dim() and not (func in _INDEXED and one is not args[0])]
+        if foreign:
+            shapes = [tuple(one.shape) for one in foreign]
+            raise RuntimeError(f"{func}: expected all tensors on one device, found some of shape {shapes} on the CPU")
+    if there and func in _INDEXED and not isinstance(args[0], _There):
+        raise RuntimeError(f"{func}: a tensor on the CPU was given indices of another device")
+    wanted = kwargs.get("device")
+    lands = bool(there) if wanted is None else torch.device(wanted) == ELSEWHERE
+    if func is _aten.copy_.default:
+        lands = isinstance(args[0], _There)
+    if wanted is not None:
+        kwargs = {**kwargs, "device": torch.device("cpu")}
+    plain = tree_map(lambda one: one.held if isinstance(one, _There) else one, (args, kwargs))
+    found = func(*plain[0], **plain[1])
+
+    def placed(one: Any) -> Any:
+        if not isinstance(one, Tensor) or not lands:
+            return one
+        return there.get(id(one)) if id(one) in there else _There(one)
+
+    return tree_map(placed, found)
