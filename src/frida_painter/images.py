@@ -78,3 +78,11 @@ def fit(image: Tensor, rows: int, columns: int) -> Tensor:
         return middle.contiguous()
     resampled = functional.interpolate(middle[None], (rows, columns), mode="bilinear", antialias=True)
     return resampled[0].clamp(0, 1)
+
+
+def sized(image: Tensor, pixels: int) -> Tensor:
+    """The picture [3, H, W] with about so many pixels, in its own proportions, no side below 16; differentiable."""
+    _, rows, columns = image.shape
+    scale = (pixels / (rows * columns)) ** 0.5
+    size = [max(16, round(rows * scale)), max(16, round(columns * scale))]
+    return functional.interpolate(image[None], size, mode="bilinear", antialias=True)[0]

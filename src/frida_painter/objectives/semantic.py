@@ -4,6 +4,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from frida_painter.images import sized
 from frida_painter.objectives.augment import Views
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.vgg import Vgg16
@@ -37,7 +38,7 @@ class Semantic:
         self._generator = torch.Generator().manual_seed(seed)
         with torch.no_grad():
             self._targets = seer.features(self._views.of(image, torch.arange(_VIEWS)))
-            self._shapes = [] if trunk is None else trunk.features(_shrunk(image), _LAYERS)
+            self._shapes = [] if trunk is None else trunk.features(sized(image, _PIXELS), _LAYERS)
 
     def __call__(self, picture: Tensor) -> Tensor:
         """picture [3, H, W] in [0, 1] -> its distance in two random views; differentiable."""
@@ -53,7 +54,7 @@ class Semantic:
             total = total + _apart(seen, targets[which])
         if self._trunk is None:
             return _BALANCE * total
-        for shapes, wanted in zip(self._trunk.features(_shrunk(picture), _LAYERS), self._shapes, strict=True):
+        for shapes, wanted in zip(self._trunk.features(sized(picture, _PIXELS), _LAYERS), self._shapes, strict=True):
             total = total + _apart(shapes[None], wanted[None])
         colors = (_blurred(picture) - _blurred(self._image.to(picture))).square().mean()
         return _BALANCE * total + _HELD * colors
@@ -62,14 +63,6 @@ class Semantic:
 def _apart(seen: Tensor, wanted: Tensor) -> Tensor:
     """The mean cosine distance of maps [n, c, h, w] over all places."""
     return (1 - functional.cosine_similarity(seen, wanted.to(seen), dim=1)).mean()
-
-
-def _shrunk(picture: Tensor) -> Tensor:
-    """The picture at about the number of pixels in which shapes are compared, its own proportions kept."""
-    _, rows, columns = picture.shape
-    scale = (_PIXELS / (rows * columns)) ** 0.5
-    size = [max(16, round(rows * scale)), max(16, round(columns * scale))]
-    return functional.interpolate(picture[None], size, mode="bilinear", antialias=True)[0]
 
 
 def _blurred(picture: Tensor) -> Tensor:

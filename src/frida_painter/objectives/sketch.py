@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from frida_painter.images import sized
 from frida_painter.objectives.encoders.hed import Hed
 
 _PIXELS = 16_000  # of the picture in which edges are compared, about 112 x 143
@@ -40,16 +41,8 @@ class Sketch:
 
     def _see(self, picture: Tensor) -> list[Tensor]:
         """The edges [h, w] at each blur."""
-        edges = self._hed.edges(_shrunk(picture))
+        edges = self._hed.edges(sized(picture, _PIXELS))
         return [_blurred(edges, share * min(edges.shape)) for share in _BLURS]
-
-
-def _shrunk(picture: Tensor) -> Tensor:
-    """The picture at about the number of pixels in which edges are compared, its shape kept."""
-    _, rows, columns = picture.shape
-    scale = (_PIXELS / (rows * columns)) ** 0.5
-    size = [max(16, round(rows * scale)), max(16, round(columns * scale))]
-    return functional.interpolate(picture[None], size, mode="bilinear", antialias=True)[0]
 
 
 def _blurred(edges: Tensor, spread: float) -> Tensor:

@@ -2,8 +2,8 @@
 
 import torch
 from torch import Tensor
-from torch.nn import functional
 
+from frida_painter.images import sized
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.transport import cosine_cost, euclidean_cost, moment_distance, relaxed_emd
 
@@ -39,20 +39,12 @@ class Style:
 
     def _see(self, picture: Tensor) -> list[Tensor]:
         """Colours, then the features of each layer, at sampled places: [n, c] each."""
-        small = _shrunk(picture)
+        small = sized(picture, _PIXELS)
         maps = [small, *self._vgg.features(small, LAYERS)]
         clouds = [_sampled(one, self._seed) for one in maps]
         clouds[0] = clouds[0] @ clouds[0].new_tensor(_DECORRELATE).T
         # Features of one layer are brought to one size: their own units mean nothing.
         return [clouds[0], *(cloud / (cloud.detach().square().mean().sqrt() + 1e-6) for cloud in clouds[1:])]
-
-
-def _shrunk(picture: Tensor) -> Tensor:
-    """The picture at about the number of pixels in which styles are compared, its shape kept."""
-    _, rows, columns = picture.shape
-    scale = (_PIXELS / (rows * columns)) ** 0.5
-    size = [max(16, round(rows * scale)), max(16, round(columns * scale))]
-    return functional.interpolate(picture[None], size, mode="bilinear", antialias=True)[0]
 
 
 def _sampled(features: Tensor, seed: int) -> Tensor:
