@@ -2,14 +2,16 @@
 
     python benchmarks/storm.py [--requests 10000] [--seed 1]
 
-Most are made from the studio's own routes with something wrong in them; others are malformed multipart bodies, paths
-that climb out of folders, headers and bodies that are too large, requests that break off, and clients that send a
-byte now and then. None may be answered with an accident (5xx), tell a path, or keep the studio from answering.
+Half are what schemathesis makes of the studio's own description (OpenAPI): what it allows, and what it does not. Most
+others are made from its routes with something wrong in them; the rest are malformed multipart bodies, paths that climb
+out of folders, headers and bodies that are too large, requests that break off, and clients that send a byte now and
+then. None may be answered with an accident (5xx), tell a path, or keep the studio from answering.
 """
 
 import argparse
 import contextlib
 import json
+import math
 import random
 import re
 import signal
@@ -21,12 +23,22 @@ import time
 from http.client import HTTPConnection, HTTPException
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlencode
+
+import schemathesis
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis.errors import Unsatisfiable
+from schemathesis import GenerationMode
 
 from frida_painter.web.app import application
 from frida_painter.web.presence import Presence
 from frida_painter.web.shelf import Shelf
 from frida_painter.web.station import Station
 
+Request = tuple[str, str, dict[str, str], bytes]
+"""Method, path, headers, body."""
+
+_LEFT_OUT = ("/events", "/delete")
 NASTY = [
     "",
     " ",
@@ -122,8 +134,8 @@ def almost_sensible(chance: random.Random) -> dict[str, Any]:
     return {**order, chance.choice([*order, "effort", "seed", "width"]): nonsense(chance, 2)}
 
 
-def request(chance: random.Random, paths: dict[str, Any], known: str) -> tuple[str, str, dict[str, str], bytes]:
-    """One request: method, path, headers, body."""
+def request(chance: random.Random, paths: dict[str, Any], known: str) -> Request:
+    """One request with something wrong in it, most likely."""
     template = chance.choice([*paths, "/static/{name}", "/{name}", "/"])
     path = "/".join(
         part
@@ -163,11 +175,53 @@ RAW = [
 ]  # fmt: skip
 
 
+def description(folder: Path) -> dict[str, Any]:
+    """What a studio says of its own routes (OpenAPI), but for those that never end or destroy."""
+    told = application(Shelf(folder), Station(folder / "record.json"), Presence()).openapi()
+    return {**told, "paths": {path: own for path, own in told["paths"].items() if not path.endswith(_LEFT_OUT)}}
+
+
+def by_description(told: dict[str, Any], known: str, each: int, number: int) -> list[Request]:
+    """What schemathesis makes of a description, the same for the same number.
+
+    For every route, `each` requests that it allows and as many that it does not; every other one for the painting
+    `known`.
+    """
+    made: list[Request] = []
+    for found in schemathesis.openapi.from_dict(told).get_all_operations():
+        operation = found.ok()
+        for mode in (GenerationMode.POSITIVE, GenerationMode.NEGATIVE):
+
+            @seed(number)
+            @settings(
+                max_examples=each, database=None, deadline=None, phases=[Phase.generate],
+                suppress_health_check=list(HealthCheck),
+            )  # fmt: skip
+            @given(case=operation.as_strategy(generation_mode=mode))
+            def make(case: schemathesis.Case) -> None:
+                if len(made) % 2 and "identifier" in (case.path_parameters or {}):
+                    case.path_parameters["identifier"] = known
+                made.append(_written(case))
+
+            with contextlib.suppress(Unsatisfiable):  # where all is allowed, or nothing can be made
+                make()
+    return made
+
+
+def _written(case: schemathesis.Case) -> Request:
+    parts = case.as_transport_kwargs(base_url="http://studio")
+    body = json.dumps(parts["json"]) if "json" in parts else parts.get("data", b"")
+    query = urlencode(parts.get("params") or {}, doseq=True)
+    path = parts["url"].removeprefix("http://studio") + (f"?{query}" if query else "")
+    headers = {"Content-Type": "application/json", **{k: str(v) for k, v in (parts.get("headers") or {}).items()}}
+    told = {name: value for name, value in headers.items() if value.isascii() and value.isprintable()}
+    content = body.encode("utf-8", "replace") if isinstance(body, str) else bytes(body)
+    return case.method, path, told, content
+
+
 def routes(folder: Path) -> dict[str, Any]:
-    """The paths of a studio with their methods, from its own description, but for those that never end or destroy."""
-    app = application(Shelf(folder), Station(folder / "record.json"), Presence())
-    described = app.openapi()["paths"].items()
-    return {path: [*map(str.upper, own)] for path, own in described if not path.endswith(("/events", "/delete"))}
+    """The paths of a studio with their methods, from its own description."""
+    return {path: [*map(str.upper, own)] for path, own in description(folder)["paths"].items()}
 
 
 class Visitor:
@@ -222,7 +276,10 @@ def storm(host: str, token: str, folder: Path, count: int, chance: random.Random
     found: dict[int, int] = {}
     shelf = Shelf(folder)
     known = shelf.begin("Known").id
-    paths = routes(folder)
+    told = description(folder)
+    paths = {path: [*map(str.upper, own)] for path, own in told["paths"].items()}
+    each = math.ceil(count / 2 / sum(2 * len(own) for own in paths.values()))
+    ready = by_description(told, known, each, chance.randrange(2**32))
     visitor = Visitor(host, token)
     for number in range(count):
         if number % 150 == 149:
@@ -241,6 +298,8 @@ def storm(host: str, token: str, folder: Path, count: int, chance: random.Random
                 {},
                 b"x" * chance.choice([300_000, 34_000_000]),
             )
+        elif number % 2 and ready:
+            method, path, headers, body = ready.pop(chance.randrange(len(ready)))
         else:
             method, path, headers, body = request(chance, paths, known)
         path = re.sub(r"[^\x21-\x7e]", lambda each: "".join(f"%{byte:02x}" for byte in each[0].encode()), path)

@@ -2,6 +2,7 @@ import io
 import sqlite3
 import zipfile
 from contextlib import closing
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from PIL import Image
 
 from frida_painter import web
 from frida_painter.hardware.latch import Latch, latch_path
+from frida_painter.model_folder import VARIABLE
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import WorkerLock
 from frida_painter.web.shelf import Entry
@@ -131,6 +133,43 @@ def test_stop_reaches_those_who_work_and_is_put_down(studio: Studio, visitor: Vi
     assert not entry.folder.robot_stop.exists(), "nothing is painted yet"
     assert deeds(studio) == ["stop", "stop"]
     lock.release()
+
+
+def test_who_asked_for_what_and_when_is_kept_for_good(studio: Studio, visitor: Visitor, started: Any) -> None:
+    entry = begun(studio, visitor)
+    finish_plan(entry)
+    path = f"/api/paintings/{entry.id}"
+    assert visitor.post(f"{path}/start", json={"plan": 1, "ready": True}).status_code == 200
+    entry.folder.painting.mkdir()
+    lock = WorkerLock(entry.folder)
+    assert lock.take()
+    assert visitor.post(f"{path}/say", json={"kind": "pause"}).status_code == 200
+    region = {"picture": give(visitor), "only": True}
+    assert visitor.post(f"{path}/region", json=region).status_code == 200
+    for place in (path, "/api/calibration"):
+        moved = {"question": "f" * 16, "step": -0.001}
+        assert visitor.post(f"{place}/answer", json=moved).status_code == 409, "nobody asks"
+    assert visitor.post("/api/stop").status_code == visitor.post("/api/lead").status_code == 200
+    lock.release()
+    moved = "answer: moved by -1.0 mm"
+    assert deeds(studio) == ["start plan 1", "pause 0", "region 1", moved, moved, "stop", "lead"]
+    with closing(sqlite3.connect(studio.shelf.root / "studio.sqlite")) as base:
+        whose = {(by, datetime.fromisoformat(at).date()) for at, by in base.execute("SELECT at, by FROM deed")}
+        assert whose == {(*studio.keys.sessions, datetime.now().date())}
+        for change in ("UPDATE deed SET what = ''", "DELETE FROM deed"):
+            with pytest.raises(sqlite3.IntegrityError, match="only added to"):
+                base.execute(change)
+
+
+def test_networks_are_fetched_by_a_command_and_never_by_the_page(
+    visitor: Visitor, started: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "no models"))
+    told = visitor.get("/api/studio").json()["abilities"]
+    assert told["image"] == {"ready": True, "advice": ""} and not told["text"]["ready"]
+    answer = visitor.post("/api/paintings", json={"terms": [{"kind": "text", "words": "a ship"}]})
+    assert answer.status_code == 422 and "frida-painter models fetch minilm" in answer.json()["sentence"]
+    assert started == []
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,21 @@ def test_whoever_asks_for_nothing_any_more_leads_no_longer(monkeypatch: pytest.M
     lead.require("two", NONCE + "2", time.time())
 
 
+def test_a_page_that_is_left_gives_the_lead_back_and_no_other_page_can() -> None:
+    lead = Lead()
+    lead.require("one", NONCE + "1", time.time(), "first page")
+    assert not lead.give_back("two", "first page") and not lead.give_back("one", "another page")
+    with pytest.raises(Led):
+        lead.require("two", NONCE + "2", time.time(), "page of two")
+    assert lead.give_back("one", "first page") and not lead.give_back("one", "first page")
+    lead.require("one", NONCE + "3", time.time(), "reloaded")
+    assert not lead.give_back("one", "first page"), "the page before the reload says so late"
+    with pytest.raises(Led):
+        lead.require("two", NONCE + "4", time.time(), "page of two")
+    assert lead.give_back("one", "reloaded")
+    lead.require("two", NONCE + "4", time.time(), "page of two")
+
+
 @pytest.mark.parametrize(
     ("nonce", "late", "says"),
     [

@@ -1,9 +1,13 @@
-"""Requests of all kinds, most of them senseless: none is answered with an accident, and none learns a path."""
+"""Requests of all kinds, most of them senseless: none does any harm, learns a path, or has something run or fetched."""
 
 import importlib.util
 import random
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, FrameType, ModuleType
+from typing import Any
 
 import pytest
 
@@ -11,7 +15,7 @@ from frida_painter.web import limits
 from frida_painter.web.workers import Place
 from studios import Studio, Visitor, order
 
-COUNT = 800
+COUNT, EACH = 300, 4
 
 
 @pytest.fixture(scope="module")
@@ -24,26 +28,91 @@ def storm() -> ModuleType:
     return module
 
 
+class Guard:
+    """Hears, while it watches, of everything that Python tells its auditors; what no request may bring about it keeps.
+
+    That is: pickles, code made of texts, programs started, and connections to anywhere. (Hooks cannot be taken away
+    again, so there is one for all tests.)
+    """
+
+    def __init__(self) -> None:
+        self.watching, self.seen = False, list[str]()
+        sys.addaudithook(self._hear)
+
+    @contextmanager
+    def watch(self) -> Iterator[None]:
+        self.watching = True
+        try:
+            yield
+        finally:
+            self.watching = False
+
+    def _hear(self, event: str, what: tuple[Any, ...]) -> None:
+        if self.watching and self._is_forbidden(event, what) and not loading():
+            self.seen.append(f"{event} {what!r}"[:300])
+
+    def _is_forbidden(self, event: str, what: tuple[Any, ...]) -> bool:
+        if event == "exec":
+            file = what[0].co_filename if isinstance(what[0], CodeType) else ""
+            return file.startswith("<") and not file.startswith("<frozen")
+        if event == "compile":
+            return str(what[1]).startswith("<")
+        started = ("os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "pty.spawn")
+        return event in started or event.startswith(("pickle.", "socket.connect", "socket.getaddrinfo", "urllib."))
+
+
+def loading() -> bool:
+    """Whether a library is just being loaded, which may make classes of texts."""
+    frame: FrameType | None = sys._getframe()
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+@pytest.fixture(scope="module")
+def guard() -> Guard:
+    return Guard()
+
+
+def test_the_guard_hears_what_it_is_there_for(guard: Guard) -> None:
+    with guard.watch():
+        eval("1 + 1")
+        __import__("pickle").loads(b"cbuiltins\nlen\n.")
+        __import__("subprocess").run(["true"], check=True)
+    heard = " ".join(guard.seen)
+    assert all(event in heard for event in ("exec", "compile", "pickle.find_class", "subprocess.Popen"))
+    guard.seen.clear()
+
+
 @pytest.mark.slow
 def test_nothing_senseless_does_any_harm(
-    storm: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    storm: ModuleType, guard: Guard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(Place, "start", lambda self, job, plan: None)
     monkeypatch.setattr(limits.Bucket, "take", lambda self, who: True)
     studio = Studio(tmp_path / "the-shelf")
     visitor: Visitor = studio.visitor()
     known = studio.shelf.begin("Known").id
-    paths = storm.routes(tmp_path / "another-shelf")
+    told, paths = storm.description(tmp_path / "another-shelf"), storm.routes(tmp_path / "another-shelf")
     chance = random.Random(1)
-    for _ in range(COUNT):
-        method, path, headers, body = storm.request(chance, paths, known)
-        url = path.replace("\x00", "%00").replace("?", "%3F").replace("#", "%23")
+    made = storm.by_description(told, known, EACH, 1)
+    assert len(made) > 10 * EACH
+    made += [storm.request(chance, paths, known) for _ in range(COUNT)]
+    answered = set()
+    for method, path, headers, body in made:
+        url = path.replace("\x00", "%00")
         if not url.isprintable():
             continue
         signed = {**headers, "Origin": "http://127.0.0.1:8350", "X-CSRF-Token": visitor.csrf, **order()}
-        answer = visitor.client.request(method, url, headers=signed, content=body)
-        told = answer.text if method != "HEAD" and "image" not in answer.headers.get("content-type", "") else ""
-        assert answer.status_code < 500, (method, url, body[:200], told)
-        assert str(tmp_path) not in told and "Traceback" not in told, (method, url, told)
+        with guard.watch():
+            answer = visitor.client.request(method, url, headers=signed, content=body)
+        said = answer.text if method != "HEAD" and "image" not in answer.headers.get("content-type", "") else ""
+        assert answer.status_code < 500, (method, url, body[:200], said)
+        assert str(tmp_path) not in said and "Traceback" not in said, (method, url, said)
+        answered.add(answer.status_code)
+    assert guard.seen == []
+    assert {200, 404, 409, 422} <= answered
     assert "Traceback" not in capsys.readouterr().err
     assert visitor.get("/api/studio").status_code == 200

@@ -31,6 +31,17 @@ class Reply(BaseModel):
     settled: bool = False
     length: float | None = Field(None, ge=0, le=10, allow_inf_nan=False)
 
+    @property
+    def words(self) -> str:
+        """The answer in a few words, for whoever reads later what was asked of the robot."""
+        if self.step is not None and not self.settled:
+            return f"moved by {1000 * self.step:+.1f} mm"
+        if self.length is not None:
+            return f"{1000 * self.length:.1f} mm"
+        if self.yes is not None:
+            return "yes" if self.yes else "no"
+        return "corners" if self.corners is not None else "settled"
+
     def answering(self, kind: str, asked: dict[str, Any]) -> Answer:
         """The answer to a question, as `described` tells of it. Raises ConfigError where it is none."""
         if kind == "confirm" and self.yes is not None:

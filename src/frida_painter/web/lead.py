@@ -21,14 +21,16 @@ class Lead:
     """Lets in orders of one browser, each with a nonce of its own and the time at which it was given.
 
     A browser that slept, or a request that hung, brings its order too late: then nobody expects it any more.
+    The page that gave the last order may give the lead back when it is left.
     """
 
     _leads: str = field(default="", init=False)
+    _page: str = field(default="", init=False)
     _until: float = field(default=0.0, init=False)
     _used: dict[str, float] = field(default_factory=dict, init=False)
 
-    def require(self, session: str, nonce: str, given: float) -> None:
-        """Takes note of an order given at `given` (seconds since 1970, by this machine's clock) by that session.
+    def require(self, session: str, nonce: str, given: float, page: str = "") -> None:
+        """Takes note of an order given at `given` (seconds since 1970, by this machine's clock) on a page of a session.
 
         Raises Led where another browser leads, Interrupted where the order is an old one or was done already.
         """
@@ -43,8 +45,15 @@ class Lead:
         if self._leads != session and time.monotonic() < self._until:
             raise Led("Another browser leads the painting at the moment.")
         self._used[nonce] = now
-        self.take(session)
+        self.take(session, page)
 
-    def take(self, session: str) -> None:
-        """From now on that session leads."""
-        self._leads, self._until = session, time.monotonic() + KEPT_FOR
+    def take(self, session: str, page: str = "") -> None:
+        """From now on that session leads, by that page of it."""
+        self._leads, self._page, self._until = session, page, time.monotonic() + KEPT_FOR
+
+    def give_back(self, session: str, page: str) -> bool:
+        """Lets anybody lead where that page gave the last order; elsewhere nothing changes. Returns whether it did."""
+        held = (self._leads, self._page) == (session, page) and time.monotonic() < self._until
+        if held:
+            self._until = 0.0
+        return held

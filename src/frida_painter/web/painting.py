@@ -115,7 +115,7 @@ def resume(
 @router.post("/answer")
 def answer(given: Reply, entry: ThisPainting, session: Operating, shelf: TheShelf) -> Mapping[str, str]:
     """Answers what the painter has asked."""
-    shelf.note(session.id, entry.id, "answer")
+    shelf.note(session.id, entry.id, f"answer: {given.words}")
     hand_on(given, entry.folder, current(entry.folder, PaintingState)["question"], session.id)
     return {"id": entry.id}
 

@@ -53,7 +53,8 @@ def start(
 
 @router.post("/answer")
 def answer(given: Reply, session: Operating, shelf: TheShelf) -> Mapping[str, str]:
-    """Answers what a procedure has asked."""
+    """Answers what a procedure has asked, or moves the brush as it is asked for."""
+    shelf.note(session.id, _ID, f"answer: {given.words}")
     hand_on(given, shelf.calibration, current(shelf.calibration, CalibrationState)["question"], session.id)
     return {"id": _ID}
 

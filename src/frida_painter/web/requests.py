@@ -12,6 +12,9 @@ from frida_painter.web.shelf import Entry, Shelf
 from frida_painter.web.watch import Watch
 from frida_painter.web.workers import Workers
 
+PageHeader = Annotated[str, Header(max_length=64)]
+"""Which page of a browser asks: a number that it has made up when it was loaded."""
+
 
 def session_of(request: Request) -> Session:
     """Whoever asks; the door has let them in."""
@@ -72,9 +75,10 @@ def may_operate(
     lead: Annotated[Lead, Depends(lead_of)],
     x_nonce: Annotated[str, Header(max_length=64)] = "",
     x_given: Annotated[float, Header()] = math.nan,
+    x_page: PageHeader = "",
 ) -> Session:
     """The same, and whether this order comes from the browser that leads, once, and not too late (409)."""
-    lead.require(session.id, x_nonce, x_given)
+    lead.require(session.id, x_nonce, x_given, x_page)
     return session
 
 

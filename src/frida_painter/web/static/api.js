@@ -1,5 +1,6 @@
 // Speaking to the studio. Whatever goes wrong becomes an Error whose message is a sentence to show.
 
+const page = random(); // of this page, as long as it is open
 let csrf = "";
 let ahead = 0; // seconds that the studio's clock is ahead of this browser's
 
@@ -20,10 +21,13 @@ async function answer(promise) {
   return body;
 }
 
-/** What every order carries: the studio's sign, a number of its own, and when it was given. */
+function random() {
+  return Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
+}
+
+/** What every order carries: the studio's sign, which page gives it, a number of its own, and when it was given. */
 function signs() {
-  const number = Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
-  return { "X-CSRF-Token": csrf, "X-Nonce": number, "X-Given": String(Date.now() / 1000 + ahead) };
+  return { "X-CSRF-Token": csrf, "X-Page": page, "X-Nonce": random(), "X-Given": String(Date.now() / 1000 + ahead) };
 }
 
 /** What the studio can do, and who we are; to be asked first. */
@@ -38,6 +42,11 @@ export const get = (path) => answer(fetch(path));
 
 export const post = (path, record = {}) =>
   answer(fetch(path, { method: "POST", headers: { "Content-Type": "application/json", ...signs() }, body: JSON.stringify(record) }));
+
+/** Says that this page is left: it leads no longer. Nobody waits for an answer. */
+export function leave() {
+  if (csrf) fetch("/api/lead/back", { method: "POST", keepalive: true, headers: signs() }).catch(() => {});
+}
 
 /** Gives a picture (File or Blob) to the studio; returns its id. */
 export async function upload(blob) {

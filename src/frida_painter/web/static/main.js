@@ -89,6 +89,7 @@ document.addEventListener("keydown", (event) => {
 try {
   studio = await api.enter();
   window.addEventListener("hashchange", route);
+  window.addEventListener("pagehide", api.leave);
   await route();
 } catch (error) {
   show(view, h("p", { class: "lede alone" }, error.message));

@@ -1,0 +1,65 @@
+import socket
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from frida_painter import cli
+from frida_painter.cli import studio as studio_module
+from frida_painter.web.access import Role
+
+
+@pytest.fixture
+def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
+    """Where the studio would have been served, without a socket."""
+    places: list[tuple[str, int]] = []
+
+    def listen(address: str, port: int) -> socket.socket:
+        places.append((address, port))
+        return socket.socket()
+
+    def serve(shelf: Any, station: Any, listening: socket.socket, names: Any, tell: Any) -> None:
+        listening.close()
+        tell({role: f"http://here/?token={role.name}" for role in Role})
+
+    monkeypatch.setattr(studio_module, "listen", listen)
+    monkeypatch.setattr(studio_module, "serve", serve)
+    return places
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["frida-painter", "studio", "--no-browser", *words])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    return int(end.value.code or 0)
+
+
+def test_only_this_machine_reaches_it_unless_another_address_is_given(
+    served: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert run(monkeypatch, "--folder", str(tmp_path)) == 0
+    said = capsys.readouterr().out
+    assert served == [("127.0.0.1", 8350)] and "tunnel" not in said and "token=operate" in said
+    assert run(monkeypatch, "--folder", str(tmp_path), "--address", "192.0.2.7", "--port", "0") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert served[1:] == [("192.0.2.7", 0)]
+    assert "whoever has one of these links can use it" in said and "no encryption" in said and "SSH tunnel" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--address", "0.0.0.0"), "would listen on all networks"),
+        (("--address", "::"), "would listen on all networks"),
+        (("--address", "easel.local"), "an IP address"),
+        (("--robot", "toaster"), "There is no robot 'toaster'"),
+        (("--port", "99999"), "not from 0 to 65535"),
+    ],
+)
+def test_what_cannot_be_served_is_refused(
+    served: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path,
+    words: tuple[str, ...], says: str,
+) -> None:  # fmt: skip
+    assert run(monkeypatch, "--folder", str(tmp_path), *words) == 2
+    assert says in " ".join(capsys.readouterr().err.split()) and served == []
