@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import IO
 
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 
 from frida_painter import images
 from scenes import picture
@@ -109,6 +109,7 @@ def window(browser: Browser, studio: Studio, width: int, height: int) -> Iterato
     assert "token" not in opened.url
     expect(opened.get_by_text("What shall we paint?")).to_be_visible(timeout=PATIENCE)  # it knows the studio now
     yield opened
+    opened.goto("about:blank")  # it says that it is left, and leads no longer
     context.close()
     assert complaints == []
 
@@ -191,7 +192,6 @@ BEGIN = """async (wish) => {
   location.hash = `#/p/${begun.id}`;
   return { id: begun.id, picture };
 }"""
-LEAD = "async () => { await (await import('/static/api.js')).post('/api/lead'); }"
 AGAIN = """async ({ id, picture, wish }) => {
   const api = await import("/static/api.js");
   await api.post(`/api/paintings/${id}/plans`, { terms: [{ kind: "image", picture }], ...wish });
@@ -201,7 +201,6 @@ AGAIN = """async ({ id, picture, wish }) => {
 def test_stopped_while_planning_and_in_a_stroke_with_two_browsers_one_of_them_a_tablet(
     page: Page, browser: Browser, studio: Studio
 ) -> None:
-    page.evaluate(LEAD)  # a browser of an earlier story may have led a moment ago
     begun = page.evaluate(BEGIN, {"title": "Red", "strokes": 300, "effort": 2, "colors": 2})
     expect(page.get_by_label("Planning")).to_be_visible()
     page.get_by_role("button", name="Stop", exact=True).click()
@@ -258,3 +257,55 @@ def protect(page: Page) -> None:
     page.mouse.move(box["x"] + 0.1 * box["width"], box["y"] + 0.8 * box["height"], steps=4)
     page.mouse.up()
     page.get_by_role("button", name="The robot must not touch this").click()
+
+
+CALIBRATE = """async () => {
+  const api = await import("/static/api.js");
+  await api.post("/api/calibration/start", { what: ["canvas", "brush"], brush: "fine", width: 160, height: 120 });
+}"""
+
+
+def test_corners_are_dragged_and_the_brush_is_lowered_with_a_jog_key(page: Page) -> None:
+    page.get_by_role("link", name="Calibrate").click()
+    expect(page.get_by_role("button", name="Do this: Where the canvas is")).to_be_enabled()
+    page.evaluate(CALIBRATE)  # two at once, which load what they need but once
+    corner = page.get_by_label("The top left corner")
+    expect(corner).to_be_visible(timeout=PATIENCE)
+    found = place(corner)
+    box = corner.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] / 2 + 30, box["y"] + box["height"] / 2 + 20, steps=2)
+    expect(page.locator(".loupe")).to_be_visible()
+    keep(page, "corner-dragged")
+    page.mouse.move(box["x"] + box["width"] / 2 + 2, box["y"] + box["height"] / 2, steps=2)
+    page.mouse.up()
+    dragged = place(corner)
+    assert dragged[0] > found[0] and abs(dragged[1] - found[1]) <= 1
+    corner.press("ArrowLeft")
+    assert place(corner)[0] == dragged[0] - 1
+    page.get_by_role("button", name="These are the corners").click()
+    page.get_by_role("button", name="This is its length").click(timeout=PATIENCE)
+    page.get_by_role("button", name="No", exact=True).click(timeout=PATIENCE)  # not by looking
+    height = page.locator(".jog strong")
+    expect(height).to_be_visible(timeout=PATIENCE)
+    before = float(height.inner_text().removesuffix(" mm"))
+    page.keyboard.press("ArrowDown")
+    expect(height).to_have_text(f"{before - 1:.1f} mm")
+    page.get_by_label("Up by 0.2 mm").click()
+    expect(height).to_have_text(f"{before - 0.8:.1f} mm")
+    keep(page, "jog")
+    page.get_by_role("button", name="The height is right").click()
+    expect(page.get_by_text("the hardest press")).to_be_visible(timeout=PATIENCE)
+    page.get_by_label("Down by 5 mm").click()
+    expect(height).to_have_text(f"{before - 5.8:.1f} mm")
+    page.get_by_role("button", name="The height is right").click()
+    expect(page.locator(".procedures .done")).to_have_count(2, timeout=PATIENCE)
+    keep(page, "calibrated")
+
+
+def place(corner: Locator) -> tuple[int, int]:
+    """Where a handle stands, in pixels of the photograph."""
+    column, row = re.findall(r"\d+", corner.get_attribute("aria-valuetext") or "")
+    return int(column), int(row)

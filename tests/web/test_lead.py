@@ -16,7 +16,9 @@ def test_one_browser_leads_until_another_takes_over() -> None:
     lead.require("one", NONCE + "2", time.time())
     with pytest.raises(Led, match="Another browser leads"):
         lead.require("two", NONCE + "3", time.time())
-    lead.take("two")
+    lead.take_over("two", NONCE + "5", time.time())
+    with pytest.raises(Interrupted, match="already"):
+        lead.take_over("one", NONCE + "5", time.time())
     lead.require("two", NONCE + "3", time.time())
     with pytest.raises(Led):
         lead.require("one", NONCE + "4", time.time())

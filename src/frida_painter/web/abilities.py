@@ -14,11 +14,11 @@ _NEEDED: dict[Kind, tuple[tuple[str, ...], ...]] = {
 
 
 def abilities() -> dict[str, dict[str, object]]:
-    """For each kind of goal: whether it is ready, and a sentence on how to make it so."""
+    """For each kind of goal: whether it is ready, which weights are missing, and a sentence on how to get them."""
     return {kind: _ability(groups) for kind, groups in _NEEDED.items()}
 
 
 def _ability(groups: tuple[tuple[str, ...], ...]) -> dict[str, object]:
     missing = [group[-1] for group in groups if not any(map(are_here, group))]
     advice = f"This needs a network that is not here yet; fetch it with: frida-painter models fetch {' '.join(missing)}"
-    return {"ready": not missing, "advice": advice if missing else ""}
+    return {"ready": not missing, "missing": missing, "advice": advice if missing else ""}

@@ -6,7 +6,7 @@ from fastapi import APIRouter
 
 from frida_painter.errors import StorageError
 from frida_painter.web.folder import PaintingFolder, working
-from frida_painter.web.requests import AnySession, Operator, PageHeader, TheLead, TheShelf
+from frida_painter.web.requests import AnySession, Operator, TheLead, TheShelf, TheSigns
 
 router = APIRouter(prefix="/api")
 
@@ -23,16 +23,16 @@ async def stop(session: AnySession, shelf: TheShelf) -> dict[str, int]:
 
 
 @router.post("/lead")
-def take_lead(session: Operator, lead: TheLead, shelf: TheShelf, x_page: PageHeader = "") -> dict[str, str]:
+def take_lead(session: Operator, signs: TheSigns, lead: TheLead, shelf: TheShelf) -> dict[str, str]:
     """From now on this browser has the robot do things, and no other."""
-    lead.take(session.id, x_page)
+    lead.take_over(session.id, signs.nonce, signs.given, signs.page)
     shelf.note(session.id, "", "lead")
     return {"leads": "you"}
 
 
 @router.post("/lead/back")
-def give_lead_back(session: Operator, lead: TheLead, shelf: TheShelf, x_page: PageHeader = "") -> dict[str, str]:
+def give_lead_back(session: Operator, signs: TheSigns, lead: TheLead, shelf: TheShelf) -> dict[str, str]:
     """The page that gave the last order is left: any browser may lead now."""
-    if lead.give_back(session.id, x_page):
+    if lead.give_back(session.id, signs.page):
         shelf.note(session.id, "", "lead given back")
     return {"leads": "nobody"}

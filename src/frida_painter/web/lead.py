@@ -34,6 +34,24 @@ class Lead:
 
         Raises Led where another browser leads, Interrupted where the order is an old one or was done already.
         """
+        self._require_new(nonce, given)
+        if self._leads != session and time.monotonic() < self._until:
+            raise Led("Another browser leads the painting at the moment.")
+        self._take(session, nonce, page)
+
+    def take_over(self, session: str, nonce: str, given: float, page: str = "") -> None:
+        """From now on that session leads, by that page of it. Raises Interrupted as `require` does."""
+        self._require_new(nonce, given)
+        self._take(session, nonce, page)
+
+    def give_back(self, session: str, page: str) -> bool:
+        """Lets anybody lead where that page gave the last order; elsewhere nothing changes. Returns whether it did."""
+        held = (self._leads, self._page) == (session, page) and time.monotonic() < self._until
+        if held:
+            self._until = 0.0
+        return held
+
+    def _require_new(self, nonce: str, given: float) -> None:
         now = time.time()
         self._used = {known: at for known, at in self._used.items() if now - at <= 4 * GOOD_FOR}
         if not (16 <= len(nonce) <= 64 and math.isfinite(given)):
@@ -42,18 +60,7 @@ class Lead:
             raise Interrupted("This was asked too long ago to be done now; look at the page, and ask again.")
         if nonce in self._used:
             raise Interrupted("This was asked already, and is done once.")
-        if self._leads != session and time.monotonic() < self._until:
-            raise Led("Another browser leads the painting at the moment.")
-        self._used[nonce] = now
-        self.take(session, page)
 
-    def take(self, session: str, page: str = "") -> None:
-        """From now on that session leads, by that page of it."""
+    def _take(self, session: str, nonce: str, page: str) -> None:
+        self._used[nonce] = time.time()
         self._leads, self._page, self._until = session, page, time.monotonic() + KEPT_FOR
-
-    def give_back(self, session: str, page: str) -> bool:
-        """Lets anybody lead where that page gave the last order; elsewhere nothing changes. Returns whether it did."""
-        held = (self._leads, self._page) == (session, page) and time.monotonic() < self._until
-        if held:
-            self._until = 0.0
-        return held

@@ -1,6 +1,7 @@
 """What routes need of a request: who asks, which painting is meant, and whether they may do that."""
 
 import math
+from dataclasses import dataclass
 from typing import Annotated
 
 from fastapi import Depends, Header, HTTPException, Path, Request
@@ -11,9 +12,6 @@ from frida_painter.web.presence import Presence
 from frida_painter.web.shelf import Entry, Shelf
 from frida_painter.web.watch import Watch
 from frida_painter.web.workers import Workers
-
-PageHeader = Annotated[str, Header(max_length=64)]
-"""Which page of a browser asks: a number that it has made up when it was loaded."""
 
 
 def session_of(request: Request) -> Session:
@@ -70,15 +68,31 @@ def operator(session: Annotated[Session, Depends(session_of)]) -> Session:
     return _require(session, Role.operate)
 
 
+@dataclass(frozen=True)
+class Signs:
+    """What an order carries: a number of its own, when it was given, and which page of a browser gave it."""
+
+    nonce: str
+    given: float
+    page: str
+
+
+def signs_of(
+    x_nonce: Annotated[str, Header(max_length=64)] = "",
+    x_given: Annotated[float, Header()] = math.nan,
+    x_page: Annotated[str, Header(max_length=64)] = "",
+) -> Signs:
+    """The signs of this order; who leads judges them."""
+    return Signs(x_nonce, x_given, x_page)
+
+
 def may_operate(
     session: Annotated[Session, Depends(operator)],
     lead: Annotated[Lead, Depends(lead_of)],
-    x_nonce: Annotated[str, Header(max_length=64)] = "",
-    x_given: Annotated[float, Header()] = math.nan,
-    x_page: PageHeader = "",
+    signs: Annotated[Signs, Depends(signs_of)],
 ) -> Session:
     """The same, and whether this order comes from the browser that leads, once, and not too late (409)."""
-    lead.require(session.id, x_nonce, x_given, x_page)
+    lead.require(session.id, signs.nonce, signs.given, signs.page)
     return session
 
 
@@ -97,6 +111,7 @@ Operating = Annotated[Session, Depends(may_operate)]
 ThisPainting = Annotated[Entry, Depends(painting_of)]
 TheShelf = Annotated[Shelf, Depends(shelf_of)]
 TheWatch = Annotated[Watch, Depends(watch_of)]
+TheSigns = Annotated[Signs, Depends(signs_of)]
 TheLead = Annotated[Lead, Depends(lead_of)]
 Beside = Annotated[Presence, Depends(presence_of)]
 TheWorkers = Annotated[Workers, Depends(workers_of)]

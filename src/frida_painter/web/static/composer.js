@@ -12,6 +12,7 @@ const KINDS = {
   sketch: { label: "A drawing", verb: "Along these lines", button: "A drawing" },
   semantic: { label: "A meaning", verb: "What this picture shows, in the robot's own way", button: "A meaning" },
 };
+const LATER = { text: "words", style: "a style", sketch: "a drawing", semantic: "a meaning" }; // what may need a network first
 const FIRST = { text: "+ Words", image: "+ A picture", style: "+ A style" };
 const WEIGHTS = [[0.2, "a hint"], [0.5, "a little"], [1, "normally"], [2, "strongly"], [5, "above all"]];
 const STROKES = [15, 30, 50, 80, 120, 160, 200, 250, 300, 400, 500, 650, 800, 1000];
@@ -74,6 +75,17 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
         chooser.click();
       },
     }, label);
+  }
+
+  /** What has to be fetched before everything can be asked for; nothing where all is here. */
+  function fetching() {
+    const kinds = Object.keys(LATER).filter((kind) => kind in house.abilities && !house.abilities[kind].ready);
+    if (!kinds.length) return null;
+    const names = [...new Set(kinds.flatMap((kind) => house.abilities[kind].missing))];
+    const words = kinds.map((kind) => LATER[kind]);
+    const told = words.length > 1 ? `${words.slice(0, -1).join(", ")} or ${words.at(-1)}` : words[0];
+    return h("p", { class: "label advice" }, `To paint from ${told}, the robot needs networks that are not on this machine yet. Type this once in a terminal, then reload this page:`,
+      h("code", {}, `frida-painter models fetch ${names.join(" ")}`));
   }
 
   function card(term, terms) {
@@ -145,6 +157,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
     goalsOnly ? null : h("label", { class: "field title" }, h("span", {}, "Title"), h("input", { type: "text", maxLength: 80, value: wish.title, placeholder: "Untitled", oninput: (event) => { wish.title = event.target.value; } })),
     cards,
     h("div", { class: "adders", role: "group", "aria-label": "Add to what shall be painted" }, Object.keys(KINDS).filter((kind) => kind in house.abilities).map((kind) => adder(kind))),
+    fetching(),
     chooser, goalsOnly ? null : [how, time]);
   draw();
   return { element, add, redraw: draw };
@@ -155,6 +168,7 @@ export function composer(house) {
   const wish = fresh();
   const mount = h("div", { class: "mount drop" });
   const button = h("button", { type: "button", class: "button wide", disabled: true, onclick: begin }, "Plan it");
+  const missing = h("p", { class: "label beneath", role: "status" });
   const form = wishForm(house, wish, changed, { ondraw: sketch });
   const caption = h("p", { class: "caption" }, "The canvas");
   const easel = h("div", { class: "easel" }, mount, caption);
@@ -182,7 +196,9 @@ export function composer(house) {
     show(mount, !first && words ? h("p", { class: "words" }, words.words) : first
       ? h("img", { src: api.picture(first.picture), alt: "What the canvas will be planned from" })
       : h("p", {}, "Drop a photograph here, or add something beside it."));
-    button.disabled = wish.terms.length === 0 || [...wish.terms, ...wish.initial].some((term) => term.kind === "text" && !term.words.trim());
+    const wordless = [...wish.terms, ...wish.initial].some((term) => term.kind === "text" && !term.words.trim());
+    missing.textContent = wordless ? "Type the words first, or remove them." : wish.terms.length ? "" : "There is nothing to plan yet: add words, a picture or a drawing.";
+    button.disabled = Boolean(missing.textContent);
   }
 
   async function begin() {
@@ -203,7 +219,7 @@ export function composer(house) {
   const element = h("section", { class: "workbench" },
     steps("say"),
     easel,
-    h("aside", { class: "panel" }, h("h1", {}, "Say it"), h("p", {}, "Give the robot something to go by: words, pictures, a style, a drawing of your own. Take several, each mattering as much as you like."), form.element, button));
+    h("aside", { class: "panel" }, h("h1", {}, "Say it"), h("p", {}, "Give the robot something to go by: words, pictures, a style, a drawing of your own. Take several, each mattering as much as you like."), form.element, button, missing));
   return { element };
 }
 

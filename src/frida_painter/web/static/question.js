@@ -30,7 +30,7 @@ export function questionCard(house, path, picture) {
       : [[0.15, 0.15], [0.85, 0.15], [0.85, 0.85], [0.15, 0.85]].map(([x, y]) => [x * asked.columns, y * asked.rows]);
     let moved = !asked.proposal;
     const frame = cornerFrame(asked, picture(asked.picture), places, () => { moved = true; take.textContent = "These are the corners"; });
-    const take = button(asked.proposal ? "Yes, these are they" : "These are the corners", () => answer(asked.id, { corners: moved ? places : asked.proposal }), "");
+    const take = button(asked.proposal ? "Yes, these are the corners" : "These are the corners", () => answer(asked.id, { corners: moved ? places : asked.proposal }), "");
     show(element, h("div", { class: "asked" }, h("p", { class: "text" }, asked.text),
       h("p", { class: "label" }, "Drag the four handles, or move one with the arrow keys (with Shift by ten)."), h("p", {}, take)), frame);
   }
@@ -43,7 +43,7 @@ export function questionCard(house, path, picture) {
     const keys = h("div", { class: "jog", tabIndex: 0, role: "group", "aria-label": "Jog keys" },
       h("div", { class: "keys" }, STEPS.map((step) => key(1, step)), STEPS.map((step) => key(-1, step))),
       h("div", { class: "gauge", "aria-hidden": "true" }, h("span", { style: { bottom: `${100 * Math.min(1, Math.max(0, share))}%` } })),
-      h("p", {}, h("strong", {}, height(asked.height)), h("small", {}, `of ${height(asked.lowest)} to ${height(asked.highest)}`)));
+      h("p", {}, h("strong", {}, height(asked.height)), h("small", {}, `from ${(1000 * asked.lowest).toFixed(1)} to ${height(asked.highest)}`)));
     const onkey = (event) => {
       const sign = { ArrowUp: 1, ArrowDown: -1 }[event.key];
       if (!sign || !may || event.target.matches("input")) return;
@@ -54,7 +54,7 @@ export function questionCard(house, path, picture) {
     leave = () => document.removeEventListener("keydown", onkey);
     show(element, h("div", { class: "asked" }, h("p", { class: "text" }, asked.text), keys,
       h("p", { class: "label" }, "Arrow up and down move by 1 mm, with Shift by 5, with Alt by 0.2."),
-      h("p", {}, button("It is right so", () => answer(asked.id, { settled: true }), ""))),
+      h("p", {}, button("The height is right", () => answer(asked.id, { settled: true }), ""))),
       asked.picture ? h("img", { class: "evidence", src: picture(asked.picture), alt: "Trial strokes, and how wide they are" }) : null);
   }
 
@@ -66,7 +66,7 @@ export function questionCard(house, path, picture) {
     };
     input.addEventListener("keydown", (event) => { if (event.key === "Enter") give(); });
     show(element, h("div", { class: "asked" }, h("p", { class: "text" }, asked.text.replace(" (metres)", "")),
-      h("p", { class: "pair" }, input, h("span", { class: "label" }, "mm"), button("So long", give, ""))));
+      h("p", { class: "pair" }, input, h("span", { class: "label" }, "mm"), button("This is its length", give, ""))));
   }
 
   function update(asked) {
