@@ -19,6 +19,7 @@ from frida_painter.objectives.encoders.shelf import Encoders
 from frida_painter.objectives.imagination import imagined
 from frida_painter.objectives.overlay import overlaid
 from frida_painter.objectives.replication import spread
+from frida_painter.objectives.style_colors import in_style_colors
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.initialize import Growth, progressive
@@ -101,7 +102,8 @@ class Planner:
         self.encoders = encoders or Encoders()
         self.device = device or torch.device("cpu")
         self._brush = _on(model, self.device)
-        self.goal = goal = attended(imagined(overlaid(goal), self.fine, self.encoders, seed), self.encoders)
+        goal = in_style_colors(imagined(overlaid(goal), self.fine, self.encoders, seed))
+        self.goal = goal = attended(goal, self.encoders)
         near = goal.to(self.device)
         self._aims = {grid: prepare(near, grid, self.encoders, seed) for grid in (self.fine, self.coarse)}
         self._opening = self._aims[self.coarse]

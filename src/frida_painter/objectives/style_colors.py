@@ -1,0 +1,76 @@
+"""A picture that is to be painted in a style is wanted in the style's colours: otherwise the one undoes the other.
+
+Its colours are moved by the straight map that carries their mean and covariance to the style's with the least
+movement (Pitié and Kokaram 2007, "The linear Monge-Kantorovitch linear colour mapping for example-based colour
+transfer"), in CIE L*a*b*.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm, Term
+from frida_painter.images import sized
+from frida_painter.palette import from_lab, to_lab
+
+_SEEN = 40_000  # pixels of a picture from which its colours are told
+_CHANGE = (0.5, 3.0)  # of differences between colours: what a picture shows stays seen, and an even ground even
+_LEAST = 1.0  # variance of colours of Lab along any direction, below which nothing is told of it
+
+
+def in_style_colors(goal: Goal) -> Goal:
+    """The goal, whose pictures have the colours of its styles, as far as these matter against them.
+
+    With the weight of a picture, or more, of a style, all of the way; with less, so much of it. A picture to begin
+    with that is not painted afterwards stays as it is, and so does a goal without a style.
+    """
+    styles = [term for term in goal.terms if isinstance(term, StyleTerm)]
+    if not styles:
+        return goal
+    wanted = _colors_of([term.image for term in styles], [term.weight for term in styles])
+    moved: dict[int, Tensor] = {}
+
+    def recolored(term: Term) -> Term:
+        if not isinstance(term, ImageTerm | SemanticTerm):
+            return term
+        if id(term.image) not in moved:
+            share = min(1.0, sum(style.weight for style in styles) / term.weight)
+            moved[id(term.image)] = torch.lerp(term.image, _carried(term.image, wanted), share)
+        return replace(term, image=moved[id(term.image)])
+
+    terms = tuple(recolored(term) for term in goal.terms)
+    initial = tuple(
+        recolored(term) if isinstance(term, ImageTerm) and id(term.image) in moved else term for term in goal.initial
+    )
+    return Goal(terms, initial)
+
+
+def _colors_of(pictures: Sequence[Tensor], weights: Sequence[float]) -> tuple[Tensor, Tensor]:
+    """Mean [3] and covariance [3, 3] in Lab of all pixels, those of each picture [3, H, W] mattering by its weight."""
+    every = [to_lab(sized(picture, _SEEN).clamp(0, 1).flatten(1).T).double() for picture in pictures]
+    share = torch.tensor(weights, dtype=torch.float64) / sum(weights)
+    mean = sum((part * lab.mean(0) for part, lab in zip(share, every, strict=True)), torch.zeros(3).double())
+    spread = sum(
+        (part * (lab - mean).T @ (lab - mean) / len(lab) for part, lab in zip(share, every, strict=True)),
+        _LEAST * torch.eye(3).double(),
+    )
+    return mean, spread
+
+
+def _carried(picture: Tensor, wanted: tuple[Tensor, Tensor]) -> Tensor:
+    """The picture [3, H, W] with its mean and covariance of colours carried to those wanted."""
+    mean, spread = _colors_of([picture], [1.0])
+    root = _root(spread)
+    back = torch.linalg.inv(root)
+    stretch, directions = torch.linalg.eigh(back @ _root(root @ wanted[1] @ root) @ back)
+    carry = directions @ torch.diag(stretch.clamp(*_CHANGE)) @ directions.T
+    lab = to_lab(picture.flatten(1).T).double()
+    return from_lab(((lab - mean) @ carry.T + wanted[0]).float()).T.reshape(picture.shape).to(picture)
+
+
+def _root(matrix: Tensor) -> Tensor:
+    """The symmetric square root of a symmetric matrix [3, 3] without negative eigenvalues."""
+    values, directions = torch.linalg.eigh(matrix)
+    return directions @ torch.diag(values.clamp(min=0).sqrt()) @ directions.T

@@ -1,0 +1,69 @@
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm, TextTerm
+from frida_painter.objectives.style_colors import in_style_colors
+from frida_painter.palette import from_lab, to_lab
+
+
+def scattered(mean: tuple[float, ...], spread: tuple[float, ...], seed: int = 0) -> torch.Tensor:
+    """A picture whose colours of Lab are scattered so about their mean."""
+    chance = torch.Generator().manual_seed(seed)
+    lab = torch.tensor(mean) + torch.tensor(spread) * (torch.rand(32 * 40, 3, generator=chance) - 0.5)
+    return from_lab(lab).T.reshape(3, 32, 40)
+
+
+def moments(picture: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    lab = to_lab(picture.flatten(1).T)
+    return lab.mean(0), lab.T.cov()
+
+
+BROWN = scattered((45.0, 12.0, 20.0), (30.0, 12.0, 12.0))
+BLUE = scattered((55.0, -5.0, -20.0), (36.0, 16.0, 20.0), seed=1)
+
+
+def test_a_picture_takes_on_the_mean_and_the_spread_of_a_styles_colors() -> None:
+    goal = in_style_colors(Goal((ImageTerm(BROWN), StyleTerm(BLUE))))
+    (mean, spread), (wanted_mean, wanted_spread) = moments(goal.terms[0].image), moments(BLUE)
+    torch.testing.assert_close(mean, wanted_mean, atol=0.6, rtol=0)
+    torch.testing.assert_close(spread, wanted_spread, atol=8.0, rtol=0.1)
+    assert goal.terms[1].image is BLUE
+
+
+def test_what_is_lighter_stays_lighter() -> None:
+    moved = in_style_colors(Goal((SemanticTerm(BROWN), StyleTerm(BLUE)))).terms[0].image
+    before, after = to_lab(BROWN.flatten(1).T)[:, 0], to_lab(moved.flatten(1).T)[:, 0]
+    assert torch.stack((before, after)).corrcoef()[0, 1] > 0.8
+
+
+def test_a_style_that_matters_less_moves_colors_less() -> None:
+    whole = in_style_colors(Goal((ImageTerm(BROWN), StyleTerm(BLUE, 2.0)))).terms[0].image
+    part = in_style_colors(Goal((ImageTerm(BROWN), StyleTerm(BLUE, 0.25)))).terms[0].image
+    torch.testing.assert_close(part, 0.75 * BROWN + 0.25 * whole)
+
+
+def test_of_several_styles_each_counts_by_its_weight() -> None:
+    red = scattered((50.0, 40.0, 25.0), (30.0, 12.0, 12.0), seed=2)
+    goal = in_style_colors(Goal((ImageTerm(BROWN), StyleTerm(BLUE, 1.0), StyleTerm(red, 3.0))))
+    mixed = 0.25 * moments(BLUE)[0] + 0.75 * moments(red)[0]
+    torch.testing.assert_close(moments(goal.terms[0].image)[0], mixed, atol=2.0, rtol=0)
+
+
+def test_only_what_is_painted_in_a_style_is_wanted_in_its_colors() -> None:
+    words, picture = TextTerm("a lemon"), ImageTerm(BROWN)
+    unstyled = Goal((words, picture))
+    assert in_style_colors(unstyled) is unstyled
+    other = ImageTerm(1 - BROWN)
+    goal = in_style_colors(Goal((words, picture, StyleTerm(BLUE)), (ImageTerm(BROWN), other)))
+    assert goal.terms[0] is words and goal.initial[1] is other, "what is only begun with stays as it is"
+    assert goal.initial[0].image is goal.terms[1].image is not BROWN
+
+
+@given(gray=st.floats(0, 1), seed=st.integers(0, 99))
+def test_pictures_of_a_single_color_become_one_of_the_styles(gray: float, seed: int) -> None:
+    style = torch.rand(3, 20, 20, generator=torch.Generator().manual_seed(seed))
+    moved = in_style_colors(Goal((ImageTerm(torch.full((3, 20, 24), gray)), StyleTerm(style)))).terms[0].image
+    assert moved.shape == (3, 20, 24) and bool(((moved >= 0) & (moved <= 1)).all())
+    assert float(moved.flatten(1).std(1).max()) < 1e-4
+    torch.testing.assert_close(moments(moved)[0], moments(style)[0], atol=5.0, rtol=0)
