@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.kubelka_munk import Finish, mixed
 from frida_painter.mixing.paint import published
-from frida_painter.mixing.recipe import MOST_PARTS, recipes
+from frida_painter.mixing.recipe import EASY_PARTS, MOST_PARTS, recipes
 from frida_painter.mixing.shelf import usual_paints
 from frida_painter.mixing.spectrum import color_of
 from frida_painter.palette import from_hex
@@ -44,6 +44,12 @@ def test_recipes_are_short_small_in_lowest_terms_and_say_what_they_give(color: t
     assert torch.allclose(again, found.color, atol=1e-9)
     assert float(difference(again, target)) == pytest.approx(found.difference, abs=1e-3)
     assert sum(found.volumes(7.0)) == pytest.approx(7.0)
+
+
+def test_many_parts_are_only_counted_where_that_can_be_seen() -> None:
+    unseen, seen = recipes(torch.stack([mixture([20, 15, 0, 38, 0, 2]), mixture([81, 0, 1, 2, 3, 0])]), SIX)
+    assert unseen.whole <= EASY_PARTS and unseen.difference <= 1
+    assert EASY_PARTS < seen.whole <= MOST_PARTS and seen.difference <= 2
 
 
 def test_more_paints_never_come_out_worse_by_more_than_they_are_simpler() -> None:

@@ -18,14 +18,16 @@ from frida_painter.perception.difference import ciede2000
 
 GOOD, REACHED = 2.0, 5.0
 """CIEDE2000 up to which a mixture is hardly told from its colour, and from which the colour is out of reach."""
-MOST_PARTS = 120
-"""Of all paints together: drops of a small spoonful."""
+EASY_PARTS, MOST_PARTS = 40, 120
+"""Of all paints together: drops of half a teaspoon, and of a whole one where half a teaspoon will not do."""
 _LEVELS = (1, 3, 9, 27, 81)  # parts that are tried first
 # What a fourth paint is tried with: how many times the other three, and its parts.
 _LITTLE, _MUCH = ((27, 1), (9, 1), (3, 1)), tuple((1, level) for level in _LEVELS)
 _SEEDS = 16  # mixtures from which the nearest is sought
 # What a simpler recipe may cost in CIEDE2000: for each paint less, and for half as many parts.
 _PER_PAINT, _PER_DOUBLING = 0.6, 0.25
+# CIEDE2000 that more than `EASY_PARTS` must bring, and below which nobody sees what they bring.
+_WORTH_COUNTING, _UNSEEN = 0.5, 1.0
 
 
 @dataclass(frozen=True)
@@ -47,14 +49,18 @@ class Recipe:
         return self.difference <= REACHED
 
     @property
+    def whole(self) -> int:
+        """How many parts it has in all."""
+        return sum(count for _, count in self.parts)
+
+    @property
     def words(self) -> str:
         """ "6 titanium white + 1 phthalo blue"."""
         return " + ".join(f"{count} {paint.name}" for paint, count in self.parts)
 
     def volumes(self, total: float) -> list[float]:
         """How much of each paint makes `total` of the mixture, in its unit."""
-        whole = sum(count for _, count in self.parts)
-        return [total * count / whole for _, count in self.parts]
+        return [total * count / self.whole for _, count in self.parts]
 
 
 def recipes(colors: Tensor, paints: Sequence[Paint], most: int = 4, finish: Finish = Finish.matte) -> list[Recipe]:
@@ -62,20 +68,29 @@ def recipes(colors: Tensor, paints: Sequence[Paint], most: int = 4, finish: Fini
 
     All mixtures of three paints in rough parts are looked at, the best are extended by a fourth, and
     from the best of those whole parts are moved up and down as long as that brings the mixture nearer
-    or makes it simpler by what it is worth.
+    or makes it simpler by what it is worth. More than `EASY_PARTS` are counted only where that can be seen.
     """
     if not paints or not 1 <= most <= 4:
         raise ConfigError(
             f"{len(paints)} paints and at most {most} of them were given; mixing takes 1 or more, and at most 1 to 4."
         )
-    return [_Search(color.double(), paints, most, finish).best() for color in colors]
+    return [_recipe(color.double(), paints, most, finish) for color in colors]
+
+
+def _recipe(color: Tensor, paints: Sequence[Paint], most: int, finish: Finish) -> Recipe:
+    """The best in many parts, or the best in few where hardly anybody would see the difference."""
+    best = _Search(color, paints, most, finish, MOST_PARTS).best()
+    if best.whole <= EASY_PARTS:
+        return best
+    easy = _Search(color, paints, most, finish, EASY_PARTS).best()
+    return easy if easy.difference <= max(best.difference + _WORTH_COUNTING, _UNSEEN) else best
 
 
 class _Search:
-    """The search for one colour."""
+    """The search for one colour, in at most so many parts of `most` paints."""
 
-    def __init__(self, target: Tensor, paints: Sequence[Paint], most: int, finish: Finish) -> None:
-        self._finish = finish
+    def __init__(self, target: Tensor, paints: Sequence[Paint], most: int, finish: Finish, parts: int) -> None:
+        self._finish, self._parts = finish, parts
         self._target, self._paints, self._most = target, paints, min(most, len(paints))
         self._lab = to_lab(target)
         self._absorption = torch.stack([paint.absorption for paint in paints])
@@ -102,7 +117,7 @@ class _Search:
         """The difference, and what a recipe's length and size count against it, [m]."""
         used, total = (parts > 0).sum(1), parts.sum(1)
         cost = ciede2000(to_lab(self._colors(parts)), self._lab) + _PER_PAINT * used + _PER_DOUBLING * total.log2()
-        return torch.where((used <= self._most) & (total <= MOST_PARTS), cost, torch.inf)
+        return torch.where((used <= self._most) & (total <= self._parts), cost, torch.inf)
 
     def _nearest(self, parts: Tensor) -> Tensor:
         return parts[self._cost(parts).argsort()[:_SEEDS]]

@@ -17,10 +17,12 @@ _MARGIN, _HEAD = 96, 244
 _TALLEST, _LOWEST = 118, 78
 _SWATCH, _BAR = 92, 22
 _INK, _SOFT, _LINE, _PAPER, _WARNING = (35, 33, 30), (98, 93, 85), (205, 200, 191), (255, 255, 255), (178, 58, 44)
+_DROP = 0.05  # millilitres
 _ADVICE = (
     "Left of each pair the colour that is wanted, right of it what the mixture is predicted to be when it is dry.",
     "The number behind the parts is their difference (CIEDE2000): below 2 hardly seen, above 5 out of reach.",
     "Mix a little first, let it dry, compare, and correct: tubes of one name differ from maker to maker.",
+    "A drop is 0.05 ml, and a trace is what stays on the tip of a knife.",
 )
 
 
@@ -30,7 +32,7 @@ def mixing_sheet(recipes: Sequence[Recipe], volumes: Sequence[float] | None, tit
     volumes: millilitres wanted of each paint, None where that is not known.
     """
     supplies = _supplies(recipes, volumes)
-    foot = 156 + 30 * -(-len(supplies) // 3) if supplies else 120
+    foot = 172 + 30 * -(-len(supplies) // 3) if supplies else 136
     row = min(_TALLEST, max(_LOWEST, (_ROWS - _HEAD - foot) // len(recipes)))
     sheet = Image.new("RGB", (COLUMNS, max(_ROWS, _HEAD + row * len(recipes) + foot)), _PAPER)
     draw = ImageDraw.Draw(sheet)
@@ -48,7 +50,7 @@ def mixing_sheet(recipes: Sequence[Recipe], volumes: Sequence[float] | None, tit
             column, line = place % 3, place // 3
             _text(draw, (_MARGIN + 350 * column, below + 34 + 30 * line), f"{volume:.0f} ml  {name}", 19, _SOFT)
     for line, text in enumerate(_ADVICE):
-        _text(draw, (_MARGIN, sheet.height - 94 + 25 * line), text, 17, _SOFT)
+        _text(draw, (_MARGIN, sheet.height - 110 + 25 * line), text, 17, _SOFT)
     return images.from_uint8(np.asarray(sheet))
 
 
@@ -78,7 +80,7 @@ def _recipe(
     facts = to_hex(recipe.target)
     if volume is not None:
         amounts = recipe.volumes(volume)
-        facts += "   " + "   ".join(f"{amount:.1f} ml" for amount in amounts)
+        facts += "   " + "   ".join(_measured(amount) for amount in amounts)
     _text(draw, (right, top + 34 + _BAR + 6), facts, 17, _SOFT)
 
 
@@ -102,6 +104,14 @@ def _supplies(recipes: Sequence[Recipe], volumes: Sequence[float] | None) -> lis
         for (paint, _), amount in zip(recipe.parts, recipe.volumes(volume), strict=True):
             needed[paint.name] = needed.get(paint.name, 0.0) + amount
     return sorted(((name, max(1.0, volume)) for name, volume in needed.items()), key=lambda one: (-one[1], one[0]))
+
+
+def _measured(amount: float) -> str:
+    """Millilitres as a person measures them: below a tenth in drops."""
+    if amount >= 0.095:
+        return f"{amount:.1f} ml"
+    drops = round(amount / _DROP)
+    return "a trace" if drops == 0 else "1 drop" if drops == 1 else f"{drops} drops"
 
 
 def _bytes(color: Tensor) -> tuple[int, ...]:

@@ -49,8 +49,8 @@ def line() -> Iterator[tuple[socket.socket, socket.socket]]:
 def keeping(line: tuple[socket.socket, socket.socket]) -> Iterator[Callable[..., Watch]]:
     watches: list[Watch] = []
 
-    def keep(stop: Stops, moving: bool = True, **settings: float) -> Watch:
-        watches.append(Watch(line[1], stop, lambda: moving, **settings))
+    def keep(stop: Stops, moving: bool = True, thinking: bool = False, **settings: float) -> Watch:
+        watches.append(Watch(line[1], stop, lambda: moving, lambda: thinking, **settings))
         return watches[-1]
 
     yield keep
@@ -84,17 +84,25 @@ def test_heartbeats_keep_it_calm_and_silence_does_not(line, keeping) -> None:
     assert 0.2 < stops.times[0] - silent < 3.0
 
 
-def test_while_nothing_moves_a_painter_may_be_busy_but_not_forgotten(line, keeping) -> None:
+def test_while_nothing_moves_a_painter_may_compute_but_not_forever(line, keeping) -> None:
     stops = Stops()
-    keeping(stops, moving=False, most_silence=0.1, most_absence=1.0)
+    keeping(stops, moving=False, thinking=True, most_silence=0.1, most_absence=1.0)
     time.sleep(0.6)
     assert stops.reasons == []
     assert "fell silent" in stops.wait()
 
 
+def test_f12_while_nothing_moves_a_painter_that_stands_still_is_missed_as_soon_as_while_it_moves(line, keeping) -> None:
+    stops = Stops()
+    keeping(stops, moving=False, most_silence=0.2)
+    began = time.monotonic()
+    assert "fell silent" in stops.wait()
+    assert stops.times[0] - began < 2.0
+
+
 def test_a_motion_that_was_asked_for_after_a_long_thought_is_not_stopped_for_it(line) -> None:
     stops, moving = Stops(), threading.Event()
-    watching = Watch(line[1], stops, moving.is_set, most_silence=0.5)
+    watching = Watch(line[1], stops, moving.is_set, lambda: True, most_silence=0.5)
     time.sleep(0.8)
     moving.set()
     time.sleep(0.2)
@@ -139,7 +147,7 @@ def test_where_the_painter_has_ended_a_motion_may_end_as_well_but_not_for_long(l
     still, moving = Stops(), Stops()
     keeping(still, moving=False, most_silence=0.2)
     other, its = socket.socketpair()
-    second = Watch(its, moving, lambda: True, most_silence=0.2)
+    second = Watch(its, moving, lambda: True, lambda: False, most_silence=0.2)
     line[0].close()
     other.close()
     assert "fell silent" in moving.wait()

@@ -18,8 +18,8 @@ from frida_painter.hardware.patience import asleep, steady
 # system's own handler writes there (signal.set_wakeup_fd) whatever the painting process is doing.
 BEAT, STOP = b"\x00", b"\xff"
 BEAT_EVERY = 0.25
-# A robot that moves is stopped within 3 s of silence; half a second of it is for the stop itself. While nothing moves
-# a painting process may be busy with itself for longer, but not so long that everybody has forgotten it.
+# A robot is stopped within 3 s of silence; half a second of it is for the stop itself. While nothing moves a painting
+# process may compute for longer without a breath, but not so long that everybody has forgotten it.
 MOST_SILENCE, MOST_ABSENCE = 2.5, 30.0
 _LOOK_EVERY = 0.02
 _NAP = 1.0
@@ -28,9 +28,10 @@ _NAP = 1.0
 class Watch:
     """Stops the robot by `stop(reason)`, from a thread of its own, until `dismiss`.
 
-    line: bytes as above come over it. Silence of more than `most_silence` seconds while `moving()`, or of
-    more than `most_absence` at any time, stops the robot; so does a computer that slept. A line that was
-    closed (the painting process ended) is silent, and nothing can move any more but what moves already.
+    line: bytes as above come over it. Silence of more than `most_silence` seconds stops the robot; where it
+    is not `moving()` and the painting process is seen `thinking()`, silence of more than `most_absence`. So
+    does a computer that slept. A line that was closed (the painting process ended) is silent, and nothing can
+    move any more but what moves already.
     """
 
     def __init__(
@@ -38,11 +39,12 @@ class Watch:
         line: socket.socket,
         stop: Callable[[str], None],
         moving: Callable[[], bool],
+        thinking: Callable[[], bool],
         *,
         most_silence: float = MOST_SILENCE,
         most_absence: float = MOST_ABSENCE,
     ) -> None:
-        self._line, self._stop, self._moving = line, stop, moving
+        self._line, self._stop, self._moving, self._thinking = line, stop, moving, thinking
         self._most_silence, self._most_absence = most_silence, most_absence
         self._heard = self._still = steady()
         self._asleep = asleep()
@@ -75,7 +77,8 @@ class Watch:
                 self._still = now
             # Whoever asked for a motion was there when it began.
             silent, absent = now - max(self._heard, self._still), now - self._heard
-            if silent > self._most_silence or (self._open and absent > self._most_absence):
+            patience = self._most_absence if self._thinking() else self._most_silence
+            if silent > self._most_silence or (self._open and self._still == now and absent > patience):
                 self._stop(f"the painting process fell silent for {absent:.1f} s")
                 self._heard = now
 
