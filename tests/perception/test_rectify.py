@@ -73,6 +73,12 @@ def test_a_black_photograph_is_refused():
         rectify(np.zeros((240, 320, 3), np.uint8), calibration(), PixelGrid.of_height(SIZE, 30))
 
 
+def test_a_canvas_that_was_painted_black_is_seen_as_black():
+    black = photograph(lambda across, down: np.zeros((*across.shape, 3)))
+    picture = rectify(black, calibration(), PixelGrid.of_height(SIZE, 30))
+    assert float(picture.max()) < 0.02
+
+
 def test_a_canvas_beyond_the_photograph_is_refused():
     corners = ((-40.0, 30.0), *CORNERS[1:])
     with pytest.raises(FrameRejected, match="40 pixels beyond"):

@@ -14,7 +14,8 @@ from frida_painter.frames import PixelGrid
 from frida_painter.lens import Lens
 from frida_painter.perception.light import light_of_bytes, to_srgb
 
-_DARKEST = 0.01
+_DARKEST = 0.01  # linear light of what is brightest: a painting may be black, but not all that is around it
+_BRIGHTEST, _APART = 0.99, 4  # so much of the pixels, of which every fourth is looked at, is no brighter
 _MOST_OVERLAP = 2.0
 _RIM = 1.0  # pixels of the photograph: a corner is known to about half of one
 _FINEST = 8
@@ -36,6 +37,8 @@ def rectify(photograph: NDArray[np.uint8], calibration: Calibration, grid: Pixel
     seen = _straightened(np.array(calibration.corners), calibration)
     to_photograph = cv2.getPerspectiveTransform(corners, seen.astype(np.float32))
     photographed = light_of_bytes(photograph)
+    if not float(np.quantile(photographed[::_APART, ::_APART], _BRIGHTEST)) >= _DARKEST:
+        raise FrameRejected("The photograph of the canvas is dark; switch the light on and take the camera's cap off.")
     if calibration.lens is None:
         light = cv2.warpPerspective(
             photographed,
@@ -51,8 +54,6 @@ def rectify(photograph: NDArray[np.uint8], calibration: Calibration, grid: Pixel
     if fineness > 1:
         light = cv2.resize(light, (grid.columns, grid.rows), interpolation=cv2.INTER_AREA)
     picture = torch.from_numpy(np.ascontiguousarray(light.transpose(2, 0, 1)))
-    if not float(picture.mean()) >= _DARKEST:
-        raise FrameRejected("The photograph of the canvas is dark; switch the light on and take the camera's cap off.")
     return to_srgb(picture)
 
 
