@@ -97,6 +97,12 @@ SECTIONS = (
         "tells how it works, and `frida-painter experiments sawyer` paints a whole picture with it.",
     ),
     Section(
+        "studio",
+        "The studio under load",
+        "Twenty browsers that watch and five that connect and never read, while a painting goes on in the virtual studio.\n"
+        "[The studio](studio.md) tells what it withstands.",
+    ),
+    Section(
         "painting",
         "A whole painting",
         "From the photograph to the finished film and page, in the virtual studio, on all cores.",

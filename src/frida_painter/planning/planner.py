@@ -101,7 +101,7 @@ class Planner:
         self.region: Region | None = None
         self.encoders = encoders or Encoders()
         self.device = device or torch.device("cpu")
-        self._brush = _on(model, self.device)
+        self._model = _on(model, self.device)
         goal = in_style_colors(imagined(overlaid(goal), self.fine, self.encoders, seed))
         self.goal = goal = attended(goal, self.encoders)
         near = goal.to(self.device)
@@ -270,13 +270,13 @@ class Planner:
         if self.region is None or len(plan) == 0:
             return plan
         near = plan.strokes.to(self.device)
-        strokes, kept = self.region.keep_clear(near, self._brush, self.size, self.fine.rows)
+        strokes, kept = self.region.keep_clear(near, self._model, self.size, self.fine.rows)
         return replace(plan, strokes=strokes.to("cpu"), paint=plan.paint[kept])
 
     def _scene(self, canvas: Tensor, grid: PixelGrid, aim: Aim | None = None) -> Scene:
         aim = aim or self._aims[grid]
         bare = images.fit(canvas.to(self.device), grid.rows, grid.columns)
-        scene = Scene(bare, self.size, self._brush, aim, aim.judge, self._importance(grid))
+        scene = Scene(bare, self.size, self._model, aim, aim.judge, self._importance(grid))
         return scene if self.region is None else self.region.guarded(scene)
 
     def _guide(self, scene: Scene) -> Tensor:
