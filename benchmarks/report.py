@@ -99,7 +99,7 @@ SECTIONS = (
     Section(
         "studio",
         "The studio under load",
-        "Twenty browsers that watch and five that connect and never read, while a painting goes on in the virtual studio.\n"
+        "Twenty clients that watch and five that connect and never read, while the virtual studio plans and paints.\n"
         "[The studio](studio.md) tells what it withstands.",
     ),
     Section(

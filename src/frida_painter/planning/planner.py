@@ -13,13 +13,10 @@ from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal, ImageTerm, TextTerm
-from frida_painter.objectives.attention import attended
 from frida_painter.objectives.base import Aim, prepare
 from frida_painter.objectives.encoders.shelf import Encoders
-from frida_painter.objectives.imagination import imagined
-from frida_painter.objectives.overlay import overlaid
+from frida_painter.objectives.interpretation import interpreted
 from frida_painter.objectives.replication import spread
-from frida_painter.objectives.style_colors import in_style_colors
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.initialize import Growth, progressive
@@ -102,8 +99,7 @@ class Planner:
         self.encoders = encoders or Encoders()
         self.device = device or torch.device("cpu")
         self._model = _on(model, self.device)
-        goal = in_style_colors(imagined(overlaid(goal), self.fine, self.encoders, seed))
-        self.goal = goal = attended(goal, self.encoders)
+        self.goal = goal = interpreted(goal, self.fine, self.encoders, seed)
         near = goal.to(self.device)
         self._aims = {grid: prepare(near, grid, self.encoders, seed) for grid in (self.fine, self.coarse)}
         self._opening = self._aims[self.coarse]

@@ -1,0 +1,19 @@
+"""From what a person said to what is planned towards."""
+
+from frida_painter.frames import PixelGrid
+from frida_painter.goal import Goal
+from frida_painter.objectives.attention import attended
+from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.objectives.imagination import imagined
+from frida_painter.objectives.overlay import overlaid
+from frida_painter.objectives.style_colors import in_style_colors
+
+
+def interpreted(goal: Goal, grid: PixelGrid, encoders: Encoders, seed: int) -> Goal:
+    """The goal as it is pursued on pictures of that grid.
+
+    Sketches are drawn on the photograph they came with, words get a picture to begin with, what is painted in
+    a style is wanted in its colours, and what is painted by its meaning is attended to where its meaning is.
+    Raises WeightsError where a network is missing.
+    """
+    return attended(in_style_colors(imagined(overlaid(goal), grid, encoders, seed)), encoders)
