@@ -15,8 +15,9 @@ class FakeGrbl(FakeMachine):
     """pace: how many times faster than real it moves.
 
     `misbehave` maps the number of a motion line (from 0) to what happens instead of its "ok":
-    "error", "alarm", "reset", "lose" (the line never arrived), "mute" (dead from then on), "garbage",
-    or "unplug". moved: every place that the tip went to, in mm, as it happened.
+    "error", "alarm", "quiet alarm" (which only its reports tell), "reset", "lose" (the line never arrived),
+    "mute" (dead from then on), "garbage", "unplug", or "twice" (it is obeyed, and acknowledged twice).
+    moved: every place that the tip went to, in mm, as it happened.
     """
 
     def __init__(self, pace: float = 200.0, misbehave: dict[int, str] | None = None, state: str = "Idle") -> None:
@@ -93,7 +94,9 @@ class FakeGrbl(FakeMachine):
             if fault == "lose":
                 self.received.pop()
                 return
-            if fault is not None:
+            if fault == "twice":
+                self.say("ok")
+            elif fault is not None:
                 self._misbehave(fault)
                 return
             words = {word[0]: float(word[1:]) for word in re.findall(r"[XYZSF]-?[\d.]+", line)}
@@ -109,6 +112,9 @@ class FakeGrbl(FakeMachine):
             self._queue.clear()
             self.state = "Alarm"
             self.say("ALARM:1")
+        elif fault == "quiet alarm":
+            self._queue.clear()
+            self.state = "Alarm"
         elif fault == "reset":
             self._reset()
         elif fault == "garbage":

@@ -22,7 +22,7 @@ class ControlBox:
     "hangs", "garbage" or "refuses" (code 9); it applies from the `after`-th such call on.
     error_at: the waypoint at which error 31 (it ran into something) comes up; protective_at: where it
     is stopped at its own switch; paused_at: where somebody pauses it; astray: mm that it ends beside
-    where it was sent.
+    where it was sent; hasty: it says that it stands, with nothing left to do, as soon as all was sent.
     """
 
     def __init__(self, pace: float = 100.0) -> None:
@@ -35,6 +35,7 @@ class ControlBox:
         self.protective_at: int | None = None
         self.paused_at: int | None = None
         self.astray = np.zeros(3)
+        self.hasty = False
         self.calls: list[tuple[str, Any]] = []
         self.connections = 0
         self.moved: list[np.ndarray] = []
@@ -150,10 +151,10 @@ class FakeApi:
         return self._answer("get_position", lambda: (0, self._box.place.tolist()))
 
     def get_state(self) -> Any:
-        return self._answer("get_state", lambda: (0, self._box.state))
+        return self._answer("get_state", lambda: (0, 2 if self._box.hasty else self._box.state))
 
     def get_cmdnum(self) -> Any:
-        return self._answer("get_cmdnum", lambda: (0, len(self._box._queue)))
+        return self._answer("get_cmdnum", lambda: (0, 0 if self._box.hasty else len(self._box._queue)))
 
     def get_err_warn_code(self) -> Any:
         return self._answer("get_err_warn_code", lambda: (0, [self._box.error, 0]))

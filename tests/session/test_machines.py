@@ -65,6 +65,7 @@ def test_each_camera_is_built_as_it_is_named(tmp_path: Path) -> None:
         ("gcode:/dev/x,servo=1/2", "servo=1/2 is not understood"),
         ("gcode:/dev/x,servo=0.01/2/0.01/3", "the first lies below the second"),
         ("rosbridge:host:port", "'port' is no port"),
+        ("rosbridge:host:99999", "'99999' is no port, which is from 1 to 65535"),
         ("rosbridge:host,ros=3", "1 or 2"),
     ],
 )

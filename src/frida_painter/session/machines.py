@@ -78,8 +78,8 @@ def _ros(name: MachineName, home: Point, speed: float) -> Robot:
 def _rosbridge(name: MachineName, home: Point, speed: float) -> Robot:
     name.require("namespace", "frame", "ros")
     host, _, port = name.where.partition(":")
-    if port and not port.isdigit():
-        raise ConfigError(f"{port[:20]!r} is no port; write {MACHINES[name.kind]}.")
+    if port and not (port.isascii() and port.isdigit() and 1 <= int(port) <= 65535):
+        raise ConfigError(f"{port[:20]!r} is no port, which is from 1 to 65535; write {MACHINES[name.kind]}.")
     return _behind(name, home, speed, lambda: RosbridgeWire(host, int(port or 9090)))
 
 

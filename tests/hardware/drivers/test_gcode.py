@@ -62,6 +62,7 @@ def test_home_leads_up_before_it_leads_aside() -> None:
             r"stroke 7: the grbl machine .* refused a line at waypoint 12 with error 15 \(bey",
         ),
         ("alarm", MotionFailed, r"stopped at waypoint 12 with alarm 1 \(a limit switch was hit\).*never does"),
+        ("quiet alarm", MotionFailed, r"is in an alarm at waypoint 12 \('Alarm'\).*never does"),
         ("reset", MotionFailed, "was reset at waypoint 12; it has forgotten"),
         ("lose", RobotDisconnected, "idle and has not acknowledged 'G1 X.*A line was lost"),
         ("garbage", RobotDisconnected, "which is not GRBL's"),
@@ -78,7 +79,7 @@ def test_what_goes_wrong_in_a_stroke_is_told_and_nothing_moves_after(
             robot.follow(a_stroke())
         if isinstance(told.value, MotionFailed):
             assert told.value.waypoint == 12
-            assert told.value.code in ("15", "1", "reset")
+            assert told.value.code in ("15", "1", "Alarm", "reset")
         time.sleep(0.05)
         moved = len(machine.moved)
         for action in (robot.home, lambda: robot.follow(a_stroke()), robot.pose):
@@ -87,6 +88,18 @@ def test_what_goes_wrong_in_a_stroke_is_told_and_nothing_moves_after(
         time.sleep(0.05)
         assert len(machine.moved) == moved
         assert not any(line.startswith("$X") for line in machine.received)
+        robot.close()
+
+
+def test_a_machine_that_acknowledges_too_much_is_waited_for_until_it_stands() -> None:
+    stroke = a_stroke()
+    with FakeGrbl(pace=5, misbehave=dict.fromkeys((3, 9, 20), "twice")) as machine:
+        robot = robot_at(machine)
+        robot.connect()
+        assert np.abs(robot.follow(stroke).reached - stroke.position[-1]).max() < 1e-5
+        moved = len(machine.moved)
+        time.sleep(0.05)
+        assert len(machine.moved) == moved
         robot.close()
 
 

@@ -68,6 +68,14 @@ def test_it_tells_the_truth_about_a_place_that_it_did_not_reach(box: ControlBox)
     assert np.linalg.norm(report.reached - a_stroke().position[-1]) == pytest.approx(0.007)
 
 
+def test_an_arm_that_says_too_soon_that_it_stands_is_waited_for(box: ControlBox) -> None:
+    box.hasty, box.pace = True, 5.0
+    stroke = a_stroke()
+    robot = connected()
+    assert robot.follow(stroke).reached == pytest.approx(stroke.position[-1], abs=1e-9)
+    robot.close()
+
+
 def test_an_error_in_a_stroke_is_told_by_its_code_and_never_cleared(box: ControlBox) -> None:
     robot = connected()
     box.error_at = 12

@@ -67,7 +67,9 @@ class Grbl:
             if answer == "ok":
                 return
             if answer is not None and answer.startswith("<"):
-                idle = idle + 1 if self._parsed(answer).state.startswith("Idle") else 0
+                state = self._parsed(answer).state
+                self._require_no_alarm(state, label, waypoint)
+                idle = idle + 1 if state.startswith("Idle") else 0
             now = time.monotonic()
             if idle > 2 or now > until:
                 how = "it is idle and has not acknowledged" if idle > 2 else "it did not acknowledge in time"
@@ -79,8 +81,16 @@ class Grbl:
                 ask_at = now + _ASK_AFTER
 
     def settle(self, label: str, until: float) -> None:
-        """A dwell is acknowledged when everything before it is done."""
+        """A dwell is acknowledged when everything before it is done; a machine that answers too soon is waited for."""
         self.send("G4 P0.01", label, None, until)
+        while not (state := self._ask().state).startswith("Idle"):
+            self._require_no_alarm(state, label, None)
+            if self._guard.stopped or not time.monotonic() <= until:
+                raise RobotStopped(
+                    f"{label}: {self._guard.name} acknowledged the end of its motion, and says {state!r}; it is held. "
+                    "Look at it before it is connected anew."
+                )
+            time.sleep(_SLICE)
 
     def position(self) -> NDArray[np.float64]:
         """Work coordinates [3], mm, of a fresh report."""
@@ -119,6 +129,17 @@ class Grbl:
         raise RobotDisconnected(
             f"{self._guard.name} gave no report of its state in {PATIENCE:.0f} s; is this GRBL, and at this baud rate?"
         )
+
+    def _require_no_alarm(self, state: str, label: str, waypoint: int | None) -> None:
+        """Raises MotionFailed where a report says what no line of its own has said."""
+        if state.startswith("Alarm"):
+            where = "" if waypoint is None else f" at waypoint {waypoint}"
+            raise MotionFailed(
+                f"{label}: {self._guard.name} is in an alarm{where} ({state!r}). Look at it and clear the alarm with "
+                "its own controls; this program never does.",
+                state,
+                waypoint,
+            )
 
     def _read(self, label: str, waypoint: int | None) -> str | None:
         """One line of the machine's while a line of ours waits; what is no good news is raised."""

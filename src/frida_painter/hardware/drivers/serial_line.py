@@ -76,6 +76,8 @@ class SerialLine:
 
 def _reason(cause: Exception) -> str:
     text = " ".join((getattr(cause, "strerror", None) or str(cause)).split())
+    if "Inappropriate ioctl" in text:
+        return "it is no serial port"
     return text.rpartition("] ")[2] or type(cause).__name__
 
 

@@ -23,8 +23,9 @@ from frida_painter.hardware.workspace import Point
 Answer = TypeVar("Answer")
 
 _CONTROL_PORT = 502
-_OPENING = 15.0
+_OPENING, _CLOSING = 5.0, 1.0
 _POLL = 0.02
+_STILL = 1e-4  # metres between two polls
 _MOVING, _STANDING, _PAUSED, _STOPPED = 1, (0, 2, 5), 3, (4, 6)
 _ERRORS = {
     1: "the emergency stop at the control box was pressed",
@@ -187,7 +188,7 @@ class XarmRobot:
         except RobotError:
             self._guard.closed()
             with suppress(RobotError):
-                self._guard.asking("close", made.disconnect)
+                self._guard.asking("close", made.disconnect, _CLOSING)
             raise
         return made
 
@@ -227,14 +228,16 @@ class XarmRobot:
             )
 
     def _wait(self, waypoints: Waypoints, until: float) -> None:
-        """Returns when the arm stands and its queue is empty, seen twice."""
-        seen = 0
+        """Returns when the arm says that it stands and that its queue is empty, and is seen twice not to move."""
+        seen, last = 0, np.full(3, np.nan)
         while seen < 2:
             self._heed_stop(waypoints.label)
             self._require_no_error(waypoints.label, None)
             state = self._state(waypoints.label)
             standing = state in _STANDING and self._number(waypoints.label, "get_cmdnum") == 0
-            seen = seen + 1 if standing else 0
+            here = self.pose() if standing else np.full(3, np.nan)
+            seen = seen + 1 if float(np.linalg.norm(here - last)) <= _STILL else 0
+            last = here
             if time.monotonic() > until:
                 how = "is paused" if state == _PAUSED else "did not arrive in time"
                 raise MotionFailed(
