@@ -60,6 +60,15 @@ def test_only_what_is_painted_in_a_style_is_wanted_in_its_colors() -> None:
     assert goal.initial[0].image is goal.terms[1].image is not BROWN
 
 
+def test_in_a_style_that_is_as_good_as_black_a_picture_can_still_be_told() -> None:
+    night = scattered((4.0, 0.0, -3.0), (6.0, 4.0, 4.0), seed=3)
+    contrasts = scattered((50.0, 0.0, 0.0), (90.0, 20.0, 20.0), seed=4)
+    moved = to_lab(in_style_colors(Goal((ImageTerm(contrasts), StyleTerm(night)))).terms[0].image.flatten(1).T)[:, 0]
+    before = to_lab(contrasts.flatten(1).T)[:, 0]
+    assert 0.4 * float(before.std()) < float(moved.std()) < 0.6 * float(before.std())
+    assert float(moved.mean()) < float(before.mean()) - 20
+
+
 @given(gray=st.floats(0, 1), seed=st.integers(0, 99))
 def test_pictures_of_a_single_color_become_one_of_the_styles(gray: float, seed: int) -> None:
     style = torch.rand(3, 20, 20, generator=torch.Generator().manual_seed(seed))

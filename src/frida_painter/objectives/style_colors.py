@@ -17,6 +17,7 @@ from frida_painter.palette import from_lab, to_lab
 
 _SEEN = 40_000  # pixels of a picture from which its colours are told
 _CHANGE = (0.5, 3.0)  # of differences between colours: what a picture shows stays seen, and an even ground even
+_RARE = 0.02  # share of the pixels that may be darker, or lighter, than can be shown
 _LEAST = 1.0  # variance of colours of Lab along any direction, below which nothing is told of it
 
 
@@ -49,7 +50,7 @@ def in_style_colors(goal: Goal) -> Goal:
 
 def _colors_of(pictures: Sequence[Tensor], weights: Sequence[float]) -> tuple[Tensor, Tensor]:
     """Mean [3] and covariance [3, 3] in Lab of all pixels, those of each picture [3, H, W] mattering by its weight."""
-    every = [to_lab(sized(picture, _SEEN).clamp(0, 1).flatten(1).T).double() for picture in pictures]
+    every = [_lab(picture) for picture in pictures]
     share = torch.tensor(weights, dtype=torch.float64) / sum(weights)
     mean = sum((part * lab.mean(0) for part, lab in zip(share, every, strict=True)), torch.zeros(3).double())
     spread = sum(
@@ -66,8 +67,17 @@ def _carried(picture: Tensor, wanted: tuple[Tensor, Tensor]) -> Tensor:
     back = torch.linalg.inv(root)
     stretch, directions = torch.linalg.eigh(back @ _root(root @ wanted[1] @ root) @ back)
     carry = directions @ torch.diag(stretch.clamp(*_CHANGE)) @ directions.T
-    lab = to_lab(picture.flatten(1).T).double()
-    return from_lab(((lab - mean) @ carry.T + wanted[0]).float()).T.reshape(picture.shape).to(picture)
+    carried = (to_lab(picture.flatten(1).T).double() - mean) @ carry.T + wanted[0]
+    # A style may be as good as black: then what the picture shows is only as dark as it can be told apart.
+    lightness = ((_lab(picture) - mean) @ carry.T + wanted[0])[:, 0]
+    darkest, lightest = lightness.quantile(_RARE), lightness.quantile(1 - _RARE)
+    carried[:, 0] += (-darkest).clamp(min=0) - (lightest - 100).clamp(min=0)
+    return from_lab(carried.float()).T.reshape(picture.shape).to(picture)
+
+
+def _lab(picture: Tensor) -> Tensor:
+    """Colours of a picture [3, H, W] at some of its pixels, in Lab, [n, 3] float64."""
+    return to_lab(sized(picture, _SEEN).clamp(0, 1).flatten(1).T).double()
 
 
 def _root(matrix: Tensor) -> Tensor:
