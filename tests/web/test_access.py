@@ -4,6 +4,8 @@ import pytest
 from starlette.websockets import WebSocketDisconnect
 
 from frida_painter.web.access import Keys, Role
+from frida_painter.web.shelf import Shelf
+from frida_painter.web.workers import Place
 from studios import HOST, ORIGIN, Studio
 
 ROUTES = [
@@ -99,6 +101,22 @@ def test_a_cookie_alone_changes_nothing(studio: Studio) -> None:
     other = studio.visitor()
     assert visitor.post("/api/stop", headers={"X-CSRF-Token": other.csrf}).status_code == 403, "of another browser"
     assert visitor.post("/api/stop").status_code == 200
+
+
+def test_nothing_that_is_asked_with_get_moves_or_changes_anything(
+    studio: Studio, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[str] = []
+    monkeypatch.setattr(Place, "start", lambda self, job, plan: started.append(job))
+    monkeypatch.setattr(Shelf, "note", lambda self, by, painting, what: started.append(what))
+    entry, visitor = studio.shelf.begin("A painting"), studio.visitor()
+    described = studio.app.openapi()["paths"]
+    assert {method for own in described.values() for method in own} == {"get", "post"}
+    for path in described:
+        if not path.endswith("/events"):  # these never end
+            visitor.get(path.replace("{identifier}", entry.id).replace("{picture}", "0" * 32))
+    assert started == [] and studio.shelf.find(entry.id) is not None
+    assert not entry.folder.commands.exists() and not entry.folder.stop.exists()
 
 
 def test_a_program_brings_its_token_and_needs_no_origin(studio: Studio) -> None:

@@ -11,9 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
 
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
@@ -44,42 +42,59 @@ def deadline() -> Iterator[None]:
     faulthandler.cancel_dump_traceback_later()
 
 
-@dataclass(frozen=True)
 class Studio:
-    """A studio that was started: the address that it printed, and its terminal."""
+    """A studio that is started, and may be killed and started again."""
 
-    address: str
-    terminal: IO[str]
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._start()
+
+    def _start(self) -> None:
+        program = [sys.executable, "-m", "frida_painter", "studio", "--folder", str(self.folder), "--port", "0"]
+        self._process = subprocess.Popen(
+            [*program, "--pace", "0.05", "--no-browser"],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env={**os.environ},
+        )  # fmt: skip
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._terminal, self._said = self._process.stdin, self._process.stdout
+        assert select.select([self._said], [], [], 60)[0], "the studio says nothing"
+        match = re.search(r"http://\S+", self._said.readline())
+        assert match is not None
+        self.address = match[0]
 
     def press_enter(self) -> None:
         """Somebody stands beside the robot."""
-        self.terminal.write("\n")
-        self.terminal.flush()
+        self._terminal.write("\n")
+        self._terminal.flush()
+
+    def fall_over_and_be_started_again(self) -> None:
+        """Killed; the new one has another address and other tokens."""
+        self.kill()
+        self._start()
+
+    def close(self) -> None:
+        """Ends it as a person does, and whatever a test that failed has left at work."""
+        for painting in self.folder.glob("*/feed.jsonl"):
+            painting.with_name("stop").touch()
+        self._process.send_signal(signal.SIGINT)
+        self._process.wait(30)
+
+    def kill(self) -> None:
+        """Ends it in any case."""
+        self._process.kill()
+        self._process.wait(10)
+        self._terminal.close()
+        self._said.close()
 
 
 @pytest.fixture(scope="module")
 def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Studio]:
-    folder = tmp_path_factory.mktemp("studio")
-    program = [sys.executable, "-m", "frida_painter", "studio", "--folder", str(folder / "paintings"), "--port", "0"]
-    process = subprocess.Popen(
-        [*program, "--pace", "0.05", "--no-browser"],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env={**os.environ},
-    )  # fmt: skip
-    assert process.stdin is not None and process.stdout is not None
+    opened = Studio(tmp_path_factory.mktemp("studio") / "paintings")
     try:
-        assert select.select([process.stdout], [], [], 60)[0], "the studio says nothing"
-        match = re.search(r"http://\S+", process.stdout.readline())
-        assert match is not None
-        yield Studio(match[0], process.stdin)
-        for painting in (folder / "paintings").glob("*/feed.jsonl"):
-            painting.with_name("stop").touch()  # whatever a test that failed has left at work
-        process.send_signal(signal.SIGINT)
-        process.wait(30)
+        yield opened
+        opened.close()
     finally:
-        process.kill()
-        process.wait(10)
-        process.stdin.close()
-        process.stdout.close()
+        opened.kill()
 
 
 @pytest.fixture(scope="module")
@@ -151,7 +166,7 @@ def start(page: Page, plan: int = 1) -> None:
     begin.click()
 
 
-def test_a_painting_from_the_wish_to_the_gallery(page: Page, photograph: Path) -> None:
+def test_a_painting_from_the_wish_to_the_gallery(page: Page, studio: Studio, photograph: Path) -> None:
     say(page, photograph)
     expect(page.locator(".palette li")).to_have_count(3, timeout=PATIENCE)
     scrub = page.get_by_label("Strokes painted so far")
@@ -162,6 +177,12 @@ def test_a_painting_from_the_wish_to_the_gallery(page: Page, photograph: Path) -
     start(page)
     expect(page.locator(".status")).to_have_text(re.compile(r"Stroke \d+ of 15"), timeout=PATIENCE)
     page.reload()
+    expect(page.get_by_role("heading", name="Paint together")).to_be_visible(timeout=PATIENCE)
+    place = page.url.partition("#")[2]
+    studio.fall_over_and_be_started_again()  # the painting goes on
+    page.goto(studio.address)
+    expect(page.get_by_text("What shall we paint?")).to_be_visible(timeout=PATIENCE)
+    page.evaluate("place => { location.hash = place; }", place)
     expect(page.locator(".looks h3").first).to_be_visible(timeout=PATIENCE)
     expect(page.get_by_role("link", name="The painting, photographed")).to_be_visible(timeout=PATIENCE)
     keep(page, "finished")

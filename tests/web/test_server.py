@@ -28,7 +28,9 @@ def studio(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     process.stdout.close()
 
 
-def test_the_studio_closes_in_peace_while_somebody_watches(studio: subprocess.Popen[str]) -> None:
+def test_the_studio_closes_in_peace_while_somebody_watches_and_keeps_no_token(
+    studio: subprocess.Popen[str], tmp_path: Path
+) -> None:
     assert studio.stdout is not None
     match = re.search(r"http://(\S+):(\d+)/\?token=(\S+)", studio.stdout.readline())
     assert match is not None
@@ -44,6 +46,8 @@ def test_the_studio_closes_in_peace_while_somebody_watches(studio: subprocess.Po
         studio.wait(60)
     said = studio.stdout.read()
     assert "Traceback" not in said and "ERROR" not in said, said
+    assert token not in said
+    assert not any(token.encode() in file.read_bytes() for file in tmp_path.rglob("*") if file.is_file())
 
 
 # What the page's process does, but for the socket: opened, asked by a browser, given a picture.

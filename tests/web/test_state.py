@@ -57,6 +57,15 @@ def test_while_the_rest_is_planned_again_it_is_said_so() -> None:
     assert told(*PLANNED, *PAINTED[:7]).shown(working=True)["painting"]["status"] == "planning"
 
 
+def test_a_pause_holds_while_it_does_what_was_asked_for_in_it() -> None:
+    paused = {"kind": "paused", "reason": "You asked for a pause.", "turn": False}
+    asked = [*PLANNED, *PAINTED, paused, {"kind": "considering"}, PAINTED[5], PAINTED[7]]
+    assert told(*PLANNED, *PAINTED).shown(working=True)["painting"]["held"] is False
+    for lines in ([*PLANNED, *PAINTED, paused], asked, [*asked, paused]):
+        assert told(*lines).shown(working=True)["painting"]["held"] is True
+    assert told(*asked, {"kind": "resumed"}).shown(working=True)["painting"]["held"] is False
+
+
 def test_how_a_painting_ends_is_kept() -> None:
     stopped = told(*PLANNED, *PAINTED, {"kind": "stopped", "done": 3}).shown(working=False)
     assert stopped["painting"]["status"] == "stopped" and stopped["stopped"] and not stopped["trouble"]

@@ -49,7 +49,7 @@ class CalibrationState:
     def shown(self, working: bool) -> dict[str, Any]:
         """All of it as plain values."""
         unfinished = any(each.status in ("waiting", "busy") for each in self.procedures.values())
-        vanished = "The calibration ended in the middle of its work, without saying why."
+        vanished = "The calibration ended in the middle of its work, without saying why; is the disk full?"
         return {
             "version": self.version,
             "working": working,

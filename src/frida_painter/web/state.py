@@ -26,11 +26,11 @@ class PaintState:
     """The painting itself; status: "preparing", "mixing", "painting", "planning", "paused", "finishing",
     "finished", "stopped" or "failed".
 
-    plan: the number it was painted from; turn: whether it is the person's turn; turns: strokes after
-    which it is, 0 where nobody takes turns; region: what is protected; remark: what could not be done
-    as it was asked; wish: as it was changed in the middle; looks: what was seen, expected and planned again, in order;
-    film, arm, kept: whether there is a film, one of a simulated arm at work, and all else that is kept of
-    a painting.
+    plan: the number it was painted from; held: whether it waits for a person, also while it does what they asked for
+    in the pause; turn: whether it is the person's turn; turns: strokes after which it is, 0 where nobody takes turns;
+    region: what is protected; remark: what could not be done as it was asked; wish: as it was changed in the middle;
+    looks: what was seen, expected and planned again, in order; film, arm, kept: whether there is a film, one of a
+    simulated arm at work, and all else that is kept of a painting.
     """
 
     plan: int
@@ -45,6 +45,7 @@ class PaintState:
     reason: str = ""
     looks: list[dict[str, Any]] = field(default_factory=list)
     replanned: dict[str, Any] | None = None
+    held: bool = False
     turn: bool = False
     turns: int = 0
     region: dict[str, Any] | None = None
@@ -101,7 +102,7 @@ class PaintingState:
             "painting": None if self.painting is None else asdict(self.painting),
         }
         if not working and not self.trouble and not self.stopped and self._unfinished():
-            shown["trouble"] = "The painter stopped in the middle of its work, without saying why."
+            shown["trouble"] = "The painter stopped in the middle of its work, without saying why; is the disk full?"
         return shown
 
     @property
@@ -141,6 +142,8 @@ class PaintingState:
         painting.status = _PAINTING[kind] or painting.status
         if kind in ("looked", "resumed", "replanned"):
             painting.remark = ""
+        if kind in ("paused", "resumed", "taken up"):
+            painting.held = kind == "paused"
         match kind:
             case "taken up":
                 self._forget_trouble()

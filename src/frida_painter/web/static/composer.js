@@ -203,7 +203,8 @@ export function composer(house) {
 
   async function begin() {
     button.disabled = true;
-    const begun = await house.attempt(() => api.post("/api/paintings", wish));
+    const words = wish.terms.find((term) => term.words)?.words.trim().slice(0, 80);
+    const begun = await house.attempt(() => api.post("/api/paintings", { ...wish, title: wish.title || words || "" }));
     button.disabled = false;
     if (begun) location.hash = `#/p/${begun.id}`;
   }
@@ -225,11 +226,11 @@ export function composer(house) {
 
 const STEPS = [["say", "Say it"], ["plan", "See the plan"], ["prepare", "Prepare"], ["paint", "Paint"], ["done", "Finished"]];
 
-/** Where one is on the way to a painting. */
-export function steps(current) {
+/** Where one is on the way to a painting; `end` is how it ended, where that was in another way. */
+export function steps(current, end) {
   const place = STEPS.findIndex(([name]) => name === current);
-  return h("ol", { class: "steps", "aria-label": "The way to a painting" }, STEPS.map(([, label], index) =>
-    h("li", { class: index < place ? "past" : "", "aria-current": index === place ? "step" : null }, label)));
+  return h("ol", { class: "steps", "aria-label": "The way to a painting" }, STEPS.map(([name, label], index) =>
+    h("li", { class: index < place ? "past" : "", "aria-current": index === place ? "step" : null }, (name === "done" && end) || label)));
 }
 
 /** What was wished, in a line. */

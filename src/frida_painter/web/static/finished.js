@@ -54,7 +54,8 @@ export function finishedStage(house, here, first) {
     wish.terms.filter((term) => term.picture).slice(0, 1).map((term) => h("figure", {}, h("img", { src: api.picture(term.picture), alt: "What was wished" }), h("figcaption", {}, "What was wished"))));
 
   const easel = h("div", { class: "easel" }, hero,
-    painting.film ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("film.mp4"), "aria-label": "Film of the painting, stroke by stroke, without sound" }) : null,
+    painting.film ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("film.mp4"), "aria-label": "Film of the painting, stroke by stroke, without sound" })
+      : whole ? h("p", { class: "label beneath" }, "There is no film of it, because it could not be written; look whether the disk is full.") : null,
     painting.arm ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("arm.mp4"), "aria-label": "Film of the simulated arm at work, without sound" }) : null,
     compare);
   const panel = h("aside", { class: "panel" }, h("h1", {}, here.title || "Finished"), h("p", {}, verdict), h("p", { class: "label" }, summary(wish), `, chance ${wish.seed}`), rest,

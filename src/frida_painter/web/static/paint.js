@@ -56,7 +56,7 @@ export function paintStage(house, here, first) {
     const { painting } = state;
     bar.value = painting.of ? painting.done / painting.of : 0;
     said.textContent = painting.status === "painting" ? `Stroke ${painting.done} of ${painting.of}` : `${painting.done ? `Stroke ${painting.done} of ${painting.of}: ` : ""}${WORDS[painting.status] ?? ""}`;
-    left.textContent = painting.left && painting.status !== "finishing" ? `about ${duration(painting.left)} left` : "";
+    left.textContent = painting.left && !["finishing", "paused"].includes(painting.status) ? `about ${duration(painting.left)} left` : "";
     if (painting.photograph) photograph.picture(api.file(here.id, "live", painting.photograph), `The canvas after ${painting.done} strokes`);
     const region = painting.region ? api.file(here.id, "live", painting.region.picture) : "";
     for (const canvas of [photograph, plan]) canvas.region(region, painting.region?.only);

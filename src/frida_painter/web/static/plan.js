@@ -148,8 +148,10 @@ export function planStage(house, here, first) {
       if (plan.growing) canvas.picture(api.file(here.id, plan.number, plan.growing), "The plan, as far as it has grown");
       const bar = panel.querySelector("progress");
       if (bar) {
-        bar.value = plan.share;
-        panel.querySelector(".left").textContent = plan.share < 0.02 ? "getting ready" : `about ${duration(plan.left)} left`;
+        const begun = plan.share >= 0.02;
+        if (begun) bar.value = plan.share;
+        else bar.removeAttribute("value"); // it moves, but nowhere
+        panel.querySelector(".left").textContent = !begun ? "getting ready: it loads what it needs to see and to think" : `about ${duration(plan.left)} left`;
       }
     }
     caption.textContent = plan.made ? `Plan ${plan.number}` : "The plan, as it grows";

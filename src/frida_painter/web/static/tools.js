@@ -64,10 +64,21 @@ export function togetherTools(house, here, wish, onPad) {
       h("p", { class: "pair" }, button(on ? "Change" : "Take turns", () => say("turns", turnsWanted)), on ? button("No more turns", () => say("turns", 0)) : null));
   }
 
+  function pausing() {
+    const pause = button("Pause after this stroke", async () => {
+      pause.disabled = true;
+      pause.textContent = "It will pause after this stroke";
+      if (await say("pause")) return;
+      pause.disabled = false;
+      pause.textContent = "Pause after this stroke";
+    }, "second wide");
+    return pause;
+  }
+
   function update(state) {
     const { painting } = state;
     const left = painting.of - painting.done;
-    const key = JSON.stringify([painting.status, painting.turns, painting.region, painting.remark, left && painting.status === "paused" ? left : 0]);
+    const key = JSON.stringify([painting.status, painting.held, painting.turns, painting.region, painting.remark, left && painting.status === "paused" ? left : 0]);
     if (key === shown || (painting.status === "paused" && shown === "drawing")) return;
     shown = key;
     onPad(null);
@@ -78,8 +89,10 @@ export function togetherTools(house, here, wish, onPad) {
           button(painting.region ? "Protect another part" : "Protect a part", () => { shown = "drawing"; protecting(state); }, "second wide"),
           painting.region ? button("Protect nothing any more", () => say("free"), "second wide") : null),
         left > 0 ? leavingOut(left) : null, changing(state), turns(state));
+    } else if (painting.held && !["stopped", "failed", "finished"].includes(painting.status)) {
+      show(element, remark, h("p", {}, "It does what you asked for, and waits for you then."));
     } else if (["painting", "planning", "mixing"].includes(painting.status)) {
-      show(element, remark, h("p", { class: "stack" }, button("Pause after this stroke", () => say("pause"), "second wide")), turns(state));
+      show(element, remark, h("p", { class: "stack" }, pausing()), turns(state));
     } else {
       show(element);
     }
