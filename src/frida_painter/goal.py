@@ -100,7 +100,8 @@ Term = ImageTerm | StyleTerm | SemanticTerm | SketchTerm | TextTerm
 class Goal:
     """One or more terms that are pursued together. Raises ConfigError where there is none.
 
-    initial: terms that are pursued first, so that their composition stays (paper, Algorithm 1).
+    initial: terms that are pursued first, so that their composition stays (paper, Algorithm 1). A style among them is
+    begun with as the picture that it is.
     """
 
     terms: tuple[Term, ...]
@@ -129,7 +130,10 @@ class Goal:
         pictures = tuple(term for term in self.terms if isinstance(term, ImageTerm))
         meanings = tuple(ImageTerm(term.image, term.weight) for term in self.terms if isinstance(term, SemanticTerm))
         styles = tuple(ImageTerm(term.image, term.weight) for term in self.terms if isinstance(term, StyleTerm))
-        return self.initial or pictures or self._sketched() or meanings or styles or self.terms
+        begun = tuple(
+            ImageTerm(term.image, term.weight) if isinstance(term, StyleTerm) else term for term in self.initial
+        )
+        return begun or pictures or self._sketched() or meanings or styles or self.terms
 
     def _sketched(self) -> tuple[ImageTerm, ...]:
         """The sketches as pictures: filled with the colours of the first style, where there is one."""

@@ -6,7 +6,7 @@ import torch
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal, ImageTerm, SketchTerm, StyleTerm, TextTerm
 from frida_painter.objectives.grounds import ground_of
-from frida_painter.objectives.imagination import imagined, lay
+from frida_painter.objectives.imagination import imagined
 from frida_painter.objectives.pictograms import Pictograms
 from networks import NoEncoders, QuickEncoders, WordBag, write_pictograms
 from scenes import CANVAS, picture
@@ -120,11 +120,35 @@ def test_grounds_are_bands_between_which_the_horizon_lies() -> None:
     assert ground_of(["zygote"], WordBag()).name == "bare paper"
 
 
-def test_a_drawing_is_laid_large_in_the_middle_without_a_dark_seam() -> None:
-    drawing = torch.zeros(4, 40, 20)
-    drawing[:, :, 5:15] = 1.0
-    laid = lay(drawing, torch.ones(3, 50, 100))
-    assert torch.allclose(laid, torch.ones(3, 50, 100), atol=1e-5), "white on white stays white along the edge"
-    laid = lay(torch.cat((torch.zeros(3, 40, 20), torch.ones(1, 40, 20))), torch.ones(3, 50, 100))
-    rows, columns = (laid[0] < 0.5).any(1).sum(), (laid[0] < 0.5).any(0).sum()
-    assert (int(rows), int(columns)) == (42, 21), "0.85 of the shorter side"
+def test_several_of_a_thing_and_a_second_thing_are_all_there(encoders: QuickEncoders) -> None:
+    for words, count in (("two strawberry", 2), ("strawberrys", 3), ("a strawberry with a red strawberry", 2)):
+        encoders.remarks.clear()
+        (begun,) = imagined(Goal((TextTerm(words),)), GRID, encoders, 0).initial
+        red = (begun.image[0] > 0.7) & (begun.image[1] < 0.2)
+        middle = red[GRID.rows // 2 + 4].int()
+        assert int((middle.diff() == 1).sum()) == count, encoders.remarks
+
+
+def test_what_has_no_look_of_its_own_is_what_its_name_is_nearest_to(
+    encoders: QuickEncoders, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(encoders, "readers", lambda: (Wants(1.0, 1.0, 1.0),))
+    (begun,) = imagined(Goal((TextTerm("strawberry happiness hope peace"),)), GRID, encoders, 0).initial
+    assert "begun with the pictogram 'strawberry', whose name is nearest in meaning" in encoders.remarks[0]
+    assert torch.allclose(begun.image[:, GRID.rows // 2, GRID.columns // 2], torch.tensor([1.0, 0, 0]), atol=1e-3)
+
+
+def test_in_a_style_picture_that_is_begun_with_the_thing_is_seen_and_matters_most(encoders: QuickEncoders) -> None:
+    style = torch.linspace(0, 1, GRID.columns).expand(3, GRID.rows, -1).contiguous()
+    goal = imagined(Goal((TextTerm("a strawberry"), StyleTerm(style)), (StyleTerm(style),)), GRID, encoders, 0)
+    (begun,), kept = goal.initial, goal.terms[-1]
+    assert isinstance(begun, ImageTerm) and isinstance(kept, ImageTerm) and kept.image is begun.image
+    assert begun.importance is not None and kept.weight > 1
+    changed = (begun.image - style).abs().amax(0) > 0.1
+    assert 0.05 < float(changed.float().mean()) < 0.6
+    assert float(begun.importance[changed].mean()) > 3 * float(begun.importance[~changed].mean())
+    assert float(begun.image.std(0).max()) < 0.02, "a gray style has gray things"
+    assert "laid into the style picture" in encoders.remarks[0] and "CC BY-SA 4.0" in encoders.remarks[0]
+    unknown = Goal((TextTerm("a zygote"), StyleTerm(style)), (StyleTerm(style),))
+    assert imagined(unknown, GRID, encoders, 0) is unknown
+    assert "begun with the style picture alone" in encoders.remarks[1]

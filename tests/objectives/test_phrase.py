@@ -21,6 +21,23 @@ def test_a_prompt_is_taken_apart(prompt: str, thing: str, plain: str, color: str
     assert Phrase.of(prompt) == Phrase(thing, plain, color, place)
 
 
+@pytest.mark.parametrize(
+    ("prompt", "plain", "count", "beside", "place"),
+    [
+        ("two birds", "birds", 2, "", ""),
+        ("my dog", "dog", 1, "", ""),
+        ("three red fish in a pond", "fish", 3, "", "in a pond"),
+        ("a girl with a red balloon by the sea", "girl", 1, "a red balloon", "by the sea"),
+        ("a house and a tree", "house", 1, "a tree", ""),
+        ("a boat on a lake with mountains", "boat", 1, "mountains", "on a lake"),
+        ("a black and white cat", "cat", 1, "", ""),
+    ],
+)
+def test_how_many_and_what_else(prompt: str, plain: str, count: int, beside: str, place: str) -> None:
+    phrase = Phrase.of(prompt)
+    assert (phrase.plain, phrase.count, phrase.beside, phrase.place) == (plain, count, beside, place)
+
+
 def test_colours_are_dark_and_light() -> None:
     assert paint_of("") is None
     blue, dark, light = (paint_of(color) for color in ("blue", "dark blue", "pale blue"))
@@ -32,5 +49,6 @@ def test_colours_are_dark_and_light() -> None:
 @given(st.text(max_size=60))
 def test_nothing_gets_lost_of_whatever_is_said(prompt: str) -> None:
     phrase = Phrase.of(prompt)
-    said = f"{phrase.thing} {phrase.place}".split()
-    assert prompt.lower().split()[-len(said) :] == said or not said
+    said = f"{phrase.thing} {phrase.place} {phrase.beside}".split()
+    words = prompt.lower().split()
+    assert sorted(said) == sorted(words) or phrase.beside or words[-len(said) :] == said or not said

@@ -121,11 +121,11 @@ def read_goal(photo: Path | None, given: dict[str, Any]) -> Wanted:
     if len(wishes) + len(begins) > _MOST_TERMS:
         raise ConfigError(f"{len(wishes) + len(begins)} goals were given; at most {_MOST_TERMS} are pursued together.")
     terms = [_term(*wish) for wish in wishes]
-    # To begin with a style is to begin with its picture, as the paper does.
-    initial = [_term("text" if kind == "text" else "image", value, weight) for kind, value, weight in begins]
+    initial = [_term(*begin, beginning=True) for begin in begins]
     facts = [(_label(kind), _described(value, weight)) for kind, value, weight in wishes]
     facts += [(f"Begun with {kind}", _described(value, 1.0)) for kind, value, _ in begins]
     pictures = [term.image for term in (*terms, *initial) if not isinstance(term, StyleTerm | TextTerm)]
+    pictures += [term.image for term in initial if isinstance(term, StyleTerm)]
     if not any(isinstance(term, TextTerm) for term in (*terms, *initial)):
         pictures += [term.image for term in terms if isinstance(term, StyleTerm)]
     goal, picture = Goal(tuple(terms), tuple(initial)), pictures[0] if pictures else None
@@ -156,7 +156,8 @@ def _weights(kind: str, photo: Path | None, values: Sequence[Any], given: dict[s
     return [float(weight) for weight in weights[ahead:]] or [1.0] * len(values)
 
 
-def _term(kind: str, value: Any, weight: float) -> Term:
+def _term(kind: str, value: Any, weight: float, *, beginning: bool = False) -> Term:
+    """A term to paint, or to begin with: then what a picture shows, or a drawing of it, is the picture itself."""
     try:
         if kind == "text":
             return TextTerm(value, weight)
@@ -165,9 +166,10 @@ def _term(kind: str, value: Any, weight: float) -> Term:
         kinds: dict[str, Callable[[Tensor, float], Term]] = {
             "image": ImageTerm, "semantic": SemanticTerm, "sketch": SketchTerm,
         }  # fmt: skip
-        return kinds[kind](images.load(value), weight)
+        return (ImageTerm if beginning else kinds[kind])(images.load(value), weight)
     except ConfigError as error:
-        raise ConfigError(f"--{kind} {str(value)[:60]}: {error}") from error
+        option = f"--init-{kind}" if beginning else f"--{kind}"
+        raise ConfigError(f"{option} {str(value)[:60]}: {error}") from error
 
 
 def _from_toml(path: Path) -> tuple[list[Wish], list[Wish]]:

@@ -21,7 +21,7 @@ from frida_painter.experiments.page import Cell, Line, page
 from frida_painter.experiments.targets import Target
 from frida_painter.experiments.text import PROMPTS, Prompt, log_probabilities, rank_of
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm, StyleTerm, TextTerm
+from frida_painter.goal import Goal, StyleTerm, TextTerm
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.shelf import Encoders
 
@@ -103,7 +103,7 @@ def _measure(
     goals = {
         STYLE: lambda: Goal((wanted,)),
         WORDS: lambda: Goal((TextTerm(words), wanted)),
-        BEGUN: lambda: Goal((TextTerm(words), wanted), (ImageTerm(style.picture),)),
+        BEGUN: lambda: Goal((TextTerm(words), wanted), (wanted,)),
     }
     doing = f"{words or 'nothing'} in the style of {style.name}"
     painted = bench.paint(goals[way](), style.picture, seed, notify, doing)

@@ -19,13 +19,17 @@ _PAPER: Color = (1.0, 1.0, 1.0)
 
 @dataclass(frozen=True)
 class Ground:
-    """Its name, words of what is found there, sRGB above and below, and the share of the height above."""
+    """Its name, words of what is found there, sRGB above and below, and the share of the height above.
+
+    least: how like those words what is said must be; a ground that leaves no paper bare must be asked for.
+    """
 
     name: str
     words: str
     above: Color
     below: Color
     horizon: float
+    least: float = 0.2
 
     @classmethod
     def paper(cls) -> Self:
@@ -48,16 +52,16 @@ _GROUNDS = (
     Ground("hills", "mountain, castle, tower, building, landscape", _PAPER, (0.55, 0.66, 0.42), 0.80),
     Ground("a road", "street, car, bus, train, traffic, city", _PAPER, (0.58, 0.57, 0.56), 0.76),
     Ground("a room", "music, instrument, furniture, clothes, tool", _PAPER, (0.66, 0.50, 0.38), 0.80),
-    Ground("the night", "night, moon, stars, dark", (0.12, 0.15, 0.30), (0.18, 0.22, 0.34), 0.75),
+    Ground("the night", "night, moon, stars, dark", (0.12, 0.15, 0.30), (0.18, 0.22, 0.34), 0.75, 0.35),
+    Ground("a sunset", "sunset, sunrise, dawn, dusk, evening", (0.98, 0.78, 0.52), (0.60, 0.40, 0.42), 0.72, 0.4),
 )  # fmt: skip
-_LEAST_LIKENESS = 0.2
 
 
 def ground_of(said: Sequence[str], sentences: SentenceEncoder) -> Ground:
     """The ground whose words are most like all that is said of a thing, or bare paper where none is like it."""
     meanings = sentences.embed([*said, *(ground.words for ground in _GROUNDS)])
     likeness = (meanings[len(said) :] @ meanings[: len(said)].T).mean(1)
-    best = int(likeness.argmax())
-    if not float(likeness[best]) >= _LEAST_LIKENESS:
+    enough = likeness >= torch.tensor([ground.least for ground in _GROUNDS])
+    if not bool(enough.any()):
         return Ground.paper()
-    return _GROUNDS[best]
+    return _GROUNDS[int(likeness.masked_fill(~enough, -1).argmax())]

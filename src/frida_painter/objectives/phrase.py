@@ -1,4 +1,4 @@
-"""What a prompt speaks of: a thing, perhaps its colour, and perhaps where it is."""
+"""What a prompt speaks of: a thing or several, perhaps of a colour, perhaps with another thing, and perhaps where."""
 
 import re
 from dataclasses import dataclass
@@ -9,11 +9,25 @@ from torch import Tensor
 
 Color = tuple[float, float, float]
 
-_ARTICLES = ("a", "an", "the", "one", "some")
+_ARTICLES = ("a", "an", "the", "one", "some", "my", "your", "his", "her", "our", "their", "this")
+_NUMBERS = {
+    "two": 2,
+    "both": 2,
+    "three": 3,
+    "several": 3,
+    "four": 4,
+    "many": 4,
+    "five": 5,
+    "2": 2,
+    "3": 3,
+    "4": 4,
+    "5": 5,
+}
+_JOINING = ("and", "with", "beside")
 # What follows says where the thing is, or what it has beside it.
 _PLACES = (
-    "above", "against", "among", "at", "before", "behind", "below", "beneath", "beside", "by", "in", "inside", "near",
-    "on", "over", "under", "with",
+    "above", "against", "among", "at", "before", "behind", "below", "beneath", "by", "in", "inside", "near", "on",
+    "over", "under",
 )  # fmt: skip
 _MEDIUM = re.compile(
     r"^(?:(?:an?|the)\s+)?(?:[a-z-]+\s+){0,2}(?:painting|picture|drawing|sketch|photo|photograph|image|portrait)\s+of\s+"
@@ -46,14 +60,18 @@ _FAR = 0.35  # of the way
 class Phrase:
     """A prompt taken apart.
 
-    thing: what is to be seen, colour included, as "a blue bird"; plain: the same without article and colour, as
-    "bird"; color: the word for its colour, as "light blue", or nothing; place: the rest, as "on a branch", or nothing.
+    thing: what is to be seen, colour included, as "a blue bird"; plain: the same without article, number and colour,
+    as "bird"; color: the word for its colour, as "light blue", or nothing; place: where it is, as "on a branch", or
+    nothing; count: how many there are, where a number is said, or else 1; beside: a second thing, as "a red balloon" in
+    "a girl with a red balloon", or nothing.
     """
 
     thing: str
     plain: str
     color: str
     place: str
+    count: int = 1
+    beside: str = ""
 
     @classmethod
     def of(cls, prompt: str) -> Self:
@@ -61,13 +79,27 @@ class Phrase:
         words = _MEDIUM.sub("", prompt.lower()).split()
         split = next((at for at, word in enumerate(words) if at > 0 and word in _PLACES), len(words))
         thing, place = words[:split], words[split:]
+        thing, beside = _joined(thing)
+        if not beside and place:
+            place, beside = _joined(place)
         # The last word is what the thing is called: an orange is a fruit.
         at = next((at for at, word in enumerate(thing[:-1]) if word in COLORS), None)
         color = [] if at is None else thing[at : at + 1]
         if at and thing[at - 1] in _TOWARDS:
             color = thing[at - 1 : at + 1]
-        plain = [word for word in thing if word not in color and word not in _ARTICLES]
-        return cls(" ".join(thing), " ".join(plain), " ".join(color), " ".join(place))
+        count = next((_NUMBERS[word] for word in thing[:-1] if word in _NUMBERS), 1)
+        without = (*color, *_ARTICLES, *(_NUMBERS if count > 1 else ()))
+        if any(word in COLORS for word in thing[:-1] if word not in color):  # a black and white cat
+            without = (*without, *COLORS, "and")
+        plain = [word for word in thing if word not in without]
+        return cls(" ".join(thing), " ".join(plain), " ".join(color), " ".join(place), count, " ".join(beside))
+
+
+def _joined(words: list[str]) -> tuple[list[str], list[str]]:
+    """What comes before and after a word that joins two things; a cat that is black and white is one."""
+    inside = range(1, len(words) - 1)
+    at = next((at for at in inside if words[at] in _JOINING and words[at - 1] not in COLORS), len(words))
+    return words[:at], words[at + 1 :]
 
 
 def paint_of(color: str) -> Tensor | None:

@@ -66,6 +66,10 @@ class Pictograms:
         likeness = self._meanings @ self._sentences.embed([prompt])[0]
         return [self._pictogram(at, likeness) for at in likeness.argsort(descending=True)[:count].tolist()]
 
+    def singular(self, called: str) -> str:
+        """What one of them is called, where a pictogram has that name and none has the plural's; else nothing."""
+        return called[:-1] if called.endswith("s") and called not in self._files and called[:-1] in self._files else ""
+
     def _pictogram(self, at: int, likeness: Tensor) -> Pictogram:
         return Pictogram(self._names[at], float(likeness[at]), self._files[self._names[at]])
 
