@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import pytest
 import svgpathtools
 import torch
+import vpype
 
 from frida_painter.errors import PlanError
 from frida_painter.export.bezier import control_points
@@ -108,3 +109,26 @@ def test_svgpathtools_reads_the_strokes_back(tmp_path: Path) -> None:
         (curve,) = path
         for read, (x, y) in zip(curve.bpoints(), points.tolist(), strict=True):
             assert abs(read - complex(x, 200 - y)) < 0.002
+
+
+def test_vpype_reads_a_layer_for_each_paint_or_dip_in_millimetres(tmp_path: Path) -> None:
+    plan, millimetre = made_up_plan(12), 96 / 25.4
+    file = tmp_path / "plan.svg"
+    file.write_text(svg(plan, torch.full((12,), 0.006)))
+    read = vpype.read_multilayer_svg(str(file), quantization=0.02)
+    assert read.page_size == pytest.approx((300 * millimetre, 200 * millimetre))
+    assert [layer.property("vp_color").as_hex() for layer in read.layers.values()] == [
+        to_hex(color) for color in plan.palette.color
+    ]
+    counts = torch.bincount(plan.paint).tolist()
+    assert [len(layer) for layer in read.layers.values()] == counts
+    path = plan.strokes.path(torch.linspace(0, 1, 200))  # [n, t, 2]
+    left, right = (float(end) * 1000 for end in (path[..., 0].min(), path[..., 0].max()))
+    top, bottom = (200 - float(end) * 1000 for end in (path[..., 1].max(), path[..., 1].min()))
+    assert read.bounds() == pytest.approx([edge * millimetre for edge in (left, top, right, bottom)], abs=0.2)
+    file.write_text(svg(plan, torch.full((12,), 0.006), dips={0, 5}))
+    dips = vpype.read_multilayer_svg(str(file), quantization=0.02)
+    assert [str(layer.property("vp_name"))[:2] for layer in dips.layers.values()] == ["!1", "!2", "!3"][
+        : len(dips.layers)
+    ]
+    assert sum(len(layer) for layer in dips.layers.values()) == 12
