@@ -97,6 +97,15 @@ def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder)
     assert not any(str(folder.path) in sentence for sentence in sentences)
 
 
+def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> None:
+    feed = Feed(folder)
+    together = Together(folder, feed, Stop(folder.stop))
+    tell_painter(folder, "go on", "browser")
+    assert together.go_on(Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
+    reasons = [line["reason"] for line in LineReader(folder.feed).read() if line["kind"] == "paused"]
+    assert reasons == ["its folder/painting/journal cannot be written; make room."]
+
+
 def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp_path: Path) -> None:
     table = Table(folder, 4)
     planner = Planner(goal(), CANVAS, small_table(), rows=64, effort=Effort().scaled(0.02), seed=1)

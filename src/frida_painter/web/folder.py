@@ -150,6 +150,18 @@ class PaintingFolder:
         return path if path.is_file() and path.is_relative_to(self.path.resolve()) else None
 
 
+def require_disk(folder: Path, needed: int) -> None:
+    """Raises StorageError, in words for the page, unless the disk of `folder` has `needed` bytes free."""
+    try:
+        free = shutil.disk_usage(folder).free
+    except OSError as error:
+        raise StorageError(f"The studio's disk cannot be looked at ({error.strerror}).") from error
+    if free < needed:
+        raise StorageError(
+            f"The studio's disk has {free // 2**20} MB free, and this needs {needed // 2**20} MB; make room on it."
+        )
+
+
 def _fill(place: PlanFolder, wish: Wish, pictures: Path) -> None:
     storage.new_folder(place.path)
     for name in wish.pictures:

@@ -6,12 +6,11 @@ from typing import Any, Literal
 from fastapi import APIRouter, HTTPException
 from pydantic import BaseModel, ConfigDict, Field
 
-from frida_painter import storage
 from frida_painter.session.names import JOURNAL
 from frida_painter.web.answers import Reply
 from frida_painter.web.commands import tell_painter
 from frida_painter.web.feed import Feed
-from frida_painter.web.folder import working
+from frida_painter.web.folder import require_disk, working
 from frida_painter.web.goals import require_possible
 from frida_painter.web.procedures import hand_on
 from frida_painter.web.requests import Beside, Operating, TheShelf, TheWatch, TheWorkers, ThisPainting
@@ -76,7 +75,7 @@ def start(
         raise HTTPException(422, "This plan is not finished; wait for it, or choose another one.")
     if folder.painting.exists():
         raise HTTPException(409, "This painting has been begun already; to paint it once more, take Paint again.")
-    storage.require_space(folder.path, 200 * 2**20)
+    require_disk(folder.path, 200 * 2**20)
     with workers.place_at(folder) as place:
         beside.allow(folder, workers.station)
         folder.stop.unlink(missing_ok=True)
@@ -99,7 +98,7 @@ def resume(
         raise HTTPException(409, "There is nothing to go on with: no stroke was painted yet.")
     if painting["status"] == "finished":
         raise HTTPException(409, "This painting is finished; to paint it once more, take Paint again.")
-    storage.require_space(folder.path, 100 * 2**20)
+    require_disk(folder.path, 100 * 2**20)
     with workers.place_at(folder) as place:
         beside.allow(folder, workers.station)
         folder.stop.unlink(missing_ok=True)

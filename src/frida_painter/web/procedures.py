@@ -6,12 +6,11 @@ from typing import Any
 from fastapi import APIRouter, HTTPException
 from fastapi.responses import FileResponse
 
-from frida_painter import storage
 from frida_painter.web.answers import Reply, reply
 from frida_painter.web.calibrate import Calibrate
 from frida_painter.web.calibration_state import CalibrationState
 from frida_painter.web.feed import Feed
-from frida_painter.web.folder import PaintingFolder, working
+from frida_painter.web.folder import PaintingFolder, require_disk, working
 from frida_painter.web.requests import AnySession, Beside, Operating, TheShelf, TheWatch, TheWorkers
 from frida_painter.web.watch import EventStream, current, require_room
 
@@ -38,7 +37,7 @@ def start(
 ) -> Mapping[str, str]:
     """Begins to calibrate."""
     folder = shelf.calibration
-    storage.require_space(folder.path, 200 * 2**20)
+    require_disk(folder.path, 200 * 2**20)
     with workers.place_at(folder) as place:
         beside.allow(folder, workers.station)
         folder.stop.unlink(missing_ok=True)

@@ -76,7 +76,7 @@ class Together:
     def _confer(self, paused: Paused) -> bool:
         mine = 0 < self._turns <= self._since
         asked = paused.reason == "You asked for a pause."
-        reason = _YOUR_TURN if mine else _PAUSED if asked else paused.reason
+        reason = _YOUR_TURN if mine else _PAUSED if asked else self._without_paths(paused.reason)
         self.feed.tell("paused", reason=reason, turn=mine)
         while not self.stop.asked:
             if not self._commands:
@@ -91,9 +91,13 @@ class Together:
             try:
                 self._do(command)
             except FridaError as trouble:
-                self.feed.tell("remark", sentence=str(trouble).replace(str(self.folder.path), "its folder"))
+                self.feed.tell("remark", sentence=self._without_paths(str(trouble)))
             self.feed.tell("paused", reason=reason, turn=mine)
         return False
+
+    def _without_paths(self, sentence: str) -> str:
+        """A sentence as everybody may read it on the page."""
+        return sentence.replace(str(self.folder.path), "its folder")
 
     def _do(self, command: Command) -> None:
         assert self.session is not None

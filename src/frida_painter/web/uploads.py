@@ -9,6 +9,7 @@ from PIL import Image
 
 from frida_painter import picture_file, storage
 from frida_painter.errors import ImageError
+from frida_painter.web.folder import require_disk
 
 _MOST_PIXELS = 50_000_000
 _LONGEST = 2048
@@ -30,7 +31,7 @@ def keep(content: bytes, folder: Path) -> str:
             raise ImageError(str(trouble).replace(file.name, "The file")) from trouble
     identifier = secrets.token_hex(16)
     folder.mkdir(parents=True, exist_ok=True)
-    storage.require_space(folder, 2**26)
+    require_disk(folder, 2**26)
     with storage.replacing(folder / f"{identifier}.png") as temporary:
         _of_bytes(picture).save(temporary, format="PNG")
     return identifier
