@@ -128,7 +128,6 @@ def test_vpype_reads_a_layer_for_each_paint_or_dip_in_millimetres(tmp_path: Path
     assert read.bounds() == pytest.approx([edge * millimetre for edge in (left, top, right, bottom)], abs=0.2)
     file.write_text(svg(plan, torch.full((12,), 0.006), dips={0, 5}))
     dips = vpype.read_multilayer_svg(str(file), quantization=0.02)
-    assert [str(layer.property("vp_name"))[:2] for layer in dips.layers.values()] == ["!1", "!2", "!3"][
-        : len(dips.layers)
-    ]
+    names = [layer.property("vp_name") for layer in dips.layers.values()]
+    assert [name.startswith("!") for name in names].count(True) == 2, "a pause before each dip"
     assert sum(len(layer) for layer in dips.layers.values()) == 12
