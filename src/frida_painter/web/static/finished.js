@@ -55,7 +55,7 @@ export function finishedStage(house, here, first) {
 
   const easel = h("div", { class: "easel" }, hero,
     painting.film ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("film.mp4"), "aria-label": "Film of the painting, stroke by stroke, without sound" })
-      : whole ? h("p", { class: "label beneath" }, "There is no film of it, because it could not be written; look whether the disk is full.") : null,
+      : whole && painting.done ? h("p", { class: "label beneath" }, "There is no film of it: it could not be written, perhaps because the disk is full.") : null,
     painting.arm ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("arm.mp4"), "aria-label": "Film of the simulated arm at work, without sound" }) : null,
     compare);
   const panel = h("aside", { class: "panel" }, h("h1", {}, here.title || "Finished"), h("p", {}, verdict), h("p", { class: "label" }, summary(wish), `, chance ${wish.seed}`), rest,
