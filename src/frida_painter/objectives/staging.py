@@ -22,7 +22,7 @@ _LOOKED_AT = 4000  # pixels of it from which they are taken
 _TONES = ((0.0, 1.0), (0.0, 0.6), (0.4, 1.0))  # from the darkest of them, 0, to the lightest, 1, that a thing may have
 _FEWEST_TONES = 10.0  # L* from the darkest to the lightest of a drawing that has shades
 _CLEAR = 40.0  # L* by which a thing stands out as well as can be
-_KEEPING, _LARGE = 1.5, 0.8  # what unchanged edges and size count against standing out
+_KEEPING, _LARGE = 0.7, 0.55  # what unchanged edges and size count against standing out
 
 
 @dataclass(frozen=True)

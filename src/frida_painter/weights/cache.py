@@ -112,6 +112,9 @@ def fetch(
 def _fetch(weights: NamedWeights, sources: tuple[Source, ...], cache: Path, hear: Listener) -> Path:
     scratch = cache / _PARTIAL
     scratch.mkdir(parents=True, exist_ok=True)
+    for original in weights.originals:  # what somebody put there as a link would be written through
+        if original.in_folder(scratch).is_symlink():
+            original.in_folder(scratch).unlink()
     reasons = []
     for number, source in enumerate(sources, start=1):
         _require_space(weights, source, cache)
@@ -174,6 +177,8 @@ def _keep_file(file: Kept, scratch: Path, folder: Path) -> str:
             else:
                 save_file(read, temporary, metadata={"format": "pt"})
             sha256 = _sha256(temporary)
+            if read is None and sha256 != file.original.sha256:
+                raise WeightsError(f"its {file.original.name} became another file while it was kept")
     except SafetensorError as cause:
         raise OSError(str(cause)) from cause
     finally:
