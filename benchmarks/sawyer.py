@@ -1,8 +1,9 @@
 """How exactly and how fast the simulated Sawyer follows a painting: python benchmarks/sawyer.py [--plan FILE]
 
 Paints every stroke of a plan (without one, 200 drawn at random from the brush's limits) with dips
-between them, and prints the tip's tracking error in the canvas's plane while the brush touches, and how many
-seconds of the arm's own time pass in one second of one core, inverse kinematics included.
+between them, and prints the tip's tracking error in the canvas's plane while the brush touches, how many
+seconds of the arm's own time pass in one second of one core, inverse kinematics included, and how long planning a
+stroke's motion takes, checked against the workspace.
 """
 
 import threading
@@ -14,6 +15,7 @@ import torch
 
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.frames import CanvasSize
+from frida_painter.hardware import limits
 from frida_painter.hardware.motion import Motion
 from frida_painter.plan import Plan
 from frida_painter.strokes import Strokes
@@ -55,12 +57,15 @@ def main() -> None:
         strokes = random_strokes(brush, canvas, 4 if options.quick else _STROKES)
     stand = sawyer_stand(canvas, brush_named(brush))
     calibration = open_studio(canvas, brush, settings=StudioSettings(arm=SAWYER)).easel.calibration
-    motion = Motion(stand.workspace, calibration)
+    motion, surface = Motion(stand.workspace, calibration), limits.Surface(canvas, calibration.press_height)
     arm, tip, stopped = SawyerArm(stand.workspace, canvas, seed=0), np.array(stand.home), threading.Event()
     arm.connect(tip)
-    plane, depth, seconds, spent = [], [], 0.0, 0.0
+    plane, depth, planning, seconds, spent = [], [], [], 0.0, 0.0
     for index in range(len(strokes)):
+        begun = time.process_time()
         ways = [motion.stroke(strokes, index)]
+        limits.check(ways, stand.workspace, surface)
+        planning.append(1000 * (time.process_time() - begun))
         if index % _PER_DIP == 0:
             ways.insert(0, motion.dip(index // _PER_DIP % 12))
         for waypoints in ways:
@@ -85,10 +90,13 @@ def main() -> None:
             ("tracking error in depth, mean", f"{down.mean():.3f} mm", "", ""),
             ("the same, worst", f"{down.max():.3f} mm", "", ""),
             ("seconds of the arm in a second of CPU", f"{seconds / spent:.1f}", "at least 5", "8"),
+            ("planning a stroke's motion, median", f"{np.median(planning):.2f} ms", "10 ms", ""),
+            ("the same, worst", f"{max(planning):.2f} ms", "10 ms", ""),
         ],
         [f"{seconds:.0f} s of the arm took {spent:.1f} CPU seconds."],
     )
     figures = {"plane": float(across.mean()), "worst": float(across.max()), "times real time": seconds / spent}
+    figures["planning in ms"] = max(planning)
     publish([table], figures, options)
 
 

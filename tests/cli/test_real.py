@@ -130,6 +130,9 @@ def test_a_person_paints_as_they_are_asked_and_is_asked_for_everything(run: Run,
     result = json.loads((easel / "mine" / "result.json").read_text())
     assert result["strokes_given_up"] == [2] and told(easel / "mine").given_up == [2]
     assert "3 strokes" in said and (easel / "mine" / "painting.png").exists()
+    status, said = run(*words[:-4], "--out", "given-up", "--strokes", 3, typing=[look, mix, one_by_one, "y", "n", "n"])
+    assert status == 2 and "put the brush down" in said and "resume given-up" in said
+    assert (easel / "given-up" / "index.html").exists() and told(easel / "given-up").in_doubt == 2
 
 
 @pytest.mark.usefixtures("coarse_brush")

@@ -115,10 +115,10 @@ class Ending:
 
 
 def to_its_end(session: PaintingSession, paint: Callable[[], Painting], hear: Notify) -> Ending:
-    """Paints; where robot or camera fail on the way, what there is by then is kept as after a stop."""
+    """Paints; where robot, camera or the person give up on the way, what there is by then is kept as after a stop."""
     try:
         return Ending(paint())
-    except (RobotError, CameraError, PaintingPaused) as trouble:
+    except (RobotError, CameraError, PaintingPaused, Interrupted) as trouble:
         so_far = session.so_far
         if so_far is not None:
             hear(Stopped(so_far.painted))
