@@ -7,8 +7,7 @@ from pathlib import Path
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import FileResponse, JSONResponse
-from fastapi.staticfiles import StaticFiles
+from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp
 
@@ -24,6 +23,7 @@ from frida_painter.web.watch import Watch
 from frida_painter.web.workers import Workers
 
 _STATIC = Path(__file__).parent / "static"
+_KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 
 def application(shelf: Shelf, station: Station, presence: Presence) -> FastAPI:
@@ -34,12 +34,23 @@ def application(shelf: Shelf, station: Station, presence: Presence) -> FastAPI:
     for part in (in_charge, goals, painting, procedures, gallery):
         app.include_router(part.router)
 
-    @app.get("/", include_in_schema=False)
-    def page() -> FileResponse:
-        """The page."""
-        return FileResponse(_STATIC / "index.html")
+    # From memory, and on no thread: a page is there at once, however busy the machine is with planning.
+    parts = {path.name: (path.read_bytes(), _KINDS[path.suffix]) for path in _STATIC.iterdir()}
 
-    app.mount("/static", StaticFiles(directory=_STATIC), name="static")
+    @app.get("/", include_in_schema=False)
+    async def page() -> Response:
+        """The page."""
+        content, kind = parts["index.html"]
+        return Response(content, media_type=kind)
+
+    @app.get("/static/{name}", include_in_schema=False)
+    async def page_part(name: str) -> Response:
+        """A part of the page."""
+        if name not in parts:
+            raise HTTPException(404, "The page has no such part.")
+        content, kind = parts[name]
+        return Response(content, media_type=kind)
+
     app.add_exception_handler(FridaError, _mendable)
     app.add_exception_handler(HTTPException, _refused)
     app.add_exception_handler(RequestValidationError, _not_understood)
