@@ -35,7 +35,7 @@ def application(shelf: Shelf, station: Station, presence: Presence) -> FastAPI:
         app.include_router(part.router)
 
     # From memory, and on no thread: a page is there at once, however busy the machine is with planning.
-    parts = {path.name: (path.read_bytes(), _KINDS[path.suffix]) for path in _STATIC.iterdir()}
+    parts = {path.name: (path.read_bytes(), _KINDS[path.suffix]) for path in _STATIC.iterdir() if path.suffix in _KINDS}
 
     @app.get("/", include_in_schema=False)
     async def page() -> Response:
