@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.kubelka_munk import Finish, mixed
 from frida_painter.mixing.paint import published
-from frida_painter.mixing.recipe import EASY_PARTS, MOST_PARTS, recipes
+from frida_painter.mixing.recipe import EASY_PARTS, MOST_PARTS, PARTS_WITH_TRACES, recipes
 from frida_painter.mixing.shelf import usual_paints
 from frida_painter.mixing.spectrum import color_of
 from frida_painter.palette import from_hex
@@ -37,7 +37,7 @@ def test_recipes_are_short_small_in_lowest_terms_and_say_what_they_give(color: t
     target = torch.tensor(color, dtype=torch.float64)
     (found,) = recipes(target[None], SIX, most)
     counts = [count for _, count in found.parts]
-    assert 1 <= len(counts) <= most and sum(counts) <= MOST_PARTS and min(counts) >= 1
+    assert 1 <= len(counts) <= most and sum(counts) <= PARTS_WITH_TRACES and min(counts) >= 1
     assert math.gcd(*counts) == 1 and counts == sorted(counts, reverse=True)
     by_name = {paint.name: count for paint, count in found.parts}
     again = mixture([by_name.get(paint.name, 0) for paint in SIX])
@@ -50,6 +50,12 @@ def test_many_parts_are_only_counted_where_that_can_be_seen() -> None:
     unseen, seen = recipes(torch.stack([mixture([20, 15, 0, 38, 0, 2]), mixture([81, 0, 1, 2, 3, 0])]), SIX)
     assert unseen.whole <= EASY_PARTS and unseen.difference <= 1
     assert EASY_PARTS < seen.whole <= MOST_PARTS and seen.difference <= 2
+
+
+def test_what_is_nearly_white_is_white_with_traces() -> None:
+    cream, white = recipes(torch.stack([from_hex("#f2e9dc"), from_hex("#fbfbf8")]), SIX)
+    assert cream.difference < 1.5 and MOST_PARTS < cream.whole <= PARTS_WITH_TRACES
+    assert white.whole == 1, "traces would not bring it nearer"
 
 
 def test_more_paints_never_come_out_worse_by_more_than_they_are_simpler() -> None:
