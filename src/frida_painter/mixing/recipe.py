@@ -19,8 +19,8 @@ from frida_painter.perception.difference import ciede2000
 GOOD, REACHED = 2.0, 5.0
 """CIEDE2000 up to which a mixture is hardly told from its colour, and from which the colour is out of reach."""
 EASY_PARTS, MOST_PARTS, PARTS_WITH_TRACES = 40, 120, 600
-"""Of all paints together: drops of half a teaspoon; of a whole one where half a teaspoon will not do; and with traces of
-strong paints, as whites have that are nearly white, where nothing else is within reach."""
+"""Of all paints together: drops of half a teaspoon; of a whole one where half a teaspoon will not do; and with
+traces of strong paints, as whites have that are nearly white, where nothing else comes near."""
 _LEVELS = (1, 3, 9, 27, 81)  # parts that are tried first
 # What a fourth paint is tried with: how many times the other three, and its parts.
 _LITTLE, _MUCH = ((27, 1), (9, 1), (3, 1)), tuple((1, level) for level in _LEVELS)
