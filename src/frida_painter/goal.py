@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import torch
 from torch import Tensor
@@ -146,15 +146,9 @@ class Goal:
 
 
 def _moved(term: Term, device: torch.device) -> Term:
-    """A term with its pictures on that device."""
-    if isinstance(term, TextTerm):
-        return term
-    image = term.image.to(device)
-    if isinstance(term, ImageTerm):
-        return replace(term, image=image, importance=None if term.importance is None else term.importance.to(device))
-    if isinstance(term, SketchTerm):
-        return replace(term, image=image, shown=None if term.shown is None else term.shown.to(device))
-    return replace(term, image=image)
+    """A term, of these or of one's own kind, with its pictures on that device."""
+    pictures: dict[str, Any] = {name: part.to(device) for name, part in vars(term).items() if isinstance(part, Tensor)}
+    return replace(term, **pictures) if pictures else term
 
 
 def _require_weight(weight: float, what: str) -> None:
