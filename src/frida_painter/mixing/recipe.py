@@ -20,7 +20,7 @@ GOOD, REACHED = 2.0, 5.0
 """CIEDE2000 up to which a mixture is hardly told from its colour, and from which the colour is out of reach."""
 EASY_PARTS, MOST_PARTS, PARTS_WITH_TRACES = 40, 120, 600
 """Of all paints together: drops of half a teaspoon; of a whole one where half a teaspoon will not do; and with
-traces of strong paints, as whites have that are nearly white, where nothing else comes near."""
+traces of strong paints, as whites have that are nearly white, where nothing else is within reach."""
 _LEVELS = (1, 3, 9, 27, 81)  # parts that are tried first
 # What a fourth paint is tried with: how many times the other three, and its parts.
 _LITTLE, _MUCH = ((27, 1), (9, 1), (3, 1)), tuple((1, level) for level in _LEVELS)
@@ -29,7 +29,6 @@ _SEEDS = 16  # mixtures from which the nearest is sought
 _PER_PAINT, _PER_DOUBLING = 0.6, 0.25
 # CIEDE2000 that more than `EASY_PARTS` must bring, and below which nobody sees what they bring.
 _WORTH_COUNTING, _UNSEEN = 0.5, 1.0
-_TROUBLE = 1.5  # CIEDE2000 that traces must bring
 
 
 @dataclass(frozen=True)
@@ -82,9 +81,9 @@ def recipes(colors: Tensor, paints: Sequence[Paint], most: int = 4, finish: Fini
 def _recipe(color: Tensor, paints: Sequence[Paint], most: int, finish: Finish) -> Recipe:
     """The best in many parts, or the best in few where hardly anybody would see the difference."""
     best = _Search(color, paints, most, finish, MOST_PARTS).best()
-    if best.difference > GOOD:
+    if not best.within_reach:
         traces = _Search(color, paints, most, finish, PARTS_WITH_TRACES).best()
-        return traces if traces.within_reach and traces.difference < best.difference - _TROUBLE else best
+        return traces if traces.within_reach else best
     if best.whole <= EASY_PARTS:
         return best
     easy = _Search(color, paints, most, finish, EASY_PARTS).best()

@@ -26,21 +26,10 @@ _STAGED = 20.0  # the same of a style picture's, which words would soon take apa
 _MATTERS = 8.0  # times as much as its surroundings, where a thing is in a style picture
 _SCENE = 0.75  # likeness of a pictogram to a thing and its place together, from which it shows both
 _PLURAL = 3
-_ALOFT = (
-    "moon",
-    "sun",
-    "star",
-    "stars",
-    "comet",
-    "bird",
-    "birds",
-    "rainbow",
-    "balloon",
-    "kite",
-    "plane",
-    "airplane",
-    "cloud",
-)
+_ALOFT = frozenset(
+    ("moon", "sun", "star", "stars", "comet", "cloud", "rainbow", "bird", "birds", "balloon", "kite", "plane",
+     "airplane")
+)  # fmt: skip
 _PEOPLE = frozenset(
     ("man", "woman", "men", "women", "boy", "girl", "person", "people", "baby", "child", "couple", "kiss", "family",
      "adult", "face", "bride", "prince", "princess")
@@ -128,17 +117,22 @@ def _composed(prompt: str, grid: PixelGrid, encoders: Encoders, seed: int, use: 
     painted = f" in {color}" if color else ""
     count = _PLURAL if phrase.count == 1 and found.name == pictograms.singular(phrase.plain) else phrase.count
     things, names = [drawing] * count, repr(found.name) + (f", {count} times" if count > 1 else "")
-    second = _found(Phrase.of(phrase.beside), pictograms) if phrase.beside else None
+    other = Phrase.of(phrase.beside)
+    second = _found(other, pictograms) if phrase.beside else None
     if second is not None:
-        other = Phrase.of(phrase.beside)
         said = Text(phrase.beside, encoders.readers(), seed)
         things.append(_painted(other, second, pictograms.drawings(second), bare, said)[0])
         names += f" and {second.name!r}"
     encoders.remark(f"{use.capitalize()} the pictogram {names}{painted} on {ground.name}; it is of {CREDIT}.")
-    raised = phrase.place.split()[:1] in (["over"], ["above"]) and bool(set(phrase.plain.split()[-1:]) & set(_ALOFT))
     if len(things) > 1:
-        return lay(side_by_side(things), bare, wide=True, raised=raised)
-    return lay(drawing, bare, raised=raised)
+        return lay(side_by_side(things), bare, wide=True, raised=_is_aloft(phrase))
+    return lay(drawing, bare, raised=_is_aloft(phrase))
+
+
+def _is_aloft(phrase: Phrase) -> bool:
+    """Whether the thing hangs in the air over its place, as the moon over a lake."""
+    called, place = phrase.plain.split(), phrase.place.split()
+    return bool(called and place) and called[-1] in _ALOFT and place[0] in ("over", "above")
 
 
 def _found(phrase: Phrase, pictograms: Pictograms) -> Pictogram | None:
@@ -190,14 +184,15 @@ def _look_alike(
     """For a thing that no pictogram is called, one of something akin that the networks take for it most."""
     best, name, paint = bare, "", paint_of(phrase.color)
     least = float(words.glance(bare)) - _CLEARLY
-    for pictogram in pictograms.kindred(phrase.plain, _KINDRED):
+    akin = pictograms.kindred(phrase.plain, _KINDRED)
+    for pictogram in akin:
         for drawing in pictograms.drawings(pictogram):
             painted = drawing if paint is None else recolored(drawing, paint)
             for width in _WIDTHS:
                 laid = lay(resized(painted, 1.0, width), bare)
                 if (distance := float(words.glance(laid))) < least:
                     best, name, least = laid, pictogram.name, distance
-    shown, akin = repr(phrase.thing[:60]), pictograms.kindred(phrase.plain, 1)
+    shown = repr(phrase.thing[:60])
     if not name and phrase.thing == phrase.plain and akin and akin[0].likeness >= _AKIN:
         encoders.remark(
             f"{shown} has no look of its own; {use} the pictogram {akin[0].name!r}, whose name is nearest in meaning, "

@@ -30,7 +30,7 @@ def in_style_colors(goal: Goal) -> Goal:
     styles = [term for term in goal.terms if isinstance(term, StyleTerm)]
     if not styles:
         return goal
-    wanted = _colors_of([term.image for term in styles], [term.weight for term in styles])
+    wanted = _moments([_lab(term.image) for term in styles], [term.weight for term in styles])
     moved: dict[int, Tensor] = {}
 
     def recolored(term: Term) -> Term:
@@ -48,9 +48,8 @@ def in_style_colors(goal: Goal) -> Goal:
     return Goal(terms, initial)
 
 
-def _colors_of(pictures: Sequence[Tensor], weights: Sequence[float]) -> tuple[Tensor, Tensor]:
-    """Mean [3] and covariance [3, 3] in Lab of all pixels, those of each picture [3, H, W] mattering by its weight."""
-    every = [_lab(picture) for picture in pictures]
+def _moments(every: Sequence[Tensor], weights: Sequence[float]) -> tuple[Tensor, Tensor]:
+    """Mean [3] and covariance [3, 3] of all colours in Lab, those of each picture [n, 3] mattering by its weight."""
     share = torch.tensor(weights, dtype=torch.float64) / sum(weights)
     mean = sum((part * lab.mean(0) for part, lab in zip(share, every, strict=True)), torch.zeros(3).double())
     spread = sum(
@@ -62,14 +61,15 @@ def _colors_of(pictures: Sequence[Tensor], weights: Sequence[float]) -> tuple[Te
 
 def _carried(picture: Tensor, wanted: tuple[Tensor, Tensor]) -> Tensor:
     """The picture [3, H, W] with its mean and covariance of colours carried to those wanted."""
-    mean, spread = _colors_of([picture], [1.0])
+    seen = _lab(picture)
+    mean, spread = _moments([seen], [1.0])
     root = _root(spread)
     back = torch.linalg.inv(root)
     stretch, directions = torch.linalg.eigh(back @ _root(root @ wanted[1] @ root) @ back)
     carry = directions @ torch.diag(stretch.clamp(*_CHANGE)) @ directions.T
     carried = (to_lab(picture.flatten(1).T).double() - mean) @ carry.T + wanted[0]
     # A style may be as good as black: then what the picture shows is only as dark as it can be told apart.
-    lightness = ((_lab(picture) - mean) @ carry.T + wanted[0])[:, 0]
+    lightness = ((seen - mean) @ carry.T + wanted[0])[:, 0]
     darkest, lightest = lightness.quantile(_RARE), lightness.quantile(1 - _RARE)
     carried[:, 0] += (-darkest).clamp(min=0) - (lightest - 100).clamp(min=0)
     return from_lab(carried.float()).T.reshape(picture.shape).to(picture)
