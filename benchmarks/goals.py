@@ -14,7 +14,7 @@ from frida_painter.errors import WeightsError
 from frida_painter.experiments.targets import shipped
 from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, TextTerm
 from frida_painter.planning.planner import Effort, Planner
-from frida_painter.session.opening import settle_threads
+from frida_painter.session.opening import limit_threads
 from measure import Table, arguments, broad_brush, canvas_like, cpu_seconds, photograph, publish
 
 STROKES, COLORS = 100, 12
@@ -72,7 +72,7 @@ def main() -> None:
     kinds = goals()
     parser.add_argument("--goals", nargs="+", choices=kinds, default=list(kinds), help="kinds of goals to be planned")
     options = parser.parse_args()
-    settle_threads()
+    limit_threads()
     little = Effort().scaled(0.03)
     how = {"rows": 64, "strokes": 6, "effort": little} if options.quick else {
         "rows": 256, "strokes": STROKES, "effort": Effort()

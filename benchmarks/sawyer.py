@@ -22,8 +22,8 @@ from frida_painter.strokes import Strokes
 from frida_painter.virtual.arm import Way
 from frida_painter.virtual.brushes import brush_named
 from frida_painter.virtual.sawyer.arm import SawyerArm
-from frida_painter.virtual.stand import sawyer_stand
 from frida_painter.virtual.studio import SAWYER, StudioSettings, open_studio
+from frida_painter.virtual.studio_layout import sawyer_stand
 from measure import Table, arguments, publish
 
 _STROKES, _PER_DIP = 200, 4

@@ -31,8 +31,8 @@ from hypothesis.errors import Unsatisfiable
 from schemathesis import GenerationMode
 
 from frida_painter.web.app import application
+from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.presence import Presence
-from frida_painter.web.shelf import Shelf
 from frida_painter.web.station import Station
 
 Request = tuple[str, str, dict[str, str], bytes]
@@ -177,7 +177,7 @@ RAW = [
 
 def description(folder: Path) -> dict[str, Any]:
     """What a studio says of its own routes (OpenAPI), but for those that never end or destroy."""
-    told = application(Shelf(folder), Station(folder / "record.json"), Presence()).openapi()
+    told = application(PaintingStore(folder), Station(folder / "record.json"), Presence()).openapi()
     return {**told, "paths": {path: own for path, own in told["paths"].items() if not path.endswith(_LEFT_OUT)}}
 
 
@@ -274,7 +274,7 @@ def judged(status: int, body: bytes, folder: str, what: object) -> None:
 def storm(host: str, token: str, folder: Path, count: int, chance: random.Random) -> dict[int, int]:
     """Sends `count` requests; returns how often each status came."""
     found: dict[int, int] = {}
-    shelf = Shelf(folder)
+    shelf = PaintingStore(folder)
     known = shelf.begin("Known").id
     told = description(folder)
     paths = {path: [*map(str.upper, own)] for path, own in told["paths"].items()}

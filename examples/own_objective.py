@@ -15,8 +15,8 @@ import torch
 from frida_painter import images
 from frida_painter.config import PaintingSettings
 from frida_painter.goal import Goal, ImageTerm
-from frida_painter.objectives.base import Prepared, Setting, prepare_term
-from frida_painter.session.opening import open_planner, settle_threads
+from frida_painter.objectives.base import ObjectiveContext, ObjectiveTerm, prepare_term
+from frida_painter.session.opening import limit_threads, open_planner
 
 
 @dataclass(frozen=True)
@@ -25,16 +25,16 @@ class MirrorTerm:
 
 
 @prepare_term.register
-def mirror(term: MirrorTerm, setting: Setting) -> Prepared:
+def mirror(term: MirrorTerm, setting: ObjectiveContext) -> ObjectiveTerm:
     # What can be computed once is computed here; the inner function is called at every step.
     def judge(picture: torch.Tensor) -> torch.Tensor:
         return (picture - picture.flip(2)).square().mean()
 
-    return Prepared(judge)
+    return ObjectiveTerm(judge)
 
 
 def main(photo: Path, out: Path, strokes: int = 100, effort: float = 0.3, mirroring: float = 0.5) -> float:
-    settle_threads()
+    limit_threads()
     settings = PaintingSettings.of(strokes=strokes, effort=effort)
     goal = Goal((ImageTerm(images.load(photo)), MirrorTerm(mirroring)))
     planner = open_planner(settings, goal)

@@ -32,7 +32,7 @@ class Painter:
         self.studio = open_studio(SHEET, "broad", seed=3, placement_error=PlacementError((0.0, 0.0), 0.0))
         easel = self.studio.easel
         easel.robot.connect()
-        easel.attendant.fill_wells(PAINTS)
+        easel.operator.fill_wells(PAINTS)
         self.robot, self.motion = easel.robot, Motion(easel.workspace, easel.calibration)
 
     def take(self, paint: int) -> None:

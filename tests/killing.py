@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from frida_painter.errors import StorageError
-from frida_painter.session.logbook import Logbook
+from frida_painter.session.event_log import EventLog
 
 _PATIENCE = 240
 
@@ -51,6 +51,6 @@ def ended(stroke: int) -> Callable[[dict[str, Any]], bool]:
 
 def _records(journal: Path) -> list[dict[str, Any]]:
     try:
-        return Logbook.read(journal)
+        return EventLog.read(journal)
     except StorageError:  # there is none yet
         return []

@@ -15,8 +15,8 @@ from frida_painter.objectives.encoders.class_names import class_names
 from frida_painter.objectives.encoders.conse import ConSE
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.hed import Hed
+from frida_painter.objectives.encoders.registry import Choice, EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.objectives.encoders.shelf import Choice, Encoders
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.pictograms import Pictograms
 
@@ -134,7 +134,7 @@ def random_reader() -> ConSE:
     return ConSE(EfficientNetLite(random_lite_tensors()), names, meanings, WordBag(), "a random network")
 
 
-class QuickEncoders(Encoders):
+class QuickEncoders(EncoderRegistry):
     """Sees through random mixtures: enough for everything but judging what is seen."""
 
     def style(self) -> Vgg16:
@@ -184,7 +184,7 @@ def write_pictograms(path: Path) -> Path:
     return path
 
 
-class NoEncoders(Encoders):
+class NoEncoderRegistry(EncoderRegistry):
     """Fails the test when any network is asked for."""
 
     def style(self) -> Vgg16:

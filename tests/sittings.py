@@ -13,11 +13,11 @@ from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Paused
-from frida_painter.session.eye import Eye
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import Halfway, Painting, PaintingSession
-from frida_painter.session.rhythm import Rhythm
+from frida_painter.session.loop import Painting, PaintingSession, ResumeState
+from frida_painter.session.replan_policy import ReplanPolicy
 from marks import SMALL
 from scenes import CANVAS, some_strokes
 
@@ -70,7 +70,7 @@ class Evening:
 
     strokes: int
     replans: int = 1
-    glimpses: int = 0
+    timelapse_frames: int = 0
     colors: int = 1
     stop_at: Callable[[Event], bool] = lambda event: False
     pause_at: Callable[[Event], bool] = lambda event: False
@@ -86,13 +86,13 @@ class Evening:
 
     def __post_init__(self) -> None:
         self.easel = stub_easel(self.robot, self.camera)
-        self.eye = Eye(self.easel, (1.0, 1.0, 1.0))
+        self.observer = CanvasObserver(self.easel, (1.0, 1.0, 1.0))
         self.brushwork = Brushwork(self.easel, BRUSH)
         self.session = PaintingSession(
             self.planner,  # type: ignore[arg-type]
             self.brushwork,
-            self.eye,
-            Rhythm(self.replans, self.glimpses),
+            self.observer,
+            ReplanPolicy(self.replans, self.timelapse_frames),
             stop_asked=lambda: self.stopping,
             notify=self._hear,
             journal=self.journal,
@@ -104,7 +104,7 @@ class Evening:
     def run(self) -> Painting:
         return self.session.run(self.strokes, self.colors)
 
-    def resume(self, where: Halfway) -> Painting:
+    def resume(self, where: ResumeState) -> Painting:
         return self.session.resume(where)
 
     @property

@@ -1,4 +1,4 @@
-"""A studio to knock at: its application behind the door, on a shelf of its own."""
+"""A studio to knock at: its application behind the door, on a store of its own."""
 
 import secrets
 import time
@@ -11,8 +11,8 @@ from starlette.testclient import TestClient
 
 from frida_painter.web.access import Keys, Role
 from frida_painter.web.app import application, guarded
+from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.presence import Presence
-from frida_painter.web.shelf import Shelf
 from frida_painter.web.station import Station
 
 HOST = "127.0.0.1:8350"
@@ -43,11 +43,11 @@ class Studio:
     """The whole application as it is served, without a socket."""
 
     def __init__(self, root: Path, station: Station | None = None) -> None:
-        self.shelf = Shelf(root)
+        self.store = PaintingStore(root)
         self.keys = Keys()
         self.presence = Presence()
-        self.station = station or Station(self.shelf.calibration.path / "calibration.json")
-        self.app = application(self.shelf, self.station, self.presence)
+        self.station = station or Station(self.store.calibration.path / "calibration.json")
+        self.app = application(self.store, self.station, self.presence)
         self.served = guarded(self.app, self.keys, frozenset({HOST, "localhost:8350"}), "studio-8350")
 
     def client(self) -> TestClient:

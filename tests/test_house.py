@@ -24,8 +24,10 @@ LAYERS = (
     ("brush", "render", "perception", "mixing"),
     ("objectives",),
     ("planning", "hardware", "virtual"),
-    ("session", "experiments"),
-    ("report", "export", "cli", "web", "__main__", ""),
+    ("session",),
+    ("report", "export"),
+    ("runs", "experiments"),
+    ("cli", "web", "__main__", ""),
 )
 # The virtual studio is reality: what judges or predicts it must not be inside it.
 REALITY = {"virtual": {"brush", "render", "perception", "mixing", "objectives", "planning", "session"}}

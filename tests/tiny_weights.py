@@ -12,7 +12,7 @@ from threading import Thread
 import torch
 
 from frida_painter.weights import NamedWeights, convert
-from frida_painter.weights.catalogue import Kept
+from frida_painter.weights.catalogue import CachedFile
 from frida_painter.weights.sources import Original, Source
 from frida_painter.weights.wheel import Wheel
 
@@ -44,9 +44,9 @@ class Trap:
 def tiny(*sources: Source, network: bytes | None = None) -> NamedWeights:
     """Weights of two files, a converted one and one kept as it is."""
     kept = (
-        Kept(original("models/net.pth", archive() if network is None else network), "model.safetensors",
+        CachedFile(original("models/net.pth", archive() if network is None else network), "model.safetensors",
              convert.state_dict),
-        Kept(original("models/vocab.txt", WORDS), "vocab.txt"),
+        CachedFile(original("models/vocab.txt", WORDS), "vocab.txt"),
     )  # fmt: skip
     return NamedWeights("tiny", "to be tested", "MIT", "nobody", kept, sources or (WHEEL,))
 

@@ -18,12 +18,12 @@ from frida_painter.plan import Plan
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session import resuming
 from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event
-from frida_painter.session.eye import Eye
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import Halfway, Painting, PaintingSession
-from frida_painter.session.rhythm import Rhythm
+from frida_painter.session.loop import Painting, PaintingSession, ResumeState
+from frida_painter.session.replan_policy import ReplanPolicy
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
@@ -80,8 +80,8 @@ class World:
         session = PaintingSession(
             self.planner,
             brushwork,
-            Eye(easel, (1.0, 1.0, 1.0), history and resuming.light(history), wait=lambda seconds: None),
-            Rhythm(REPLANS, 0),
+            CanvasObserver(easel, (1.0, 1.0, 1.0), history and resuming.light(history), wait=lambda seconds: None),
+            ReplanPolicy(REPLANS, 0),
             stop_asked=lambda: False,
             notify=notify,
             journal=journal,
@@ -105,8 +105,8 @@ class World:
         if kept is None:
             painting = session.run(STROKES, 3)
         else:
-            before = resuming.seen_before(folder, kept, session.eye)
-            painting = session.resume(Halfway(kept.plan, history.painted, kept.planning.done, before, now))
+            before = resuming.seen_before(folder, kept, session.observer)
+            painting = session.resume(ResumeState(kept.plan, history.painted, kept.planning.done, before, now))
         journal.close()
         studio.close()
         return painting, studio, history

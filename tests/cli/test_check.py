@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from frida_painter import cli, images
-from frida_painter.hardware.stand import Stand, example
+from frida_painter.hardware.workcell import WorkcellConfig, example
 from plans import made_up_plan
 
 
@@ -91,7 +91,7 @@ def test_another_canvas_and_missing_wells_are_told_together(monkeypatch, plan, c
 
 
 def test_a_record_of_another_brush_is_refused(monkeypatch, plan, capsys, tmp_path) -> None:
-    Stand.load(workspace()).calibration("fine").save(tmp_path / "record.json")
+    WorkcellConfig.load(workspace()).calibration("fine").save(tmp_path / "record.json")
     assert run(monkeypatch, "check", plan, "--workspace", "my.toml", "--calibration", "record.json") == 2
     assert "fine" in capsys.readouterr().err
 

@@ -17,7 +17,7 @@ from skimage import data
 
 from frida_painter import cli
 from frida_painter.frames import CanvasSize
-from frida_painter.hardware.stand import example
+from frida_painter.hardware.workcell import example
 from frida_painter.plan import Plan
 
 Run = Callable[..., str]

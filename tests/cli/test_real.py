@@ -15,10 +15,10 @@ from skimage import data
 
 from frida_painter import cli
 from frida_painter.frames import CanvasSize
-from frida_painter.hardware.stand import Stand, example
+from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.easels import EaselOrder, open_easel
+from frida_painter.session.event_log import EventLog
 from frida_painter.session.history import History
-from frida_painter.session.logbook import Logbook
 from machines.fake_grbl import FakeGrbl
 
 SIZE = (120, 160)  # rows, columns of a photograph
@@ -62,7 +62,7 @@ def easel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.chdir(tmp_path)
     text = example().replace("width = 0.3556", "width = 0.14").replace("height = 0.2794", "height = 0.1")
     (tmp_path / "easel.toml").write_text(text)
-    stand = Stand.load(tmp_path / "easel.toml")
+    stand = WorkcellConfig.load(tmp_path / "easel.toml")
     corners = ((9.5, 9.5), (149.5, 9.5), (149.5, 109.5), (9.5, 109.5))
     shots = f"folder:{tmp_path / 'shots'}"
     record = stand.calibration("fine", SIZE, shots)
@@ -106,7 +106,7 @@ def on(port: str) -> tuple[object, ...]:
 
 
 def told(folder: Path) -> History:
-    return History.of(Logbook.read(folder / "journal"), folder)
+    return History.of(EventLog.read(folder / "journal"), folder)
 
 
 @pytest.mark.usefixtures("coarse_brush")

@@ -13,8 +13,8 @@ from skimage import data
 
 from frida_painter import cli
 from frida_painter.plan import Plan
+from frida_painter.session.event_log import EventLog
 from frida_painter.session.history import History
-from frida_painter.session.logbook import Logbook
 from killing import began, kill_when
 from marks import coarse_table
 
@@ -75,7 +75,7 @@ def contents(folder: Path) -> dict[Path, bytes]:
 
 
 def told(folder: Path) -> History:
-    return History.of(Logbook.read(folder / "journal"), folder)
+    return History.of(EventLog.read(folder / "journal"), folder)
 
 
 def test_it_shows_what_was_done_and_does_nothing_by_itself(resume: Resume, painting: Path) -> None:
@@ -113,7 +113,7 @@ def test_in_scripts_the_stroke_in_doubt_is_painted_again_only_where_that_is_said
     status, _ = resume("painting", "--yes", "--repaint")
     assert status == 0
     strokes = [
-        one["stroke"] for one in Logbook.read(painting / "journal") if one["kind"] == "ended" and "stroke" in one
+        one["stroke"] for one in EventLog.read(painting / "journal") if one["kind"] == "ended" and "stroke" in one
     ]
     assert strokes == list(range(1, 11)) and told(painting).given_up == []
     with Image.open(painting / "now.png") as picture:
@@ -173,6 +173,6 @@ def change_middle(path: Path) -> None:
 
 
 def test_a_painting_that_another_process_works_on_is_left_to_it(resume: Resume, painting: Path) -> None:
-    with Logbook(painting / "journal"):
+    with EventLog(painting / "journal"):
         status, said = resume("painting", "--yes")
     assert status == 2 and "being written by another process" in said

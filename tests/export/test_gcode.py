@@ -13,15 +13,15 @@ from frida_painter.hardware.motion import Motion
 from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
-from frida_painter.session.desk import Desk
 from frida_painter.session.events import Dipped
+from frida_painter.session.flatbed_workspace import FlatbedWorkspace
 from plans import CANVAS, made_up_plan
 
 PLAN = made_up_plan(12, 3)
 
 
-def actions(plan: Plan = PLAN, desk: Desk | None = None) -> list[Action]:
-    motion = (desk or Desk()).motion(plan.canvas)
+def actions(plan: Plan = PLAN, desk: FlatbedWorkspace | None = None) -> list[Action]:
+    motion = (desk or FlatbedWorkspace()).motion(plan.canvas)
     return list(Choreography(motion, MEDIUM).actions(plan, BrushLoad(), 0, len(plan)))
 
 
@@ -81,7 +81,7 @@ def test_where_the_wells_are_known_the_machine_dips_itself() -> None:
 
 
 def test_a_pen_never_goes_below_the_paper() -> None:
-    program = gcode(PLAN, actions(desk=Desk(press=0.0)), Gcode(), pauses=True)
+    program = gcode(PLAN, actions(desk=FlatbedWorkspace(press=0.0)), Gcode(), pauses=True)
     assert min(part[:, 2].min() for part in travelled(program)) == 0
 
 
@@ -114,4 +114,4 @@ def test_a_plan_without_strokes_is_a_program_that_does_nothing() -> None:
 )
 def test_a_desk_that_cannot_be_is_refused(name: str, value: float) -> None:
     with pytest.raises(ConfigError, match="was given"):
-        Desk(**{name: value})
+        FlatbedWorkspace(**{name: value})

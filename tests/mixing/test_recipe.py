@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.kubelka_munk import Finish, mixed
 from frida_painter.mixing.paint import published
+from frida_painter.mixing.paint_inventory import usual_paints
 from frida_painter.mixing.recipe import EASY_PARTS, MOST_PARTS, PARTS_WITH_TRACES, recipes
-from frida_painter.mixing.shelf import usual_paints
 from frida_painter.mixing.spectrum import color_of
 from frida_painter.palette import from_hex
 from frida_painter.perception.difference import difference

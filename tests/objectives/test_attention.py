@@ -3,7 +3,7 @@ import torch
 from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm
 from frida_painter.objectives.attention import attended, importance
 from frida_painter.objectives.replication import spread
-from networks import NoEncoders, QuickEncoders, QuickHed
+from networks import NoEncoderRegistry, QuickEncoders, QuickHed
 from scenes import picture
 
 
@@ -44,7 +44,7 @@ def test_other_goals_ask_no_network() -> None:
         Goal((ImageTerm(picture()), meant)),
         Goal((meant,), (ImageTerm(picture()),)),
     ):
-        assert attended(goal, NoEncoders()) is goal
+        assert attended(goal, NoEncoderRegistry()) is goal
 
 
 def test_importance_is_fitted_as_the_picture_is() -> None:

@@ -16,13 +16,13 @@ def pictograms(tmp_path: Path) -> Pictograms:
 def test_words_find_the_drawing_that_is_called_so(pictograms: Pictograms) -> None:
     found = pictograms.nearest(["a red strawberry", "strawberry"])
     assert found is not None and found.name == "strawberry" and found.file == "1F353.svg"
-    assert 0.55 <= found.likeness <= 1
+    assert 0.55 <= found.similarity <= 1
     assert pictograms.nearest(["a lighthouse"]) is None, "none is like enough"
 
 
 def test_what_is_akin_comes_in_the_order_of_likeness(pictograms: Pictograms) -> None:
     first, second = pictograms.kindred("an umbrella", 2)
-    assert (first.name, second.name) == ("umbrella", "strawberry") and first.likeness > second.likeness
+    assert (first.name, second.name) == ("umbrella", "strawberry") and first.similarity > second.similarity
 
 
 def test_drawings_are_cut_to_what_is_drawn_without_and_with_outlines(pictograms: Pictograms) -> None:

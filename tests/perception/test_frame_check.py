@@ -12,7 +12,7 @@ from torch import Tensor
 
 from frida_painter.errors import FrameRejected
 from frida_painter.perception.frame_check import Expected
-from frida_painter.session.eye import Eye
+from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import Faults, InSight, LightChange, LostFocus
 from frida_painter.virtual.table import PlacementError
@@ -24,7 +24,7 @@ class Stage:
     """A canvas of 12 x 9 cm with three strokes, of which an eye knows how it should look."""
 
     hand: Hand
-    eye: Eye
+    eye: CanvasObserver
     expected: Expected
 
     def photograph(self, *, faults: Faults | None = None, knock: PlacementError | None = None) -> NDArray[np.uint8]:
@@ -37,15 +37,15 @@ class Stage:
         return image
 
     def judge(self, image: NDArray[np.uint8], expected: Expected | None) -> None:
-        assert self.eye.good is not None
-        self.eye.good.require(image, self.eye.see(image, 270), expected)
+        assert self.observer.good is not None
+        self.observer.good.require(image, self.observer.see(image, 270), expected)
 
 
 @pytest.fixture(scope="module")
 def stage() -> Iterator[Stage]:
     hand = Hand([0.1, 0.15, 0.4], [0.6, 0.25, 0.1], camera=CameraSpec(photograph=(600, 800)))
     hand.easel.robot.home()
-    eye = Eye(hand.easel, (1.0, 1.0, 1.0))
+    eye = CanvasObserver(hand.easel, (1.0, 1.0, 1.0))
     eye.examine(0.0, 270)
     for number, (x, y) in enumerate(((0.02, 0.03), (0.05, 0.06), (0.06, 0.02))):
         hand.dip(number % 2)

@@ -7,7 +7,7 @@ import torch
 
 from elsewhere import elsewhere
 from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, TextTerm
-from frida_painter.objectives.base import Aim, Prepared
+from frida_painter.objectives.base import ObjectiveTerm, WeightedObjective
 from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.clip_resnet import ClipResNet
 from frida_painter.objectives.encoders.hed import Hed
@@ -53,7 +53,7 @@ def everything(by: Planner) -> tuple[Plan, Plan, Plan, torch.Tensor, float, Plac
     plan = by.plan(BARE, 8, 3, unheard)
     after = by.expected(plan.part(slice(0, 4)), BARE)
     known = by.locate(plan.part(slice(0, 4)), Placement.unknown(), BARE, after)
-    bound = by.bound(plan, BARE, Palette(plan.palette.color * 0.9), unheard)
+    bound = by.bind_to_palette(plan, BARE, Palette(plan.palette.color * 0.9), unheard)
     forbidden = torch.zeros(64, 85, dtype=torch.bool)
     forbidden[40:, 60:] = True
     by.region = Region(forbidden)
@@ -119,6 +119,6 @@ def test_a_tensor_left_behind_would_be_found() -> None:
     with elsewhere() as device:
         by = planner(goal(), device)
         here = torch.rand(3, by.coarse.rows, by.coarse.columns)
-        by._opening = Aim([(1.0, Prepared(lambda seen: (seen - here).square().mean()))])
+        by._opening = WeightedObjective([(1.0, ObjectiveTerm(lambda seen: (seen - here).square().mean()))])
         with pytest.raises(RuntimeError, match="one device"):
             by.plan(BARE, 4, 2, unheard)

@@ -12,7 +12,7 @@ from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.planning.scene import Scene
-from networks import NoEncoders, QuickEncoders
+from networks import NoEncoderRegistry, QuickEncoders
 from scenes import CANVAS, goal, picture, small_table
 
 QUICK = Effort().scaled(0.1)
@@ -88,7 +88,7 @@ def test_a_plan_is_bound_to_what_was_really_mixed_and_polished() -> None:
     by, plan = planner(), planned()
     mixed = Palette((plan.palette.color * 0.85 + 0.05).roll(1, 0).clamp(0, 1))  # duller, and the wells in another order
     steps: list[Step] = []
-    bound = by.bound(plan, BARE, mixed, steps.append)
+    bound = by.bind_to_palette(plan, BARE, mixed, steps.append)
     assert len(bound) == len(plan) and torch.equal(bound.palette.color, mixed.color)
     assert torch.equal(bound.strokes.color, mixed.color[bound.paint])
     lightness = to_lab(bound.strokes.color)[:, 0]
@@ -156,7 +156,7 @@ def test_more_effort_is_more_iterations() -> None:
 
 
 def test_pictures_alone_are_planned_without_any_network_and_whatever_is_given_they_stay_so() -> None:
-    by = Planner(goal(), CANVAS, small_table(), rows=64, effort=QUICK, seed=0, encoders=NoEncoders())
+    by = Planner(goal(), CANVAS, small_table(), rows=64, effort=QUICK, seed=0, encoders=NoEncoderRegistry())
     assert by.plan(BARE, 8, 3, lambda step: None).digest == planned(8, 3).digest
 
 

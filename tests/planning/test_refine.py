@@ -3,7 +3,7 @@ from dataclasses import replace
 import torch
 
 from frida_painter.palette import to_lab
-from frida_painter.planning.refine import discretize, draw_together, loss_without, relocate, visible_area
+from frida_painter.planning.refine import anneal_to_palette, discretize, loss_without, relocate, visible_area
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
 from scenes import CANVAS, scene, some_strokes, target
@@ -115,7 +115,7 @@ def test_discretising_gives_so_many_paints_light_to_dark() -> None:
 def test_drawing_together_goes_so_much_of_the_way_to_the_paints() -> None:
     strokes = some_strokes(24, seed=2)
     bound, paints = discretize(strokes, SCENE, 5, seed=0)
-    halfway = draw_together(strokes, SCENE, 5, 0.5, seed=0)
+    halfway = anneal_to_palette(strokes, SCENE, 5, 0.5, seed=0)
     nearest = torch.cdist(strokes.color, paints.color).amin(1)
     torch.testing.assert_close(torch.cdist(halfway.color, paints.color).amin(1), nearest / 2, atol=1e-5, rtol=0)
     assert torch.equal(halfway.position, strokes.position)  # nothing else changes, not even the order

@@ -3,8 +3,8 @@ from collections.abc import Callable
 import pytest
 import torch
 
+from frida_painter.mixing.paint_inventory import usual_paints
 from frida_painter.mixing.recipe import recipes
-from frida_painter.mixing.shelf import usual_paints
 from frida_painter.palette import from_hex
 from frida_painter.report.mixing_sheet import COLUMNS, mixing_sheet
 from snapshots import shrunk

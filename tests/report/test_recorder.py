@@ -8,7 +8,16 @@ from torch import Tensor
 
 from frida_painter.plan import Plan
 from frida_painter.report.recorder import Occasion, Recorder
-from frida_painter.session.events import Dipped, Event, Glimpsed, Looked, Planned, PlanningStep, Stopped, StrokePainted
+from frida_painter.session.events import (
+    Dipped,
+    Event,
+    Looked,
+    Planned,
+    PlanningStep,
+    Stopped,
+    StrokePainted,
+    TimelapseFrame,
+)
 from frida_painter.session.loop import Painting
 from plans import CANVAS, LIMITS, made_up_plan
 from scenes import small_table
@@ -34,27 +43,27 @@ SECOND = moved(FIRST.part(slice(6, None)))
 
 
 def an_evening() -> list[Event]:
-    """12 strokes, planned again after 6; two dips, one with a cleaning; four glimpses."""
+    """12 strokes, planned again after 6; two dips, one with a cleaning; four timelapse frames."""
     events: list[Event] = [PlanningStep("plan", 1, 2, 0.5), PlanningStep("plan", 2, 2, 0.4)]
     events += [Planned(FIRST, 0, picture(0.5), 0.6, 0.3), Dipped(0, False)]
     for done in range(1, 7):
         events.append(StrokePainted(done, 12, BLACK))
         if done % 3 == 0:
-            events.append(Glimpsed(picture(0.9 - 0.05 * done, 54, 80), done, 12, BLACK))
+            events.append(TimelapseFrame(picture(0.9 - 0.05 * done, 54, 80), done, 12, BLACK))
     events += [Looked(picture(0.7, 80, 120), picture(0.6), 6), PlanningStep("replan", 1, 1, 0.35)]
     events += [Planned(SECOND, 6, picture(0.5), 0.4, 0.3), Dipped(1, True)]
     for done in range(7, 13):
         events.append(StrokePainted(done, 12, BLACK))
         if done % 3 == 0:
-            events.append(Glimpsed(picture(0.9 - 0.05 * done, 54, 80), done, 12, BLACK))
+            events.append(TimelapseFrame(picture(0.9 - 0.05 * done, 54, 80), done, 12, BLACK))
     return [*events, Looked(picture(0.4, 80, 120), picture(0.45), 12)]
 
 
 def recorded(
-    folder: Path, events: list[Event], painting: Painting, glimpses: int = 4
+    folder: Path, events: list[Event], painting: Painting, timelapse_frames: int = 4
 ) -> tuple[Path | None, dict[str, object]]:
     folder.joinpath("plan.json").write_text("written by the journal")
-    with Recorder(folder, OCCASION, small_table(), glimpses) as recorder:
+    with Recorder(folder, OCCASION, small_table(), timelapse_frames) as recorder:
         for event in events:
             recorder.hear(event)
         page = recorder.finish(painting)
@@ -135,8 +144,8 @@ def test_without_a_plan_there_is_nothing_to_tell(tmp_path: Path) -> None:
 
 
 def test_without_glimpses_there_is_no_film_and_the_page_does_not_name_one(tmp_path: Path) -> None:
-    events = [event for event in an_evening() if not isinstance(event, Glimpsed)]
-    page, _ = recorded(tmp_path, events, whole(), glimpses=0)
+    events = [event for event in an_evening() if not isinstance(event, TimelapseFrame)]
+    page, _ = recorded(tmp_path, events, whole(), timelapse_frames=0)
     assert page is not None and not (tmp_path / "film.mp4").exists()
     assert "film.mp4" not in page.read_text()
 

@@ -10,11 +10,11 @@ from frida_painter.errors import Interrupted, RobotStopped
 from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.drivers.human import HumanRobot
 from frida_painter.hardware.easel import Easel
-from frida_painter.session.attendance import NobodyAttending, PersonAttending
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.by_hand import ByHand
 from frida_painter.session.easels import EaselOrder, open_easel
 from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
+from frida_painter.session.operator import AbsentOperator, PersonAsOperator
 from frida_painter.session.procedures.dialogue import Answer, Confirm, Question
 from plans import CANVAS, made_up_plan
 
@@ -68,7 +68,7 @@ def painting(easel: Easel, person: Person) -> tuple[Brushwork, ByHand]:
     hand.connect()
     hand.fill_wells(PLAN.palette)
     return Brushwork(
-        replace(easel, robot=hand, camera=hand.camera, attendant=hand, foretell=hand.foretell), MEDIUM
+        replace(easel, robot=hand, camera=hand.camera, operator=hand, foretell=hand.foretell), MEDIUM
     ), hand
 
 
@@ -171,11 +171,11 @@ def test_after_a_stop_nothing_more_is_taken_note_of(easel: Easel) -> None:
 
 def test_a_person_beside_a_real_robot_is_asked_to_fill_the_wells() -> None:
     person = Person()
-    attending = PersonAttending(person.answer)
+    attending = PersonAsOperator(person.answer)
     attending.fill_wells(PLAN.palette)
     picture = person.asked[0].picture
     assert picture is not None and torch.allclose(picture[:, 0, 0], PLAN.palette.color[0], atol=0.003)
     assert not (attending.lay_paper() or attending.lay_checker() or attending.take_checker_away())
-    nobody = NobodyAttending()
+    nobody = AbsentOperator()
     nobody.fill_wells(PLAN.palette)
     assert not (nobody.lay_paper() or nobody.lay_checker() or nobody.take_checker_away())

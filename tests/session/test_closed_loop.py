@@ -16,10 +16,10 @@ from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Planned, StrokePainted
-from frida_painter.session.eye import Eye
 from frida_painter.session.loop import Painting, PaintingSession
-from frida_painter.session.rhythm import Rhythm
+from frida_painter.session.replan_policy import ReplanPolicy
 from frida_painter.virtual.faults import Faults
 from frida_painter.virtual.studio import VirtualStudio, open_studio
 from frida_painter.virtual.table import PlacementError
@@ -60,8 +60,8 @@ def evening(
     session = PaintingSession(
         planner,
         Brushwork(easel, brush_kind("broad")),
-        Eye(easel, (1.0, 1.0, 1.0)),
-        Rhythm(replans, 0),
+        CanvasObserver(easel, (1.0, 1.0, 1.0)),
+        ReplanPolicy(replans, 0),
         stop_asked=lambda: False,
         notify=notify,
     )

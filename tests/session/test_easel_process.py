@@ -35,11 +35,11 @@ def test_the_painting_is_the_same_to_the_byte_and_so_is_all_that_is_known(tmp_pa
         assert away.calibration == beside.calibration
         assert (away.workspace, away.canvas, away.simulated) == (beside.workspace, beside.canvas, beside.simulated)
         for easel in (away, beside):
-            easel.attendant.fill_wells(PAINTS)
+            easel.operator.fill_wells(PAINTS)
             paint(easel, range(3))
         assert look(away) == look(beside)
         assert (away.robot.pose() == beside.robot.pose()).all()
-        assert away.attendant.lay_checker() and away.attendant.take_checker_away() and away.attendant.lay_paper()
+        assert away.operator.lay_checker() and away.operator.take_checker_away() and away.operator.lay_paper()
         with pytest.raises(WorkspaceViolation, match="stroke 99"):
             away.robot.follow(Waypoints("stroke 99", np.array([[0.0, 0.0, 9.0]]), 0.1))
         with pytest.raises(StaleFrame):
@@ -50,11 +50,11 @@ def test_the_painting_is_the_same_to_the_byte_and_so_is_all_that_is_known(tmp_pa
 def test_a_killed_painting_goes_on_in_the_next_process(tmp_path: Path) -> None:
     whole, broken = order_in(tmp_path / "whole"), order_in(tmp_path / "broken")
     with easel_of(whole) as (easel, _):
-        easel.attendant.fill_wells(PAINTS)
+        easel.operator.fill_wells(PAINTS)
         paint(easel, range(4))
         wanted = look(easel)
     with pytest.raises(RobotDisconnected), easel_of(broken) as (easel, process):
-        easel.attendant.fill_wells(PAINTS)
+        easel.operator.fill_wells(PAINTS)
         paint(easel, range(2))
         kill(process)
         easel.robot.home()

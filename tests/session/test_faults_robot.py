@@ -30,7 +30,7 @@ import sys, pathlib
 from dataclasses import replace
 from session.easel_errands import PAINTS, dip, easel_of, order_in, stroke
 with easel_of(order_in(pathlib.Path(sys.argv[1]), pace=1.0)) as (easel, process):
-    easel.attendant.fill_wells(PAINTS)
+    easel.operator.fill_wells(PAINTS)
     easel.robot.follow(dip(easel, 0))
     for number in range(6):
         path = replace(stroke(easel, number), speed=float(sys.argv[2]))
@@ -150,7 +150,7 @@ def test_f15_f17_a_robot_that_lies_and_then_fails_is_told_of_as_it_is(tmp_path: 
     folder = tmp_path / "painting"
     faults = Faults(lying_motions=frozenset({1}), failed_motions=(FailedMotion(2, 3, 31),))
     with easel_of(order_in(folder, faults=faults)) as (easel, _):
-        easel.attendant.fill_wells(PAINTS)
+        easel.operator.fill_wells(PAINTS)
         easel.robot.home()
         with pytest.raises(PoseMismatch, match="repeat the robot calibration"):
             easel.robot.follow(stroke(easel, 0))

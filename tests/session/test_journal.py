@@ -9,10 +9,10 @@ import torch
 from frida_painter import images
 from frida_painter.errors import StorageError
 from frida_painter.plan import Plan
+from frida_painter.session.event_log import EventLog
 from frida_painter.session.events import StrokePainted
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
-from frida_painter.session.logbook import Logbook
 from sittings import Evening
 
 RESTS_ON = {"goal": "abc", "brush": "none"}
@@ -23,7 +23,7 @@ def begun(folder: Path) -> Journal:
 
 
 def read(folder: Path) -> History:
-    return History.of(Logbook.read(folder / "journal"), folder)
+    return History.of(EventLog.read(folder / "journal"), folder)
 
 
 def test_every_stroke_is_noted_before_and_after_it_is_painted(tmp_path: Path) -> None:
@@ -50,9 +50,9 @@ def test_every_stroke_is_noted_before_and_after_it_is_painted(tmp_path: Path) ->
 
 
 def test_every_motion_is_noted_with_who_and_when(tmp_path: Path) -> None:
-    evening = Evening(6, replans=1, colors=2, glimpses=3, journal=begun(tmp_path))
+    evening = Evening(6, replans=1, colors=2, timelapse_frames=3, journal=begun(tmp_path))
     evening.run()
-    records = Logbook.read(tmp_path / "journal")
+    records = EventLog.read(tmp_path / "journal")
     told = [label for record in records if record["kind"] == "began" for label in record["what"]]
     assert told == evening.robot.labels()
     assert records[0]["by"] and records[0]["process"] and records[0]["program"]
@@ -94,7 +94,7 @@ def test_a_stop_is_noted_and_is_not_the_end(tmp_path: Path, painted: int) -> Non
     evening.run()
     told = read(tmp_path)
     assert (told.painted, told.in_doubt, told.finished) == (painted, None, False)
-    assert Logbook.read(tmp_path / "journal")[-1]["kind"] == "stopped"
+    assert EventLog.read(tmp_path / "journal")[-1]["kind"] == "stopped"
 
 
 def test_a_stroke_in_doubt_that_is_painted_again_is_in_doubt_again(tmp_path: Path) -> None:
@@ -139,8 +139,8 @@ def test_a_journal_of_another_kind_is_refused_and_left_alone(
     tmp_path: Path, change: dict[str, object], says: str
 ) -> None:
     begun(tmp_path / "one").close()
-    first = Logbook.read(tmp_path / "one" / "journal")[0]
-    Logbook.begin(tmp_path / "journal", {**first, **change}).close()
+    first = EventLog.read(tmp_path / "one" / "journal")[0]
+    EventLog.begin(tmp_path / "journal", {**first, **change}).close()
     content = (tmp_path / "journal").read_bytes()
     with pytest.raises(StorageError, match=says):
         Journal.reopen(tmp_path)

@@ -10,7 +10,6 @@ from frida_painter.errors import PlanError, PoseMismatch
 from frida_painter.palette import Palette
 from frida_painter.session.events import (
     Dipped,
-    Glimpsed,
     Looked,
     Paused,
     Planned,
@@ -18,14 +17,15 @@ from frida_painter.session.events import (
     Scheduled,
     Stopped,
     StrokePainted,
+    TimelapseFrame,
 )
-from frida_painter.session.rhythm import Rhythm
+from frida_painter.session.replan_policy import ReplanPolicy
 from sittings import Evening
 
 
 @given(st.integers(1, 2000), st.integers(0, 2500))
 def test_batches_sum_up_exactly_and_differ_by_one_at_most(strokes: int, replans: int) -> None:
-    batches = Rhythm(replans, 0).batches(strokes)
+    batches = ReplanPolicy(replans, 0).batches(strokes)
     assert sum(batches) == strokes
     assert len(batches) == min(replans + 1, strokes)
     assert max(batches) - min(batches) <= 1 and min(batches) >= 1
@@ -33,8 +33,8 @@ def test_batches_sum_up_exactly_and_differ_by_one_at_most(strokes: int, replans:
 
 @given(st.integers(1, 500), st.integers(0, 150))
 def test_the_film_gets_as_many_glimpses_as_it_asked_for_and_the_last_stroke_is_one(strokes: int, wanted: int) -> None:
-    rhythm = Rhythm(0, min(wanted, strokes))
-    seen = [done for done in range(1, strokes + 1) if rhythm.wants_glimpse(done, strokes)]
+    rhythm = ReplanPolicy(0, min(wanted, strokes))
+    seen = [done for done in range(1, strokes + 1) if rhythm.wants_timelapse_frame(done, strokes)]
     assert len(seen) == min(wanted, strokes)
     assert not seen or seen[-1] == strokes
 
@@ -84,19 +84,21 @@ def test_after_each_batch_the_robot_is_sent_where_strokes_land_as_they_are_meant
 
 
 def test_the_arm_steps_aside_before_every_look_and_the_brush_ends_clean() -> None:
-    evening = Evening(6, replans=2, glimpses=6)
+    evening = Evening(6, replans=2, timelapse_frames=6)
     evening.run()
     labels = evening.robot.labels()
-    glimpses = sum(isinstance(event, Glimpsed) for event in evening.heard)
-    assert glimpses == 6
-    assert labels.count("home") == 1 + 6 + 3 + 1, "the bare canvas, six glimpses, three looks, the last photograph"
+    timelapse_frames = sum(isinstance(event, TimelapseFrame) for event in evening.heard)
+    assert timelapse_frames == 6
+    assert labels.count("home") == 1 + 6 + 3 + 1, (
+        "the bare canvas, six timelapse_frames, three looks, the last photograph"
+    )
     assert labels[-3:] == ["rinse", "wipe", "home"]
 
 
 def test_wells_are_filled_once_before_the_first_dip() -> None:
     evening = Evening(5, replans=3, colors=3)
     evening.run()
-    assert len(evening.easel.attendant.palettes) == 1 and len(evening.easel.attendant.palettes[0]) == 3
+    assert len(evening.easel.operator.palettes) == 1 and len(evening.easel.operator.palettes[0]) == 3
     assert evening.kinds(PlanningStep).index("PaintsWanted") < evening.kinds(PlanningStep).index("Dipped")
 
 
@@ -112,7 +114,7 @@ def test_what_was_really_mixed_is_planned_with_before_the_first_stroke() -> None
     plans = [event.plan for event in evening.heard if isinstance(event, Planned)]
     assert torch.equal(plans[1].palette.color, wanted[0].color.flip(0) * 0.9)
     assert all(torch.equal(plan.palette.color, plans[1].palette.color) for plan in plans[1:])
-    assert torch.equal(evening.easel.attendant.palettes[-1].color, plans[1].palette.color)
+    assert torch.equal(evening.easel.operator.palettes[-1].color, plans[1].palette.color)
     kinds = evening.kinds(Scheduled, Dipped)
     assert kinds[:7] == [
         "PlanningStep",

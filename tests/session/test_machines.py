@@ -11,18 +11,18 @@ from frida_painter.hardware.drivers.axidraw import AxidrawRobot
 from frida_painter.hardware.drivers.gcode import GcodeRobot
 from frida_painter.hardware.drivers.ros import RosRobot
 from frida_painter.hardware.drivers.xarm import XarmRobot
-from frida_painter.hardware.stand import Stand, example
+from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.easels import EaselOrder, machine, open_easel
 from frida_painter.session.machines import camera_named, robot_named
 
 
 @pytest.fixture
-def stand(tmp_path: Path) -> Stand:
+def stand(tmp_path: Path) -> WorkcellConfig:
     (tmp_path / "easel.toml").write_text(example())
-    return Stand.load(tmp_path / "easel.toml")
+    return WorkcellConfig.load(tmp_path / "easel.toml")
 
 
-def test_each_machine_is_built_as_it_is_named(stand: Stand) -> None:
+def test_each_machine_is_built_as_it_is_named(stand: WorkcellConfig) -> None:
     xarm = robot_named("xarm:192.168.1.10, brush_length=0.12", stand.workspace)
     assert isinstance(xarm, XarmRobot)
     assert (xarm.settings.address, xarm.settings.brush_length) == ("192.168.1.10", 0.12)
@@ -69,7 +69,7 @@ def test_each_camera_is_built_as_it_is_named(tmp_path: Path) -> None:
         ("rosbridge:host,ros=3", "1 or 2"),
     ],
 )
-def test_names_that_mean_nothing_are_told(stand: Stand, name: str, says: str) -> None:
+def test_names_that_mean_nothing_are_told(stand: WorkcellConfig, name: str, says: str) -> None:
     with pytest.raises(ConfigError, match=says):
         robot_named(name, stand.workspace)
 
@@ -94,7 +94,7 @@ def test_a_real_easel_is_put_together_from_its_workspace(tmp_path: Path) -> None
     assert easel.calibration.easel == "my easel" and easel.calibration.camera == "opencv:0"
     assert not easel.simulated and easel.reach is not None
     assert machine(order(tmp_path)) == "xarm:1.2.3.4"
-    assert not easel.attendant.lay_paper()
+    assert not easel.operator.lay_paper()
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from frida_painter.frames import CanvasSize
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.eye import Eye
+from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.studio import StudioSettings, open_studio
 
@@ -59,15 +59,15 @@ def test_f36_an_f_painted_through_the_whole_path_comes_back_as_an_f() -> None:
     easel = studio.easel
     easel.robot.connect()
     easel.camera.connect()
-    brushwork, eye = Brushwork(easel, brush_kind("fine")), Eye(easel, (1.0, 1.0, 1.0))
+    brushwork, observer = Brushwork(easel, brush_kind("fine")), CanvasObserver(easel, (1.0, 1.0, 1.0))
     plan = the_plan()
     brushwork.step_aside()
-    eye.look(brushwork.last_motion, 90)
-    easel.attendant.fill_wells(plan.palette)
+    observer.look(brushwork.last_motion, 90)
+    easel.operator.fill_wells(plan.palette)
     for action in brushwork.prepare(plan, 0, 3):
         brushwork.perform(action)
     brushwork.step_aside()
-    seen = eye.look(brushwork.last_motion, 90)
+    seen = observer.look(brushwork.last_motion, 90)
     ink = 1 - seen.mean(0).numpy()
 
     def alike(letter: np.ndarray) -> float:

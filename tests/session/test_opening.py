@@ -62,7 +62,7 @@ def painted(studio: VirtualStudio, easel: Easel) -> torch.Tensor:
     """The studio's canvas after a few strokes, painted without looking."""
     easel.robot.connect()
     easel.camera.connect()
-    easel.attendant.lay_paper()
+    easel.operator.lay_paper()
     count = 12
     chance = torch.Generator().manual_seed(4)
     place, turn = torch.rand(2, count, generator=chance), torch.rand(count, generator=chance)
@@ -76,7 +76,7 @@ def painted(studio: VirtualStudio, easel: Easel) -> torch.Tensor:
         thickness=torch.full((count,), 0.5),
         color=palette.color[paint],
     )
-    easel.attendant.fill_wells(palette)
+    easel.operator.fill_wells(palette)
     work = Brushwork(easel, FINE)
     plan = Plan.of(strokes, palette, paint, canvas=SIZE, brush="fine", limits=FINE.limits)
     for action in work.prepare(plan, 0, count):

@@ -14,11 +14,11 @@ from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.eye import Eye
+from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.procedures.color import color
 from frida_painter.session.procedures.dialogue import lead
-from frida_painter.session.rhythm import Rhythm
+from frida_painter.session.replan_policy import ReplanPolicy
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter.virtual.table import PlacementError
@@ -50,8 +50,8 @@ def error(seed: int, *, calibrated: bool) -> float:
     session = PaintingSession(
         planner,
         Brushwork(easel, brush_kind("medium")),
-        Eye(easel, (1.0, 1.0, 1.0)),
-        Rhythm(4, 0),
+        CanvasObserver(easel, (1.0, 1.0, 1.0)),
+        ReplanPolicy(4, 0),
         stop_asked=lambda: False,
         notify=lambda event: None,
     )

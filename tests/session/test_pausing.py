@@ -10,10 +10,10 @@ import pytest
 from easels import NotingRobot, PatientCamera
 from frida_painter.errors import CameraError, PaintingPaused, StorageError
 from frida_painter.hardware.camera import Frame
+from frida_painter.session.event_log import EventLog
 from frida_painter.session.events import Event, Paused, PlanningStep, StrokePainted
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
-from frida_painter.session.logbook import Logbook
 from sittings import Evening
 
 WASHED = 2 * ["rinse", "wipe"]
@@ -28,7 +28,7 @@ def begun(folder: Path) -> Journal:
 
 
 def told(folder: Path) -> History:
-    return History.of(Logbook.read(folder / "journal"), folder)
+    return History.of(EventLog.read(folder / "journal"), folder)
 
 
 def pauses(evening: Evening) -> list[Paused]:
@@ -194,9 +194,9 @@ def test_f21_without_a_camera_it_pauses_with_the_arm_aside_and_plans_nothing_aga
 
 
 def test_f21_a_glimpse_for_the_film_is_rather_left_out() -> None:
-    evening = Evening(4, replans=0, glimpses=2, camera=Blind({2, 3, 4}))
+    evening = Evening(4, replans=0, timelapse_frames=2, camera=Blind({2, 3, 4}))
     assert evening.run().painted == 4 and pauses(evening) == []
-    assert evening.kinds().count("Glimpsed") == 1
+    assert evening.kinds().count("TimelapseFrame") == 1
 
 
 def test_f22_an_old_frame_is_asked_for_again_and_then_it_pauses() -> None:

@@ -14,10 +14,10 @@ from frida_painter.errors import PlanError
 from frida_painter.plan import Plan
 from frida_painter.session import resuming
 from frida_painter.session.choreography import Action
+from frida_painter.session.event_log import EventLog
 from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
-from frida_painter.session.logbook import Logbook
 from killing import began, ended, kill_when
 from worlds import CANVAS, RESTS_ON, STROKES, World
 
@@ -52,7 +52,7 @@ def undisturbed(world: World, tmp_path_factory: pytest.TempPathFactory) -> Undis
 def strokes_of(folder: Path) -> list[int]:
     """The strokes that were painted, or given up, in the journal's order."""
     told = []
-    for record in Logbook.read(folder / "journal"):
+    for record in EventLog.read(folder / "journal"):
         if record["kind"] == "ended" and "stroke" in record:
             told.append(record["stroke"])
         elif record.get("decision") == "skip":
@@ -62,18 +62,18 @@ def strokes_of(folder: Path) -> list[int]:
 
 def killed(world: World, folder: Path, moment: Callable[[dict[str, Any]], bool]) -> History:
     kill_when(folder / "journal", moment, lambda: world.paint(folder))
-    return History.of(Logbook.read(folder / "journal"), folder)
+    return History.of(EventLog.read(folder / "journal"), folder)
 
 
 def resumed(world: World, folder: Path, *, repaint: bool = False) -> Tensor:
     """The canvas after resuming; every stroke was painted once, but for the one in doubt."""
-    before = History.of(Logbook.read(folder / "journal"), folder)
+    before = History.of(EventLog.read(folder / "journal"), folder)
     painting, studio, _ = world.resume(folder, repaint=repaint)
     wanted = list(range(1, STROKES + 1))
     if before.in_doubt is not None and not repaint:
         wanted[before.in_doubt - 1] *= -1
     assert strokes_of(folder) == wanted and painting.painted == STROKES
-    assert History.of(Logbook.read(folder / "journal"), folder).finished
+    assert History.of(EventLog.read(folder / "journal"), folder).finished
     return studio.truth(180)
 
 
@@ -96,7 +96,7 @@ def test_f01_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_bru
     before = killed(world, tmp_path, ended(5))
     assert before.painted == 5 and before.in_doubt is None
     assert off(resumed(world, tmp_path), undisturbed) < CLEANED
-    records = Logbook.read(tmp_path / "journal")
+    records = EventLog.read(tmp_path / "journal")
     after = records[next(number for number, one in enumerate(records) if one["kind"] == "resumed") :]
     told = [label for record in after if record["kind"] == "began" for label in record["what"]]
     assert told[:4] == 2 * ["rinse", "wipe"] and told[4].startswith("dip") and told[5] == "stroke 6"
@@ -189,7 +189,7 @@ def test_killed_twice_it_is_still_the_same_painting(world: World, undisturbed: U
     kill_when(tmp_path / "journal", ended(9), lambda: world.resume(tmp_path, repaint=True))
     canvas = resumed(world, tmp_path, repaint=True)
     assert off(canvas, undisturbed) < CLEANED
-    assert History.of(Logbook.read(tmp_path / "journal"), tmp_path).sittings == 3
+    assert History.of(EventLog.read(tmp_path / "journal"), tmp_path).sittings == 3
 
 
 def test_killed_while_planning_nothing_is_lost_but_the_planning(
@@ -220,7 +220,7 @@ def test_killed_before_a_new_plan_was_written_the_old_one_holds(
 
 
 def reread(folder: Path) -> tuple[None, History]:
-    return None, History.of(Logbook.read(folder / "journal"), folder)
+    return None, History.of(EventLog.read(folder / "journal"), folder)
 
 
 def test_without_the_photograph_of_its_batch_a_painting_goes_on_as_well(

@@ -18,13 +18,13 @@ from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_observer import CanvasObserver
+from frida_painter.session.event_log import EventLog
 from frida_painter.session.events import Event, Planned, StrokePainted
-from frida_painter.session.eye import Eye
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
-from frida_painter.session.logbook import Logbook
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.rhythm import Rhythm
+from frida_painter.session.replan_policy import ReplanPolicy
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
@@ -93,8 +93,8 @@ def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(
     session = PaintingSession(
         planner,
         Brushwork(easel, brush_kind("fine")),
-        Eye(easel, (1.0, 1.0, 1.0)),
-        Rhythm(REPLANS, 0),
+        CanvasObserver(easel, (1.0, 1.0, 1.0)),
+        ReplanPolicy(REPLANS, 0),
         stop_asked=lambda: False,
         notify=gauge.hear,
         journal=Journal.begin(tmp_path, {}, {}),
@@ -102,7 +102,7 @@ def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(
     painting = session.run(STROKES, PAINTS, made_up(model))
     assert painting.painted == STROKES and gauge.strokes == list(range(1, STROKES + 1))
     assert gauge.plans == 1 + REPLANS
-    history = History.of(Logbook.read(tmp_path / "journal"), tmp_path)
+    history = History.of(EventLog.read(tmp_path / "journal"), tmp_path)
     assert history.finished and history.painted == STROKES and len(history.plannings) == 1 + REPLANS
     half, last = len(gauge.memory) // 2, 3 * len(gauge.memory) // 4
     # What is taken for a moment and given back comes and goes; what stays is the least of each quarter.

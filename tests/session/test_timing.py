@@ -40,7 +40,7 @@ def test_the_time_is_that_of_the_simulated_clock_within_a_tenth_before_and_on_th
     work = Brushwork(easel, brush_kind("fine"))
     work.step_aside()
     begun, expected = work.last_motion, work.timetable(plan, looks)
-    easel.attendant.fill_wells(plan.palette)
+    easel.operator.fill_wells(plan.palette)
     done_at = []
     for action in work.prepare(plan, 0, len(plan)):
         work.perform(action)

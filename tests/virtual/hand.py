@@ -27,7 +27,7 @@ class Hand:
         self.easel.robot.connect()
         self.easel.camera.connect()
         if colors:
-            self.easel.attendant.fill_wells(Palette(torch.tensor(colors)))
+            self.easel.operator.fill_wells(Palette(torch.tensor(colors)))
 
     def follow(self, label, points, speed=0.2):
         """From hover height through the points and up again."""

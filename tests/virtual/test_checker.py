@@ -50,15 +50,15 @@ def test_a_card_lies_where_it_was_laid_and_turned_as_it_was_turned(turn):
 def test_the_attendant_lays_it_on_the_canvas_and_takes_it_away_and_lays_it_where_it_was_put_before():
     hand = Hand(camera=IDEAL)
     bare = photograph(hand)
-    assert hand.easel.attendant.lay_checker()
+    assert hand.easel.operator.lay_checker()
     laid = photograph(hand)
     assert 0.05 < (np.abs(laid - bare).max(2) > 30).mean() < 0.6
-    assert hand.easel.attendant.take_checker_away()
+    assert hand.easel.operator.take_checker_away()
     assert np.abs(photograph(hand) - bare).max() < 30
     hand.studio.lay_checker((0.05, 0.04), math.pi)
     there = photograph(hand)
-    hand.easel.attendant.take_checker_away()
-    hand.easel.attendant.lay_checker()
+    hand.easel.operator.take_checker_away()
+    hand.easel.operator.lay_checker()
     assert np.abs(photograph(hand) - there).max() < 30
 
 
@@ -80,7 +80,7 @@ def test_no_two_cards_are_printed_alike_and_a_seed_prints_the_same():
 
 def photograph_of(seed):
     hand = Hand(seed=seed)
-    hand.easel.attendant.lay_checker()
+    hand.easel.operator.lay_checker()
     return hand.studio.table.checker.looks
 
 

@@ -31,9 +31,9 @@ def evening() -> list[Callable[[Hand], object]]:
         lambda here: here.clean(),
         lambda here: here.studio.wait(5.0),
         lambda here: here.dip(1),
-        lambda here: here.easel.attendant.lay_checker(),
+        lambda here: here.easel.operator.lay_checker(),
         lambda here: here.easel.camera.capture(0),
-        lambda here: here.easel.attendant.take_checker_away(),
+        lambda here: here.easel.operator.take_checker_away(),
         lambda here: here.stroke(0.05, 0.02, 0.05, angle=math.pi / 2, bend=0.01),
         lambda here: here.studio.lay_checker((0.05, 0.04), 0.2, 0.04),
         lambda here: here.easel.robot.home(),
@@ -134,14 +134,14 @@ def test_a_full_disk_does_not_stop_the_world_and_is_told_at_the_end(
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as disk:
-        disk.setattr("frida_painter.virtual.diary.os.write", full)
+        disk.setattr("frida_painter.virtual.simulation_log.os.write", full)
         here.dip(0)
         here.stroke(0.02, 0.03, 0.05)
     here.easel.robot.home()
     assert looks(hand(path).studio) == looks(here.studio), "written once there was room again"
 
     here = hand(path)
-    monkeypatch.setattr("frida_painter.virtual.diary.os.write", full)
+    monkeypatch.setattr("frida_painter.virtual.simulation_log.os.write", full)
     here.easel.robot.home()
     with pytest.raises(StorageError, match="No space left"):
         here.studio.close()

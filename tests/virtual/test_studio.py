@@ -138,7 +138,7 @@ def test_a_fresh_canvas_is_bare_and_lies_where_the_first_one_did():
     hand.stroke(0.03, 0.045, 0.04)
     assert hand.studio.truth(60).min() < 0.3
     assert hand.studio.table.knock.shift == (0.003, 0.0)
-    assert hand.easel.attendant.lay_paper()
+    assert hand.easel.operator.lay_paper()
     assert hand.studio.truth(60).min() > 0.9
     assert hand.studio.table.knock.shift == (0.0, 0.0)
     balance = hand.studio.balance()

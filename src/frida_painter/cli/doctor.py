@@ -14,7 +14,7 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration, previous
 from frida_painter.errors import CalibrationError, WeightsError
 from frida_painter.session.opening import planning_device
-from frida_painter.session.procedures.standing import OLD, Standing, require, standings
+from frida_painter.session.procedures.calibration_status import OLD, CalibrationStatus, require, statuses
 
 
 def examine(path: Path, easel: Calibration, *, named: bool) -> bool:
@@ -54,7 +54,7 @@ def _read(path: Path, easel: Calibration, named: bool) -> tuple[Calibration | No
 
 def _procedures(record: Calibration, easel: Calibration) -> Table:
     table = Table("procedure", "done", "left over", "state", box=None, padding=(0, 2, 0, 0))
-    for standing in standings(record, easel):
+    for standing in statuses(record, easel):
         table.add_row(
             standing.procedure,
             standing.done.dated[:10] if standing.done else "-",
@@ -64,7 +64,7 @@ def _procedures(record: Calibration, easel: Calibration) -> Table:
     return table
 
 
-def _residual(standing: Standing) -> str:
+def _residual(standing: CalibrationStatus) -> str:
     if standing.done is None:
         return "-"
     residual = standing.done.residual
@@ -77,7 +77,7 @@ def _residual(standing: Standing) -> str:
     }[standing.procedure]
 
 
-def _state(standing: Standing) -> str:
+def _state(standing: CalibrationStatus) -> str:
     if standing.fault:
         return f"[red]to be repeated[/]: {_plain(standing.fault)}"
     if standing.done is None:

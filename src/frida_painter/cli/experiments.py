@@ -36,7 +36,7 @@ from frida_painter.experiments import (
 from frida_painter.experiments.outcome import Notify, Outcome, within
 from frida_painter.experiments.virtual_library import virtual_library
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
-from frida_painter.session.opening import planning_device, settle_threads
+from frida_painter.session.opening import limit_threads, planning_device
 
 BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
 Seed = Annotated[
@@ -347,7 +347,7 @@ def _conduct(out: Path, experiment: Callable[[Notify], Outcome], *, unfinished: 
 
     unfinished: a folder that is no longer needed when the experiment is done.
     """
-    settle_threads()
+    limit_threads()
     started = time.monotonic()
     console = Console(stderr=True, highlight=False)
     bar = Progress(

@@ -20,12 +20,12 @@ from frida_painter.export.svg import svg
 from frida_painter.export.table import table
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.motion import Motion
-from frida_painter.hardware.stand import Stand
+from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.plan import Plan
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
-from frida_painter.session.desk import Desk
 from frida_painter.session.events import Dipped, StrokePainted
-from frida_painter.session.procedures.standing import require
+from frida_painter.session.flatbed_workspace import FlatbedWorkspace
+from frida_painter.session.procedures.calibration_status import require
 from frida_painter.session.refilling import refilled
 from frida_painter.session.rehearsal import rehearse
 
@@ -103,12 +103,15 @@ def export(
     loaded = Plan.load(plan)
     if to is ExportFormat.svg:
         widths = mark_widths(loaded.strokes, load_stroke_model(loaded.brush))
-        marks = set(_dipped(_actions(loaded, Desk()))) if dips else set()
+        marks = set(_dipped(_actions(loaded, FlatbedWorkspace()))) if dips else set()
         storage.write_text(path, svg(loaded, widths, keep_order=not regroup, dips=marks))
     elif to is ExportFormat.gcode:
         dialect = (flavour or Flavour.grbl).value
         if workspace is None and calibration is None:
-            desk = Desk(Desk.press if press is None else press / 1000, Desk.lift if lift is None else lift / 1000)
+            desk = FlatbedWorkspace(
+                FlatbedWorkspace.press if press is None else press / 1000,
+                FlatbedWorkspace.lift if lift is None else lift / 1000,
+            )
             program = gcode(loaded, _actions(loaded, desk), Gcode(dialect, desk.travel_speed), pauses=True)
         else:
             if press is not None or lift is not None:
@@ -132,7 +135,7 @@ def _program(plan: Plan, workspace: Path | None, calibration: Path | None, diale
     """All of a painting for a machine with wells. Raises WorkspaceViolation, where any of it cannot be done there."""
     if workspace is None:
         raise ConfigError("--calibration was given without --workspace; say where the wells stand as well.")
-    stand = Stand.load(workspace)
+    stand = WorkcellConfig.load(workspace)
     known = stand.calibration(plan.brush)
     if calibration is not None:
         record = Calibration.load(calibration)
@@ -151,7 +154,7 @@ def _program(plan: Plan, workspace: Path | None, calibration: Path | None, diale
     return gcode(plan, actions, language, pauses=False, ending=choreography.cleaning())
 
 
-def _actions(plan: Plan, desk: Desk) -> list[Action]:
+def _actions(plan: Plan, desk: FlatbedWorkspace) -> list[Action]:
     """What painting the plan at a desk takes, beginning with a clean brush."""
     brush = brush_kind(load_stroke_model(plan.brush).brush)
     choreography = Choreography(desk.motion(plan.canvas), brush)

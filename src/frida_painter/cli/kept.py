@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import Any, Self
 
 from frida_painter import storage
-from frida_painter.cli import goals
 from frida_painter.cli.real import Site
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError, StorageError
+from frida_painter.runs import goals
 from frida_painter.session.names import HUMAN
 
 SETTINGS = "settings.json"
 GOAL = "goal"
 _MOST_BYTES = 2**20
-_GLIMPSES = 120
+_TIMELAPSE_FRAMES = 120
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Kept:
     arm_meshes: Path | None = None
 
     @property
-    def glimpses(self) -> int:
+    def timelapse_frames(self) -> int:
         """How many pictures the film gets: none by hand, for nobody wants to step aside after every stroke."""
-        return min(self.settings.strokes, _GLIMPSES) if self.film and self.site.robot != HUMAN else 0
+        return min(self.settings.strokes, _TIMELAPSE_FRAMES) if self.film and self.site.robot != HUMAN else 0
 
     def write(self, folder: Path) -> None:
         """Puts it into the folder, for people to read. Raises StorageError."""

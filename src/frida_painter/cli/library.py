@@ -15,7 +15,7 @@ from frida_painter.brush.library import StrokeLibrary
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
 from frida_painter.session.contact_sheet import contact_sheet
-from frida_painter.session.opening import open_virtual_easel, settle_threads
+from frida_painter.session.opening import limit_threads, open_virtual_easel
 from frida_painter.session.procedures.dialogue import lead
 from frida_painter.session.procedures.strokes import (
     MOST_BETWEEN_REFILLS,
@@ -57,7 +57,7 @@ def paint(
     kind = brush_kind(brush)
     if out.suffix != ".npz":
         raise ConfigError(f"--out was given {str(out)!r}; stroke libraries end in .npz.")
-    settle_threads()
+    limit_threads()
     if unfinished(out).exists():
         print(f"Going on with the strokes in {unfinished(out)}.")
     with _bar() as bar:

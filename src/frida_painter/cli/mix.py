@@ -12,12 +12,12 @@ from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.amounts import volumes
 from frida_painter.mixing.kubelka_munk import Finish
+from frida_painter.mixing.paint_inventory import read_paints, usual_paints
 from frida_painter.mixing.recipe import GOOD, Recipe, recipes
-from frida_painter.mixing.shelf import read_paints, usual_paints
 from frida_painter.palette import Palette, to_hex
 from frida_painter.plan import Plan
 from frida_painter.report.mixing_sheet import mixing_sheet
-from frida_painter.session.opening import settle_threads
+from frida_painter.session.opening import limit_threads
 
 
 def register(app: typer.Typer) -> None:
@@ -54,7 +54,7 @@ def mix(
     """
     if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")
-    settle_threads()
+    limit_threads()
     owned = read_paints(paints) if paints else usual_paints()
     palette, wanted = _wanted(what)
     found = recipes(palette.color, owned, most, finish)

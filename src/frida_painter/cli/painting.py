@@ -15,7 +15,7 @@ from rich.console import Console
 
 from frida_painter import images, storage
 from frida_painter.brush.weights import load_stroke_model
-from frida_painter.cli import goals, kept
+from frida_painter.cli import goal_options, kept
 from frida_painter.cli.easel_options import CameraOption, PaceOption, RobotOption, WorkspaceOption
 from frida_painter.cli.numbers import number, whole_number
 from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress
@@ -32,12 +32,13 @@ from frida_painter.planning.optimize import Step
 from frida_painter.render import render as render_strokes
 from frida_painter.report.palette_sheet import palette_sheet
 from frida_painter.report.recorder import Recorder
+from frida_painter.runs import goals
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PHOTOGRAPH_ROWS
 from frida_painter.session.names import SAWYER_SIM
-from frida_painter.session.opening import on_record, open_planner, open_session, settle_threads
-from frida_painter.session.rhythm import Rhythm
+from frida_painter.session.opening import limit_threads, on_record, open_planner, open_session
+from frida_painter.session.replan_policy import ReplanPolicy
 from frida_painter.virtual.sawyer.opengl import NONE as NO_OPENGL
 from frida_painter.virtual.sawyer.opengl import headless_opengl
 
@@ -125,21 +126,21 @@ def register(app: typer.Typer) -> None:
 
 def paint(
     photo: Photo = None,
-    image: goals.Image = None,
-    image_weight: goals.ImageWeight = None,
-    semantic: goals.Semantic = None,
-    semantic_weight: goals.SemanticWeight = None,
-    sketch: goals.Sketch = None,
-    sketch_weight: goals.SketchWeight = None,
-    text: goals.Text = None,
-    text_weight: goals.TextWeight = None,
-    style: goals.Style = None,
-    style_weight: goals.StyleWeight = None,
-    init_text: goals.InitText = None,
-    init_image: goals.InitImage = None,
-    init_style: goals.InitStyle = None,
-    goal: goals.GoalFile = None,
-    clip: goals.ClipSource = None,
+    image: goal_options.Image = None,
+    image_weight: goal_options.ImageWeight = None,
+    semantic: goal_options.Semantic = None,
+    semantic_weight: goal_options.SemanticWeight = None,
+    sketch: goal_options.Sketch = None,
+    sketch_weight: goal_options.SketchWeight = None,
+    text: goal_options.Text = None,
+    text_weight: goal_options.TextWeight = None,
+    style: goal_options.Style = None,
+    style_weight: goal_options.StyleWeight = None,
+    init_text: goal_options.InitText = None,
+    init_image: goal_options.InitImage = None,
+    init_style: goal_options.InitStyle = None,
+    goal: goal_options.GoalFile = None,
+    clip: goal_options.ClipSource = None,
     strokes: Strokes = None,
     colors: Colors = None,
     canvas: Canvas = None,
@@ -186,11 +187,11 @@ def paint(
     if filming and headless_opengl() is None:
         print(NO_OPENGL, file=sys.stderr)
     error = read_placement_error(placement_error)
-    glimpses = how.glimpses
+    timelapse_frames = how.timelapse_frames
     with ExitStack() as stack:
         stop = stack.enter_context(stopping())
         started = time.monotonic()
-        settle_threads()
+        limit_threads()
         process = stack.enter_context(EaselProcess())  # it loads while the planner does
         planner = open_planner(chosen, wanted.goal, calibration)
         tell_encoders(planner.encoders)
@@ -204,7 +205,7 @@ def paint(
             easel.camera.connect()
         journal = _begin_journal(folder, wanted, how)
         stack.callback(journal.close)
-        rhythm = Rhythm(chosen.replans, glimpses)
+        rhythm = ReplanPolicy(chosen.replans, timelapse_frames)
         effort_per_replan = planner.effort.refining + planner.effort.replanning
         forecast = Forecast(
             chosen.strokes, rhythm, started, planning=planner.iterations(chosen.strokes), replanning=effort_per_replan
@@ -212,7 +213,7 @@ def paint(
         bar = stack.enter_context(PaintingProgress(console, forecast))
         easel = attended(easel, site, console, folder, bar.aside, asked=not yes)
         telling = occasion(wanted, target, chosen, planner.encoders, site)
-        recorder = stack.enter_context(Recorder(folder, telling, planner.model, glimpses))
+        recorder = stack.enter_context(Recorder(folder, telling, planner.model, timelapse_frames))
 
         def hear(event: Any) -> None:
             bar.hear(event)
@@ -223,7 +224,7 @@ def paint(
             chosen,
             planner,
             easel,
-            glimpses=glimpses,
+            timelapse_frames=timelapse_frames,
             stop_asked=lambda: stop.asked,
             pause_asked=pauses.asked,
             go_on=pauses.go_on,
@@ -242,21 +243,21 @@ def paint(
 
 def plan(
     photo: Photo = None,
-    image: goals.Image = None,
-    image_weight: goals.ImageWeight = None,
-    semantic: goals.Semantic = None,
-    semantic_weight: goals.SemanticWeight = None,
-    sketch: goals.Sketch = None,
-    sketch_weight: goals.SketchWeight = None,
-    text: goals.Text = None,
-    text_weight: goals.TextWeight = None,
-    style: goals.Style = None,
-    style_weight: goals.StyleWeight = None,
-    init_text: goals.InitText = None,
-    init_image: goals.InitImage = None,
-    init_style: goals.InitStyle = None,
-    goal: goals.GoalFile = None,
-    clip: goals.ClipSource = None,
+    image: goal_options.Image = None,
+    image_weight: goal_options.ImageWeight = None,
+    semantic: goal_options.Semantic = None,
+    semantic_weight: goal_options.SemanticWeight = None,
+    sketch: goal_options.Sketch = None,
+    sketch_weight: goal_options.SketchWeight = None,
+    text: goal_options.Text = None,
+    text_weight: goal_options.TextWeight = None,
+    style: goal_options.Style = None,
+    style_weight: goal_options.StyleWeight = None,
+    init_text: goal_options.InitText = None,
+    init_image: goal_options.InitImage = None,
+    init_style: goal_options.InitStyle = None,
+    goal: goal_options.GoalFile = None,
+    clip: goal_options.ClipSource = None,
     strokes: Strokes = None,
     colors: Colors = None,
     canvas: Canvas = None,
@@ -274,7 +275,7 @@ def plan(
     wanted, _, chosen = _prepare(photo, settings, {**locals(), "replans": 0})
     with ExitStack() as stack:
         stop = stack.enter_context(stopping())
-        settle_threads()
+        limit_threads()
         planner = open_planner(chosen, wanted.goal)
         tell_encoders(planner.encoders)
         folder = _new_folder(out, wanted.name, needed=20 * 2**20)
@@ -287,7 +288,7 @@ def plan(
 
         bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
         made = planner.plan(bare, chosen.strokes, chosen.colors, hear)
-        made = planner.bound(made, bare, measured, hear) if measured else made
+        made = planner.bind_to_palette(made, bare, measured, hear) if measured else made
     made.save(folder / "plan.json")
     images.save(planner.expected(made, bare), folder / "plan.png")
     images.save(palette_sheet(made), folder / "palette.png")

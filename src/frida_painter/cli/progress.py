@@ -15,7 +15,6 @@ from rich.text import Text
 from frida_painter.planning.optimize import Step
 from frida_painter.session.events import (
     Event,
-    Glimpsed,
     Looked,
     PaintsWanted,
     Paused,
@@ -25,8 +24,9 @@ from frida_painter.session.events import (
     Scheduled,
     StrokeLeftOut,
     StrokePainted,
+    TimelapseFrame,
 )
-from frida_painter.session.rhythm import Rhythm
+from frida_painter.session.replan_policy import ReplanPolicy
 
 _GROWING_COST = 1.4
 
@@ -58,7 +58,7 @@ class Forecast:
     seconds.
     """
 
-    def __init__(self, strokes: int, rhythm: Rhythm, now: float, *, planning: int, replanning: int) -> None:
+    def __init__(self, strokes: int, rhythm: ReplanPolicy, now: float, *, planning: int, replanning: int) -> None:
         self._strokes = strokes
         self._looks = [done for done in _running(rhythm.batches(strokes)) if done < strokes]
         self._replans = [replanning * (strokes - done) for done in self._looks]
@@ -101,7 +101,7 @@ class Forecast:
             case StrokePainted(done=done) | StrokeLeftOut(done=done):
                 self._painted = done
                 self._painting.measure(passed, self._walk(done))
-            case Glimpsed() | Looked():
+            case TimelapseFrame() | Looked():
                 self._painting.measure(passed, 0)
             case _:
                 pass

@@ -12,12 +12,12 @@ from rich.console import Console
 from frida_painter.cli.terminal import Terminal
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.stand import Stand
-from frida_painter.session.attendance import PersonAttending
+from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.session.by_hand import ByHand
 from frida_painter.session.names import HUMAN, SAWYER_SIM
+from frida_painter.session.operator import PersonAsOperator
+from frida_painter.session.procedures.calibration_status import NEEDED
 from frida_painter.session.procedures.dialogue import Answer, Question
-from frida_painter.session.procedures.standing import NEEDED
 from frida_painter.virtual.sawyer.meshes import Meshes
 
 ArmMeshesOption = Annotated[
@@ -65,7 +65,7 @@ class Site:
         """The canvas of the workspace file, where no other was given. Raises ConfigError."""
         if self.workspace is None or given is not None:
             return given
-        size = Stand.load(self.workspace).canvas
+        size = WorkcellConfig.load(self.workspace).canvas
         return f"{size.width * 1000:.3f}x{size.height * 1000:.3f}mm"
 
 
@@ -114,6 +114,6 @@ def attended_by(easel: Easel, site: Site, answer: Callable[[Question], Answer]) 
     if easel.simulated:
         return easel
     if site.robot != HUMAN:
-        return replace(easel, attendant=PersonAttending(answer))
+        return replace(easel, operator=PersonAsOperator(answer))
     hand = ByHand(easel, answer)
-    return replace(easel, robot=hand, camera=hand.camera, attendant=hand, foretell=hand.foretell)
+    return replace(easel, robot=hand, camera=hand.camera, operator=hand, foretell=hand.foretell)

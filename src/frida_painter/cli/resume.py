@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 
 from frida_painter import images, storage
-from frida_painter.cli import goals, kept
+from frida_painter.cli import kept
 from frida_painter.cli.easel_options import PaceOption
 from frida_painter.cli.painting import fit_to_canvas
 from frida_painter.cli.progress import Forecast, PaintingProgress, duration
@@ -23,16 +23,17 @@ from frida_painter.errors import ConfigError, FrameRejected, FridaError, Interru
 from frida_painter.planning.planner import Planner
 from frida_painter.report.doubt import doubt
 from frida_painter.report.recorder import Recorder
+from frida_painter.runs import goals
 from frida_painter.session import resuming
+from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.easel_process import EaselProcess
-from frida_painter.session.eye import Eye
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import Halfway
+from frida_painter.session.loop import ResumeState
 from frida_painter.session.names import HUMAN, SAWYER_SIM
-from frida_painter.session.opening import on_record, open_planner, open_session, settle_threads
+from frida_painter.session.opening import limit_threads, on_record, open_planner, open_session
+from frida_painter.session.replan_policy import ReplanPolicy
 from frida_painter.session.resuming import KeptPlan
-from frida_painter.session.rhythm import Rhythm
 
 NOW = "now.png"
 
@@ -80,7 +81,7 @@ def resume(
         storage.clear_leftovers(folder)
         started = time.monotonic()
         stop = stack.enter_context(stopping())
-        settle_threads()
+        limit_threads()
         process = stack.enter_context(EaselProcess())  # it loads while the planner does
         how, of = begun.how, begun.how.settings.strokes
         planner = open_planner(how.settings, begun.wanted.goal, how.calibration)
@@ -98,11 +99,13 @@ def resume(
         easel.robot.connect()
         easel.camera.connect()
         console = Console(stderr=True, highlight=False)
-        forecast = _forecast(how.settings.strokes, Rhythm(how.settings.replans, how.glimpses), planner, started)
+        forecast = _forecast(
+            how.settings.strokes, ReplanPolicy(how.settings.replans, how.timelapse_frames), planner, started
+        )
         bar = PaintingProgress(console, forecast)
         easel = attended(easel, how.site, console, folder, bar.aside, asked=not yes)
         telling = occasion(begun.wanted, begun.target, how.settings, planner.encoders, how.site)
-        recorder = Recorder(folder, telling, planner.model, how.glimpses, before=history)
+        recorder = Recorder(folder, telling, planner.model, how.timelapse_frames, before=history)
         pauses = Pauses(folder, stop, console)
 
         def hear(event: Any) -> None:
@@ -113,7 +116,7 @@ def resume(
             how.settings,
             planner,
             easel,
-            glimpses=how.glimpses,
+            timelapse_frames=how.timelapse_frames,
             stop_asked=lambda: stop.asked,
             pause_asked=pauses.asked,
             go_on=pauses.go_on,
@@ -123,12 +126,12 @@ def resume(
             placement=begun.plan.planning.placement if begun.plan else None,
         )
         if (bare := resuming.bare_photograph(folder)) is not None:
-            session.eye.learn_good(bare)
+            session.observer.learn_good(bare)
         now = session.look()
         images.save(now, folder / NOW)
-        before = resuming.seen_before(folder, begun.plan, session.eye) if begun.plan else None
+        before = resuming.seen_before(folder, begun.plan, session.observer) if begun.plan else None
         if before is not None and not accept_changes:
-            require_as_left(begun, history, planner, session.eye, before, now)
+            require_as_left(begun, history, planner, session.observer, before, now)
         say(f"The canvas as it is now: {folder / NOW}")
         again = _repaint(begun, history, planner, now, folder, repaint=repaint, yes=yes)
         journal.resumed(history, repaint=again)
@@ -138,7 +141,7 @@ def resume(
             ending = to_its_end(session, lambda: session.run(of, how.settings.colors), hear)
         else:
             known = None if accept_changes else before
-            where = Halfway(begun.plan.plan, history.painted, begun.plan.planning.done, known, now)
+            where = ResumeState(begun.plan.plan, history.painted, begun.plan.planning.done, known, now)
             ending = to_its_end(session, lambda: session.resume(where), hear)
         bar.say("finishing the film and the page")
         with suppress(FridaError):  # whatever is wrong with it was said before
@@ -193,13 +196,13 @@ def _show(begun: Begun, history: History) -> None:
 
 
 def require_as_left(
-    begun: Begun, history: History, planner: Planner, eye: Eye, before: torch.Tensor, now: torch.Tensor
+    begun: Begun, history: History, planner: Planner, observer: CanvasObserver, before: torch.Tensor, now: torch.Tensor
 ) -> None:
     """Raises FrameRejected where another canvas is on the easel, or somebody has painted on this one."""
-    if begun.plan is None or eye.good is None:
+    if begun.plan is None or observer.good is None:
         return
     try:
-        eye.good.require_explained(now, resuming.as_left(begun.plan, history, planner, before))
+        observer.good.require_explained(now, resuming.as_left(begun.plan, history, planner, before))
     except FrameRejected as difference:
         raise FrameRejected(
             f"{difference} Look at {begun.folder / NOW}; if it is to be painted on as it is, say --accept-changes"
@@ -227,6 +230,6 @@ def _repaint(
     return confirm(f"Look at {folder / NOW}: paint stroke {number} again?", default=False)
 
 
-def _forecast(strokes: int, rhythm: Rhythm, planner: Planner, started: float) -> Forecast:
+def _forecast(strokes: int, rhythm: ReplanPolicy, planner: Planner, started: float) -> Forecast:
     replanning = planner.effort.refining + planner.effort.replanning
     return Forecast(strokes, rhythm, started, planning=planner.iterations(strokes), replanning=replanning)

@@ -9,14 +9,14 @@ from pathlib import Path
 import torch
 from rich.console import Console
 
-from frida_painter.cli import goals
 from frida_painter.cli.progress import duration
 from frida_painter.cli.real import VIRTUAL, Site
 from frida_painter.cli.stopping import Stop
 from frida_painter.config import PaintingSettings
 from frida_painter.errors import CameraError, FridaError, Interrupted, PaintingPaused, RobotError, RobotStopped
-from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.report.recorder import Occasion
+from frida_painter.runs import goals
 from frida_painter.session.easel_process import state_folder
 from frida_painter.session.easels import ARM_FILM, EaselOrder
 from frida_painter.session.events import Notify, Paused, Stopped
@@ -32,7 +32,7 @@ def occasion(
     wanted: goals.Wanted,
     target: torch.Tensor | None,
     chosen: PaintingSettings,
-    encoders: Encoders,
+    encoders: EncoderRegistry,
     site: Site = VIRTUAL,
 ) -> Occasion:
     """What page and record tell of a painting before it begins."""
@@ -90,7 +90,7 @@ def order(
     )
 
 
-def tell_encoders(encoders: Encoders) -> None:
+def tell_encoders(encoders: EncoderRegistry) -> None:
     """Says through which networks the goal is seen, and which would be better."""
     for choice in encoders.choices:
         better = f" (better: {choice.better})" if choice.better else ""

@@ -13,7 +13,7 @@ from frida_painter.brush.measure import Evaluation, evaluate
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.cli.library import inspect, paint
 from frida_painter.cli.training import train
-from frida_painter.session.opening import settle_threads
+from frida_painter.session.opening import limit_threads
 
 _SHOWN = 8
 
@@ -40,7 +40,7 @@ def evaluate_model(
     The figure is the mean absolute error of the magnitude map over the whole crop as it is stored,
     from 0 to 1. All strokes count, dirty ones too.
     """
-    settle_threads()
+    limit_threads()
     model = load_stroke_model(weights)
     strokes = StrokeLibrary.load(library)
     found = evaluate(model, strokes)

@@ -11,8 +11,8 @@ from frida_painter.cli.easel_options import CameraOption, PaceOption, RobotOptio
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
 from frida_painter.web.access import Role
+from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.server import LOCAL, listen, serve
-from frida_painter.web.shelf import Shelf
 from frida_painter.web.station import Station
 
 
@@ -60,8 +60,8 @@ def studio(
     whatever makes it move has to be allowed here as well, beside it: by pressing Enter.
     """
     _require_address(address)
-    shelf = Shelf(folder.absolute())
-    record = calibration or shelf.calibration.path / "calibration.json"
+    store = PaintingStore(folder.absolute())
+    record = calibration or store.calibration.path / "calibration.json"
     station = Station(record.absolute(), robot, camera, workspace, pace).surveyed()
 
     def tell(links: dict[Role, str]) -> None:
@@ -69,7 +69,7 @@ def studio(
         print(f"  to plan, without starting the robot:  {links[Role.plan]}")
         print(f"  only to watch:                        {links[Role.watch]}")
         print(
-            f"Paintings are kept in {shelf.root}. Ctrl-C closes the studio; a painting that is being painted goes on."
+            f"Paintings are kept in {store.root}. Ctrl-C closes the studio; a painting that is being painted goes on."
         )
         if station.dangerous:
             print(f"{robot} moves only when somebody beside it has pressed Enter here within the last minute.")
@@ -82,7 +82,7 @@ def studio(
         if browser:
             webbrowser.open(links[Role.operate])
 
-    serve(shelf, station, listen(address, port), tuple(name or ()), tell)
+    serve(store, station, listen(address, port), tuple(name or ()), tell)
 
 
 def _require_address(address: str) -> None:

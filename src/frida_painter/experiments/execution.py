@@ -9,8 +9,8 @@ from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
 from frida_painter.plan import Plan
 from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import StrokePainted
-from frida_painter.session.eye import Eye
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter.virtual.table import PlacementError
 
@@ -32,10 +32,10 @@ def execute(plan: Plan, easel: Easel, rows: int, notify: Callable[[int], None] =
 
     notify: is told how many strokes are on the canvas. Raises RobotError, CameraError and their kinds.
     """
-    brushwork, eye = Brushwork(easel, brush_kind(plan.brush)), Eye(easel, plan.ground)
+    brushwork, eye = Brushwork(easel, brush_kind(plan.brush)), CanvasObserver(easel, plan.ground)
     brushwork.step_aside()
     eye.look(brushwork.last_motion, rows)  # at the bare canvas: learns the light of the room
-    easel.attendant.fill_wells(plan.palette)
+    easel.operator.fill_wells(plan.palette)
     for action in brushwork.prepare(plan, 0, len(plan)):
         brushwork.perform(action)
         if isinstance(action.done, StrokePainted):

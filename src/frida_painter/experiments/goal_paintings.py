@@ -12,11 +12,11 @@ from frida_painter import images
 from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import execute, open_easel
-from frida_painter.experiments.ledger import Finding, Ledger
 from frida_painter.experiments.outcome import Notify, Progress
+from frida_painter.experiments.result_cache import Finding, ResultCache
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
-from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.opening import planning_device
@@ -59,13 +59,13 @@ class Bench:
     brush: str
     canvas: CanvasSize
     scale: Scale
-    encoders: Encoders
+    encoders: EncoderRegistry
     keep: Path | None
 
     def recall(self, name: str, measure: Callable[[], Finding], /, **depends: object) -> Finding:
         """A painting's figures and pictures; painted and measured where it is not kept with all it depends on."""
         shared = {"brush": self.brush, "canvas": str(self.canvas), "scale": repr(self.scale)}
-        return Ledger(self.keep, {**shared, **depends}).recall(name, measure)
+        return ResultCache(self.keep, {**shared, **depends}).recall(name, measure)
 
     def paint(self, goal: Goal, picture: Tensor, seed: int, notify: Notify, words: str) -> Painted:
         """Plans the goal and has the virtual robot paint it; it stands as far off as the seed says.

@@ -14,8 +14,8 @@ import numpy as np
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.training import FEWEST_STROKES
 from frida_painter.errors import LibraryError
-from frida_painter.experiments.ledger import Finding, Ledger
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent
+from frida_painter.experiments.result_cache import Finding, ResultCache
 from frida_painter.experiments.rivals import BEZIER, LEARNED, RIVALS, errors, fingerprint, learn
 
 NAME = "real-strokes"
@@ -55,7 +55,7 @@ def run(
             f"give one of at least {scale.held_out + FEWEST_STROKES}."
         )
     sizes = tuple(size for size in scale.sizes if size < rest)
-    ledger = Ledger(keep, {"library": fingerprint(library), "scale": repr(scale)})
+    ledger = ResultCache(keep, {"library": fingerprint(library), "scale": repr(scale)})
     sized = [(model, size) for model in (*LEARNED, BEZIER) for size in sizes]
     tasks = [(model, size, seed) for model, size in (*((rival, rest) for rival in RIVALS), *sized) for seed in seeds]
     error: dict[tuple[str, int, int], float] = {}

@@ -16,7 +16,6 @@ from frida_painter import images
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
-from frida_painter.experiments.chart import Series, chart
 from frida_painter.experiments.execution import open_easel
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
 from frida_painter.experiments.page import Cell, Line, page
@@ -27,11 +26,12 @@ from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Effort, Planner
+from frida_painter.report.chart import Series, chart
 from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Looked, Planned, PlanningStep, StrokePainted
-from frida_painter.session.eye import Eye
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.rhythm import Rhythm
+from frida_painter.session.replan_policy import ReplanPolicy
 
 NAME = "replanning"
 CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
@@ -161,8 +161,8 @@ def _paint(planner: Planner, seed: int, scale: Scale, words: str, notify: Notify
     session = PaintingSession(
         planner,
         Brushwork(easel, brush_kind(planner.model.brush)),
-        Eye(easel, ground=(1.0, 1.0, 1.0)),
-        Rhythm(scale.looks - 1, glimpses=0),
+        CanvasObserver(easel, ground=(1.0, 1.0, 1.0)),
+        ReplanPolicy(scale.looks - 1, timelapse_frames=0),
         stop_asked=lambda: False,
         notify=hear,
     )

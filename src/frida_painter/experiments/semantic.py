@@ -14,16 +14,16 @@ from torch import Tensor
 
 from frida_painter import images, weights
 from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
-from frida_painter.experiments.ledger import Finding
 from frida_painter.experiments.measures import edge_score, feature_distance, perceptual_distance, psnr
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
 from frida_painter.experiments.page import Cell, Line, page
+from frida_painter.experiments.result_cache import Finding
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, SemanticTerm
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
-from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.session.opening import planning_device
 
 NAME = "semantic"
@@ -42,7 +42,7 @@ def run(
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0, 1),
     scale: Scale = FULL,
-    encoders: Encoders | None = None,
+    encoders: EncoderRegistry | None = None,
     judge: Seer | None = None,
     keep: Path | None = None,
     notify: Notify = silent,
@@ -53,7 +53,7 @@ def run(
     default EfficientNet-Lite1; keep: a folder in which finished paintings wait in case the rest is
     interrupted. Raises WeightsError where a network is missing.
     """
-    bench = Bench(brush, canvas, scale, encoders or Encoders(device=planning_device()), keep)
+    bench = Bench(brush, canvas, scale, encoders or EncoderRegistry(device=planning_device()), keep)
     judge = judge or EfficientNetLite(weights.tensors(JUDGE))
     tasks = [(photo, seed, way) for seed in seeds for photo in photographs for way in WAYS]
     found: dict[_Key, Finding] = {}

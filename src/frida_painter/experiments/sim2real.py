@@ -21,9 +21,9 @@ from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments import robot_strokes, soft_planner
 from frida_painter.experiments.execution import execute, open_easel
-from frida_painter.experiments.ledger import Finding, Ledger
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
 from frida_painter.experiments.page import Cell, Line, page
+from frida_painter.experiments.result_cache import Finding, ResultCache
 from frida_painter.experiments.soft_planner import SoftEffort
 from frida_painter.experiments.soft_strokes import Freedom
 from frida_painter.experiments.targets import Target
@@ -82,7 +82,7 @@ def run(
     found: dict[_Key, Finding] = {}
     for number, (target, seed, planner) in enumerate(tasks):
         telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
-        ledger = Ledger(keep, bench.depends_on(target))
+        ledger = ResultCache(keep, bench.depends_on(target))
 
         def paint(target: Target = target, seed: int = seed, planner: str = planner, tell: Notify = telling) -> Finding:
             return bench.paint(target, seed, planner, tell)

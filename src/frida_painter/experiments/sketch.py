@@ -15,14 +15,14 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
-from frida_painter.experiments.ledger import Finding
 from frida_painter.experiments.measures import edge_score
 from frida_painter.experiments.outcome import Notify, Outcome, Row, Table, silent, within
 from frida_painter.experiments.page import Cell, Line, page
+from frida_painter.experiments.result_cache import Finding
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, SketchTerm, TextTerm
-from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.session.opening import planning_device
 
 NAME = "sketch"
@@ -39,7 +39,7 @@ def run(
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0, 1),
     scale: Scale = FULL,
-    encoders: Encoders | None = None,
+    encoders: EncoderRegistry | None = None,
     keep: Path | None = None,
     notify: Notify = silent,
 ) -> Outcome:
@@ -49,7 +49,7 @@ def run(
     wait in case the rest is interrupted. Raises WeightsError where a network is missing, and
     ConfigError for a drawing without a line.
     """
-    bench = Bench(brush, canvas, scale, encoders or Encoders(device=planning_device()), keep)
+    bench = Bench(brush, canvas, scale, encoders or EncoderRegistry(device=planning_device()), keep)
     tasks = [(drawing, seed, way) for seed in seeds for drawing in drawings for way in WAYS]
     found: dict[_Key, Finding] = {}
     for number, (drawing, seed, way) in enumerate(tasks):

@@ -16,10 +16,10 @@ from torch import Tensor
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.training import FEWEST_STROKES
 from frida_painter.errors import LibraryError
-from frida_painter.experiments.chart import Series, chart
-from frida_painter.experiments.ledger import Finding, Ledger
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent
+from frida_painter.experiments.result_cache import Finding, ResultCache
 from frida_painter.experiments.rivals import BEZIER, LEARNED, errors, fingerprint, learn
+from frida_painter.report.chart import Series, chart
 
 NAME = "strokes-needed"
 
@@ -60,7 +60,7 @@ def run(
             f"The stroke library has {len(library)} strokes, {scale.held_out} of which are held out for the test; "
             f"give one of at least {scale.held_out + sorted(scale.sizes)[1]}."
         )
-    ledger = Ledger(keep, {"library": fingerprint(library), "seed": seed, "scale": repr(scale)})
+    ledger = ResultCache(keep, {"library": fingerprint(library), "seed": seed, "scale": repr(scale)})
     models = (*LEARNED, BEZIER)
     tasks = [(model, size, fold) for model in models for size in sizes for fold in range(scale.folds)]
     error: dict[tuple[str, int, int], float] = {}

@@ -19,24 +19,24 @@ from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import open_easel
-from frida_painter.experiments.ledger import Finding, Ledger
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
 from frida_painter.experiments.page import Cell, Line, page
+from frida_painter.experiments.result_cache import Finding, ResultCache
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, TextTerm
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.class_names import class_names
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
-from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.planning.initialize import uniform
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.render import render
 from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Planned, PlanningStep, StrokePainted
-from frida_painter.session.eye import Eye
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.opening import planning_device
-from frida_painter.session.rhythm import Rhythm
+from frida_painter.session.replan_policy import ReplanPolicy
 
 NAME = "text"
 CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
@@ -93,7 +93,7 @@ FULL = Scale(strokes=100, colors=12, rows=256, replans=2, effort=1.0)
 QUICK = Scale(strokes=6, colors=3, rows=64, replans=1, effort=0.05)
 
 
-class Unjudged(Encoders):
+class Unjudged(EncoderRegistry):
     """The encoders without a reader that is kept aside: the judge's network is not asked while it is planned."""
 
     def reader_aside(self) -> Reader | None:
@@ -103,7 +103,7 @@ class Unjudged(Encoders):
 
 def run(
     *,
-    encoders: Encoders,
+    encoders: EncoderRegistry,
     judge: EfficientNetLite,
     prompts: Sequence[Prompt] = PROMPTS,
     brush: str = "broad",
@@ -121,7 +121,7 @@ def run(
         "brush": brush, "canvas": str(canvas), "strokes": scale.strokes, "colors": scale.colors, "rows": scale.rows,
         "looks": scale.replans, "effort": scale.effort, "seen through": readers,
     }  # fmt: skip
-    ledger = Ledger(keep, settings)
+    ledger = ResultCache(keep, settings)
     found: dict[tuple[int, int], Finding] = {}
     tasks = [(number, seed) for seed in seeds for number in range(len(prompts))]
     for done, (number, seed) in enumerate(tasks):
@@ -148,7 +148,7 @@ def run(
 class _Bench:
     """What all paintings have in common."""
 
-    encoders: Encoders
+    encoders: EncoderRegistry
     judge: EfficientNetLite
     model: StrokeModel
     canvas: CanvasSize
@@ -205,8 +205,8 @@ class _Bench:
         session = PaintingSession(
             planner,
             Brushwork(easel, brush_kind(self.model.brush)),
-            Eye(easel, ground=(1.0, 1.0, 1.0)),
-            Rhythm(self.scale.replans, glimpses=0),
+            CanvasObserver(easel, ground=(1.0, 1.0, 1.0)),
+            ReplanPolicy(self.scale.replans, timelapse_frames=0),
             stop_asked=lambda: False,
             notify=hear,
         )

@@ -14,7 +14,7 @@ from frida_painter.hardware.workspace import Workspace
 from frida_painter.palette import Palette
 
 
-class Attendant(Protocol):
+class Operator(Protocol):
     """Whoever prepares what is needed: a person at a real easel, the virtual studio for itself."""
 
     def fill_wells(self, palette: Palette) -> None:
@@ -46,7 +46,7 @@ class Easel:
 
     robot: Robot
     camera: Camera
-    attendant: Attendant
+    operator: Operator
     workspace: Workspace
     calibration: Calibration
     canvas: CanvasSize

@@ -10,7 +10,7 @@ from frida_painter import images
 from frida_painter.goal import Goal, ImageTerm, SemanticTerm
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.hed import Hed
-from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.objectives.encoders.registry import EncoderRegistry
 
 _ROWS = 112  # of the picture that is looked at
 _AROUND = 9  # pixels of it over which an edge matters
@@ -19,7 +19,7 @@ _EDGES, _THINGS = 1.0, 0.7  # against what every place matters by itself
 _STRONGEST = 6.0  # times the mean that a place may matter
 
 
-def attended(goal: Goal, encoders: Encoders) -> Goal:
+def attended(goal: Goal, encoders: EncoderRegistry) -> Goal:
     """The goal, which begins with a picture that is to be painted by its meaning there where its meaning is.
 
     A goal that begins with anything else stays as it is. Raises WeightsError where a network is missing.

@@ -11,7 +11,7 @@ from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, TextTerm
-from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.replication import replication
 
 
@@ -23,16 +23,16 @@ class Objective(Protocol):
 
 
 @dataclass(frozen=True)
-class Setting:
+class ObjectiveContext:
     """What objectives are prepared for: the pictures' grid, the networks at hand, the run's seed."""
 
     grid: PixelGrid
-    encoders: Encoders
+    encoders: EncoderRegistry
     seed: int
 
 
 @dataclass(frozen=True)
-class Prepared:
+class ObjectiveTerm:
     """One term, ready to judge pictures.
 
     judge: where the objective looks at a picture in another way every time, or could be fooled,
@@ -44,47 +44,47 @@ class Prepared:
 
 
 @singledispatch
-def prepare_term(term: Any, setting: Setting) -> Prepared:
+def prepare_term(term: Any, setting: ObjectiveContext) -> ObjectiveTerm:
     """The objective of one term; a new kind of term registers its own. Targets are prepared here, once."""
     raise ConfigError(f"No objective is known for {type(term).__name__}; register one with prepare_term.")
 
 
 @prepare_term.register
-def _(term: ImageTerm, setting: Setting) -> Prepared:
-    return Prepared(replication(term.image, setting.grid, term.importance))
+def _(term: ImageTerm, setting: ObjectiveContext) -> ObjectiveTerm:
+    return ObjectiveTerm(replication(term.image, setting.grid, term.importance))
 
 
 @prepare_term.register
-def _(term: StyleTerm, setting: Setting) -> Prepared:
+def _(term: StyleTerm, setting: ObjectiveContext) -> ObjectiveTerm:
     from frida_painter.objectives.style import Style
 
-    return Prepared(Style(term.image, setting.encoders.style(), setting.seed))
+    return ObjectiveTerm(Style(term.image, setting.encoders.style(), setting.seed))
 
 
 @prepare_term.register
-def _(term: SemanticTerm, setting: Setting) -> Prepared:
+def _(term: SemanticTerm, setting: ObjectiveContext) -> ObjectiveTerm:
     from frida_painter.objectives.semantic import Semantic
 
     # What will fill the canvas is what is shown, and the judge is a network that the optimiser never asks.
     shown = images.fit(term.image, setting.grid.rows, setting.grid.columns)
     trunk = setting.encoders.shapes()
     aside = Semantic(shown, setting.encoders.aside(), setting.seed, trunk)
-    return Prepared(Semantic(shown, setting.encoders.meaning(), setting.seed, trunk), aside.judge)
+    return ObjectiveTerm(Semantic(shown, setting.encoders.meaning(), setting.seed, trunk), aside.judge)
 
 
 @prepare_term.register
-def _(term: SketchTerm, setting: Setting) -> Prepared:
+def _(term: SketchTerm, setting: ObjectiveContext) -> ObjectiveTerm:
     from frida_painter.objectives.semantic import Semantic
     from frida_painter.objectives.sketch import Sketch
 
     drawing = images.fit(term.drawing if term.shown is None else term.shown, setting.grid.rows, setting.grid.columns)
     shown = Semantic(drawing, setting.encoders.meaning(), setting.seed)
     hed = setting.encoders.edges()
-    return Prepared(Sketch(drawing, hed, shown), Sketch(drawing, hed, shown.judge))
+    return ObjectiveTerm(Sketch(drawing, hed, shown), Sketch(drawing, hed, shown.judge))
 
 
 @prepare_term.register
-def _(term: TextTerm, setting: Setting) -> Prepared:
+def _(term: TextTerm, setting: ObjectiveContext) -> ObjectiveTerm:
     from frida_painter.objectives.text import Text
 
     readers = setting.encoders.readers()
@@ -93,13 +93,13 @@ def _(term: TextTerm, setting: Setting) -> Prepared:
     words = Text(term.prompt, readers, setting.seed)
     aside = setting.encoders.reader_aside()
     judge = words if aside is None else Text(term.prompt, [aside], setting.seed)
-    return Prepared(words, judge.judge)
+    return ObjectiveTerm(words, judge.judge)
 
 
-class Aim:
+class WeightedObjective:
     """The weighted sum of a goal's terms (paper, Eq. for p_next): itself an objective."""
 
-    def __init__(self, terms: Sequence[tuple[float, Prepared]]) -> None:
+    def __init__(self, terms: Sequence[tuple[float, ObjectiveTerm]]) -> None:
         self._terms = tuple(terms)
 
     def __call__(self, picture: Tensor) -> Tensor:
@@ -121,11 +121,11 @@ class Aim:
         return total
 
 
-def prepare(goal: Goal, grid: PixelGrid, encoders: Encoders | None = None, seed: int = 0) -> Aim:
+def prepare(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry | None = None, seed: int = 0) -> WeightedObjective:
     """The aim of the goal for pictures of that grid.
 
     encoders: the networks that terms other than pictures are seen through; by default those that
     were fetched. Raises WeightsError where one is missing.
     """
-    setting = Setting(grid, encoders or Encoders(), seed)
-    return Aim([(term.weight, prepare_term(term, setting)) for term in goal.terms])
+    setting = ObjectiveContext(grid, encoders or EncoderRegistry(), seed)
+    return WeightedObjective([(term.weight, prepare_term(term, setting)) for term in goal.terms])

@@ -60,8 +60,8 @@ _GROUNDS = (
 def ground_of(said: Sequence[str], sentences: SentenceEncoder) -> Ground:
     """The ground whose words are most like all that is said of a thing, or bare paper where none is like it."""
     meanings = sentences.embed([*said, *(ground.words for ground in _GROUNDS)])
-    likeness = (meanings[len(said) :] @ meanings[: len(said)].T).mean(1)
-    enough = likeness >= torch.tensor([ground.least for ground in _GROUNDS])
+    similarity = (meanings[len(said) :] @ meanings[: len(said)].T).mean(1)
+    enough = similarity >= torch.tensor([ground.least for ground in _GROUNDS])
     if not bool(enough.any()):
         return Ground.paper()
-    return _GROUNDS[int(likeness.masked_fill(~enough, -1).argmax())]
+    return _GROUNDS[int(similarity.masked_fill(~enough, -1).argmax())]

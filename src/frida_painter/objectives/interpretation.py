@@ -3,17 +3,17 @@
 from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal
 from frida_painter.objectives.attention import attended
-from frida_painter.objectives.encoders.shelf import Encoders
-from frida_painter.objectives.imagination import imagined
+from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.initial_composition import initial_composition
 from frida_painter.objectives.overlay import overlaid
 from frida_painter.objectives.style_colors import in_style_colors
 
 
-def interpreted(goal: Goal, grid: PixelGrid, encoders: Encoders, seed: int) -> Goal:
+def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
     """The goal as it is pursued on pictures of that grid.
 
     Sketches are drawn on the photograph they came with, words get a picture to begin with, what is painted in
     a style is wanted in its colours, and what is painted by its meaning is attended to where its meaning is.
     Raises WeightsError where a network is missing.
     """
-    return attended(in_style_colors(imagined(overlaid(goal), grid, encoders, seed)), encoders)
+    return attended(in_style_colors(initial_composition(overlaid(goal), grid, encoders, seed)), encoders)

@@ -22,7 +22,7 @@ from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
 CREDIT = "OpenMoji (openmoji.org), CC BY-SA 4.0"
-LEAST_LIKENESS = 0.55  # of a prompt and a name, below which a pictogram would be of something else
+LEAST_SIMILARITY = 0.55  # of a prompt and a name, below which a pictogram would be of something else
 _OUTLINES = "line"  # id of the layer that holds them
 _FLAT_ENOUGH = 0.25  # of what is drawn, that must be left without outlines
 _SIDE = 512  # pixels at which a pictogram is drawn
@@ -34,7 +34,7 @@ class Pictogram:
     """A drawing: its name, how like the prompt that is (a cosine), and its file."""
 
     name: str
-    likeness: float
+    similarity: float
     file: str
 
 
@@ -57,21 +57,21 @@ class Pictograms:
 
     def nearest(self, called: Sequence[str]) -> Pictogram | None:
         """The one whose name is most like one of the things that it may be called; None where none is like enough."""
-        likeness = (self._sentences.embed(called) @ self._meanings.T).amax(0)
-        found = self._pictogram(int(likeness.argmax()), likeness)
-        return found if found.likeness >= LEAST_LIKENESS else None
+        similarity = (self._sentences.embed(called) @ self._meanings.T).amax(0)
+        found = self._pictogram(int(similarity.argmax()), similarity)
+        return found if found.similarity >= LEAST_SIMILARITY else None
 
     def kindred(self, prompt: str, count: int) -> list[Pictogram]:
         """Those `count` whose names are most like the prompt, however little that is, the likest first."""
-        likeness = self._meanings @ self._sentences.embed([prompt])[0]
-        return [self._pictogram(at, likeness) for at in likeness.argsort(descending=True)[:count].tolist()]
+        similarity = self._meanings @ self._sentences.embed([prompt])[0]
+        return [self._pictogram(at, similarity) for at in similarity.argsort(descending=True)[:count].tolist()]
 
     def singular(self, called: str) -> str:
         """What one of them is called, where a pictogram has that name and none has the plural's; else nothing."""
         return called[:-1] if called.endswith("s") and called not in self._files and called[:-1] in self._files else ""
 
-    def _pictogram(self, at: int, likeness: Tensor) -> Pictogram:
-        return Pictogram(self._names[at], float(likeness[at]), self._files[self._names[at]])
+    def _pictogram(self, at: int, similarity: Tensor) -> Pictogram:
+        return Pictogram(self._names[at], float(similarity[at]), self._files[self._names[at]])
 
     def drawings(self, pictogram: Pictogram) -> list[Tensor]:
         """The drawing without its outlines, where enough of it is left, and with them.

@@ -13,8 +13,8 @@ from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal, ImageTerm, TextTerm
-from frida_painter.objectives.base import Aim, prepare
-from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.objectives.base import WeightedObjective, prepare
+from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.interpretation import interpreted
 from frida_painter.objectives.replication import spread
 from frida_painter.palette import Palette
@@ -23,7 +23,7 @@ from frida_painter.planning.initialize import Growth, progressive
 from frida_painter.planning.memory import is_lack_of_memory
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement, locate
-from frida_painter.planning.refine import discretize, draw_together, relocate
+from frida_painter.planning.refine import anneal_to_palette, discretize, relocate
 from frida_painter.planning.region import Region
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints, as_palette
@@ -86,7 +86,7 @@ class Planner:
         rows: int,
         effort: Effort,
         seed: int,
-        encoders: Encoders | None = None,
+        encoders: EncoderRegistry | None = None,
         device: torch.device | None = None,
     ) -> None:
         self.size = size
@@ -96,7 +96,7 @@ class Planner:
         self.coarse = PixelGrid.of_height(size, max(rows // 2, 32))
         self.seed = seed
         self.region: Region | None = None
-        self.encoders = encoders or Encoders()
+        self.encoders = encoders or EncoderRegistry()
         self.device = device or torch.device("cpu")
         self._model = _on(model, self.device)
         self.goal = goal = interpreted(goal, self.fine, self.encoders, seed)
@@ -130,7 +130,7 @@ class Planner:
                 found, opening, iterations=self.effort.refining, notify=steps.begin(self.effort.refining)
             )
         for keeping in _KEEPING:
-            found = draw_together(found, coarse, colors, keeping, self.seed)
+            found = anneal_to_palette(found, coarse, colors, keeping, self.seed)
             found, _ = optimize(found, coarse, iterations=self.effort.drawing, notify=steps.begin(self.effort.drawing))
         found, chosen = discretize(found, coarse, colors, self.seed)
         found, paints = optimize(
@@ -148,7 +148,7 @@ class Planner:
         ordered, palette, paint = as_palette(found, paints)
         return self._as_plan(ordered, palette, paint)
 
-    def bound(self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None]) -> Plan:
+    def bind_to_palette(self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None]) -> Plan:
         """The plan in the paints of another palette, those that were really mixed.
 
         Each stroke gets the paint that is nearest to what it was to have, and all of them are polished
@@ -269,7 +269,7 @@ class Planner:
         strokes, kept = self.region.keep_clear(near, self._model, self.size, self.fine.rows)
         return replace(plan, strokes=strokes.to("cpu"), paint=plan.paint[kept])
 
-    def _scene(self, canvas: Tensor, grid: PixelGrid, aim: Aim | None = None) -> Scene:
+    def _scene(self, canvas: Tensor, grid: PixelGrid, aim: WeightedObjective | None = None) -> Scene:
         aim = aim or self._aims[grid]
         bare = images.fit(canvas.to(self.device), grid.rows, grid.columns)
         scene = Scene(bare, self.size, self._model, aim, aim.judge, self._importance(grid))

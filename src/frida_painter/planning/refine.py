@@ -53,7 +53,7 @@ def visible_area(strokes: Strokes, scene: Scene) -> Tensor:
     return share[:, 0]
 
 
-def draw_together(strokes: Strokes, scene: Scene, colors: int, keeping: float, seed: int) -> Strokes:
+def anneal_to_palette(strokes: Strokes, scene: Scene, colors: int, keeping: float, seed: int) -> Strokes:
     """The strokes, still in colours of their own, but nearer to `colors` paints: `keeping` of the way is left.
 
     Done again and again with gradient descent in between, shapes and colours grow used to the

@@ -15,8 +15,8 @@ from frida_painter.export.bezier import mark_widths
 from frida_painter.export.svg import svg
 from frida_painter.export.table import table
 from frida_painter.mixing.amounts import volumes
+from frida_painter.mixing.paint_inventory import usual_paints
 from frida_painter.mixing.recipe import Recipe, recipes
-from frida_painter.mixing.shelf import usual_paints
 from frida_painter.plan import Plan
 from frida_painter.report.difference import difference
 from frida_painter.report.film import FilmWriter
@@ -29,7 +29,6 @@ from frida_painter.session.easels import ARM_FILM
 from frida_painter.session.events import (
     Dipped,
     Event,
-    Glimpsed,
     Looked,
     Planned,
     PlanningStep,
@@ -37,6 +36,7 @@ from frida_painter.session.events import (
     Scheduled,
     Stopped,
     StrokeLeftOut,
+    TimelapseFrame,
 )
 from frida_painter.session.history import History
 from frida_painter.session.loop import Painting
@@ -65,7 +65,7 @@ class Occasion:
 class Recorder:
     """Writes everything about one painting into `folder`, while it is made; used in a `with` block.
 
-    glimpses: how many pictures the film will get; before: what the journal tells of earlier sittings, if
+    timelapse_frames: how many pictures the film will get; before: what the journal tells of earlier sittings, if
     there were any. Every file is whole or not there. While it is painted, pictures for which the disk has
     no room are left out. Raises StorageError where page or painting cannot be written.
     """
@@ -73,7 +73,7 @@ class Recorder:
     folder: Path
     occasion: Occasion
     model: StrokeModel
-    glimpses: int
+    timelapse_frames: int
     before: History | None = None
     _plan: Plan | None = field(default=None, init=False)
     _first_expected: Tensor | None = field(default=None, init=False)
@@ -96,7 +96,7 @@ class Recorder:
         if self.before is not None:
             self._dips, self._cleanings = self.before.dips, self.before.cleanings
             self._started -= self.before.seconds
-        self._film = FilmWriter(self.folder / "film.mp4", self.glimpses)
+        self._film = FilmWriter(self.folder / "film.mp4", self.timelapse_frames)
         if self.occasion.target is not None:
             images.save(self.occasion.target, self.folder / "target.jpg")
         return self
@@ -126,8 +126,8 @@ class Recorder:
             case Dipped(cleaned=cleaned):
                 self._dips += 1
                 self._cleanings += int(cleaned)
-            case Glimpsed(photograph=photograph, color=color, done=done):
-                self._sketchbook.keep_glimpse(done, photograph)
+            case TimelapseFrame(photograph=photograph, color=color, done=done):
+                self._sketchbook.keep_timelapse_frame(done, photograph)
                 self._show(photograph, color)
             case Looked():
                 self._seen = event
@@ -186,7 +186,7 @@ class Recorder:
             self._first_expected = images.load(self.folder / "plan.png")
         except ImageError:
             self._first_expected = event.expected
-        for stroke, picture in self._sketchbook.glimpses(event.done):
+        for stroke, picture in self._sketchbook.timelapse_frames(event.done):
             red, green, blue = event.plan.strokes.color[stroke - 1].tolist()
             self._show(picture, (red, green, blue))
 

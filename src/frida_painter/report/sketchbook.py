@@ -15,17 +15,17 @@ _STORY = "story.json"
 
 
 class Sketchbook:
-    """A folder within the painting's with its glimpses, looks and phases. Raises StorageError where it is full."""
+    """A folder within the painting's, for timelapse frames, looks and phases. Raises StorageError where it is full."""
 
     def __init__(self, painting: Path) -> None:
         self._folder = painting / SKETCHBOOK
 
-    def keep_glimpse(self, stroke: int, picture: Tensor) -> None:
-        """Keeps the picture [3, H, W] that was glimpsed after a stroke."""
+    def keep_timelapse_frame(self, stroke: int, picture: Tensor) -> None:
+        """Keeps the picture [3, H, W] of the timelapse after a stroke."""
         images.save(picture, self._folder / f"glimpse-{stroke:06d}.jpg")
 
-    def glimpses(self, painted: int) -> Iterator[tuple[int, Tensor]]:
-        """The glimpses up to stroke `painted` with their strokes, in order; damaged ones are left out."""
+    def timelapse_frames(self, painted: int) -> Iterator[tuple[int, Tensor]]:
+        """The timelapse frames up to stroke `painted` with their strokes, in order; damaged ones are left out."""
         for path in sorted(self._folder.glob("glimpse-*.jpg")):
             stroke = int(path.stem.removeprefix("glimpse-"))
             if stroke <= painted:

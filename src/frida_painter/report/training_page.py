@@ -14,7 +14,7 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.brush.learn import Learned
-from frida_painter.experiments.chart import Series, chart
+from frida_painter.report.chart import Series, chart
 
 _MOST_SHOWN = 24
 _WIDTH = 300

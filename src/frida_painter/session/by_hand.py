@@ -18,15 +18,15 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.palette import Palette, to_hex
 from frida_painter.perception.rectify import rectify
-from frida_painter.session.attendance import PersonAttending
 from frida_painter.session.hand_sheet import SHEET_ROWS, HandStroke, hand_sheet
+from frida_painter.session.operator import PersonAsOperator
 from frida_painter.session.procedures.dialogue import Answer, Confirm, Question
 
 _MOST = 8  # strokes on one sheet, so that none is lost among the others
 
 
-class ByHand(PersonAttending):
-    """Stands for robot and attendant of an easel at which a person paints; its camera remembers what it saw.
+class ByHand(PersonAsOperator):
+    """Stands for robot and operator of an easel at which a person paints; its camera remembers what it saw.
 
     Implements hardware.robot.Robot over `easel.robot`, which hears of a motion when the person says that
     it is done. One stroke is shown at a time, or as many of one dip as are clear to see, as the person
@@ -70,7 +70,7 @@ class ByHand(PersonAttending):
     def home(self) -> MotionReport:
         """The brush is washed and laid aside, where there is paint on it."""
         if self._unclean:
-            self._insist(Confirm("Wash the brush and wipe it dry. Done?"))
+            self._retry_after_pause(Confirm("Wash the brush and wipe it dry. Done?"))
             self._unclean, self._paint, self._before = False, None, ""
         self._touched |= self._aside  # nobody looked in between: it was a pause, and who knows what was done in it
         self._aside = True
@@ -151,7 +151,9 @@ class ByHand(PersonAttending):
             self._before = ""
             self._since_look.append(stroke)
             return True
-        self._insist(Confirm(f"Is {stroke.label} to be left out? (No ends here; the rest can be painted another day.)"))
+        self._retry_after_pause(
+            Confirm(f"Is {stroke.label} to be left out? (No ends here; the rest can be painted another day.)")
+        )
         return False
 
     def _sheet_from(self, waypoints: Waypoints) -> list[Waypoints]:
@@ -210,11 +212,11 @@ class ByHand(PersonAttending):
         if self._touched:
             folder = self._easel.calibration.camera.startswith("folder:")
             how = "Take a photograph of the canvas into the folder" if folder else "The canvas is photographed now"
-            self._insist(Confirm(f"{how}. Are your hands, brush and shadow out of the picture?"))
+            self._retry_after_pause(Confirm(f"{how}. Are your hands, brush and shadow out of the picture?"))
         self._aside = self._touched = False
         self._since_look = []
 
-    def _insist(self, question: Confirm) -> None:
+    def _retry_after_pause(self, question: Confirm) -> None:
         if self._answer(question) is not True:
             raise Interrupted("You put the brush down; what is on the canvas stays, and so does the plan.")
 

@@ -24,8 +24,8 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.guard import HOW_TO_ARM, GuardedRobot
 from frida_painter.hardware.guarded_camera import GuardedCamera
 from frida_painter.hardware.latch import Latch, latch_path
+from frida_painter.hardware.link.cpu_activity import CpuActivity
 from frida_painter.hardware.link.host import Host, told
-from frida_painter.hardware.link.thinking import Thinking
 from frida_painter.hardware.link.watch import StopFile, Watch
 from frida_painter.hardware.link.wire import Wire
 from frida_painter.hardware.lock import RobotLock
@@ -85,9 +85,9 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         signal.signal(signal.SIGTERM, end)
         if order.folder is not None:
             stack.callback(StopFile(order.folder / STOP_FILE, robot.stop).dismiss)
-        stack.callback(Watch(line, robot.stop, lambda: robot.moving, Thinking(os.getppid())).dismiss)
+        stack.callback(Watch(line, robot.stop, lambda: robot.moving, CpuActivity(os.getppid())).dismiss)
         wire.send({**_about(easel), "simulated": order.robot in SIMULATED, "patience": patience, "grace": _GRACE})
-        return Host(robot, camera, easel.attendant, easel.reach).serve(wire)
+        return Host(robot, camera, easel.operator, easel.reach).serve(wire)
 
 
 def _about(easel: Easel) -> dict[str, Any]:

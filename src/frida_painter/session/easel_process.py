@@ -19,7 +19,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.errors import FridaError, RobotDisconnected
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.link.remote import Link, RemoteAttendant, RemoteCamera, RemoteReach, RemoteRobot, heard
+from frida_painter.hardware.link.remote import Link, RemoteCamera, RemoteOperator, RemoteReach, RemoteRobot, heard
 from frida_painter.hardware.link.watch import Pulse
 from frida_painter.hardware.link.wire import Wire
 from frida_painter.hardware.timing import Timing
@@ -128,7 +128,7 @@ def _easel(about: dict[str, Any], link: Link) -> Easel:
     return Easel(
         robot=RemoteRobot(link, workspace, patience=about["patience"], grace=about["grace"]),
         camera=RemoteCamera(link),
-        attendant=RemoteAttendant(link),
+        operator=RemoteOperator(link),
         workspace=workspace,
         calibration=TypeAdapter(Calibration).validate_python(about["calibration"]),
         canvas=TypeAdapter(CanvasSize).validate_python(about["canvas"]),

@@ -17,9 +17,8 @@ from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.drivers.human import HumanRobot
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.stand import Stand
-from frida_painter.session.attendance import NobodyAttending
-from frida_painter.session.desk import Desk
+from frida_painter.hardware.workcell import WorkcellConfig
+from frida_painter.session.flatbed_workspace import FlatbedWorkspace
 from frida_painter.session.machines import camera_named, robot_named
 from frida_painter.session.names import (
     CAMERAS,
@@ -31,6 +30,7 @@ from frida_painter.session.names import (
     MachineName,
     require_known,
 )
+from frida_painter.session.operator import AbsentOperator
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.kernels import load_kernels
 from frida_painter.virtual.sawyer.meshes import Meshes
@@ -156,7 +156,7 @@ def _open_real(order: EaselOrder) -> OpenEasel:
             f"The robot {order.robot[:60]!r} needs a workspace file (--workspace) and a camera (--camera "
             f"{'|'.join(CAMERAS)}); `frida-painter workspace example` prints a whole one."
         )
-    stand = Stand.load(order.workspace)
+    stand = WorkcellConfig.load(order.workspace)
     if max(abs(order.canvas.width - stand.canvas.width), abs(order.canvas.height - stand.canvas.height)) > 0.001:
         raise ConfigError(
             f"The painting is for a canvas of {order.canvas}, and the one in {str(order.workspace)!r} is "
@@ -165,7 +165,7 @@ def _open_real(order: EaselOrder) -> OpenEasel:
     easel = Easel(
         robot=robot_named(order.robot, stand.workspace),
         camera=camera_named(order.camera),
-        attendant=NobodyAttending(),
+        operator=AbsentOperator(),
         workspace=stand.workspace,
         calibration=stand.calibration(order.brush, camera=order.camera),
         canvas=stand.canvas,
@@ -178,13 +178,13 @@ def _open_by_hand(order: EaselOrder) -> OpenEasel:
     """A canvas, a camera, and the hand of a person whom the painting process talks with."""
     if not order.camera:
         raise ConfigError(f"To paint by hand, say which camera looks at the canvas (--camera {'|'.join(CAMERAS)}).")
-    place = Desk().motion(order.canvas)
+    place = FlatbedWorkspace().motion(order.canvas)
     known = replace(place.calibration, easel="by hand", brush=order.brush, camera=order.camera, canvas=order.canvas)
     home = place.workspace.home or place.workspace.upper
     easel = Easel(
         robot=HumanRobot(home),
         camera=camera_named(order.camera),
-        attendant=NobodyAttending(),
+        operator=AbsentOperator(),
         workspace=place.workspace,
         calibration=known,
         canvas=order.canvas,

@@ -79,7 +79,7 @@ class StrokeLeftOut:
 
 
 @dataclass(frozen=True)
-class Glimpsed:
+class TimelapseFrame:
     """A photograph for the film, rectified, [3, H, W]."""
 
     photograph: Tensor
@@ -132,7 +132,7 @@ Event = (
     | Dipped
     | StrokePainted
     | StrokeLeftOut
-    | Glimpsed
+    | TimelapseFrame
     | Looked
     | Resumed
     | Paused

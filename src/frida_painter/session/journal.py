@@ -22,9 +22,9 @@ from frida_painter.perception.flatfield import FlatField
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.session.choreography import Action
+from frida_painter.session.event_log import EventLog
 from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
 from frida_painter.session.history import FORMAT, VERSION, History
-from frida_painter.session.logbook import Logbook
 from frida_painter.session.names import JOURNAL
 
 PLAN = "plan.json"
@@ -38,7 +38,7 @@ class Journal:
     something cannot be written that resuming needs; a photograph is rather left out.
     """
 
-    def __init__(self, book: Logbook | None, looks: int = 0) -> None:
+    def __init__(self, book: EventLog | None, looks: int = 0) -> None:
         self._book = book
         self._looks = looks
         self._photograph: str | None = None
@@ -56,14 +56,14 @@ class Journal:
         painted (hashes of goal, calibration and brush), to be compared when it is resumed.
         """
         begun = {"format": FORMAT, "version": VERSION, "settings": settings, "rests_on": rests_on}
-        return cls(Logbook.begin(folder / JOURNAL, _dated("begun", **begun, **_who())))
+        return cls(EventLog.begin(folder / JOURNAL, _dated("begun", **begun, **_who())))
 
     @classmethod
     def reopen(cls, folder: Path) -> tuple[Self, History]:
         """The journal of a painting that broke off, and what it tells."""
         if not (folder / JOURNAL).is_file():
             raise StorageError(f"{folder} is not the folder of a painting: it holds no journal; give one that does.")
-        book = Logbook(folder / JOURNAL)
+        book = EventLog(folder / JOURNAL)
         try:
             history = History.of(book.found, folder)
         except StorageError:

@@ -20,10 +20,10 @@ from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import (
     Dipped,
-    Glimpsed,
     Looked,
     Notify,
     PaintsWanted,
@@ -35,13 +35,13 @@ from frida_painter.session.events import (
     Stopped,
     StrokeLeftOut,
     StrokePainted,
+    TimelapseFrame,
 )
-from frida_painter.session.eye import Eye
 from frida_painter.session.journal import Journal
-from frida_painter.session.rhythm import Rhythm
+from frida_painter.session.replan_policy import ReplanPolicy
 
 PHOTOGRAPH_ROWS = 864
-GLIMPSE_ROWS = 540
+TIMELAPSE_ROWS = 540
 
 _T = TypeVar("_T")
 
@@ -60,7 +60,7 @@ class Painting:
 
 
 @dataclass(frozen=True)
-class Halfway:
+class ResumeState:
     """Where a painting stood when it broke off.
 
     plan: of all its strokes, of which `painted` are on the canvas; planned_at: how many there were when
@@ -91,8 +91,8 @@ class PaintingSession:
         self,
         planner: Planner,
         brushwork: Brushwork,
-        eye: Eye,
-        rhythm: Rhythm,
+        observer: CanvasObserver,
+        rhythm: ReplanPolicy,
         *,
         stop_asked: Callable[[], bool],
         notify: Notify,
@@ -103,7 +103,7 @@ class PaintingSession:
     ) -> None:
         self.planner = planner
         self.brushwork = brushwork
-        self.eye = eye
+        self.observer = observer
         self.rhythm = rhythm
         self.journal = journal or Journal.nowhere()
         self._stop_asked = stop_asked
@@ -127,13 +127,13 @@ class PaintingSession:
         """
         return self._to_the_end(lambda: self._begin(strokes, colors, plan))
 
-    def resume(self, where: Halfway) -> Painting:
+    def resume(self, where: ResumeState) -> Painting:
         """Paints what is left of a painting, with a clean brush and wells filled anew."""
         return self._to_the_end(lambda: self._begin_again(where))
 
     def look(self) -> Tensor:
         """The canvas as it is now, seen without the arm, never from a photograph older than the last motion."""
-        return self._insist(self._look)
+        return self._retry_after_pause(self._look)
 
     @property
     def rest(self) -> Plan:
@@ -179,14 +179,14 @@ class PaintingSession:
         if self.brushwork.load.paint is not None:
             self._clean()
         photograph = self.look()
-        self._insist(partial(self.journal.note, end, painted=self._painted))
+        self._retry_after_pause(partial(self.journal.note, end, painted=self._painted))
         rest = None if self._plan is None else self._plan.part(slice(self._painted, None))
         return Painting(photograph, self._painted, rest, took)
 
     def _begin(self, strokes: int, colors: int, plan: Plan | None) -> None:
         canvas = self._before = self.look()
         self._began_at = self.brushwork.last_motion
-        plan = plan or self._arranged(self.planner.plan(canvas, strokes, colors, self._heeding("plan")))
+        plan = plan or self._arranged(self.planner.plan(canvas, strokes, colors, self._checking_interrupts("plan")))
         self._adopt(plan)
         expected = self.planner.expected(plan, canvas)
         self._notify(Planned(plan, 0, expected, self.planner.judge(canvas), self.planner.judge(expected)))
@@ -199,13 +199,13 @@ class PaintingSession:
         if mixed is None:
             return
         before = self.planner.judge(self.planner.expected(plan, canvas))
-        again = self._arranged(self.planner.bound(plan, canvas, mixed, self._heeding("plan")))
+        again = self._arranged(self.planner.bind_to_palette(plan, canvas, mixed, self._checking_interrupts("plan")))
         self._adopt(again)
         expected = self.planner.expected(again, canvas)
         self._notify(Planned(again, 0, expected, before, self.planner.judge(expected)))
-        self.brushwork.easel.attendant.fill_wells(mixed)
+        self.brushwork.easel.operator.fill_wells(mixed)
 
-    def _begin_again(self, where: Halfway) -> None:
+    def _begin_again(self, where: ResumeState) -> None:
         self._plan, self._painted, self._planned_at = where.plan, where.painted, where.planned_at
         known = where.before is not None
         self._before, self._seen = (where.before, where.planned_at) if known else (where.now, where.painted)
@@ -237,14 +237,14 @@ class PaintingSession:
             self._pause(str(trouble), trouble)
             return False
         done = self.brushwork.perform(action)
-        self._insist(partial(self.journal.ends, done))
+        self._retry_after_pause(partial(self.journal.ends, done))
         self._notify(done)
         if isinstance(done, StrokeLeftOut):
             self._left_out.add(done.done - 1)
         if not isinstance(done, Dipped):
             self._painted = done.done
-            self._glimpse(done)
-            self._heed()
+            self._timelapse_frame(done)
+            self._check_interrupts()
         return True
 
     def _look_and_plan_again(self, rounds: int = 1) -> None:
@@ -259,7 +259,7 @@ class PaintingSession:
         if len(rest):
             before = self.planner.judge(self.planner.expected(rest, canvas))
             try:
-                again = self._arranged(self.planner.replan(rest, canvas, self._heeding("replan"), rounds))
+                again = self._arranged(self.planner.replan(rest, canvas, self._checking_interrupts("replan"), rounds))
             except _Overtaken:
                 return
             self._adopt(self._plan.part(slice(self._painted)).followed_by(again))
@@ -276,7 +276,7 @@ class PaintingSession:
 
     def _adopt(self, plan: Plan) -> None:
         """From now on, and whatever happens, painting goes by this plan of all strokes."""
-        self._insist(partial(self.journal.planned, plan, self._painted, self.brushwork.placement))
+        self._retry_after_pause(partial(self.journal.planned, plan, self._painted, self.brushwork.placement))
         self._plan, self._planned_at = plan, self._painted
         self._schedule()
 
@@ -291,12 +291,12 @@ class PaintingSession:
 
     def _mix(self, plan: Plan) -> None:
         self._notify(PaintsWanted(plan.palette))
-        self.brushwork.easel.attendant.fill_wells(plan.palette)
+        self.brushwork.easel.operator.fill_wells(plan.palette)
 
     def _look(self) -> Tensor:
         self._step_aside()
-        frame, canvas = self.eye.examine(self.brushwork.last_motion, PHOTOGRAPH_ROWS, self._expectation())
-        self.journal.looked(frame, self.eye.light)
+        frame, canvas = self.observer.examine(self.brushwork.last_motion, PHOTOGRAPH_ROWS, self._expectation())
+        self.journal.looked(frame, self.observer.light)
         self._touched = False
         return canvas
 
@@ -311,13 +311,13 @@ class PaintingSession:
         """What was painted since the canvas was last seen."""
         return plan.part([index for index in range(self._seen, self._painted) if index not in self._left_out])
 
-    def _glimpse(self, painted: StrokePainted | StrokeLeftOut) -> None:
+    def _timelapse_frame(self, painted: StrokePainted | StrokeLeftOut) -> None:
         """A picture for the film, which nothing is decided by, and without which the painting goes on."""
-        if isinstance(painted, StrokePainted) and self.rhythm.wants_glimpse(painted.done, painted.of):
-            self._insist(self._step_aside)
+        if isinstance(painted, StrokePainted) and self.rhythm.wants_timelapse_frame(painted.done, painted.of):
+            self._retry_after_pause(self._step_aside)
             with contextlib.suppress(CameraError):
-                picture = self.eye.look(self.brushwork.last_motion, GLIMPSE_ROWS)
-                self._notify(Glimpsed(picture, painted.done, painted.of, painted.color))
+                picture = self.observer.look(self.brushwork.last_motion, TIMELAPSE_ROWS)
+                self._notify(TimelapseFrame(picture, painted.done, painted.of, painted.color))
 
     def _step_aside(self) -> None:
         self.journal.note("began", what=["home"])
@@ -325,28 +325,28 @@ class PaintingSession:
 
     def _clean(self) -> None:
         what = [motion.label for motion in self.brushwork.cleaning()]
-        self._insist(partial(self.journal.note, "began", what=what))
+        self._retry_after_pause(partial(self.journal.note, "began", what=what))
         self.brushwork.clean()
 
-    def _heeding(self, phase: str) -> Callable[[Step], None]:
+    def _checking_interrupts(self, phase: str) -> Callable[[Step], None]:
         """Passes planning steps on, and stops the planner when a person has asked for it."""
 
         def tell(step: Step) -> None:
             self._notify(PlanningStep(phase, step.iteration, step.of, step.loss, step.strokes))
             plan = self._plan
-            self._heed()
+            self._check_interrupts()
             if self._plan is not plan:
                 raise _Overtaken
 
         return tell
 
-    def _heed(self) -> None:
+    def _check_interrupts(self) -> None:
         if self._stop_asked():
             raise _StopAsked
         if self._pause_asked():
             self._pause("You asked for a pause.")
 
-    def _insist(self, work: Callable[[], _T]) -> _T:
+    def _retry_after_pause(self, work: Callable[[], _T]) -> _T:
         """Does what needs the disk or the camera; where they fail, pauses and, when told to go on, tries again."""
         while True:
             try:

@@ -15,26 +15,26 @@ from frida_painter.errors import CalibrationError
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.hardware.easel import Easel
-from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.palette import Palette
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Notify, Paused
-from frida_painter.session.eye import Eye
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.procedures.standing import NEEDED, require
+from frida_painter.session.procedures.calibration_status import NEEDED, require
 from frida_painter.session.refilling import refilled
-from frida_painter.session.rhythm import Rhythm
+from frida_painter.session.replan_policy import ReplanPolicy
 from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.table import PlacementError
 
 PAPER = CanvasSize(0.42, 0.297)
 
 
-def settle_threads() -> None:
+def limit_threads() -> None:
     """One thread for tensors, for this process: they are small, and torch's idle threads spin.
 
     Measured on two cores, planning with torch's default took twice the time.
@@ -72,7 +72,7 @@ def open_planner(settings: PaintingSettings, goal: Goal, record: Path | None = N
         rows=settings.render_height,
         effort=effort,
         seed=settings.seed,
-        encoders=Encoders(clip=settings.clip, device=device),
+        encoders=EncoderRegistry(clip=settings.clip, device=device),
         device=device,
     )
 
@@ -82,7 +82,7 @@ def open_session(
     planner: Planner,
     easel: Easel,
     *,
-    glimpses: int,
+    timelapse_frames: int,
     stop_asked: Callable[[], bool],
     notify: Notify,
     journal: Journal,
@@ -99,12 +99,12 @@ def open_session(
     """
     kind = refilled(brush_kind(planner.model.brush), easel.calibration, simulated=easel.simulated)
     brushwork = Brushwork(easel, kind, placement or Placement.unknown())
-    eye = Eye(easel, (1.0, 1.0, 1.0), light)
-    rhythm = Rhythm(settings.replans, glimpses)
+    observer = CanvasObserver(easel, (1.0, 1.0, 1.0), light)
+    rhythm = ReplanPolicy(settings.replans, timelapse_frames)
     return PaintingSession(
         planner,
         brushwork,
-        eye,
+        observer,
         rhythm,
         stop_asked=stop_asked,
         notify=notify,

@@ -17,7 +17,7 @@ from frida_painter.perception.frame_check import Expected
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.region import Region, region_of
-from frida_painter.session.eye import Eye
+from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.history import History, Planning
 from frida_painter.session.journal import PHOTOGRAPHS, PLAN
 from frida_painter.session.loop import PHOTOGRAPH_ROWS
@@ -112,13 +112,13 @@ def as_left(kept: KeptPlan, history: History, planner: Planner, before: Tensor) 
     return Expected(before, planner.expected(since, before) if len(since) else before)
 
 
-def seen_before(folder: Path, kept: KeptPlan, eye: Eye) -> Tensor | None:
+def seen_before(folder: Path, kept: KeptPlan, observer: CanvasObserver) -> Tensor | None:
     """The canvas [3, H, W] as the plan was made for it, seen again in its photograph; None where that is lost."""
     if kept.planning.photograph is None:
         return None
     try:
         photograph = images.load_exactly(folder / kept.planning.photograph)
-        return eye.see(photograph, PHOTOGRAPH_ROWS)
+        return observer.see(photograph, PHOTOGRAPH_ROWS)
     except (ImageError, FrameRejected):
         return None
 

@@ -1,6 +1,6 @@
 """Reckons how long painting takes, from lengths, speeds and how the arm starts and stops, by the robot's clock.
 
-Thinking takes time of its own, and so does whoever fills the wells.
+CpuActivity takes time of its own, and so does whoever fills the wells.
 """
 
 from collections.abc import Callable

@@ -12,10 +12,10 @@ from frida_painter.errors import CameraError, StaleFrame
 from frida_painter.hardware.camera import Frame
 from frida_painter.lens import Lens
 from frida_painter.virtual import in_sight
-from frida_painter.virtual.diary import Note, unnoted
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.paint import to_linear, to_srgb
 from frida_painter.virtual.robot import Clock
+from frida_painter.virtual.simulation_log import Note, unnoted
 from frida_painter.virtual.table import Table
 
 Corners = tuple[tuple[float, float], ...]

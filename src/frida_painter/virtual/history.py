@@ -10,11 +10,11 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from frida_painter.errors import StorageError
-from frida_painter.virtual.attendant import StudioAttendant
 from frida_painter.virtual.camera import VirtualCamera
-from frida_painter.virtual.diary import Entry
 from frida_painter.virtual.faults import Faults
+from frida_painter.virtual.operator import StudioOperator
 from frida_painter.virtual.robot import Clock, VirtualRobot
+from frida_painter.virtual.simulation_log import Entry
 from frida_painter.virtual.table import Table
 
 
@@ -25,7 +25,7 @@ def faults_entry(faults: Faults) -> Entry:
 
 def relive(
     past: Iterable[Entry], clock: Clock, table: Table, robot: VirtualRobot, camera: VirtualCamera,
-    attendant: StudioAttendant,
+    operator: StudioOperator,
 ) -> None:  # fmt: skip
     """Brings a studio that was just opened to where its past left it.
 
@@ -49,13 +49,13 @@ def relive(
                 clock.now = entry["now"]
                 camera.remember(entry["exposed"])
             case "fill":
-                attendant.pour(np.array(entry["color"]))
+                operator.pour(np.array(entry["color"]))
             case "paper":
-                attendant.lay_paper()
+                operator.lay_paper()
             case "checker":
                 x, y = entry["center"]
-                attendant.checker = attendant.checker.laid((x, y), entry["turn"], entry["width"])
-                table.checker = attendant.checker if entry["lies"] else None
+                operator.checker = operator.checker.laid((x, y), entry["turn"], entry["width"])
+                table.checker = operator.checker if entry["lies"] else None
             case "wait":
                 clock.now = entry["now"]
                 table.canvas.dry_until(clock.now)

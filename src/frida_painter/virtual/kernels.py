@@ -20,7 +20,7 @@ def load_kernels(brush: str) -> None:
     easel = open_studio(CanvasSize(0.2, 0.2), brush, settings=settings).easel
     easel.robot.connect()
     easel.camera.connect()
-    easel.attendant.fill_wells(Palette(torch.full((1, 3), 0.5)))
+    easel.operator.fill_wells(Palette(torch.full((1, 3), 0.5)))
     x, y, z = easel.workspace.canvas_origin
     down = np.array([[x + 0.01, y + 0.01, z + 0.01], [x + 0.01, y + 0.01, z - 0.001], [x + 0.01, y + 0.02, z - 0.001]])
     easel.robot.follow(Waypoints("dip", np.array([easel.workspace.wells[0]]), 0.1))

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped, WorkspaceViolation
 from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.virtual.arm import Arm, Nobody, Watcher, Way
-from frida_painter.virtual.diary import Note, unnoted
 from frida_painter.virtual.faults import NO_FAULTS, Faults
-from frida_painter.virtual.stand import Stand
+from frida_painter.virtual.simulation_log import Note, unnoted
+from frida_painter.virtual.studio_layout import StudioLayout
 from frida_painter.virtual.table import Table
 
 _FASTEST = 1.0
@@ -34,7 +34,7 @@ class VirtualRobot:
     state of the arm after every motion; watcher: looks on.
     """
 
-    def __init__(self, table: Table, stand: Stand, arm: Arm, clock: Clock, pace: float = 0.0) -> None:
+    def __init__(self, table: Table, stand: StudioLayout, arm: Arm, clock: Clock, pace: float = 0.0) -> None:
         self.faults: Faults = NO_FAULTS
         self.motions = 0
         self.note: Note = unnoted

@@ -18,20 +18,20 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.reach import Reach
 from frida_painter.hardware.timing import Timing
 from frida_painter.virtual.arm import Arm, FreeArm
-from frida_painter.virtual.attendant import StudioAttendant
 from frida_painter.virtual.bristles import Tuft
 from frida_painter.virtual.brushes import BristleBrush, brush_named
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
 from frida_painter.virtual.canvas import Canvas
 from frida_painter.virtual.checker import Checker
-from frida_painter.virtual.diary import Diary, unnoted
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.history import faults_entry, relive
+from frida_painter.virtual.operator import StudioOperator
 from frida_painter.virtual.paint import to_linear, to_srgb
 from frida_painter.virtual.robot import Clock, VirtualRobot
 from frida_painter.virtual.sawyer.arm import TIMING, SawyerArm
 from frida_painter.virtual.sawyer.reach import SawyerReach
-from frida_painter.virtual.stand import Stand, free_stand, sawyer_stand
+from frida_painter.virtual.simulation_log import SimulationLog, unnoted
+from frida_painter.virtual.studio_layout import StudioLayout, free_stand, sawyer_stand
 from frida_painter.virtual.table import HandNoise, PlacementError, Table
 
 _MM = 1000.0
@@ -113,7 +113,12 @@ class VirtualStudio:
     """
 
     def __init__(
-        self, canvas: CanvasSize, brush: BristleBrush, settings: StudioSettings, seed: int, diary: Diary | None = None
+        self,
+        canvas: CanvasSize,
+        brush: BristleBrush,
+        settings: StudioSettings,
+        seed: int,
+        diary: SimulationLog | None = None,
     ) -> None:
         for_canvas, for_brush, for_hand, for_camera, for_error, for_checker = (
             np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(6)
@@ -151,7 +156,7 @@ class VirtualStudio:
             lens=self.camera.lens,
         )
         checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
-        self._attendant = StudioAttendant(self.table, checker, self._fresh_canvas)
+        self._attendant = StudioOperator(self.table, checker, self._fresh_canvas)
         self.easel = Easel(
             self.robot, self.camera, self._attendant, stand.workspace, calibration, canvas, here.reach, here.timing,
             simulated=True,
@@ -178,7 +183,7 @@ class VirtualStudio:
         self._note(faults_entry(faults))
 
     def lay_checker(self, center: tuple[float, float], turn: float, width: float | None = None) -> None:
-        """Lays the colour checker down; from now on the attendant lays it there as well.
+        """Lays the colour checker down; from now on the operator lays it there as well.
 
         center: canvas metres; turn: radians counter-clockwise; width: metres of its longer side.
         """
@@ -229,7 +234,7 @@ def open_studio(
         settings = replace(settings, placement_error=placement_error)
     if faults is not None:
         settings = replace(settings, faults=faults)
-    diary = None if state is None else Diary(state, _furnishing(canvas, brush, settings, seed))
+    diary = None if state is None else SimulationLog(state, _furnishing(canvas, brush, settings, seed))
     return VirtualStudio(canvas, brush_named(brush), settings, seed, diary)
 
 
@@ -243,7 +248,7 @@ def _furnishing(canvas: CanvasSize, brush: str, settings: StudioSettings, seed: 
 class _ArmAndTable:
     """An arm and what goes with it: how things stand around it, the noise of its hand, its reach, how it moves off."""
 
-    stand: Stand
+    stand: StudioLayout
     arm: Arm
     noise: HandNoise
     reach: Reach | None = None

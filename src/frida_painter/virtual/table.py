@@ -13,8 +13,8 @@ from frida_painter.hardware.workspace import Point, Workspace
 from frida_painter.virtual.bristles import Tuft
 from frida_painter.virtual.canvas import Canvas
 from frida_painter.virtual.checker import Checker
-from frida_painter.virtual.diary import Note, unnoted
 from frida_painter.virtual.faults import Bump, Faults
+from frida_painter.virtual.simulation_log import Note, unnoted
 
 _MM = 1000.0
 # A vessel is touched within this radius (m) of its centre and not higher than this above its place.

@@ -89,7 +89,7 @@ class Keys:
         return matching[0] if matching else None
 
 
-class Door:
+class AuthMiddleware:
     """An ASGI application before another one: lets in who may come in, and puts safe headers on all answers.
 
     hosts: what may stand in the Host header, like "127.0.0.1:8350"; the session is handed on in

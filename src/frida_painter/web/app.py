@@ -13,11 +13,11 @@ from starlette.types import ASGIApp
 
 from frida_painter.errors import FridaError, Interrupted, RobotStopped
 from frida_painter.web import gallery, goals, in_charge, painting, procedures
-from frida_painter.web.access import Door, Keys
+from frida_painter.web.access import AuthMiddleware, Keys
 from frida_painter.web.lead import Lead, Led
 from frida_painter.web.limits import Bucket, Limits
+from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.presence import Presence
-from frida_painter.web.shelf import Shelf
 from frida_painter.web.station import Station
 from frida_painter.web.watch import Watch
 from frida_painter.web.workers import Workers
@@ -26,10 +26,10 @@ _STATIC = Path(__file__).parent / "static"
 _KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 
-def application(shelf: Shelf, station: Station, presence: Presence) -> FastAPI:
+def application(store: PaintingStore, station: Station, presence: Presence) -> FastAPI:
     """The routes alone, for those who are already inside."""
     app = FastAPI(title="frida-painter studio", docs_url=None, redoc_url=None, openapi_url=None)
-    app.state.shelf, app.state.watch, app.state.workers = shelf, Watch(), Workers(station)
+    app.state.store, app.state.watch, app.state.workers = store, Watch(), Workers(station)
     app.state.lead, app.state.presence = Lead(), presence
     for part in (in_charge, goals, painting, procedures, gallery):
         app.include_router(part.router)
@@ -60,12 +60,12 @@ def application(shelf: Shelf, station: Station, presence: Presence) -> FastAPI:
 
 def guarded(app: ASGIApp, keys: Keys, hosts: frozenset[str], cookie: str) -> ASGIApp:
     """The application behind its door and limits, to be served."""
-    return Door(Limits(app, "/api/pictures", Bucket(rate=40, most=200)), keys, hosts, cookie)
+    return AuthMiddleware(Limits(app, "/api/pictures", Bucket(rate=40, most=200)), keys, hosts, cookie)
 
 
 def _mendable(request: Request, error: Exception) -> JSONResponse:
-    shelf: Shelf = request.app.state.shelf
-    sentence = str(error).replace(str(shelf.root), "the studio's folder")
+    store: PaintingStore = request.app.state.store
+    sentence = str(error).replace(str(store.root), "the studio's folder")
     led = {"led": True} if isinstance(error, Led) else {}
     return JSONResponse({"sentence": sentence, **led}, 409 if isinstance(error, Interrupted | RobotStopped) else 422)
 

@@ -20,7 +20,7 @@ _BETWEEN_GLANCES = 0.04
 
 @dataclass
 class Asker:
-    """Puts questions on the page; `answer` is what a procedure's dialogue and an attendant want."""
+    """Puts questions on the page; `answer` is what a procedure's dialogue and an operator want."""
 
     folder: PaintingFolder
     feed: Feed

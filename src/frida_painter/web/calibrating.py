@@ -10,9 +10,9 @@ from frida_painter.cli.calibration import Place, begin_procedure, beside, learn_
 from frida_painter.cli.real import attended_by
 from frida_painter.hardware.easel import Easel
 from frida_painter.session.easel_process import EaselProcess
+from frida_painter.session.procedures.calibration_status import require_basis, statuses
 from frida_painter.session.procedures.dialogue import lead
 from frida_painter.session.procedures.finding import Finding
-from frida_painter.session.procedures.standing import require_basis, standings
 from frida_painter.session.procedures.strokes import StrokesFinding
 from frida_painter.web.calibrate import Calibrate
 from frida_painter.web.feed import Feed
@@ -84,6 +84,6 @@ def _tell_standing(feed: Feed, record: Calibration, easel: Calibration) -> None:
             "fault": standing.fault,
             "old": standing.is_old,
         }
-        for standing in standings(record, easel)
+        for standing in statuses(record, easel)
     ]
     feed.tell("standing", easel=easel.easel, procedures=stands)

@@ -46,7 +46,7 @@ def tell_painter(folder: PaintingFolder, kind: Kind, by: str, *, count: int = 0,
         writer.close()
 
 
-class Ear:
+class CommandReader:
     """The painter's end: hears each command that is still good, once."""
 
     def __init__(self, folder: PaintingFolder) -> None:

@@ -12,7 +12,7 @@ from frida_painter.export.table import table
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.plan import Plan
 from frida_painter.session.choreography import BrushLoad, Choreography
-from frida_painter.session.desk import Desk
+from frida_painter.session.flatbed_workspace import FlatbedWorkspace
 
 
 def export(plan: Plan, model: StrokeModel, folder: Path) -> None:
@@ -20,7 +20,7 @@ def export(plan: Plan, model: StrokeModel, folder: Path) -> None:
 
     Raises StorageError.
     """
-    desk = Desk()
+    desk = FlatbedWorkspace()
     actions = Choreography(desk.motion(plan.canvas), brush_kind(model.brush)).actions(plan, BrushLoad(), 0, len(plan))
     program = gcode(plan, list(actions), Gcode("grbl", desk.travel_speed), pauses=True)
     storage.write_text(folder / "strokes.svg", svg(plan, mark_widths(plan.strokes, model)))

@@ -13,27 +13,27 @@ from frida_painter import storage
 from frida_painter.errors import Interrupted
 from frida_painter.web.folder import PaintingFolder, working
 from frida_painter.web.lines import LineReader
-from frida_painter.web.requests import Operating, TheShelf, ThisPainting
+from frida_painter.web.requests import Operating, ThePaintingStore, ThisPainting
 from frida_painter.web.state import PaintingState
 
 router = APIRouter()
 
 
 @router.get("/api/paintings")
-def paintings(shelf: TheShelf) -> list[dict[str, Any]]:
+def paintings(store: ThePaintingStore) -> list[dict[str, Any]]:
     """All paintings, the newest first, with the picture that shows each best."""
     return [
-        {"id": entry.id, "title": entry.title, "begun": entry.begun, **_glance(entry.folder)} for entry in shelf.all()
+        {"id": entry.id, "title": entry.title, "begun": entry.begun, **_glance(entry.folder)} for entry in store.all()
     ]
 
 
 @router.post("/api/paintings/{identifier}/delete")
-def delete(entry: ThisPainting, session: Operating, shelf: TheShelf) -> dict[str, str]:
+def delete(entry: ThisPainting, session: Operating, store: ThePaintingStore) -> dict[str, str]:
     """Removes a painting with all its files, for good."""
     if working(entry.folder):
         raise Interrupted("The painter is at work on this painting; stop it first.")
-    shelf.note(session.id, entry.id, "delete")
-    shelf.delete(entry)
+    store.note(session.id, entry.id, "delete")
+    store.delete(entry)
     return {"id": entry.id}
 
 

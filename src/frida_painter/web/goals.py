@@ -14,8 +14,8 @@ from frida_painter.web import uploads
 from frida_painter.web.abilities import abilities
 from frida_painter.web.feed import Feed
 from frida_painter.web.pace import pace
-from frida_painter.web.requests import AnySession, Planning, TheShelf, TheWorkers, ThisPainting
-from frida_painter.web.shelf import Entry, Shelf
+from frida_painter.web.painting_store import Entry, PaintingStore
+from frida_painter.web.requests import AnySession, Planning, ThePaintingStore, TheWorkers, ThisPainting
 from frida_painter.web.wish import Wish
 from frida_painter.web.workers import Workers
 
@@ -23,7 +23,7 @@ router = APIRouter(prefix="/api")
 
 
 @router.get("/studio")
-def studio(session: AnySession, shelf: TheShelf, workers: TheWorkers) -> dict[str, Any]:
+def studio(session: AnySession, store: ThePaintingStore, workers: TheWorkers) -> dict[str, Any]:
     """What the page needs to know of this studio, and the sign that its requests carry."""
     station = workers.station
     return {
@@ -34,63 +34,63 @@ def studio(session: AnySession, shelf: TheShelf, workers: TheWorkers) -> dict[st
         "robot": station.robot,
         "simulated": station.simulated,
         "dangerous": station.dangerous,
-        "pace": asdict(pace(shelf, real_time=not station.simulated)),
+        "pace": asdict(pace(store, real_time=not station.simulated)),
         "canvas": station.canvas,
     }
 
 
 @router.post("/pictures")
-async def give_picture(request: Request, session: Planning, shelf: TheShelf) -> dict[str, str]:
+async def give_picture(request: Request, session: Planning, store: ThePaintingStore) -> dict[str, str]:
     """Takes a picture, the plain bytes of its file, and gives it an id."""
     content = await request.body()
-    return {"id": await run_in_threadpool(uploads.keep, content, shelf.pictures)}
+    return {"id": await run_in_threadpool(uploads.keep, content, store.pictures)}
 
 
 @router.get("/pictures/{picture}")
-def show_picture(picture: Annotated[str, Path(max_length=64)], shelf: TheShelf) -> FileResponse:
+def show_picture(picture: Annotated[str, Path(max_length=64)], store: ThePaintingStore) -> FileResponse:
     """A picture that was given."""
-    path = shelf.pictures / f"{picture}.png"
+    path = store.pictures / f"{picture}.png"
     if not re.fullmatch(r"[0-9a-f]{32}", picture) or not path.is_file():
         raise HTTPException(404, "There is no such picture.")
     return FileResponse(path, headers={"Content-Disposition": "attachment", "Cache-Control": "private, max-age=86400"})
 
 
 @router.post("/paintings")
-def begin(wish: Wish, session: Planning, shelf: TheShelf, workers: TheWorkers) -> Mapping[str, str]:
+def begin(wish: Wish, session: Planning, store: ThePaintingStore, workers: TheWorkers) -> Mapping[str, str]:
     """Begins a painting, and its first plan."""
-    require_possible(wish, shelf)
-    entry = shelf.begin(wish.title or "Untitled")
-    _plan(entry, wish, shelf, workers)
+    require_possible(wish, store)
+    entry = store.begin(wish.title or "Untitled")
+    _plan(entry, wish, store, workers)
     return {"id": entry.id}
 
 
 @router.post("/paintings/{identifier}/plans")
 def plan_again(
-    wish: Wish, entry: ThisPainting, session: Planning, shelf: TheShelf, workers: TheWorkers
+    wish: Wish, entry: ThisPainting, session: Planning, store: ThePaintingStore, workers: TheWorkers
 ) -> Mapping[str, str]:
     """Has another plan made for a painting, of the same wish or another."""
-    require_possible(wish, shelf)
-    _plan(entry, wish, shelf, workers)
+    require_possible(wish, store)
+    _plan(entry, wish, store, workers)
     return {"id": entry.id}
 
 
-def require_possible(wish: Wish, shelf: Shelf) -> None:
+def require_possible(wish: Wish, store: PaintingStore) -> None:
     """Answers 422 where a picture is gone, or a network that is needed is not here."""
-    if not all((shelf.pictures / f"{name}.png").is_file() for name in wish.pictures):
+    if not all((store.pictures / f"{name}.png").is_file() for name in wish.pictures):
         raise HTTPException(422, "A picture of this goal is gone; choose it again.")
     missing = [kind for kind in {term.kind for term in (*wish.terms, *wish.initial)} if not abilities()[kind]["ready"]]
     if missing:
         raise HTTPException(422, abilities()[missing[0]]["advice"])
 
 
-def _plan(entry: Entry, wish: Wish, shelf: Shelf, workers: Workers) -> None:
+def _plan(entry: Entry, wish: Wish, store: PaintingStore, workers: Workers) -> None:
     folder = entry.folder
     with workers.place_at(folder) as place:
         folder.stop.unlink(missing_ok=True)
-        plan = folder.begin_plan(wish, shelf.pictures)
+        plan = folder.begin_plan(wish, store.pictures)
         feed = Feed(folder)
         feed.tell("wished", plan=plan.number, wish=wish.model_dump(mode="json"))
         feed.close()
         if wish.title and wish.title != entry.title:
-            shelf.rename(entry.id, wish.title)
+            store.rename(entry.id, wish.title)
         place.start("plan", plan)

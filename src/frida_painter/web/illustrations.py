@@ -15,8 +15,8 @@ from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.export.bezier import mark_widths
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.mixing.amounts import volumes
+from frida_painter.mixing.paint_inventory import usual_paints
 from frida_painter.mixing.recipe import recipes
-from frida_painter.mixing.shelf import usual_paints
 from frida_painter.plan import Plan
 from frida_painter.render import render
 from frida_painter.report.palette_sheet import palette_sheet

@@ -6,33 +6,33 @@ from fastapi import APIRouter
 
 from frida_painter.errors import StorageError
 from frida_painter.web.folder import PaintingFolder, working
-from frida_painter.web.requests import AnySession, Operator, TheLead, TheShelf, TheSigns
+from frida_painter.web.requests import AnySession, OperatorSession, TheLead, ThePaintingStore, TheSigns
 
 router = APIRouter(prefix="/api")
 
 
 @router.post("/stop")
-async def stop(session: AnySession, shelf: TheShelf) -> dict[str, int]:
+async def stop(session: AnySession, store: ThePaintingStore) -> dict[str, int]:
     """Stops everything that is being done in this studio; whoever may look may stop."""
-    stopped = [folder for folder in map(PaintingFolder, shelf.root.iterdir()) if working(folder)]
+    stopped = [folder for folder in map(PaintingFolder, store.root.iterdir()) if working(folder)]
     for folder in stopped:
         folder.stop_now()
     with contextlib.suppress(StorageError):
-        shelf.note(session.id, ", ".join(folder.path.name for folder in stopped), "stop")
+        store.note(session.id, ", ".join(folder.path.name for folder in stopped), "stop")
     return {"stopped": len(stopped)}
 
 
 @router.post("/lead")
-def take_lead(session: Operator, signs: TheSigns, lead: TheLead, shelf: TheShelf) -> dict[str, str]:
+def take_lead(session: OperatorSession, signs: TheSigns, lead: TheLead, store: ThePaintingStore) -> dict[str, str]:
     """From now on this browser has the robot do things, and no other."""
     lead.take_over(session.id, signs.nonce, signs.given, signs.page)
-    shelf.note(session.id, "", "lead")
+    store.note(session.id, "", "lead")
     return {"leads": "you"}
 
 
 @router.post("/lead/back")
-def give_lead_back(session: Operator, signs: TheSigns, lead: TheLead, shelf: TheShelf) -> dict[str, str]:
+def give_lead_back(session: OperatorSession, signs: TheSigns, lead: TheLead, store: ThePaintingStore) -> dict[str, str]:
     """The page that gave the last order is left: any browser may lead now."""
     if lead.give_back(session.id, signs.page):
-        shelf.note(session.id, "", "lead given back")
+        store.note(session.id, "", "lead given back")
     return {"leads": "nobody"}

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from frida_painter.web.lines import LineReader
-from frida_painter.web.shelf import Shelf
+from frida_painter.web.painting_store import PaintingStore
 
 _LAST = 6  # paintings that are looked at
 _LOADING = 4.0  # seconds before a plan begins to grow
@@ -20,10 +20,10 @@ class Pace:
     painting: float
 
 
-def pace(shelf: Shelf, *, real_time: bool) -> Pace:
+def pace(store: PaintingStore, *, real_time: bool) -> Pace:
     """The pace to expect. real_time: whether the robot takes its time, rather than the computer's."""
     found = Pace(_LOADING, 0.1, 6.0 if real_time else 0.2)
-    for entry in reversed(shelf.all()[:_LAST]):
+    for entry in reversed(store.all()[:_LAST]):
         lines = LineReader(entry.folder.feed).read()
         try:
             found.planning = _planning(lines) or found.planning

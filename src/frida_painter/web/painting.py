@@ -12,9 +12,9 @@ from frida_painter.web.commands import tell_painter
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import require_disk, working
 from frida_painter.web.goals import require_possible
+from frida_painter.web.painting_store import Entry
 from frida_painter.web.procedures import hand_on
-from frida_painter.web.requests import Beside, Operating, TheShelf, TheWatch, TheWorkers, ThisPainting
-from frida_painter.web.shelf import Entry
+from frida_painter.web.requests import Beside, Operating, ThePaintingStore, TheWatch, TheWorkers, ThisPainting
 from frida_painter.web.state import PaintingState
 from frida_painter.web.watch import EventStream, current, require_room
 from frida_painter.web.wish import Identifier, Wish
@@ -64,7 +64,7 @@ def events(entry: ThisPainting, watch: TheWatch) -> EventStream:
 
 @router.post("/start")
 def start(
-    order: Start, entry: ThisPainting, session: Operating, beside: Beside, shelf: TheShelf, workers: TheWorkers
+    order: Start, entry: ThisPainting, session: Operating, beside: Beside, store: ThePaintingStore, workers: TheWorkers
 ) -> Mapping[str, str]:
     """Begins to paint one of the plans."""
     if not order.ready:
@@ -79,7 +79,7 @@ def start(
     with workers.place_at(folder) as place:
         beside.allow(folder, workers.station)
         folder.stop.unlink(missing_ok=True)
-        shelf.note(session.id, entry.id, f"start plan {order.plan}")
+        store.note(session.id, entry.id, f"start plan {order.plan}")
         feed = Feed(folder)
         feed.tell("begun", plan=order.plan, of=plan.wish().strokes)
         feed.close()
@@ -89,7 +89,7 @@ def start(
 
 @router.post("/resume")
 def resume(
-    entry: ThisPainting, session: Operating, beside: Beside, shelf: TheShelf, workers: TheWorkers
+    entry: ThisPainting, session: Operating, beside: Beside, store: ThePaintingStore, workers: TheWorkers
 ) -> Mapping[str, str]:
     """Goes on with a painting that was stopped, killed or broke off."""
     folder = entry.folder
@@ -103,7 +103,7 @@ def resume(
         beside.allow(folder, workers.station)
         folder.stop.unlink(missing_ok=True)
         folder.robot_stop.unlink(missing_ok=True)
-        shelf.note(session.id, entry.id, "resume")
+        store.note(session.id, entry.id, "resume")
         feed = Feed(folder)
         feed.tell("taken up", done=painting["done"])
         feed.close()
@@ -112,39 +112,39 @@ def resume(
 
 
 @router.post("/answer")
-def answer(given: Reply, entry: ThisPainting, session: Operating, shelf: TheShelf) -> Mapping[str, str]:
+def answer(given: Reply, entry: ThisPainting, session: Operating, store: ThePaintingStore) -> Mapping[str, str]:
     """Answers what the painter has asked."""
-    shelf.note(session.id, entry.id, f"answer: {given.words}")
+    store.note(session.id, entry.id, f"answer: {given.words}")
     hand_on(given, entry.folder, current(entry.folder, PaintingState)["question"], session.id)
     return {"id": entry.id}
 
 
 @router.post("/say")
-def say(order: Say, entry: ThisPainting, session: Operating, shelf: TheShelf) -> Mapping[str, str]:
+def say(order: Say, entry: ThisPainting, session: Operating, store: ThePaintingStore) -> Mapping[str, str]:
     """Tells the painter to pause, to go on, to look, and the like."""
     _require_painting(entry)
-    shelf.note(session.id, entry.id, f"{order.kind} {order.count}")
+    store.note(session.id, entry.id, f"{order.kind} {order.count}")
     tell_painter(entry.folder, order.kind, session.id, count=order.count)
     return {"id": entry.id}
 
 
 @router.post("/region")
-def protect(drawn: Drawn, entry: ThisPainting, session: Operating, shelf: TheShelf) -> Mapping[str, str]:
+def protect(drawn: Drawn, entry: ThisPainting, session: Operating, store: ThePaintingStore) -> Mapping[str, str]:
     """Tells the painter which part of the canvas it must not touch, or which alone it may."""
     _require_painting(entry)
-    number = entry.folder.keep_region(shelf.pictures / f"{drawn.picture}.png")
-    shelf.note(session.id, entry.id, f"region {number}")
+    number = entry.folder.keep_region(store.pictures / f"{drawn.picture}.png")
+    store.note(session.id, entry.id, f"region {number}")
     tell_painter(entry.folder, "only" if drawn.only else "spare", session.id, record=number)
     return {"id": entry.id}
 
 
 @router.post("/goal")
-def change_goal(wish: Wish, entry: ThisPainting, session: Operating, shelf: TheShelf) -> Mapping[str, str]:
+def change_goal(wish: Wish, entry: ThisPainting, session: Operating, store: ThePaintingStore) -> Mapping[str, str]:
     """Tells the painter to go on towards something else; canvas, brush and paints stay."""
     _require_painting(entry)
-    require_possible(wish, shelf)
-    number = entry.folder.begin_change(wish, shelf.pictures)
-    shelf.note(session.id, entry.id, f"goal {number}")
+    require_possible(wish, store)
+    number = entry.folder.begin_change(wish, store.pictures)
+    store.note(session.id, entry.id, f"goal {number}")
     tell_painter(entry.folder, "goal", session.id, record=number)
     return {"id": entry.id}
 

@@ -2,7 +2,7 @@
 
 from frida_painter.config import PaintingSettings
 from frida_painter.frames import CanvasSize
-from frida_painter.hardware.stand import Stand
+from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.web.calibrate import Calibrate
 from frida_painter.web.station import Station
 from frida_painter.web.wish import Wish
@@ -25,5 +25,5 @@ def to_calibrate(wish: Calibrate, station: Station) -> PaintingSettings:
     """On what is calibrated: the canvas of the workspace file, where there is one. Raises ConfigError."""
     size = CanvasSize(wish.width / 1000, wish.height / 1000)
     if station.workspace is not None:
-        size = Stand.load(station.workspace).canvas
+        size = WorkcellConfig.load(station.workspace).canvas
     return PaintingSettings.of(canvas=size, brush=wish.brush, seed=wish.seed)

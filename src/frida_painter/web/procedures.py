@@ -11,7 +11,7 @@ from frida_painter.web.calibrate import Calibrate
 from frida_painter.web.calibration_state import CalibrationState
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder, require_disk, working
-from frida_painter.web.requests import AnySession, Beside, Operating, TheShelf, TheWatch, TheWorkers
+from frida_painter.web.requests import AnySession, Beside, Operating, ThePaintingStore, TheWatch, TheWorkers
 from frida_painter.web.watch import EventStream, current, require_room
 
 router = APIRouter(prefix="/api/calibration")
@@ -19,29 +19,29 @@ _ID = "calibration"
 
 
 @router.get("")
-def state(session: AnySession, shelf: TheShelf) -> dict[str, Any]:
+def state(session: AnySession, store: ThePaintingStore) -> dict[str, Any]:
     """Everything that the page shows of it, as it is now."""
-    return current(shelf.calibration, CalibrationState)
+    return current(store.calibration, CalibrationState)
 
 
 @router.get("/events", response_model=None)
-def events(session: AnySession, shelf: TheShelf, watch: TheWatch) -> EventStream:
+def events(session: AnySession, store: ThePaintingStore, watch: TheWatch) -> EventStream:
     """The same, told again whenever something changes (server-sent events)."""
     require_room(watch)
-    return EventStream(watch, _ID, shelf.calibration, CalibrationState)
+    return EventStream(watch, _ID, store.calibration, CalibrationState)
 
 
 @router.post("/start")
 def start(
-    wish: Calibrate, session: Operating, beside: Beside, shelf: TheShelf, workers: TheWorkers
+    wish: Calibrate, session: Operating, beside: Beside, store: ThePaintingStore, workers: TheWorkers
 ) -> Mapping[str, str]:
     """Begins to calibrate."""
-    folder = shelf.calibration
+    folder = store.calibration
     require_disk(folder.path, 200 * 2**20)
     with workers.place_at(folder) as place:
         beside.allow(folder, workers.station)
         folder.stop.unlink(missing_ok=True)
-        shelf.note(session.id, _ID, f"calibrate {', '.join(wish.what)}")
+        store.note(session.id, _ID, f"calibrate {', '.join(wish.what)}")
         wish.keep(folder)
         feed = Feed(folder)
         feed.tell("begun", what=list(wish.what))
@@ -51,17 +51,17 @@ def start(
 
 
 @router.post("/answer")
-def answer(given: Reply, session: Operating, shelf: TheShelf) -> Mapping[str, str]:
+def answer(given: Reply, session: Operating, store: ThePaintingStore) -> Mapping[str, str]:
     """Answers what a procedure has asked, or moves the brush as it is asked for."""
-    shelf.note(session.id, _ID, f"answer: {given.words}")
-    hand_on(given, shelf.calibration, current(shelf.calibration, CalibrationState)["question"], session.id)
+    store.note(session.id, _ID, f"answer: {given.words}")
+    hand_on(given, store.calibration, current(store.calibration, CalibrationState)["question"], session.id)
     return {"id": _ID}
 
 
 @router.get("/files/{name}")
-def file(name: str, session: AnySession, shelf: TheShelf) -> FileResponse:
+def file(name: str, session: AnySession, store: ThePaintingStore) -> FileResponse:
     """A picture of what is asked, or was found."""
-    path = shelf.calibration.shown("live", name)
+    path = store.calibration.shown("live", name)
     if path is None:
         raise HTTPException(404, "There is no such picture.")
     return FileResponse(path, headers={"Content-Disposition": "attachment", "Cache-Control": "no-store"})

@@ -8,8 +8,8 @@ from fastapi import Depends, Header, HTTPException, Path, Request
 
 from frida_painter.web.access import Role, Session
 from frida_painter.web.lead import Lead
+from frida_painter.web.painting_store import Entry, PaintingStore
 from frida_painter.web.presence import Presence
-from frida_painter.web.shelf import Entry, Shelf
 from frida_painter.web.watch import Watch
 from frida_painter.web.workers import Workers
 
@@ -20,10 +20,10 @@ def session_of(request: Request) -> Session:
     return session
 
 
-def shelf_of(request: Request) -> Shelf:
-    """The shelf of this studio."""
-    shelf: Shelf = request.app.state.shelf
-    return shelf
+def painting_store_of(request: Request) -> PaintingStore:
+    """The store of this studio."""
+    store: PaintingStore = request.app.state.store
+    return store
 
 
 def watch_of(request: Request) -> Watch:
@@ -50,9 +50,11 @@ def presence_of(request: Request) -> Presence:
     return presence
 
 
-def painting_of(identifier: Annotated[str, Path(max_length=64)], shelf: Annotated[Shelf, Depends(shelf_of)]) -> Entry:
+def painting_of(
+    identifier: Annotated[str, Path(max_length=64)], store: Annotated[PaintingStore, Depends(painting_store_of)]
+) -> Entry:
     """The painting that is meant. Answers 404 where there is none."""
-    entry = shelf.find(identifier)
+    entry = store.find(identifier)
     if entry is None:
         raise HTTPException(404, "There is no such painting; it may have been deleted.")
     return entry
@@ -106,10 +108,10 @@ def _require(session: Session, role: Role) -> Session:
 
 AnySession = Annotated[Session, Depends(session_of)]
 Planning = Annotated[Session, Depends(may_plan)]
-Operator = Annotated[Session, Depends(operator)]
+OperatorSession = Annotated[Session, Depends(operator)]
 Operating = Annotated[Session, Depends(may_operate)]
 ThisPainting = Annotated[Entry, Depends(painting_of)]
-TheShelf = Annotated[Shelf, Depends(shelf_of)]
+ThePaintingStore = Annotated[PaintingStore, Depends(painting_store_of)]
 TheWatch = Annotated[Watch, Depends(watch_of)]
 TheSigns = Annotated[Signs, Depends(signs_of)]
 TheLead = Annotated[Lead, Depends(lead_of)]

@@ -10,8 +10,8 @@ import uvicorn
 from frida_painter.errors import ConfigError
 from frida_painter.web.access import Keys, Role
 from frida_painter.web.app import application, guarded
+from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.presence import Presence
-from frida_painter.web.shelf import Shelf
 from frida_painter.web.station import Station
 from frida_painter.web.watch import Watch
 
@@ -58,7 +58,7 @@ def hosts(address: str, port: int, names: tuple[str, ...] = ()) -> frozenset[str
 
 
 def serve(
-    shelf: Shelf,
+    store: PaintingStore,
     station: Station,
     listening: socket.socket,
     names: tuple[str, ...],
@@ -72,7 +72,7 @@ def serve(
     known = hosts(address, port, names)
     keys, presence = Keys(), Presence()
     first = f"{names[0]}:{port}" if names else sorted(known)[0]
-    app = application(shelf, station, presence)
+    app = application(store, station, presence)
     config = uvicorn.Config(
         guarded(app, keys, known, f"studio-{port}"),
         log_level="warning",

@@ -9,7 +9,7 @@ from pathlib import Path
 from torch import Tensor
 
 from frida_painter import storage
-from frida_painter.cli import goals, kept
+from frida_painter.cli import kept
 from frida_painter.cli.painting import fit_to_canvas
 from frida_painter.cli.progress import Forecast
 from frida_painter.cli.real import attended_by
@@ -23,26 +23,27 @@ from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.report.doubt import doubt
 from frida_painter.report.recorder import Occasion, Recorder
+from frida_painter.runs import goals
 from frida_painter.session import resuming
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.easels import ARM_FILM
 from frida_painter.session.events import Event
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import Halfway, Painting, PaintingSession
+from frida_painter.session.loop import Painting, PaintingSession, ResumeState
 from frida_painter.session.names import HUMAN
 from frida_painter.session.opening import on_record, open_planner, open_session
 from frida_painter.session.procedures.dialogue import Confirm
+from frida_painter.session.replan_policy import ReplanPolicy
 from frida_painter.session.resuming import KeptPlan
-from frida_painter.session.rhythm import Rhythm
 from frida_painter.web.exports import export
 from frida_painter.web.folder import PlanFolder
 from frida_painter.web.job import Job
 from frida_painter.web.painting_settings import to_paint
+from frida_painter.web.pause_controller import PauseController
 from frida_painter.web.telling import Reporter
-from frida_painter.web.together import Together
 
-_GLIMPSES = 400
+_TIMELAPSE_FRAMES = 400
 
 
 def paint(job: Job, place: PlanFolder) -> None:
@@ -80,16 +81,16 @@ def resume(job: Job, place: PlanFolder) -> None:
         sitting = _Sitting(job, planner, what, stack.enter_context(_recorder(job, planner, what, history)))
         session = sitting.begin(how, easel, journal, history, plan)
         if (bare := resuming.bare_photograph(folder)) is not None:
-            session.eye.learn_good(bare)
+            session.observer.learn_good(bare)
         now = session.look()
-        before = resuming.seen_before(folder, plan, session.eye) if plan else None
+        before = resuming.seen_before(folder, plan, session.observer) if plan else None
         if before is not None and not sitting.is_as_left(begun, history, before, now):
             before = None
         journal.resumed(history, repaint=sitting.repaints(plan, history, now))
         if plan is None:
             sitting.to_its_end(lambda session: session.run(how.settings.strokes, how.settings.colors))
         else:
-            where = Halfway(plan.plan, history.painted, plan.planning.done, before, now)
+            where = ResumeState(plan.plan, history.painted, plan.planning.done, before, now)
             sitting.to_its_end(lambda session: session.resume(where))
 
 
@@ -127,12 +128,12 @@ def _occasion(
 
 
 def _recorder(job: Job, planner: Planner, what: Occasion, history: History | None = None) -> Recorder:
-    return Recorder(job.folder.painting, what, planner.model, _glimpses(job, what), history)
+    return Recorder(job.folder.painting, what, planner.model, _timelapse_frames(job, what), history)
 
 
-def _glimpses(job: Job, what: Occasion) -> int:
+def _timelapse_frames(job: Job, what: Occasion) -> int:
     """How many pictures the film gets: none by hand, for nobody wants to step aside after every stroke."""
-    return 0 if job.site.robot == HUMAN else min(int(what.settings["strokes"]), _GLIMPSES)
+    return 0 if job.site.robot == HUMAN else min(int(what.settings["strokes"]), _TIMELAPSE_FRAMES)
 
 
 class _Sitting:
@@ -140,7 +141,7 @@ class _Sitting:
 
     def __init__(self, job: Job, planner: Planner, what: Occasion, recorder: Recorder) -> None:
         self._job, self._planner, self._recorder = job, planner, recorder
-        self._glimpses = _glimpses(job, what)
+        self._timelapse_frames = _timelapse_frames(job, what)
         self.session: PaintingSession
         self._reporter: Reporter
 
@@ -155,9 +156,9 @@ class _Sitting:
         """Connects robot and camera, and opens the session, whose events are recorded and told."""
         job, planner = self._job, self._planner
         easel = attended_by(easel, job.site, job.asker.answer)
-        forecast = _forecast(planner, how.settings, self._glimpses)
+        forecast = _forecast(planner, how.settings, self._timelapse_frames)
         self._reporter = Reporter(job.feed, job.folder, planner.model, planner.size, forecast)
-        together = Together(job.folder, job.feed, job.stop)
+        together = PauseController(job.folder, job.feed, job.stop)
         easel.robot.connect()
         easel.camera.connect()
 
@@ -170,7 +171,7 @@ class _Sitting:
             how.settings,
             planner,
             easel,
-            glimpses=self._glimpses,
+            timelapse_frames=self._timelapse_frames,
             stop_asked=lambda: job.stop.asked,
             pause_asked=together.pause_asked,
             go_on=together.go_on,
@@ -204,7 +205,7 @@ class _Sitting:
     def is_as_left(self, begun: Begun, history: History, before: Tensor, now: Tensor) -> bool:
         """Whether the canvas is as it was left; where it is not, a person has to want it painted on all the same."""
         try:
-            require_as_left(begun, history, self._planner, self.session.eye, before, now)
+            require_as_left(begun, history, self._planner, self.session.observer, before, now)
         except FrameRejected as difference:
             question = f"{str(difference).split(' Look at ')[0]} Shall it be painted on as it is?"
             if self._job.asker.answer(Confirm(question, now, proposal=False)) is not True:
@@ -222,9 +223,9 @@ class _Sitting:
         return self._job.asker.answer(Confirm(question, doubt(plan, number - 1, now, painted), proposal=False)) is True
 
 
-def _forecast(planner: Planner, settings: PaintingSettings, glimpses: int) -> Forecast:
+def _forecast(planner: Planner, settings: PaintingSettings, timelapse_frames: int) -> Forecast:
     again = planner.effort.refining + planner.effort.replanning
-    rhythm = Rhythm(settings.replans, glimpses)
+    rhythm = ReplanPolicy(settings.replans, timelapse_frames)
     return Forecast(settings.strokes, rhythm, time.monotonic(), planning=0, replanning=again)
 
 

@@ -5,13 +5,13 @@ import sys
 from pathlib import Path
 
 from frida_painter.errors import ConfigError
-from frida_painter.hardware.stand import Stand
+from frida_painter.hardware.workcell import WorkcellConfig
 
 
 def main() -> None:
     """Prints {"canvas": [width, height]} in millimetres, or {"fault": a sentence}."""
     try:
-        size = Stand.load(Path(sys.argv[1])).canvas
+        size = WorkcellConfig.load(Path(sys.argv[1])).canvas
     except ConfigError as fault:
         print(json.dumps({"fault": str(fault)}))
     else:

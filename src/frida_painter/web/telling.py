@@ -15,7 +15,6 @@ from frida_painter.report.difference import difference
 from frida_painter.session.events import (
     Dipped,
     Event,
-    Glimpsed,
     Looked,
     PaintsWanted,
     Planned,
@@ -23,8 +22,9 @@ from frida_painter.session.events import (
     Stopped,
     StrokeLeftOut,
     StrokePainted,
+    TimelapseFrame,
 )
-from frida_painter.session.loop import GLIMPSE_ROWS
+from frida_painter.session.loop import TIMELAPSE_ROWS
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.illustrations import Growing, illustrate
@@ -52,7 +52,7 @@ class Reporter:
     _growing: Growing | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        grid = PixelGrid.of_height(self.size, GLIMPSE_ROWS)
+        grid = PixelGrid.of_height(self.size, TIMELAPSE_ROWS)
         self.seen = self._canvas = torch.ones(3, grid.rows, grid.columns)
 
     def hear(self, event: Event) -> None:
@@ -73,7 +73,7 @@ class Reporter:
             case StrokePainted(done=done, of=of) | StrokeLeftOut(done=done, of=of):
                 self.done = done
                 self.feed.tell("stroke", done=done, of=of, left=round(left, 1))
-            case Glimpsed(photograph=photograph, done=done):
+            case TimelapseFrame(photograph=photograph, done=done):
                 self._photograph(photograph, done)
             case Looked():
                 self._looked(event)

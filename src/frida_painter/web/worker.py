@@ -17,7 +17,7 @@ import torch
 
 from frida_painter.errors import ConfigError, FridaError, RobotStopped
 from frida_painter.planning.optimize import Step
-from frida_painter.session.opening import open_planner, settle_threads
+from frida_painter.session.opening import limit_threads, open_planner
 from frida_painter.web.asking import Asker
 from frida_painter.web.calibrating import calibrate
 from frida_painter.web.exports import export
@@ -39,7 +39,7 @@ def main() -> None:
     folder.live.mkdir(exist_ok=True)
     feed = Feed(folder)
     stop = Stop(folder.stop)
-    settle_threads()
+    limit_threads()
     try:
         job = Job(folder, Station.take(json.loads(station)), feed, stop, Asker(folder, feed, stop))
         work(what, job, folder.plan(int(number)))

@@ -17,7 +17,7 @@ from torch import Tensor
 from frida_painter import storage, tensor_file
 from frida_painter.errors import StorageError, WeightsError
 from frida_painter.model_folder import RECORD, VARIABLE, are_here, cache_folder
-from frida_painter.weights.catalogue import Kept, NamedWeights, named
+from frida_painter.weights.catalogue import CachedFile, NamedWeights, named
 from frida_painter.weights.folder import Folder
 from frida_painter.weights.notices import Announced, Listener, Received, Refused
 from frida_painter.weights.sources import Counter, Original, Source
@@ -166,7 +166,7 @@ def _check(original: Original, path: Path) -> None:
         raise WeightsError(f"its {original.name} is another file than the one that is known (its sha256 differs)")
 
 
-def _keep_file(file: Kept, scratch: Path, folder: Path) -> str:
+def _keep_file(file: CachedFile, scratch: Path, folder: Path) -> str:
     """Puts one file into the folder; returns its sha256."""
     brought = file.original.in_folder(scratch)
     try:

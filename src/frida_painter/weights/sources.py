@@ -70,7 +70,7 @@ class Source(Protocol):
 
 
 @dataclass(frozen=True)
-class Site:
+class DownloadSite:
     """A folder on a web server.
 
     address: without a slash at its end.
@@ -145,8 +145,8 @@ class Hub:
         return os.environ.get("HF_ENDPOINT", "").rstrip("/") or "https://huggingface.co"
 
     @property
-    def _site(self) -> Site:
-        return Site(f"{self._endpoint}/{self.repository}/resolve/{self.revision}")
+    def _site(self) -> DownloadSite:
+        return DownloadSite(f"{self._endpoint}/{self.repository}/resolve/{self.revision}")
 
 
 def download(address: str, path: Path, size: int, received: Counter) -> None:

@@ -5,7 +5,7 @@ import torch
 
 from frida_painter import weights
 from frida_painter.objectives.encoders.class_names import class_names
-from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.objectives.encoders.registry import EncoderRegistry
 from networks import WordBag, random_reader
 
 
@@ -58,6 +58,6 @@ def test_the_real_one_tells_photographs_apart_by_words() -> None:
             for photo in (skimage.data.coffee(), skimage.data.chelsea(), skimage.data.rocket())
         ]
     )
-    reader = Encoders().readers()[0]
+    reader = EncoderRegistry().readers()[0]
     words = torch.stack([reader.embed_text(prompt) for prompt in ("a cup of coffee", "a cat", "a rocket")])
     assert (reader.embed_pictures(photographs) @ words.T).argmax(0).tolist() == [0, 1, 2]

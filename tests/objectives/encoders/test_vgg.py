@@ -4,7 +4,7 @@ from torch.nn import functional
 
 from frida_painter import weights
 from frida_painter.errors import WeightsError
-from frida_painter.objectives.encoders.shelf import Encoders
+from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.encoders.vgg import Vgg16
 from networks import random_vgg_tensors
 
@@ -51,7 +51,7 @@ def test_weights_of_another_network_are_refused() -> None:
 
 def test_without_weights_the_sentence_says_how_to_get_them(tmp_path: pytest.TempPathFactory) -> None:
     with pytest.raises(WeightsError, match="frida-painter models fetch hed"):
-        Encoders(tmp_path).style()
+        EncoderRegistry(tmp_path).style()
 
 
 @pytest.mark.skipif(weights.find("hed") is None, reason="needs fetched weights: frida-painter models fetch hed")
@@ -65,7 +65,7 @@ def test_textures_are_told_apart() -> None:
         name: torch.from_numpy(getattr(data, name)()).float().expand(3, -1, -1) / 255
         for name in ("brick", "grass", "gravel")
     }
-    encoders = Encoders()
+    encoders = EncoderRegistry()
     vgg = encoders.style()
     assert encoders.choices[0].purpose == "style"
     for name, texture in textures.items():

@@ -236,10 +236,10 @@ def test_a_canvas_at_hover_height_is_refused():
 
 def test_a_person_is_asked_for_paper_where_nobody_else_lays_it():
     studio = studio_with("fine")
-    attendant, asked = studio.easel.attendant, []
+    operator, asked = studio.easel.operator, []
 
     class Helper:
-        fill_wells = attendant.fill_wells
+        fill_wells = operator.fill_wells
 
         def lay_paper(self):
             return False
@@ -247,14 +247,14 @@ def test_a_person_is_asked_for_paper_where_nobody_else_lays_it():
     def person(question):
         asked.append(question)
         if isinstance(question, Confirm) and question.text.startswith("Lay"):
-            attendant.lay_paper()
+            operator.lay_paper()
         return question.proposal
 
-    finding = lead(brush(replace(studio.easel, attendant=Helper())), person)
+    finding = lead(brush(replace(studio.easel, operator=Helper())), person)
     assert abs(finding.touch_height - studio.touch_height) < 0.0003
     assert sum(question.text.startswith("Lay") for question in asked if isinstance(question, Confirm)) >= 2
     with pytest.raises(CalibrationError, match="Without paper"):
         lead(
-            brush(replace(studio.easel, attendant=Helper())),
+            brush(replace(studio.easel, operator=Helper())),
             lambda question: question.proposal if not question.text.startswith("Lay") else False,
         )

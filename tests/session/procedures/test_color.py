@@ -10,7 +10,7 @@ from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.frames import CanvasSize
 from frida_painter.perception.checker import EDITIONS
 from frida_painter.perception.difference import difference
-from frida_painter.session.eye import Eye
+from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.procedures.color import WORST_MEAN, color
 from frida_painter.session.procedures.dialogue import Confirm, PointCorners, lead
 from frida_painter.virtual.camera import CameraSpec
@@ -88,10 +88,10 @@ def test_the_painter_sees_the_canvas_as_it_is():
         easel = studio.easel
         if calibrated:
             easel = replace(easel, calibration=lead(color(easel), proposal).enter(easel.calibration))
-        eye = Eye(easel, (1.0, 1.0, 1.0))
-        eye.look(easel.robot.home().finished_at, 200)
+        observer = CanvasObserver(easel, (1.0, 1.0, 1.0))
+        observer.look(easel.robot.home().finished_at, 200)
         places = painted_squares(studio)
-        seen, truth = eye.look(easel.robot.home().finished_at, 200), studio.truth(200)
+        seen, truth = observer.look(easel.robot.home().finished_at, 200), studio.truth(200)
         off = []
         for up, across in places:
             row, column = round(200 * (1 - up)), round(truth.shape[2] * across)
@@ -184,8 +184,8 @@ def test_corners_that_are_not_the_checkers_are_refused():
 
 def test_a_chart_of_other_colours_is_refused():
     studio = studio_with()
-    checker = studio.easel.attendant.checker
-    studio.easel.attendant.checker = replace(checker, looks=checker.looks ** np.array([0.6, 1.4, 1.0], np.float32))
+    checker = studio.easel.operator.checker
+    studio.easel.operator.checker = replace(checker, looks=checker.looks ** np.array([0.6, 1.4, 1.0], np.float32))
     with pytest.raises(CalibrationError, match=f"at most {WORST_MEAN:g}"):
         lead(color(studio.easel), proposal)
 
@@ -204,7 +204,7 @@ def test_a_camera_without_fault_is_left_as_it_is_or_made_no_worse():
 
 
 class Person:
-    """Lays the checker down when asked to, on an easel whose attendant does not."""
+    """Lays the checker down when asked to, on an easel whose operator does not."""
 
     def __init__(self, studio):
         self.studio, self.asked = studio, []
@@ -218,19 +218,19 @@ class Person:
     def answer(self, question):
         self.asked.append(question)
         if isinstance(question, Confirm):
-            self.studio.table.checker = self.studio.easel.attendant.checker if question.text.startswith("Lay") else None
+            self.studio.table.checker = self.studio.easel.operator.checker if question.text.startswith("Lay") else None
         return question.proposal
 
 
 def test_a_person_is_asked_to_lay_the_checker_down_and_to_take_it_away():
     studio = studio_with()
     person = Person(studio)
-    finding = lead(color(replace(studio.easel, attendant=person)), person.answer)
+    finding = lead(color(replace(studio.easel, operator=person)), person.answer)
     assert float(finding.held_out.mean()) < 0.8
     assert [type(question) for question in person.asked] == [Confirm, Confirm, PointCorners, Confirm]
     assert person.asked[2].picture.shape == (3, 600, 800)
     with pytest.raises(CalibrationError, match="Without a colour checker"):
-        lead(color(replace(studio.easel, attendant=person)), lambda question: "Lay" not in question.text)
+        lead(color(replace(studio.easel, operator=person)), lambda question: "Lay" not in question.text)
 
 
 def test_a_canvas_that_was_knocked_meanwhile_does_not_spoil_the_colours():

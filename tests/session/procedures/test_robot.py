@@ -60,7 +60,7 @@ def strokes_off(studio: VirtualStudio, easel: Easel, count: int, seed: int) -> n
         middle = chance.uniform(0.045, size - 0.045)
         marks = []
         for start, turn in ((middle - way / 2, 0), (middle + way / 2, math.pi)):
-            easel.attendant.lay_paper()
+            easel.operator.lay_paper()
             stroke = Strokes(
                 torch.from_numpy(start[None]), torch.tensor([angle + turn]), torch.tensor([0.04]), torch.zeros(1),
                 torch.tensor([0.3]), torch.zeros(1, 3),
@@ -186,5 +186,5 @@ def test_a_person_is_asked_for_a_canvas_and_may_decline() -> None:
 
     asked = []
     with pytest.raises(CalibrationError, match="was not calibrated"):
-        lead(robot(replace(easel, attendant=Absent())), lambda question: asked.append(question))
+        lead(robot(replace(easel, operator=Absent())), lambda question: asked.append(question))
     assert isinstance(asked[0], Confirm) and "16 small black dots" in asked[0].text

@@ -171,11 +171,11 @@ def test_mostly_dirty_strokes_are_kept_and_refused(tmp_path):
     assert (StrokeLibrary.load(out).flaws > 0).sum() >= 4
 
 
-class Attendant:
+class Operator:
     """A person, who is asked for paper."""
 
     def __init__(self, studio):
-        self.studio = studio.easel.attendant
+        self.studio = studio.easel.operator
 
     def fill_wells(self, palette):
         self.studio.fill_wells(palette)
@@ -190,10 +190,10 @@ def test_a_person_is_asked_for_every_paper_and_told_why():
 
     def answer(question):
         asked.append(question)
-        studio.easel.attendant.lay_paper()
+        studio.easel.operator.lay_paper()
         return True
 
-    paint(replace(studio.easel, attendant=Attendant(studio)), count=3, answer=answer)
+    paint(replace(studio.easel, operator=Operator(studio)), count=3, answer=answer)
     assert all(isinstance(question, Confirm) and "fresh white paper" in question.text for question in asked)
     assert len(asked) == 2 and "moved by 3" in asked[1].text
 
@@ -205,11 +205,11 @@ def test_a_person_who_forgets_to_change_the_paper_is_asked_again_and_may_give_up
     def answer(question):
         asked.append(question.text)
         if len(asked) == 3:
-            studio.easel.attendant.lay_paper()
+            studio.easel.operator.lay_paper()
         return len(asked) < 4
 
     with pytest.raises(CalibrationError, match=r"No fresh paper.*8 strokes are kept"):
-        paint(replace(studio.easel, attendant=Attendant(studio)), tmp_path / "library.npz", count=9, answer=answer)
+        paint(replace(studio.easel, operator=Operator(studio)), tmp_path / "library.npz", count=9, answer=answer)
     assert "bare" in asked[2]
 
 
@@ -252,7 +252,7 @@ class Crash(Exception):
 def test_f26_a_crash_at_any_stage_loses_at_most_the_stroke_that_it_hit(stage, call, tmp_path, monkeypatch):
     out = tmp_path / "library.npz"
     studio = paper_studio()
-    part = {"capture": studio.camera, "follow": studio.robot, "home": studio.robot}.get(stage, studio.easel.attendant)
+    part = {"capture": studio.camera, "follow": studio.robot, "home": studio.robot}.get(stage, studio.easel.operator)
     really, calls = getattr(part, stage), []
 
     def crashing(*args):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from frida_painter.frames import CanvasSize
 from frida_painter.virtual.brushes import brush_named
-from frida_painter.virtual.stand import sawyer_stand
+from frida_painter.virtual.studio_layout import sawyer_stand
 
 pytest.importorskip("mink")
 from frida_painter.virtual.sawyer.kinematics import Kinematics

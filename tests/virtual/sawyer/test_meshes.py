@@ -7,7 +7,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.virtual.brushes import brush_named
 from frida_painter.virtual.sawyer.meshes import PARTS, Meshes
-from frida_painter.virtual.stand import sawyer_stand
+from frida_painter.virtual.studio_layout import sawyer_stand
 
 CANVAS = CanvasSize(0.2, 0.15)
 CORNERS = [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1)]

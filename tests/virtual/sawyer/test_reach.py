@@ -9,7 +9,7 @@ from frida_painter.hardware import limits
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.virtual.brushes import brush_named
 from frida_painter.virtual.sawyer.reach import SawyerReach
-from frida_painter.virtual.stand import sawyer_stand
+from frida_painter.virtual.studio_layout import sawyer_stand
 
 CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
 WORKSPACE = sawyer_stand(CANVAS, brush_named("broad")).workspace

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import FridaError, MotionFailed, RobotBusy, RobotDisconnected, RobotError
 from frida_painter.hardware.camera import Camera
-from frida_painter.hardware.easel import Attendant
+from frida_painter.hardware.easel import Operator
 from frida_painter.hardware.link.wire import Wire
 from frida_painter.hardware.reach import Reach
 from frida_painter.hardware.robot import MotionReport, Robot, Waypoints
@@ -29,7 +29,7 @@ class Host:
 
     robot: Robot
     camera: Camera
-    attendant: Attendant
+    operator: Operator
     reach: Reach | None = None
 
     def serve(self, wire: Wire) -> bool:
@@ -55,7 +55,7 @@ class Host:
             return told(RobotError(f"The easel's process could not read {words.get('do')!r} ({error!r}).")), {}
 
     def _do(self, words: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Answer:
-        robot, camera, attendant = self.robot, self.camera, self.attendant
+        robot, camera, operator = self.robot, self.camera, self.operator
         match words.get("do"):
             case "robot.connect":
                 robot.connect()
@@ -76,14 +76,14 @@ class Host:
                 return {"captured_at": frame.captured_at, "sequence": frame.sequence}, {"image": frame.image}
             case "camera.close":
                 camera.close()
-            case "attendant.fill_wells":
-                attendant.fill_wells(Palette(torch.from_numpy(arrays["color"])))
-            case "attendant.lay_paper":
-                return {"done": attendant.lay_paper()}, {}
-            case "attendant.lay_checker":
-                return {"done": attendant.lay_checker()}, {}
-            case "attendant.take_checker_away":
-                return {"done": attendant.take_checker_away()}, {}
+            case "operator.fill_wells":
+                operator.fill_wells(Palette(torch.from_numpy(arrays["color"])))
+            case "operator.lay_paper":
+                return {"done": operator.lay_paper()}, {}
+            case "operator.lay_checker":
+                return {"done": operator.lay_checker()}, {}
+            case "operator.take_checker_away":
+                return {"done": operator.take_checker_away()}, {}
             case unknown:
                 raise RobotError(f"The easel's process was asked for {unknown!r}, which it does not know.")
         return {}, {}

@@ -1,4 +1,4 @@
-"""The painting process's end of the link: a robot, a camera and an attendant that are really in another process."""
+"""The painting process's end of the link: a robot, a camera and an operator that are really in another process."""
 
 import threading
 from collections.abc import Mapping
@@ -141,27 +141,27 @@ class RemoteCamera:
         self._link.ask("camera.close")
 
 
-class RemoteAttendant:
-    """Implements hardware.easel.Attendant over a link."""
+class RemoteOperator:
+    """Implements hardware.easel.Operator over a link."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
 
     def fill_wells(self, palette: Palette) -> None:
         """Has well i filled with paint i."""
-        self._link.ask("attendant.fill_wells", {"color": palette.color.detach().cpu().numpy()})
+        self._link.ask("operator.fill_wells", {"color": palette.color.detach().cpu().numpy()})
 
     def lay_paper(self) -> bool:
         """Whether a fresh canvas lies there now."""
-        return bool(self._link.ask("attendant.lay_paper")[0]["done"])
+        return bool(self._link.ask("operator.lay_paper")[0]["done"])
 
     def lay_checker(self) -> bool:
         """Whether the colour checker lies there now."""
-        return bool(self._link.ask("attendant.lay_checker")[0]["done"])
+        return bool(self._link.ask("operator.lay_checker")[0]["done"])
 
     def take_checker_away(self) -> bool:
         """Whether the colour checker is gone again."""
-        return bool(self._link.ask("attendant.take_checker_away")[0]["done"])
+        return bool(self._link.ask("operator.take_checker_away")[0]["done"])
 
 
 def heard(answer: Mapping[str, Any]) -> FridaError:

@@ -14,7 +14,7 @@ from torch.nn import functional
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
-_SHARPNESS = 0.05  # of likeness, over which a class's share of what is wanted falls to a third
+_SHARPNESS = 0.05  # of similarity, over which a class's share of what is wanted falls to a third
 
 
 class ConSE:
@@ -64,8 +64,8 @@ class ConSE:
 
         A class is as near to the words as the nearest of its names.
         """
-        likeness = self._meanings @ self.embed_text(prompt)  # [m]
-        nearest = torch.full((len(self._classes),), -1.0).scatter_reduce(0, self._owner, likeness, "amax")
+        similarity = self._meanings @ self.embed_text(prompt)  # [m]
+        nearest = torch.full((len(self._classes),), -1.0).scatter_reduce(0, self._owner, similarity, "amax")
         return (nearest / _SHARPNESS).softmax(0)
 
     def distance_to(self, prompt: str) -> Callable[[Tensor], Tensor]:

@@ -164,9 +164,9 @@ class _Trials:
         self._paper, self._cell = None, cell
 
     def at(self, height: float) -> Generator[Question, Answer, Trial]:
-        """Paints one; a person is asked for paper where the attendant cannot lay it."""
+        """Paints one; a person is asked for paper where the operator cannot lay it."""
         if self._paper is None or self._paper.is_full:
-            if not self._easel.attendant.lay_paper():
+            if not self._easel.operator.lay_paper():
                 ready = yield Confirm("Lay a bare sheet of paper on the canvas's place. Does it lie there?")
                 if ready is not True:
                     raise CalibrationError("Without paper no mark can be seen; repeat the brush calibration.")

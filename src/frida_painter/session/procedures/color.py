@@ -87,11 +87,11 @@ def color(easel: Easel, *, ground: tuple[float, float, float] = WHITE) -> Proced
     ground: the canvas's own colour (sRGB). Raises CalibrationError where no chart is there or the
     map would be wrong, FrameRejected where the canvas is not bare, CameraError.
     """
-    if not easel.attendant.take_checker_away():
+    if not easel.operator.take_checker_away():
         yield Confirm("Is the canvas bare, with nothing lying on it?")
     grid = PixelGrid.of_height(easel.canvas, _ROWS)
     field = FlatField.learn(rectify(photograph(easel).image, easel.calibration, grid), ground)
-    if not easel.attendant.lay_checker():
+    if not easel.operator.lay_checker():
         there = yield Confirm(
             "Lay the colour checker (24 patches) flat on the canvas, in any direction, so that some bare canvas "
             "shows on all sides. Does it lie there, without a shadow or a reflection on it?"
@@ -99,7 +99,7 @@ def color(easel: Easel, *, ground: tuple[float, float, float] = WHITE) -> Proced
         if there is not True:
             raise CalibrationError("Without a colour checker colours stay as the camera sees them; repeat with one.")
     frame = photograph(easel).image
-    gone = easel.attendant.take_checker_away()
+    gone = easel.operator.take_checker_away()
     corners = yield PointCorners(
         "Are these the middles of the dark brown, turquoise, black and white corner patches?",
         from_uint8(frame),

@@ -102,8 +102,8 @@ def robot(easel: Easel) -> Procedure[RobotFinding]:
     Raises CalibrationError where too few are found, they are mirrored or turned, or the fit leaves
     more than 1.5 mm; WorkspaceViolation before anything moves; RobotError, CameraError and their kinds.
     """
-    fresh = easel.attendant.lay_paper()
-    easel.attendant.fill_wells(Palette(torch.full((1, 3), _BLACK)))
+    fresh = easel.operator.lay_paper()
+    easel.operator.fill_wells(Palette(torch.full((1, 3), _BLACK)))
     if not fresh:
         ready = yield Confirm(
             f"The robot will paint {SIDE * SIDE} small black dots all over the canvas. Does a bare canvas lie on the "

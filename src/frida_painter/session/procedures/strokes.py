@@ -123,7 +123,7 @@ def strokes(
     running: list[int] = []  # the last strokes, as far as they are dirty
     for number in recording.missing:
         if paper is None:
-            easel.attendant.fill_wells(Palette(torch.full((1, 3), BLACK)))
+            easel.operator.fill_wells(Palette(torch.full((1, 3), BLACK)))
         if paper is None or paper.is_used_up:
             paper = yield from _fresh_paper(easel, kind, paper, len(recording.prints))
             sheets, on_brush = sheets + 1, 0
@@ -170,7 +170,7 @@ def _fresh_paper(easel: Easel, kind: BrushKind, last: Paper | None, kept: int) -
     moved = last.moved * 1000 if last is not None else 0.0
     why = f"The paper moved by {moved:.1f} mm, so it is given up. " if moved else ""
     for attempt in range(_TRIES):
-        if not easel.attendant.lay_paper():
+        if not easel.operator.lay_paper():
             text = (
                 f"{why}Put a fresh white paper of {easel.canvas} on the easel, just where the canvas was calibrated, "
                 "and black paint into the first well. Is it there?"

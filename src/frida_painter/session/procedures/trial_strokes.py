@@ -54,7 +54,7 @@ class TrialPaper:
     """
 
     def __init__(self, easel: Easel, cell: tuple[float, float], ground: tuple[float, float, float]) -> None:
-        easel.attendant.fill_wells(Palette(torch.full((1, 3), _BLACK)))
+        easel.operator.fill_wells(Palette(torch.full((1, 3), _BLACK)))
         self._easel, self._cell = easel, cell
         pitch = max(_PITCH, _metres_per_pixel(easel.calibration, easel.canvas.width))
         self._grid = PixelGrid.of_height(easel.canvas, max(8, round(easel.canvas.height / pitch)))

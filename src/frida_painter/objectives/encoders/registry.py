@@ -1,0 +1,206 @@
+"""Which network sees what: the best that is at hand for each purpose, loaded when it is first asked for."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from frida_painter import tensor_file, weights
+from frida_painter.errors import WeightsError
+from frida_painter.objectives.encoders.base import Reader, Seer
+from frida_painter.objectives.encoders.class_names import class_names
+from frida_painter.objectives.encoders.clip import Clip
+from frida_painter.objectives.encoders.clip_resnet import ClipResNet
+from frida_painter.objectives.encoders.conse import ConSE
+from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+from frida_painter.objectives.encoders.hed import Hed
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.objectives.encoders.vgg import Vgg16
+from frida_painter.objectives.pictograms import Pictograms
+
+_CLIP = "clip-vit-b-32"
+CLIP_MISSING = f"CLIP: frida-painter models fetch {_CLIP}"
+"""What is said where CLIP would see better and is not at hand."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A network that was used: for what, which, and the better one that was not at hand, if any, with how to get it."""
+
+    purpose: str
+    used: str
+    better: str = ""
+
+
+_ASIDE = Choice("progress", "EfficientNet-Lite2, kept aside")
+
+
+class EncoderRegistry:
+    """The networks of one painting.
+
+    cache: the folder of fetched weights, by default the usual one; clip: a CLIP to be used in place of
+    what was fetched: a folder, a name on the hub, or a file of CLIP's ResNet kind; device: where
+    those that see are held (pictures of any device are seen, but best of that one); choices: those
+    used so far; remarks: what else a person is to be told of how the goal was understood.
+    Everything that loads raises WeightsError, with the command that mends it, where weights are
+    missing or altered.
+    """
+
+    def __init__(self, cache: Path | None = None, clip: str | None = None, device: torch.device | None = None) -> None:
+        self._cache = cache
+        self._device = device or torch.device("cpu")
+        self._clip_source = clip
+        self._clip: Clip | ClipResNet | None = None
+        self._vgg: Vgg16 | None = None
+        self._meaning: Seer | None = None
+        self._aside: Seer | None = None
+        self._edges: Hed | None = None
+        self._sentences: SentenceEncoder | None = None
+        self._readers: tuple[Reader, ...] = ()
+        self._reader_aside: Reader | None = None
+        self._pictograms: Pictograms | None = None
+        self.choices: list[Choice] = []
+        self.remarks: list[str] = []
+
+    def style(self) -> Vgg16:
+        """What sees style: VGG16 as it was trained on ImageNet, or else the trunk of the edge detector."""
+        if self._vgg is None:
+            if weights.find("vgg16", self._cache) is not None:
+                self._vgg = Vgg16.of_torchvision(self._tensors("vgg16"))
+                self.choices.append(Choice("style", "VGG16"))
+            else:
+                self._vgg = Vgg16.of_hed(self._tensors("hed"))
+                better = "VGG16 as trained on ImageNet: frida-painter models fetch vgg16"
+                self.choices.append(Choice("style", "VGG16 trunk of the edge detector HED", better))
+        return self._vgg
+
+    def meaning(self) -> Seer:
+        """What sees what a picture shows: CLIP, or else EfficientNet-Lite."""
+        if self._meaning is None:
+            clip = self.clip()
+            if clip is not None:
+                self._meaning = clip
+                self.choices.append(Choice("meaning", clip.name))
+            else:
+                self._meaning = EfficientNetLite(self._tensors("efficientnet-lite0"))
+                self.choices.append(Choice("meaning", "EfficientNet-Lite0", CLIP_MISSING))
+        return self._meaning
+
+    def clip(self) -> Clip | ClipResNet | None:
+        """The CLIP that was asked for, or that was fetched; None where there is none."""
+        if self._clip is None:
+            if self._clip_source is not None:
+                self._clip = _given_clip(self._clip_source, self._device)
+            elif (folder := weights.find(_CLIP, self._cache)) is not None:
+                self._clip = Clip.load(folder, "CLIP ViT-B/32")
+        return self._clip
+
+    def shapes(self) -> Vgg16 | None:
+        """What sees shapes beside what sees meaning; None, and it is said, where neither VGG16 nor HED was fetched."""
+        if self._vgg is None and all(weights.find(name, self._cache) is None for name in ("vgg16", "hed")):
+            missing = Choice("shapes", "nothing", "the trunk of HED: frida-painter models fetch hed")
+            self._note(missing)
+            return None
+        return self.style()
+
+    def edges(self) -> Hed:
+        """What sees where a picture has edges."""
+        if self._edges is None:
+            self._edges = Hed(self._tensors("hed"))
+            self.choices.append(Choice("edges", "HED"))
+        return self._edges
+
+    def edges_if_any(self) -> Hed | None:
+        """The same, or None where it was not fetched."""
+        return None if self._edges is None and weights.find("hed", self._cache) is None else self.edges()
+
+    def aside(self) -> Seer:
+        """What the optimiser never asks, and which says when to stop: the best of the others, or else the same."""
+        if self._aside is None:
+            other = weights.find("efficientnet-lite2", self._cache)
+            if other is None:
+                better = "an eye kept aside: frida-painter models fetch efficientnet-lite2"
+                self.choices.append(Choice("progress", "the same network", better))
+                return self.meaning()
+            self._aside = EfficientNetLite(self._tensors("efficientnet-lite2"))
+            self._note(_ASIDE)
+        return self._aside
+
+    def readers(self) -> tuple[Reader, ...]:
+        """What reads words and sees whether a picture shows them: CLIP, or classifiers whose classes have names."""
+        clip = self.clip()
+        if not self._readers and isinstance(clip, Clip):
+            self._readers = (clip,)
+            self.choices.append(Choice("words", clip.name))
+        if not self._readers:
+            missing = [name for name in ("minilm", "efficientnet-lite0") if not self._has(name)]
+            if missing:
+                raise WeightsError(
+                    f"Painting towards words needs {' and '.join(missing)}, not here yet; "
+                    f"fetch with `frida-painter models fetch {' '.join(missing)}`."
+                )
+            found = [number for number in (0, 1) if self._has(f"efficientnet-lite{number}")]
+            self._readers = tuple(self._conse(number) for number in found)
+            names = " and ".join(f"EfficientNet-Lite{number}" for number in found)
+            self.choices.append(Choice("words", f"{names} by the names of classes (ConSE)", CLIP_MISSING))
+        return self._readers
+
+    def reader_aside(self) -> Reader | None:
+        """A reader that the optimiser never asks, and which says when to stop; None where there is none."""
+        if self._reader_aside is None and self._has("efficientnet-lite2") and self._has("minilm"):
+            self._reader_aside = self._conse(2)
+            self._note(_ASIDE)
+        return self._reader_aside
+
+    def sentences(self) -> SentenceEncoder:
+        """What reads words without seeing anything."""
+        if self._sentences is None:
+            self._sentences = SentenceEncoder.load(self._cache)
+        return self._sentences
+
+    def pictograms(self) -> Pictograms | None:
+        """The picture dictionary, or None, with a remark on how to get it, where it cannot be read."""
+        if self._pictograms is None:
+            folder = weights.find("openmoji", self._cache)
+            if folder is None or not self._has("minilm"):
+                self.remark("Better begun from a pictogram: frida-painter models fetch openmoji minilm")
+                return None
+            self._pictograms = Pictograms(folder / "pictograms.zip", self.sentences(), self._kept)
+        return self._pictograms
+
+    def remark(self, words: str) -> None:
+        """Notes once what a person is to be told."""
+        if words not in self.remarks:
+            self.remarks.append(words)
+
+    def _note(self, choice: Choice) -> None:
+        """Notes once which network was used."""
+        if choice not in self.choices:
+            self.choices.append(choice)
+
+    @property
+    def _kept(self) -> Path:
+        """Where the meanings of many names are kept."""
+        return weights.cache_folder(self._cache) / "meanings"
+
+    def _has(self, name: str) -> bool:
+        return weights.find(name, self._cache) is not None
+
+    def _tensors(self, name: str) -> dict[str, Tensor]:
+        return {part: tensor.to(self._device) for part, tensor in weights.tensors(name, self._cache).items()}
+
+    def _conse(self, number: int) -> ConSE:
+        classifier = EfficientNetLite(self._tensors(f"efficientnet-lite{number}"))
+        names = class_names()
+        meanings = self.sentences().embed_once([name for some in names for name in some], self._kept)
+        return ConSE(classifier, names, meanings, self.sentences(), f"EfficientNet-Lite{number}")
+
+
+def _given_clip(source: str, device: torch.device) -> Clip | ClipResNet:
+    """The CLIP of a folder, of a name on the hub, or of a safetensors file with OpenAI's names. Raises WeightsError."""
+    path = Path(source)
+    if path.is_file():
+        tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)
+        return ClipResNet({name: tensor.to(device) for name, tensor in tensors.items()}, f"CLIP {path.stem}")
+    return Clip.load(source)

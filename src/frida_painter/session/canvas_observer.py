@@ -1,0 +1,119 @@
+"""The eye of the painter: photographs of the easel become pictures of the canvas, straight on and in true colours."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from frida_painter.errors import CameraError, FrameRejected, StaleFrame
+from frida_painter.frames import PixelGrid
+from frida_painter.hardware.camera import Frame
+from frida_painter.hardware.easel import Easel
+from frida_painter.perception.color import true_color
+from frida_painter.perception.flatfield import FlatField
+from frida_painter.perception.frame_check import Expected, FrameCheck
+from frida_painter.perception.rectify import rectify
+
+_ATTEMPTS = 3
+_BETWEEN = 0.5  # seconds before a frame that was refused is taken again: a hand goes away
+
+
+class CanvasObserver:
+    """Looks at the canvas of an easel.
+
+    The first look, at the bare canvas of colour `ground` (sRGB), teaches it the `light` of the room, unless
+    that is known from before, and what a `good` photograph is like. wait: lets seconds pass.
+    """
+
+    def __init__(
+        self,
+        easel: Easel,
+        ground: tuple[float, float, float],
+        light: FlatField | None = None,
+        *,
+        wait: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.easel = easel
+        self.ground = ground
+        self.light = light
+        self.good: FrameCheck | None = None
+        self._wait = wait
+        self._last_sequence = -1
+        self._last_image: NDArray[np.uint8] | None = None
+
+    def look(self, last_motion: float, rows: int) -> Tensor:
+        """The canvas [3, rows, columns] in sRGB as it is after `last_motion` (s of the robot's clock), to be shown.
+
+        Raises CameraError where the camera gives no photograph newer than that, or none of the canvas.
+        """
+        return self.see(self.photograph(last_motion).image, rows)
+
+    def examine(self, last_motion: float, rows: int, expected: Expected | None = None) -> tuple[Frame, Tensor]:
+        """A look by which something is decided: the photograph is taken again until it may be trusted.
+
+        expected: what should be seen, None where that is not known. Raises FrameRejected, with the reason,
+        where the third photograph may not be trusted either, and CameraError as `look` does.
+        """
+        for attempt in range(1, _ATTEMPTS + 1):
+            frame = self.photograph(last_motion)
+            try:
+                canvas = self.see(frame.image, rows)
+                self._require_good(frame.image, canvas, expected)
+            except (FrameRejected, StaleFrame):
+                if attempt == _ATTEMPTS:
+                    raise
+                self._wait(_BETWEEN)
+            else:
+                self._last_image = frame.image
+                return frame, canvas
+        raise AssertionError("the last attempt returns or raises")
+
+    def see(self, photograph: NDArray[np.uint8], rows: int) -> Tensor:
+        """The canvas [3, rows, columns] in a photograph [H, W, 3]. Raises FrameRejected."""
+        grid = PixelGrid.of_height(self.easel.canvas, rows)
+        picture = rectify(photograph, self.easel.calibration, grid)
+        if self.light is None:
+            self.light = FlatField.learn(picture, self.ground)
+        return true_color(self.light.correct(picture), self.easel.calibration)
+
+    def learn_good(self, photograph: NDArray[np.uint8]) -> None:
+        """From now on photographs are compared with this one, which an earlier sitting took of the bare canvas."""
+        self.good = FrameCheck.learn(photograph, self.easel.calibration, self.easel.canvas)
+
+    def photograph(self, last_motion: float) -> Frame:
+        """A photograph taken after the last motion, never one that was seen before; tried three times.
+
+        Raises StaleFrame, or whatever else the camera complained of last.
+        """
+        trouble: CameraError | None = None
+        for _ in range(_ATTEMPTS):
+            try:
+                frame = self.easel.camera.capture(last_motion)
+            except StaleFrame:
+                trouble = None
+                continue
+            except CameraError as complaint:
+                trouble = complaint
+                continue
+            if frame.captured_at > last_motion and frame.sequence > self._last_sequence:
+                self._last_sequence = frame.sequence
+                return frame
+            trouble = None
+        raise trouble or StaleFrame(
+            f"The camera was asked {_ATTEMPTS} times and gave no new photograph taken after the arm's last motion "
+            f"(at {last_motion:.1f} s). Look whether the camera is still connected, and start again."
+        )
+
+    def _require_good(self, photograph: NDArray[np.uint8], canvas: Tensor, expected: Expected | None) -> None:
+        if self.good is None:
+            self.learn_good(photograph)
+            return
+        frozen = self._last_image is not None and np.array_equal(photograph, self._last_image)
+        if frozen and expected is not None and expected.changes(self.easel.canvas):
+            raise StaleFrame(
+                "The camera gave the very same photograph as before, byte for byte, although strokes were painted "
+                "since. Look whether it still works, and start it again."
+            )
+        self.good.require(photograph, canvas, expected)

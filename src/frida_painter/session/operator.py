@@ -1,0 +1,77 @@
+"""Who prepares what is needed at a real easel: a person, who is asked."""
+
+from collections.abc import Callable
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.errors import Interrupted
+from frida_painter.palette import Palette, to_hex
+from frida_painter.session.procedures.dialogue import Answer, Confirm, Question
+
+_SWATCH = 150  # pixels
+_INK, _PAPER = (35, 33, 30), (250, 248, 244)
+
+
+class PersonAsOperator:
+    """Implements hardware.easel.Operator by questions; `answer` leads the dialogue with the person."""
+
+    def __init__(self, answer: Callable[[Question], Answer]) -> None:
+        self._answer = answer
+
+    def fill_wells(self, palette: Palette) -> None:
+        """Returns when the person says that the wells are filled. Raises Interrupted where they will not be."""
+        paints = ", ".join(f"{number} {to_hex(color)}" for number, color in enumerate(palette.color, start=1))
+        if self._answer(Confirm(self._asking_for(paints), _swatches(palette))) is not True:
+            raise Interrupted("The paints were not there, and nothing was painted; the plan is kept.")
+
+    def _asking_for(self, paints: str) -> str:
+        return f"Mix these paints and fill the wells, the first with paint 1: {paints}. Are all of them filled?"
+
+    def lay_paper(self) -> bool:
+        """False: procedures ask the person themselves."""
+        return False
+
+    def lay_checker(self) -> bool:
+        """False: procedures ask the person themselves."""
+        return False
+
+    def take_checker_away(self) -> bool:
+        """False: procedures ask the person themselves."""
+        return False
+
+
+class AbsentOperator:
+    """Implements hardware.easel.Operator in a process that nobody talks with: the one that talks has the person."""
+
+    def fill_wells(self, palette: Palette) -> None:
+        """Leaves it to the other process."""
+
+    def lay_paper(self) -> bool:
+        """False: a person is to be asked."""
+        return False
+
+    def lay_checker(self) -> bool:
+        """False: a person is to be asked."""
+        return False
+
+    def take_checker_away(self) -> bool:
+        """False: a person is to be asked."""
+        return False
+
+
+def _swatches(palette: Palette) -> Tensor:
+    """The paints with their numbers, from the first on, in rows of eight, [3, 150 rows, 150 columns]."""
+    across = min(len(palette), 8)
+    sheet = Image.new("RGB", (_SWATCH * across, _SWATCH * -(-len(palette) // across)), _PAPER)
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(24)
+    for index, color in enumerate(palette.color):
+        row, column = divmod(index, across)
+        x, y = _SWATCH * column, _SWATCH * row
+        red, green, blue = (color * 255).round().int().tolist()
+        draw.rectangle((x, y, x + _SWATCH - 1, y + _SWATCH - 1), fill=(red, green, blue))
+        draw.ellipse((x + 12, y + 12, x + 52, y + 52), fill=_PAPER)
+        draw.text((x + 32, y + 32), str(index + 1), fill=_INK, font=font, anchor="mm")
+    return images.from_uint8(np.asarray(sheet))

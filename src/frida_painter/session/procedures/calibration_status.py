@@ -1,0 +1,153 @@
+"""How a calibration record stands: which of its procedures hold at this easel, and which are to be repeated."""
+
+import hashlib
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from frida_painter.calibration import PROCEDURES, Calibration, Done, LearnedFile
+from frida_painter.errors import CalibrationError
+from frida_painter.frames import CanvasSize
+
+OLD = 90
+"""Days after which doctor advises to repeat a procedure; nothing is refused for it."""
+NEEDED = ("canvas", "robot", "color", "brush")
+"""What painting on a real easel needs. The strokes are needed by whoever trains a stroke model of them."""
+_SAME = 0.0005
+_RESTS_ON: dict[str, tuple[str, ...]] = {
+    "canvas": (),
+    "robot": ("canvas",),
+    "color": ("canvas",),
+    "brush": (),
+    "strokes": ("robot", "color", "brush"),
+}
+
+
+@dataclass(frozen=True)
+class CalibrationStatus:
+    """How one procedure of a record stands.
+
+    done: when and how well, None where never; fault: why it is to be repeated, "" where it holds or
+    was never done; days: how old it is, None where never done or its date cannot be read.
+    """
+
+    procedure: str
+    done: Done | None
+    fault: str
+    days: int | None
+
+    @property
+    def is_old(self) -> bool:
+        """Whether it may be time to repeat it."""
+        return self.days is not None and self.days > OLD
+
+
+def statuses(record: Calibration, easel: Calibration, now: datetime | None = None) -> tuple[CalibrationStatus, ...]:
+    """How the five procedures of a record stand at an easel, of which `easel` is the default record.
+
+    Raises CalibrationError where the record is of another easel altogether.
+    """
+    if record.easel != easel.easel:
+        raise CalibrationError(
+            f"The calibration record is of easel {record.easel!r}, and this is {easel.easel!r}; give the record of "
+            "this easel, or calibrate it: frida-painter calibrate all"
+        )
+    found: dict[str, CalibrationStatus] = {}
+    for procedure in PROCEDURES:
+        done = record.done.get(procedure)
+        fault = _foreign(procedure, record, easel)
+        if not fault and done is not None:
+            fault = _outrun(procedure, done, record, found) or _lost(procedure, record)
+        found[procedure] = CalibrationStatus(procedure, done, fault, _days(done, now or datetime.now(UTC)))
+    return tuple(found.values())
+
+
+def require(record: Calibration, easel: Calibration, needed: tuple[str, ...] = NEEDED) -> None:
+    """Raises CalibrationError, saying what to do first, unless the `needed` procedures were done and all hold."""
+    for standing in statuses(record, easel):
+        if standing.fault:
+            raise CalibrationError(f"{standing.fault}: frida-painter calibrate {standing.procedure}")
+        if standing.done is None and standing.procedure in needed:
+            raise CalibrationError(
+                f"The {standing.procedure} calibration was never done here; do it: "
+                f"frida-painter calibrate {standing.procedure}"
+            )
+
+
+def require_basis(procedure: str, record: Calibration, easel: Calibration, *, defaults_hold: bool) -> None:
+    """Raises CalibrationError unless what a procedure rests on was done and holds.
+
+    defaults_hold: whether the easel's defaults serve where nothing was measured.
+    """
+    for standing in statuses(record, easel):
+        if standing.procedure in _all_below(procedure):
+            if standing.fault:
+                raise CalibrationError(
+                    f"{standing.fault} before {procedure}: frida-painter calibrate {standing.procedure}"
+                )
+            if standing.done is None and not defaults_hold:
+                raise CalibrationError(
+                    f"{procedure.capitalize()} rests on {standing.procedure}, which was never done here; do it first: "
+                    f"frida-painter calibrate {standing.procedure}"
+                )
+
+
+def _all_below(procedure: str) -> set[str]:
+    """What a procedure rests on, and what that rests on."""
+    below = set(_RESTS_ON[procedure])
+    return below.union(*(_all_below(basis) for basis in below))
+
+
+def _foreign(procedure: str, record: Calibration, easel: Calibration) -> str:
+    if procedure == "canvas" and record.camera != easel.camera:
+        return f"The record is of camera {record.camera!r}, and this is {easel.camera!r}; repeat the canvas calibration"
+    if procedure == "canvas" and not _alike(record.canvas, easel.canvas):
+        return (
+            f"The record is for a canvas of {record.canvas}, and this is {easel.canvas}; repeat the canvas calibration"
+        )
+    if procedure == "brush" and record.brush != easel.brush:
+        return f"The record is of the {record.brush} brush, and this is {easel.brush}; repeat the brush calibration"
+    return ""
+
+
+def _alike(one: CanvasSize | None, other: CanvasSize | None) -> bool:
+    """Whether two sizes are the same, but for how they were written."""
+    if one is None or other is None:
+        return one is other
+    return abs(one.width - other.width) <= _SAME and abs(one.height - other.height) <= _SAME
+
+
+def _outrun(procedure: str, done: Done, record: Calibration, found: dict[str, CalibrationStatus]) -> str:
+    """Whether something that a procedure rests on was renewed after it, or is itself to be repeated."""
+    for basis in _RESTS_ON[procedure]:
+        renewed = record.done.get(basis)
+        if renewed is not None and renewed.turn > done.turn:
+            return f"The {procedure} calibration is older than the {basis} calibration that it rests on; repeat it"
+        if found[basis].fault:
+            return f"The {procedure} calibration rests on {basis}, which is to be repeated; repeat it afterwards"
+    return ""
+
+
+def _lost(procedure: str, record: Calibration) -> str:
+    if procedure != "strokes":
+        return ""
+    for what, file in (("stroke library", record.library), ("weights", record.weights)):
+        if file is not None and not _is_there(file):
+            return f"The {what} {file.path} of the record is gone or was changed; repeat the strokes calibration"
+    return ""
+
+
+def _is_there(file: LearnedFile) -> bool:
+    try:
+        return hashlib.sha256(Path(file.path).read_bytes()).hexdigest() == file.sha256
+    except OSError:
+        return False
+
+
+def _days(done: Done | None, now: datetime) -> int | None:
+    if done is None:
+        return None
+    try:
+        return (now - datetime.fromisoformat(done.dated)).days
+    except (ValueError, TypeError):
+        return None

@@ -1,0 +1,152 @@
+"""A person's say in a painting: heard from the page after every stroke, and done while the painting has paused."""
+
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass, field
+
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.cli import kept
+from frida_painter.errors import FridaError
+from frida_painter.frames import PixelGrid
+from frida_painter.planning.region import region_of
+from frida_painter.runs import goals
+from frida_painter.session.events import Event, Paused, StrokePainted
+from frida_painter.session.loop import PHOTOGRAPH_ROWS, PaintingSession
+from frida_painter.web.commands import Command, CommandReader
+from frida_painter.web.feed import Feed
+from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.stop_file import Stop
+
+_BETWEEN_GLANCES = 0.04  # seconds
+_ROUNDS = 3  # of planning where the goal has changed
+_YOUR_TURN = "It is your turn. Paint what you like, let it look, then let it go on."
+_PAUSED = "It has paused: the brush is clean, the arm aside. You may paint on the canvas, then let it look."
+
+
+@dataclass
+class PauseController:
+    """Leads the pauses of a session, which is given after it was opened."""
+
+    folder: PaintingFolder
+    feed: Feed
+    stop: Stop
+    session: PaintingSession | None = field(default=None, init=False)
+    _commands: deque[Command] = field(default_factory=deque, init=False)
+    _turns: int = field(default=0, init=False)
+    _conferring: bool = field(default=False, init=False)
+    _since: int = field(default=0, init=False)  # strokes since it was the robot's turn
+
+    def __post_init__(self) -> None:
+        ear = CommandReader(self.folder)
+
+        def listen() -> None:
+            while True:
+                self._commands.extend(ear.listen())
+                time.sleep(_BETWEEN_GLANCES)
+
+        threading.Thread(target=listen, daemon=True, name="commands").start()
+
+    def hear(self, event: Event) -> None:
+        """Counts strokes, to know whose turn it is."""
+        if isinstance(event, StrokePainted):
+            self._since += 1
+
+    def pause_asked(self) -> bool:
+        """Whether a person wants a pause, or it is their turn. What else they said waits, where it has paused."""
+        if self._conferring:
+            return False
+        pausing = False
+        while self._commands:
+            command = self._commands.popleft()
+            if command.kind == "turns":
+                self._take_turns(command)
+            pausing = pausing or command.kind == "pause"
+        return pausing or 0 < self._turns <= self._since
+
+    def go_on(self, paused: Paused) -> bool:
+        """Does what a person asks for, until they have the painting go on; False where they stop it."""
+        self._conferring = True
+        try:
+            return self._confer(paused)
+        finally:
+            self._conferring = False
+
+    def _confer(self, paused: Paused) -> bool:
+        mine = 0 < self._turns <= self._since
+        asked = paused.reason == "You asked for a pause."
+        reason = _YOUR_TURN if mine else _PAUSED if asked else self._without_paths(paused.reason)
+        self.feed.tell("paused", reason=reason, turn=mine)
+        while not self.stop.asked:
+            if not self._commands:
+                time.sleep(_BETWEEN_GLANCES)
+                continue
+            command = self._commands.popleft()
+            if command.kind == "go on":
+                self._since = 0
+                self.feed.tell("resumed")
+                return True
+            self.feed.tell("considering")
+            try:
+                self._do(command)
+            except FridaError as trouble:
+                self.feed.tell("remark", sentence=self._without_paths(str(trouble)))
+            self.feed.tell("paused", reason=reason, turn=mine)
+        return False
+
+    def _without_paths(self, sentence: str) -> str:
+        """A sentence as everybody may read it on the page."""
+        return sentence.replace(str(self.folder.path), "its folder")
+
+    def _do(self, command: Command) -> None:
+        assert self.session is not None
+        session = self.session
+        match command.kind:
+            case "look":
+                session.look_again()
+            case "leave out":
+                rest = session.rest
+                session.paint_instead(rest.part(slice(max(0, len(rest) - command.count))))
+            case "spare" | "only":
+                only = command.kind == "only"
+                drawing = images.load(self.folder.region(command.record))
+                session.planner.region = region_of(drawing, only_inside=only)
+                session.journal.note("protected", region=self._kept(drawing, command.record), only=only)
+                self.feed.tell("region", picture=self.folder.region(command.record).name, only=only)
+                session.look_again()
+            case "free":
+                session.planner.region = None
+                session.journal.note("protected", region=None, only=False)
+                self.feed.tell("region", picture=None, only=False)
+                session.look_again()
+            case "goal":
+                self._pursue(command)
+            case "turns":
+                self._take_turns(command)
+            case _:
+                pass  # it has paused already
+
+    def _kept(self, drawing: Tensor, number: int) -> str:
+        """The file, in the folder that the painting leaves, of a region that a person drew."""
+        name = f"regions/{number}.png"
+        images.save(drawing, self.folder.painting / name)
+        return name
+
+    def _pursue(self, command: Command) -> None:
+        """Goes on towards another goal; the paints stay, for they are mixed."""
+        assert self.session is not None
+        place = self.folder.change(command.record)
+        grid = PixelGrid.of_height(self.session.planner.size, PHOTOGRAPH_ROWS)
+        wanted = goals.read_goal(None, {"goal": place.goal})
+        kept.keep_goal(wanted, self.folder.painting / f"changes/{command.record}")
+        wanted = wanted.fitted(grid)
+        self.session.journal.note("redirected", goal=f"changes/{command.record}")
+        self.session.planner = self.session.planner.towards(wanted.goal)
+        self.feed.tell("changed", wish=place.wish().model_dump(mode="json"))
+        self.session.look_again(_ROUNDS)
+
+    def _take_turns(self, command: Command) -> None:
+        self._turns, self._since = command.count, 0
+        self.feed.tell("turns", strokes=command.count)

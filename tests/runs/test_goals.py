@@ -1,0 +1,214 @@
+"""Goals on the command line: what is understood, what is refused, and what the record says of it."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from PIL import Image
+
+from frida_painter import cli, images
+from frida_painter.errors import ConfigError, FridaError, WeightsError
+from frida_painter.goal import ImageTerm, SemanticTerm, SketchTerm, StyleTerm, TextTerm
+from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.runs.goals import read_goal
+from networks import QuickEncoders
+from scenes import picture
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Path:
+    images.save(picture(), tmp_path / "photo.png")
+    return tmp_path / "photo.png"
+
+
+@pytest.fixture
+def waves(tmp_path: Path) -> Path:
+    images.save(1 - picture(40, 40), tmp_path / "waves.png")
+    return tmp_path / "waves.png"
+
+
+def test_photo_and_styles_with_their_weights(photo: Path, waves: Path) -> None:
+    given = {"style": [waves, photo], "style_weight": [2.0, 0.5], "init_style": [waves], "image_weight": [3.0]}
+    wanted = read_goal(photo, given)
+    assert [(type(term), term.weight) for term in wanted.goal.terms] == [
+        (ImageTerm, 3.0),
+        (StyleTerm, 2.0),
+        (StyleTerm, 0.5),
+    ]
+    assert isinstance(wanted.goal.initial[0], StyleTerm)
+    assert isinstance(wanted.goal.opening[0], ImageTerm), "to begin with a style is to begin with its picture"
+    assert wanted.facts[1] == ("Style of", "waves.png (weight 2)")
+    assert wanted.title == "Photo" and wanted.name == "photo"
+
+
+def test_words_beside_pictures_or_alone(photo: Path, waves: Path) -> None:
+    given = {"text": ["a sailing ship", "a lemon"], "text_weight": [2.0, 0.5], "init_text": ["the sea"]}
+    wanted = read_goal(photo, given)
+    assert [type(term) for term in wanted.goal.terms] == [ImageTerm, TextTerm, TextTerm]
+    assert [term.weight for term in wanted.goal.terms] == [1.0, 2.0, 0.5]
+    assert wanted.goal.initial == (TextTerm("the sea"),)
+    alone = read_goal(None, {"text": ["a <b>ship</b>"], "style": [waves]})
+    assert (alone.title, alone.name, alone.picture) == ("A <b>ship</b>", "a-b-ship-b", None)
+    assert alone.facts[0] == ("Words", "“A <b>ship</b>”")
+
+
+def test_words_stand_in_a_goal_file(photo: Path) -> None:
+    path = photo.with_name("goal.toml")
+    path.write_text('[[goal]]\ntext = "a ship"\nweight = 2\n[[initial]]\ntext = "the sea"')
+    assert read_goal(None, {"goal": path}).goal.terms == (TextTerm("a ship", 2.0),)
+    path.write_text('[[goal]]\ntext = " "')
+    with pytest.raises(ConfigError, match="no words"):
+        read_goal(None, {"goal": path})
+
+
+def test_a_goal_file_names_pictures_beside_itself(photo: Path, waves: Path) -> None:
+    path = photo.with_name("goal.toml")
+    path.write_text(
+        '[[goal]]\nimage = "photo.png"\n[[goal]]\nstyle = "waves.png"\nweight = 2\n[[initial]]\nimage = "waves.png"'
+    )
+    goal = read_goal(None, {"goal": path}).goal
+    assert [type(term) for term in goal.terms] == [ImageTerm, StyleTerm] and goal.terms[1].weight == 2
+    assert len(goal.initial) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("goal = [", "is not TOML"),
+        ("gaol = 1", "'gaol'"),
+        ("goal = 3", "is not a list of tables"),
+        ('[[goal]]\nstyle = "waves.png"\nimage = "photo.png"', "has one of image, semantic, sketch, text, style"),
+        ('[[goal]]\nstyle = "waves.png"\nweight = true', "perhaps a weight"),
+        ('[[goal]]\nstyle = "waves.png"\nweight = nan', "weights are above 0"),
+        ('[[goal]]\nstyle = "none.png"', "does not exist"),
+        ("", "nothing to paint"),
+    ],
+)
+def test_a_goal_file_that_makes_no_goal(photo: Path, waves: Path, text: str, says: str) -> None:
+    path = photo.with_name("goal.toml")
+    path.write_text(text)
+    with pytest.raises(FridaError, match=says):
+        read_goal(None, {"goal": path})
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"style_weight": [1.0]}, "given 1 times for 2 goals"),
+        ({"style_weight": [1.0, 1.0, 1.0]}, "given 3 times for 2 goals"),
+        ({"style_weight": [1.0, 0.0]}, "weights are above 0"),
+        ({"style_weight": [1.0, float("nan")]}, "weights are above 0"),
+        ({"image_weight": [1.0, 1.0]}, "2 times for 1 goals, PHOTO among them"),
+    ],
+)
+def test_weights_that_do_not_fit(photo: Path, waves: Path, given: dict[str, Any], says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        read_goal(photo, {"style": [waves, waves], **given})
+
+
+@pytest.mark.parametrize("size", [(3, 3), (40, 40)], ids=["tiny", "one color"])
+def test_pictures_that_are_no_style(photo: Path, size: tuple[int, int]) -> None:
+    flat = photo.with_name("flat.png")
+    images.save(torch.full((3, *size), 0.5), flat)
+    with pytest.raises(FridaError, match=r"at least 16 pixels|single colour"):
+        read_goal(photo, {"style": [flat]})
+
+
+def test_nothing_and_too_much(photo: Path, waves: Path) -> None:
+    with pytest.raises(ConfigError, match="nothing to paint"):
+        read_goal(None, {})
+    with pytest.raises(ConfigError, match="at most 20"):
+        read_goal(photo, {"style": [waves] * 20})
+
+
+def test_a_styled_painting_says_what_it_was_and_through_what_it_was_seen(
+    coarse_brush: None,
+    photo: Path,
+    waves: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(EncoderRegistry, "style", QuickEncoders.style)
+    out = tmp_path / "out"
+    words = ["paint", str(photo), "--style", str(waves), "--style-weight", "2", "--strokes", "6", "--replans", "1"]
+    words += ["--effort", "0.05", "--render-height", "64", "--no-film", "--out", str(out)]
+    monkeypatch.setattr("sys.argv", ["frida-painter", *words])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert not end.value.code
+    assert "Seeing style through random mixtures (better: VGG16)" in capsys.readouterr().err
+    settings = json.loads((out / "result.json").read_text())["settings"]
+    assert settings["goal"] == [["Picture", "photo.png"], ["Style of", "waves.png (weight 2)"]]
+    assert settings["encoders"] == [{"purpose": "style", "used": "random mixtures", "better": "VGG16"}]
+    page = (out / "index.html").read_text()
+    assert "random mixtures" in page and "waves.png (weight 2)" in page
+
+
+def test_a_picture_by_what_it_shows(photo: Path) -> None:
+    wanted = read_goal(None, {"semantic": [photo], "semantic_weight": [2.0]})
+    (term,) = wanted.goal.terms
+    assert isinstance(term, SemanticTerm) and term.weight == 2
+    assert wanted.facts == (("What is shown in", "photo.png (weight 2)"),)
+
+
+def test_a_sketch_and_a_blank_sheet(photo: Path) -> None:
+    lines = torch.ones(4, 60, 80)
+    lines[3] = 0
+    lines[:3, 30, 10:70], lines[3, 30, 10:70] = 0, 1
+    drawn = photo.with_name("drawn.png")
+    Image.fromarray((255 * lines).byte().permute(1, 2, 0).numpy(), "RGBA").save(drawn)
+    wanted = read_goal(photo, {"sketch": [drawn], "sketch_weight": [0.5]})
+    assert isinstance(wanted.goal.terms[1], SketchTerm) and wanted.goal.terms[1].weight == 0.5
+    assert wanted.facts[1] == ("Sketch", "drawn.png (weight 0.5)")
+    lines[3] = 0
+    Image.fromarray((255 * lines).byte().permute(1, 2, 0).numpy(), "RGBA").save(drawn)
+    with pytest.raises(ConfigError, match=r"--sketch .*: A sketch without a single line"):
+        read_goal(photo, {"sketch": [drawn]})
+
+
+def test_words_are_painted_without_any_photograph(
+    coarse_brush: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("readers", "reader_aside", "sentences", "pictograms"):
+        monkeypatch.setattr(EncoderRegistry, name, getattr(QuickEncoders, name))
+    out = tmp_path / "out"
+    words = ["paint", "--text", "a <script>alert(1)</script> ship", "--strokes", "5", "--replans", "1"]
+    words += ["--effort", "0.05", "--render-height", "64", "--out", str(out)]
+    monkeypatch.setattr("sys.argv", ["frida-painter", *words])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert not end.value.code
+    said = capsys.readouterr().err
+    assert "Seeing words through random networks (better: CLIP)" in said and "No pictogram was found" in said
+    result = json.loads((out / "result.json").read_text())
+    assert result["settings"]["goal"] == [["Words", "“A <script>alert(1)</script> ship”"]]
+    assert result["settings"]["remarks"] and result["strokes_painted"] == 5
+    assert [one["what"] for one in result["comparisons"]] == ["The painting against the first plan"]
+    page = (out / "index.html").read_text()
+    assert "<script>alert" not in page and "&lt;script&gt;alert(1)" in page and "From words to canvas" in page
+    assert (out / "film.mp4").exists() and not (out / "target.jpg").exists()
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"text": [" "]}, "--text was given no words"),
+        ({"text": ["a ship"], "text_weight": [0.0]}, "weights are above 0"),
+        ({"text": ["a ship", "a sea", "a sky"], "text_weight": [1.0, 2.0]}, "given 2 times for 3 goals"),
+        ({"text": ["a ship"], "init_text": ["\x1b[2J"]}, "--init-text was given a control character"),
+    ],
+)
+def test_words_that_make_no_goal(given: dict[str, Any], says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        read_goal(None, given)
+
+
+def test_words_without_networks_say_what_to_fetch(tmp_path: Path) -> None:
+    encoders = EncoderRegistry(tmp_path)
+    with pytest.raises(WeightsError, match="fetch minilm efficientnet-lite0"):
+        encoders.readers()
+    assert encoders.pictograms() is None and encoders.reader_aside() is None
+    assert "models fetch openmoji minilm" in encoders.remarks[0]

@@ -1,0 +1,153 @@
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from frida_painter import images
+from frida_painter.cli import kept
+from frida_painter.planning.planner import Effort, Planner
+from frida_painter.session import resuming
+from frida_painter.session.events import Event, Paused, Planned, StrokePainted
+from frida_painter.session.journal import Journal
+from frida_painter.web.commands import tell_painter
+from frida_painter.web.feed import Feed
+from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.lines import LineReader
+from frida_painter.web.pause_controller import PauseController
+from frida_painter.web.stop_file import Stop, StopPressed
+from frida_painter.web.wish import Wish
+from scenes import CANVAS, goal, picture, small_table
+from sittings import Evening
+
+PICTURE = "a" * 32
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> PaintingFolder:
+    (tmp_path / "live").mkdir()
+    return PaintingFolder(tmp_path)
+
+
+class Table:
+    """A painting on the stub easel with a person who answers its pauses, one command after another."""
+
+    def __init__(self, folder: PaintingFolder, strokes: int, *, pause_after: int = 2) -> None:
+        self.folder = folder
+        self.feed = Feed(folder)
+        self.stop = Stop(folder.stop)
+        self.together = PauseController(folder, self.feed, self.stop)
+        self.evening = Evening(strokes, replans=0, pause_at=self._pauses(pause_after), go_on=self._go_on)
+        self.evening.session._pause_asked = self._pause_asked
+        self.together.session = self.evening.session
+        self.says: list[tuple[str, dict[str, int]]] = []
+        deadline = threading.Timer(30, folder.stop.touch)  # a pause that nobody ends is not waited for
+        deadline.daemon = True
+        deadline.start()
+
+    def told(self, kind: str) -> list[dict[str, Any]]:
+        return [line for line in LineReader(self.folder.feed).read() if line["kind"] == kind]
+
+    def _pauses(self, after: int) -> Any:
+        def pause_at(event: Event) -> bool:
+            self.together.hear(event)
+            return isinstance(event, StrokePainted) and event.done == after
+
+        return pause_at
+
+    def _pause_asked(self) -> bool:
+        return self.together.pause_asked() or self.evening.pausing
+
+    def _go_on(self, paused: Paused) -> bool:
+        def answer() -> None:
+            for kind, more in self.says:
+                tell_painter(self.folder, kind, "browser", **more)  # type: ignore[arg-type]
+
+        threading.Timer(0.05, answer).start()
+        return self.together.go_on(paused)
+
+
+def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: PaintingFolder) -> None:
+    table = Table(folder, 8)
+    table.says = [("look", {}), ("leave out", {"count": 3}), ("pause", {}), ("go on", {})]
+    assert table.evening.run().painted == 5
+    assert len(table.told("paused")) == 4 and len(table.told("resumed")) == 1
+    assert "let it look" in table.told("paused")[0]["reason"]
+
+
+def test_turns_are_taken(folder: PaintingFolder) -> None:
+    table = Table(folder, 7)
+    table.says = [("turns", {"count": 2}), ("go on", {})]
+    assert table.evening.run().painted == 7
+    turns = [line for line in table.told("paused") if line["turn"]]
+    assert len(turns) >= 2 and "your turn" in turns[0]["reason"]
+
+
+def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder) -> None:
+    table = Table(folder, 4)
+    table.evening.planner.size = CANVAS  # type: ignore[attr-defined]
+    images.save(torch.zeros(3, 40, 50), folder.region(1))
+    table.says = [("spare", {"record": 1}), ("spare", {"record": 2}), ("goal", {"record": 9}), ("go on", {})]
+    assert table.evening.run().painted == 4
+    sentences = [line["sentence"] for line in table.told("remark")]
+    assert "Nothing was drawn" in sentences[0] and len(sentences) == 3
+    assert not any(str(folder.path) in sentence for sentence in sentences)
+
+
+def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> None:
+    feed = Feed(folder)
+    together = PauseController(folder, feed, Stop(folder.stop))
+    tell_painter(folder, "go on", "browser")
+    assert together.go_on(Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
+    reasons = [line["reason"] for line in LineReader(folder.feed).read() if line["kind"] == "paused"]
+    assert reasons == ["its folder/painting/journal cannot be written; make room."]
+
+
+def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp_path: Path) -> None:
+    table = Table(folder, 4)
+    planner = Planner(goal(), CANVAS, small_table(), rows=64, effort=Effort().scaled(0.02), seed=1)
+    white = torch.ones(3, planner.fine.rows, planner.fine.columns)
+    made = planner.plan(white, 4, 1, lambda step: None)
+    table.evening.session.planner = planner
+    drawn = torch.zeros(3, 60, 80)
+    drawn[:, :, :30] = 1
+    images.save(drawn, folder.region(1))
+    (tmp_path / "pictures").mkdir()
+    images.save(picture(60, 80), tmp_path / "pictures" / f"{PICTURE}.png")
+    wish = Wish.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]})
+    assert folder.begin_change(wish, tmp_path / "pictures") == 1
+    table.says = [("spare", {"record": 1}), ("goal", {"record": 1}), ("go on", {})]
+    folder.painting.mkdir()
+    table.evening.session.journal = Journal.begin(folder.painting, {}, {})
+    table.evening.session.run(4, 1, made)
+    table.evening.session.journal.close()
+    after = table.evening.session.planner
+    assert after is not planner and after.region is planner.region is not None
+    assert after.goal.terms[0].weight == 2
+    assert table.told("region")[0] == {**table.told("region")[0], "picture": "region-1.png", "only": False}
+    history = Journal.reopen(folder.painting)[1]
+    kept_region = resuming.region(folder.painting, history)
+    assert kept_region is not None and torch.equal(kept_region.forbidden, after.region.forbidden)
+    assert kept.read_goal(folder.painting / history.goal).wishes[0][2] == 2
+    assert table.told("changed")[0]["wish"]["terms"][0]["weight"] == 2
+    assert sum(isinstance(event, Planned) for event in table.evening.heard) >= 3
+
+
+@pytest.fixture
+def stopped(folder: PaintingFolder) -> Iterator[Stop]:
+    stop = Stop(folder.stop)
+    stop.heed()
+    folder.stop.touch()
+    deadline = time.monotonic() + 20
+    while not stop.asked and time.monotonic() < deadline:
+        time.sleep(0.005)
+    yield stop
+
+
+def test_stop_ends_a_pause_and_whatever_heeds_it(folder: PaintingFolder, stopped: Stop) -> None:
+    with pytest.raises(StopPressed):
+        stopped.heed()
+    assert PauseController(folder, Feed(folder), stopped).go_on(Paused("You asked for a pause.", 3)) is False
