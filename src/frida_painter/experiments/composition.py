@@ -16,7 +16,6 @@ from torch import Tensor
 from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
 from frida_painter.experiments.measures import edge_correlation
 from frida_painter.experiments.outcome import Notify, Outcome, Row, Table, silent, within
-from frida_painter.experiments.page import Cell, Line, page
 from frida_painter.experiments.result_cache import Finding
 from frida_painter.experiments.targets import Target
 from frida_painter.experiments.text import PROMPTS, Prompt, log_probabilities, rank_of
@@ -24,6 +23,7 @@ from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, StyleTerm, TextTerm
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.report.figure_sheet import Cell, Line, page
 
 NAME = "composition"
 STYLE, WORDS, BEGUN = "style alone", "words and style", "words and style, begun with the style"

@@ -17,12 +17,12 @@ from frida_painter.brush.resample import resample
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import EXACT, execute, open_easel
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent
-from frida_painter.experiments.page import Cell, Line, page
 from frida_painter.experiments.rivals import DEFAULT, learn_model
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.render import render
+from frida_painter.report.figure_sheet import Cell, Line, page
 from frida_painter.strokes import StrokeLimits, Strokes
 
 NAME = "continuous-strokes"

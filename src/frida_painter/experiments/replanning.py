@@ -18,7 +18,6 @@ from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import open_easel
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
-from frida_painter.experiments.page import Cell, Line, page
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm
@@ -27,6 +26,7 @@ from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.report.chart import Series, chart
+from frida_painter.report.figure_sheet import Cell, Line, page
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Looked, Planned, PlanningStep, StrokePainted

@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.experiments.page import INK, LINE, PAPER, SOFT, font
+from frida_painter.report.figure_sheet import INK, LINE, PAPER, SOFT, font
 
 _WIDTH, _MARGIN, _TOP = 1500, 44, 128
 _ROW, _TEXT_WIDTH = 120, 108

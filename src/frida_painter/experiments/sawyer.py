@@ -25,7 +25,6 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import EXACT, execute
 from frida_painter.experiments.measures import psnr
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
-from frida_painter.experiments.page import Cell, Line, page
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal, ImageTerm
@@ -33,6 +32,7 @@ from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Effort, Planner
+from frida_painter.report.figure_sheet import Cell, Line, page
 from frida_painter.virtual.arm import Course
 from frida_painter.virtual.studio import FREE, KINEMATIC_SAWYER, SAWYER, StudioSettings, open_studio
 from frida_painter.virtual.table import HandNoise

@@ -16,7 +16,6 @@ from frida_painter import images, weights
 from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
 from frida_painter.experiments.measures import edge_score, feature_distance, perceptual_distance, psnr
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
-from frida_painter.experiments.page import Cell, Line, page
 from frida_painter.experiments.result_cache import Finding
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
@@ -24,6 +23,7 @@ from frida_painter.goal import Goal, ImageTerm, SemanticTerm
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.report.figure_sheet import Cell, Line, page
 from frida_painter.session.opening import planning_device
 
 NAME = "semantic"

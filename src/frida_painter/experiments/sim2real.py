@@ -22,7 +22,6 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments import robot_strokes, soft_planner
 from frida_painter.experiments.execution import execute, open_easel
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
-from frida_painter.experiments.page import Cell, Line, page
 from frida_painter.experiments.result_cache import Finding, ResultCache
 from frida_painter.experiments.soft_planner import SoftEffort
 from frida_painter.experiments.soft_strokes import Freedom
@@ -31,6 +30,7 @@ from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal, ImageTerm
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Effort, Planner
+from frida_painter.report.figure_sheet import Cell, Line, page
 
 NAME = "sim2real"
 OURS, UNCONSTRAINED, CONSTRAINED = "ours", "unconstrained", "constrained"

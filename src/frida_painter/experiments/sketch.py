@@ -17,12 +17,12 @@ from frida_painter import images
 from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
 from frida_painter.experiments.measures import edge_score
 from frida_painter.experiments.outcome import Notify, Outcome, Row, Table, silent, within
-from frida_painter.experiments.page import Cell, Line, page
 from frida_painter.experiments.result_cache import Finding
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, SketchTerm, TextTerm
 from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.report.figure_sheet import Cell, Line, page
 from frida_painter.session.opening import planning_device
 
 NAME = "sketch"

@@ -14,9 +14,9 @@ from torch import Tensor
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.errors import LibraryError
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent
-from frida_painter.experiments.page import Cell, Line, page
 from frida_painter.experiments.rivals import BEZIER, LEARNED, errors, learn
 from frida_painter.experiments.significance import PairedTest
+from frida_painter.report.figure_sheet import Cell, Line, page
 
 NAME = "stroke-model"
 FEWEST_STROKES = 12

@@ -17,7 +17,6 @@ from frida_painter import images, weights
 from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
 from frida_painter.experiments.measures import edge_correlation, exact_emd
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
-from frida_painter.experiments.page import Cell, Line, page
 from frida_painter.experiments.result_cache import Finding
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
@@ -28,6 +27,7 @@ from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.style import LAYERS as SEEN
 from frida_painter.objectives.transport import cosine_cost, euclidean_cost, relaxed_emd
+from frida_painter.report.figure_sheet import Cell, Line, page
 from frida_painter.session.opening import planning_device
 
 NAME = "style"

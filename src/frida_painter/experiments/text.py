@@ -20,7 +20,6 @@ from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import open_easel
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
-from frida_painter.experiments.page import Cell, Line, page
 from frida_painter.experiments.result_cache import Finding, ResultCache
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, TextTerm
@@ -31,6 +30,7 @@ from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.planning.initialize import uniform
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.render import render
+from frida_painter.report.figure_sheet import Cell, Line, page
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Planned, PlanningStep, StrokePainted

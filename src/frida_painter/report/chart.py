@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.experiments.page import INK, LINE, PAPER, SOFT, font
+from frida_painter.report.figure_sheet import INK, LINE, PAPER, SOFT, font
 
 _FINER = 3  # drawn so many times larger and then made smaller, which smooths every edge
 _WIDTH, _HEIGHT = 940, 540

@@ -1,6 +1,6 @@
 import torch
 
-from frida_painter.experiments.page import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, Line, page
 
 RED = torch.tensor([0.8, 0.1, 0.1])[:, None, None]
 
