@@ -41,7 +41,7 @@ class NotingPlanner:
         paint = torch.arange(strokes) * colors // strokes
         return Plan.of(some_strokes(strokes), palette, paint, canvas=CANVAS, brush="small", limits=SMALL.limits)
 
-    def bound(self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None]) -> Plan:
+    def bind_to_palette(self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None]) -> Plan:
         notify(Step(1, 1, 0.35))
         paint = palette.nearest(plan.strokes.color)
         return Plan.of(plan.strokes, palette, paint, canvas=CANVAS, brush="small", limits=SMALL.limits)
