@@ -7,10 +7,9 @@ from typing import Annotated
 
 import typer
 
-from frida_painter import images
-from frida_painter.errors import ConfigError, FridaError, Interrupted
+from frida_painter.errors import FridaError, Interrupted
 from frida_painter.palette import Palette
-from frida_painter.perception.swatches import read_swatches
+from frida_painter.runs.palette_file import read_palette
 
 PaletteOption = Annotated[
     Path | None,
@@ -29,21 +28,6 @@ FilledOption = Annotated[
     bool,
     typer.Option("--yes", "-y", help="Do not ask at a real robot whether the wells are filled; for scripts."),
 ]
-
-
-def read_palette(path: Path, count: int | None) -> Palette:
-    """The palette of a JSON file, or of a photograph of `count` swatches.
-
-    Raises ConfigError, ImageError and FrameRejected; ConfigError also where it has not `count` paints.
-    """
-    if path.suffix.lower() == ".json":
-        palette = Palette.load(path)
-        if count is not None and len(palette) != count:
-            raise ConfigError(f"{path} has {len(palette)} paints, and {count} are wanted; give one colour for each.")
-        return palette
-    if count is None:
-        raise ConfigError(f"How many swatches {path} shows is not known; say it with --colors.")
-    return read_swatches(images.load(path), count)
 
 
 @dataclass(frozen=True)
