@@ -11,6 +11,7 @@ ROOT = Path(frida_painter.__file__).parent
 LAYERS = (
     ("errors", "storage", "tensor_file", "picture_file", "images", "video", "model_folder", "weights"),
     (
+        "canvas_size",
         "frames",
         "strokes",
         "palette",
@@ -19,17 +20,20 @@ LAYERS = (
         "plan",
         "lens",
         "calibration",
-        "config",
-    ),  # settings speak in these nouns
+    ),
     ("brush", "render", "perception", "mixing"),
     ("objectives",),
     ("planning", "hardware", "virtual"),
     ("session",),
     ("report", "export"),
-    ("runs", "experiments"),
-    ("cli", "web", "__main__", ""),
+    ("runs",),
+    ("experiments",),
+    ("cli", "web"),
+    ("__main__", ""),
 )
 # The virtual studio is reality: what judges or predicts it must not be inside it.
+# Faces are thin, and none knows another.
+FACES = ("cli", "web", "experiments")
 REALITY = {"virtual": {"brush", "render", "perception", "mixing", "objectives", "planning", "session"}}
 # Pickles run what they hold, and torchvision does not import beside the build of torch that is pinned.
 FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "joblib", "yaml", "shelve", "marshal", "torchvision"}
