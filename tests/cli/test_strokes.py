@@ -38,7 +38,7 @@ def hasty(monkeypatch):
     def hastily(name, library, kind=None, *, seed=0, notify=None):
         return learn.learn(name, library, kind, seed=seed, hasty=True, notify=notify)
 
-    monkeypatch.setattr("frida_painter.cli.training.learn", hastily)
+    monkeypatch.setattr("frida_painter.brush.learn.learn", hastily)
     monkeypatch.setattr("frida_painter.brush.measure.learn", hastily)
 
 

@@ -18,9 +18,7 @@ COMMANDS = (
     Deferred(
         "render", f"{_CLI}.painting", "Draw a plan as a picture of any size, as the simulation of the brush sees it."
     ),
-    Deferred(
-        "resume", f"{_CLI}.resume", "Go on with a painting that was stopped or broke off, from its folder."
-    ),
+    Deferred("resume", f"{_CLI}.resume", "Go on with a painting that was stopped or broke off, from its folder."),
     Deferred("export", f"{_CLI}.export", "Write the strokes of a plan in millimetres."),
     Deferred(
         "calibrate",
@@ -33,9 +31,7 @@ COMMANDS = (
         "Tell how the easel's calibration stands: what was done when and how well, and what to repeat.",
     ),
     Deferred("arm", f"{_CLI}.arm", "Let a robot move again that was stopped, once you have looked at it."),
-    Deferred(
-        "check", f"{_CLI}.check", "Check whether a whole plan can be painted on an easel, before anything moves."
-    ),
+    Deferred("check", f"{_CLI}.check", "Check whether a whole plan can be painted on an easel, before anything moves."),
     Deferred(
         "mix",
         f"{_CLI}.mix",

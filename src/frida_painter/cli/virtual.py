@@ -2,12 +2,14 @@
 
 import math
 import re
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from frida_painter.errors import ConfigError
-from frida_painter.virtual.table import PlacementError
+
+if TYPE_CHECKING:
+    from frida_painter.virtual.table import PlacementError
 
 _FURTHEST, _MOST_TURNED = 0.05, 15.0
 
@@ -22,7 +24,7 @@ PlacementErrorOption = Annotated[
 ]
 
 
-def read_placement_error(text: str | None) -> PlacementError | None:
+def read_placement_error(text: str | None) -> "PlacementError | None":
     """ "4mm,2deg" as 4 mm to the right and 2 degrees counter-clockwise, "3mm,-2mm,1deg" as right, up and turn.
 
     None where nothing was given. Raises ConfigError.
@@ -42,4 +44,6 @@ def read_placement_error(text: str | None) -> PlacementError | None:
             f"--placement-error was given {text[:40]!r}; at most {_FURTHEST * 1000:g} mm and {_MOST_TURNED:g} degrees "
             "can be corrected."
         )
+    from frida_painter.virtual.table import PlacementError
+
     return PlacementError((x, y), math.radians(turn))

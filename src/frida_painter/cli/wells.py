@@ -3,14 +3,14 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frida_painter import images
 from frida_painter.errors import ConfigError, FridaError, Interrupted
-from frida_painter.palette import Palette
-from frida_painter.perception.swatches import read_swatches
+
+if TYPE_CHECKING:
+    from frida_painter.palette import Palette
 
 PaletteOption = Annotated[
     Path | None,
@@ -31,11 +31,15 @@ FilledOption = Annotated[
 ]
 
 
-def read_palette(path: Path, count: int | None) -> Palette:
+def read_palette(path: Path, count: int | None) -> "Palette":
     """The palette of a JSON file, or of a photograph of `count` swatches.
 
     Raises ConfigError, ImageError and FrameRejected; ConfigError also where it has not `count` paints.
     """
+    from frida_painter import images
+    from frida_painter.palette import Palette
+    from frida_painter.perception.swatches import read_swatches
+
     if path.suffix.lower() == ".json":
         palette = Palette.load(path)
         if count is not None and len(palette) != count:
@@ -55,12 +59,12 @@ class Wells:
     by then that the wells are filled.
     """
 
-    given: Palette | None
+    given: "Palette | None"
     ask: Callable[[str], str] | None
     folder: Path
     poured: bool = False
 
-    def filled(self, wanted: Palette) -> Palette | None:
+    def filled(self, wanted: "Palette") -> "Palette | None":
         """Returns when the wells are filled. Raises Interrupted where the person leaves."""
         if self.ask is None:
             return self.given
