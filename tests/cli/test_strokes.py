@@ -35,8 +35,10 @@ def run(tmp_path, monkeypatch, capsys):
 def hasty(monkeypatch):
     """Trainings that are over at once."""
 
+    thoroughly = learn.learn
+
     def hastily(name, library, kind=None, *, seed=0, notify=None):
-        return learn.learn(name, library, kind, seed=seed, hasty=True, notify=notify)
+        return thoroughly(name, library, kind, seed=seed, hasty=True, notify=notify)
 
     monkeypatch.setattr("frida_painter.brush.learn.learn", hastily)
     monkeypatch.setattr("frida_painter.brush.measure.learn", hastily)

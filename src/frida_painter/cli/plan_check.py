@@ -4,24 +4,21 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import torch
-
 from frida_painter import images
 from frida_painter.brush.kinds import brush_kind
-from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration
 from frida_painter.cli.numbers import count_of
 from frida_painter.cli.progress import duration
 from frida_painter.cli.real import VIRTUAL
 from frida_painter.errors import ConfigError
-from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.frames import CanvasSize
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.reach import Reach
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.plan import Plan
-from frida_painter.render import render
+from frida_painter.render.plan_picture import render_plan
 from frida_painter.report.offending_strokes import offending_strokes
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.easels import OPENERS, EaselOrder, open_easel
@@ -61,7 +58,7 @@ def check_plan(plan: Path, robot: str | None, workspace: Path | None, calibratio
         return True
     _tell(found, len(loaded))
     if found.strokes:
-        images.save(offending_strokes(loaded, _picture(loaded), found.strokes), out)
+        images.save(offending_strokes(loaded, render_plan(loaded, _ROWS), found.strokes), out)
         print(f"  The strokes in red: {out}", file=sys.stderr)
     return False
 
@@ -104,13 +101,6 @@ def _known(record: Path | None, default: Calibration) -> Calibration:
     known = Calibration.load(record)
     require(known, default, ())
     return known
-
-
-def _picture(plan: Plan) -> torch.Tensor:
-    grid = PixelGrid.of_height(plan.canvas, _ROWS)
-    ground = torch.tensor(plan.ground)[:, None, None].expand(3, grid.rows, grid.columns)
-    with torch.no_grad():
-        return render(plan.strokes, load_stroke_model(plan.brush), ground.contiguous(), plan.canvas)
 
 
 def _tell(found: Rehearsal, strokes: int) -> None:
