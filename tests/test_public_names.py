@@ -55,7 +55,7 @@ def test_editors_see_the_same_names_as_python() -> None:
 
 
 def test_a_name_that_is_not_there_is_answered_with_those_that_are() -> None:
-    with pytest.raises(AttributeError, match="offers .*Planner"):
+    with pytest.raises(AttributeError, match=r"offers .*Planner"):
         frida_painter.Plannar  # noqa: B018
 
 

@@ -74,8 +74,9 @@ class Planner:
 
     size: of the canvas, such as "14x11in"; by default 14 x 11 inches, turned like the goal's first picture.
     model: what the brush's marks look like, or the name of a brush that comes with the project. rows:
-    height of the picture in which is planned; the start is planned at half of it. Every random choice
-    comes from `seed`. encoders: the networks that the goal is seen through, by default
+    height of the picture in which is planned; the start is planned at half of it. effort: how
+    many iterations are spent, as a factor of the usual number, or one by one. Every random choice comes
+    from `seed`. encoders: the networks that the goal is seen through, by default
     those that were fetched. device: where is planned; pictures and plans come and go on the CPU.
     region: what strokes keep clear of, from the next plan on. Raises WeightsError where the goal needs
     a network that is missing.
@@ -88,14 +89,14 @@ class Planner:
         model: StrokeModel | str = "broad",
         *,
         rows: int = 256,
-        effort: Effort | None = None,
+        effort: Effort | float = 1.0,
         seed: int = 0,
         encoders: EncoderRegistry | None = None,
         device: torch.device | None = None,
     ) -> None:
         self.size = size = _usual_size(goal) if size is None else CanvasSize.of(size)
         self.model = model = cached_table(load_stroke_model(model)) if isinstance(model, str) else model
-        self.effort = effort or Effort()
+        self.effort = effort if isinstance(effort, Effort) else Effort().scaled(effort)
         self.fine = PixelGrid.of_height(size, rows)
         self.coarse = PixelGrid.of_height(size, max(rows // 2, 32))
         self.seed = seed
