@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 import frida_painter
+from plans import made_up_plan
+from scenes import picture
 
 MOST_NAMES = 20
 FOLDER = Path(frida_painter.__file__).parent
@@ -57,6 +59,18 @@ def test_editors_see_the_same_names_as_python() -> None:
 def test_a_name_that_is_not_there_is_answered_with_those_that_are() -> None:
     with pytest.raises(AttributeError, match=r"offers .*Planner"):
         frida_painter.Plannar  # noqa: B018
+
+
+def test_files_are_named_by_texts_as_well_as_by_paths(tmp_path: Path) -> None:
+    plan, folder = made_up_plan(), str(tmp_path)
+    plan.save(f"{folder}/plan.json")
+    plan.palette.save(f"{folder}/palette.json")
+    frida_painter.save_picture(picture(), f"{folder}/picture.png")
+    assert frida_painter.Plan.load(f"{folder}/plan.json").digest == frida_painter.Plan.load(tmp_path).digest
+    assert len(frida_painter.Palette.load(f"{folder}/palette.json")) == len(plan.palette)
+    assert frida_painter.load_picture(f"{folder}/picture.png").shape == picture().shape
+    studio = frida_painter.open_virtual_studio("12x9cm", "fine", state=f"{folder}/studio.log")
+    assert studio.easel.canvas.width == 0.12 and (tmp_path / "studio.log").exists()
 
 
 def test_the_package_alone_loads_nothing() -> None:
