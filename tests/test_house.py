@@ -11,6 +11,7 @@ ROOT = Path(frida_painter.__file__).parent
 LAYERS = (
     ("errors", "storage", "tensor_file", "picture_file", "images", "video", "model_folder", "weights"),
     (
+        "canvas_size",
         "frames",
         "strokes",
         "palette",
@@ -19,8 +20,7 @@ LAYERS = (
         "plan",
         "lens",
         "calibration",
-        "config",
-    ),  # settings speak in these nouns
+    ),
     ("brush", "render", "perception", "mixing"),
     ("objectives",),
     ("planning", "hardware", "virtual"),

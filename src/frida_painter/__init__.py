@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from frida_painter.planning.planner import Planner
     from frida_painter.render.painting import render as render_strokes
     from frida_painter.render.plan_picture import render_plan
+    from frida_painter.runs.run import PaintingRun
     from frida_painter.runs.simple_goal import make_goal
+    from frida_painter.runs.spec import RunSpec
     from frida_painter.strokes import Strokes
     from frida_painter.virtual.studio import open_studio as open_virtual_studio
 
@@ -29,10 +31,12 @@ __all__ = [
     "Camera",
     "FridaError",
     "Objective",
+    "PaintingRun",
     "Palette",
     "Plan",
     "Planner",
     "Robot",
+    "RunSpec",
     "StrokeModel",
     "Strokes",
     "load_picture",
@@ -49,10 +53,12 @@ _HOMES = {
     "Camera": ("hardware.camera", "Camera"),
     "FridaError": ("errors", "FridaError"),
     "Objective": ("objectives.base", "Objective"),
+    "PaintingRun": ("runs.run", "PaintingRun"),
     "Palette": ("palette", "Palette"),
     "Plan": ("plan", "Plan"),
     "Planner": ("planning.planner", "Planner"),
     "Robot": ("hardware.robot", "Robot"),
+    "RunSpec": ("runs.spec", "RunSpec"),
     "StrokeModel": ("brush.stroke_model", "StrokeModel"),
     "Strokes": ("strokes", "Strokes"),
     "load_picture": ("images", "load"),

@@ -83,6 +83,17 @@ def fit(image: Tensor, rows: int, columns: int) -> Tensor:
     return resampled[0].clamp(0, 1)
 
 
+def pad(image: Tensor, rows: int, columns: int) -> Tensor:
+    """The whole picture [3, H, W] in the middle of `rows` x `columns`, on white, resampled as `fit` does."""
+    _, height, width = image.shape
+    scale = min(rows / height, columns / width)
+    inner_rows, inner_columns = max(1, round(height * scale)), max(1, round(width * scale))
+    padded = image.new_ones(3, rows, columns)
+    top, left = (rows - inner_rows) // 2, (columns - inner_columns) // 2
+    padded[:, top : top + inner_rows, left : left + inner_columns] = fit(image, inner_rows, inner_columns)
+    return padded
+
+
 def sized(image: Tensor, pixels: int) -> Tensor:
     """The picture [3, H, W] with about so many pixels, in its own proportions, no side below 16; differentiable."""
     _, rows, columns = image.shape

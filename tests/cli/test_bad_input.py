@@ -83,7 +83,7 @@ def photo(tmp_path: Path) -> str:
         (("--brush", "photo.png"), ("photo.png",)),
         (("--brush", "pickle.pt"), ("pickle.pt", "not safetensors")),
         (("--settings", "nowhere.toml"), ("nowhere.toml does not exist",)),
-        (("--settings", "odd.toml"), ("'stroks' is not a setting", "there are brush")),
+        (("--settings", "odd.toml"), ("'stroks' is not a setting", "there are arm_meshes, brush")),
         (("--settings", "nan.toml"), ("--effort was given nan",)),
         (("--settings", "twice.toml"), ("twice.toml is not TOML",)),
         (("--out", "photo.png"), ("photo.png",)),

@@ -9,11 +9,11 @@ from PIL import Image
 from frida_painter import cli
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration
-from frida_painter.cli.calibration import default_record
-from frida_painter.config import PaintingSettings
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm
-from frida_painter.session.opening import open_planner
+from frida_painter.runs.calibrating import default_record
+from frida_painter.runs.opening import open_planner
+from frida_painter.runs.spec import RunSpec
 from frida_painter.virtual.studio import open_studio
 
 STUDIO = ("--canvas", "160x120mm", "--brush", "fine", "--seed", "3")
@@ -72,8 +72,8 @@ def test_all_five_are_done_in_order(run: Run, tmp_path: Path) -> None:
     assert known.library is not None and Path(known.library.path).is_absolute()
     assert known.weights is not None
     learned = load_stroke_model(Path(known.weights.path))
-    settings = PaintingSettings.of(brush="fine", render_height=64)
-    planner = open_planner(settings, Goal((ImageTerm(torch.rand(3, 20, 20)),)), tmp_path / "cal.json")
+    spec = RunSpec.of(brush="fine", render_height=64, calibration=tmp_path / "cal.json")
+    planner = open_planner(spec, Goal((ImageTerm(torch.rand(3, 20, 20)),)))
     shape = torch.tensor([0.5]), torch.tensor([0.02]), torch.tensor([0.0])
     assert (planner.model(*shape) - learned(*shape)).abs().mean() < 0.01
     assert (planner.model(*shape) - load_stroke_model("fine")(*shape)).abs().mean() > 1e-4

@@ -21,8 +21,6 @@ from frida_painter.experiments.text import PROMPTS
 ENTRIES = [(("",), entry) for entry in COMMANDS] + [(("strokes",), entry) for entry in strokes.COMMANDS]
 IDS = [" ".join((*group, entry.name)).strip() for group, entry in ENTRIES]
 HEAVY = ["torch", "numba", "transformers", "cv2", "fastapi", "numpy", "scipy", "PIL"]
-# Their options stand beside what they do.
-LOADED_WITH_THEIR_WORK = {"frida_painter.cli.painting", "frida_painter.cli.resume"}
 HELP = """
 import json, sys
 from frida_painter import cli
@@ -71,12 +69,11 @@ def modules_after(*words: str) -> set[str]:
 
 
 def help_pages() -> list[tuple[str, ...]]:
-    """Every command whose options can be read without loading what it does, and the groups above them."""
+    """Every command, and the groups above them."""
     pages: list[tuple[str, ...]] = [()]
     for entry in COMMANDS:
-        if entry.module not in LOADED_WITH_THEIR_WORK:
-            pages.append((entry.name,))
-            pages += [(entry.name, name) for name in getattr(entry.load(), "commands", {})]
+        pages.append((entry.name,))
+        pages += [(entry.name, name) for name in getattr(entry.load(), "commands", {})]
     return pages
 
 

@@ -21,7 +21,7 @@ from frida_painter.hardware.workcell import example
 from frida_painter.plan import Plan
 
 Run = Callable[..., str]
-SMALL = ("--canvas", "120x90mm", "--render-height", "64", "--effort", "0.05", "--brush", "fine")
+SMALL = ("--canvas", "120x90mm", "--fit", "crop", "--render-height", "64", "--effort", "0.05", "--brush", "fine")
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +102,7 @@ def test_settings_come_from_a_file_and_the_canvas_turns_with_the_picture(run: Ru
     out = run("plan", upright, "--settings", "my.toml", "--strokes", 3)
     plan = Plan.load(next((tmp_path / "paintings").iterdir()))
     assert len(plan) == 3 and len(plan.palette) == 2
-    assert (plan.canvas.width, plan.canvas.height) == pytest.approx((11 * 0.0254, 14 * 0.0254))
+    assert (plan.canvas.width, plan.canvas.height) == pytest.approx((14 * 0.0254 * 200 / 300, 14 * 0.0254), rel=1e-5)
     assert "paintings/upright-" in out
 
 

@@ -19,7 +19,20 @@ from killing import began, kill_when
 from marks import coarse_table
 
 STROKES = 10
-SMALL = ("--canvas", "120x90mm", "--render-height", "64", "--effort", "0.05", "--brush", "fine", "--colors", "3")
+SMALL = (
+    "--canvas",
+    "120x90mm",
+    "--fit",
+    "crop",
+    "--render-height",
+    "64",
+    "--effort",
+    "0.05",
+    "--brush",
+    "fine",
+    "--colors",
+    "3",
+)
 Resume = Callable[..., tuple[int, str]]
 
 
@@ -27,7 +40,7 @@ Resume = Callable[..., tuple[int, str]]
 def _coarse_brush(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
-        patch.setattr("frida_painter.session.opening.cached_table", coarse_table)
+        patch.setattr("frida_painter.runs.opening.cached_table", coarse_table)
         yield
 
 

@@ -18,7 +18,19 @@ from session.easel_errands import moves, until
 
 pytestmark = pytest.mark.slow
 
-SMALL = ("--canvas", "120x90mm", "--render-height", "64", "--effort", "0.05", "--brush", "fine", "--no-film")
+SMALL = (
+    "--canvas",
+    "120x90mm",
+    "--fit",
+    "crop",
+    "--render-height",
+    "64",
+    "--effort",
+    "0.05",
+    "--brush",
+    "fine",
+    "--no-film",
+)
 
 
 class Painter:

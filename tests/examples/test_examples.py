@@ -17,7 +17,7 @@ from marks import coarse_table
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PHOTO = str(EXAMPLES / "photographs" / "cat.jpg")
-SCRIPTS = ("compare_seeds", "own_paints", "own_stroke_model", "plan_photograph", "poster")
+SCRIPTS = ("compare_seeds", "own_paints", "own_stroke_model", "paint_photograph", "plan_photograph", "poster")
 TINY = {"strokes": 6, "rows": 64, "effort": 0.02}
 MOST_LINES = 15
 
@@ -110,6 +110,16 @@ def test_a_stroke_model_of_ones_own_draws_the_plan(tmp_path: Path) -> None:
     script("plan_photograph")(PHOTO, str(tmp_path), **TINY)
     drawn, painted = (fp.load_picture(tmp_path / name) for name in ("pen.png", "plan.png"))
     assert float(drawn.min()) < 0.9 and not torch.equal(drawn, painted)
+
+
+def test_a_photograph_is_painted_in_the_virtual_studio(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("frida_painter.runs.opening.cached_table", coarse_table)
+    folder = tmp_path / "painting"
+    script("paint_photograph")(PHOTO, str(folder), strokes=4, replans=1, render_height=64, effort=0.05)
+    assert {"index.html", "painting.png", "plan.json"} <= {path.name for path in folder.iterdir()}
+    assert "4 strokes: " in capsys.readouterr().out
 
 
 def test_the_notebook_runs_from_top_to_bottom(

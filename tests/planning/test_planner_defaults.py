@@ -5,31 +5,33 @@ import inspect
 import pytest
 import torch
 
-from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, StyleTerm
 from frida_painter.planning.planner import Effort, Planner
+from frida_painter.runs.spec import RunSpec
 from marks import coarse_table
 from networks import QuickEncoders
 from scenes import goal, picture, small_table
+
+SHAPES = ((120, 160), (160, 120))
 
 
 def small(**settings: object) -> Planner:
     return Planner(goal(), "12x9cm", small_table(), rows=64, effort=0.02, **settings)  # type: ignore[arg-type]
 
 
-def test_the_usual_canvas_is_turned_like_the_picture() -> None:
-    usual = PaintingSettings().canvas
-    upright = Goal((ImageTerm(picture(160, 120)),))
-    assert Planner(goal(), model=small_table(), rows=64).size == usual
-    assert Planner(upright, model=small_table(), rows=64).size == CanvasSize(usual.height, usual.width)
-    styled = Goal((StyleTerm(picture(160, 120)),))
-    assert Planner(styled, model=small_table(), rows=64, encoders=QuickEncoders()).size.height == usual.width
+def test_the_usual_canvas_has_the_proportions_of_the_picture() -> None:
+    usual = RunSpec().canvas
+    lying, upright = (Planner(Goal((ImageTerm(picture(*shape)),)), model=small_table(), rows=64) for shape in SHAPES)
+    assert lying.size == usual.shaped_like(*SHAPES[0])
+    assert upright.size == CanvasSize(lying.size.height, lying.size.width)
+    styled = Goal((StyleTerm(picture(*SHAPES[1])),))
+    assert Planner(styled, model=small_table(), rows=64, encoders=QuickEncoders()).size == upright.size
 
 
 def test_what_is_left_out_is_what_the_command_line_takes() -> None:
-    settings = PaintingSettings()
+    settings = RunSpec()
     planner = inspect.signature(Planner).parameters
     plan = inspect.signature(Planner.plan).parameters
     assert planner["rows"].default == settings.render_height

@@ -258,4 +258,3 @@ def test_f33_changed_settings_and_files_are_told_one_by_one() -> None:
         "brush: it was none, and is gone",
         f"goal: it was {'a' * 12}, and is {'b' * 12}",
     ]
-    assert resuming.settled_changes(history, {"strokes": 13, "effort": 2.0}) == ["strokes"]

@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from frida_painter import images
-from frida_painter.cli import kept
 from frida_painter.planning.planner import Effort, Planner
+from frida_painter.runs.folder import read_goal
 from frida_painter.session import resuming
 from frida_painter.session.events import Event, Paused, Planned, StrokePainted
 from frida_painter.session.journal import Journal
@@ -42,7 +42,7 @@ class Table:
         self.together = PauseController(folder, self.feed, self.stop)
         self.evening = Evening(strokes, replans=0, pause_at=self._pauses(pause_after), go_on=self._go_on)
         self.evening.session._pause_asked = self._pause_asked
-        self.together.session = self.evening.session
+        self.together.opened = lambda: self.evening.session
         self.says: list[tuple[str, dict[str, int]]] = []
         deadline = threading.Timer(30, folder.stop.touch)  # a pause that nobody ends is not waited for
         deadline.daemon = True
@@ -131,7 +131,7 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
     history = Journal.reopen(folder.painting)[1]
     kept_region = resuming.region(folder.painting, history)
     assert kept_region is not None and torch.equal(kept_region.forbidden, after.region.forbidden)
-    assert kept.read_goal(folder.painting / history.goal).wishes[0][2] == 2
+    assert read_goal(folder.painting / history.goal).wishes[0][2] == 2
     assert table.told("changed")[0]["wish"]["terms"][0]["weight"] == 2
     assert sum(isinstance(event, Planned) for event in table.evening.heard) >= 3
 

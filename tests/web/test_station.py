@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.workcell import example
+from frida_painter.runs.easel import order
 from frida_painter.session.state_folder import state_folder
 from frida_painter.web import survey, surveying
 from frida_painter.web.asking import Asker
@@ -15,6 +15,7 @@ from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.job import Job
 from frida_painter.web.station import Station
 from frida_painter.web.stop_file import Stop
+from frida_painter.web.wish import Wish
 
 
 @pytest.mark.parametrize(
@@ -35,9 +36,11 @@ def test_whose_stops_hold_where(tmp_path: Path, robot: str, simulated: bool, dan
     assert Station.take(json.loads(json.dumps(station.plain()))) == station
     folder = PaintingFolder(tmp_path)
     feed, stop = Feed(folder), Stop(folder.stop)
-    order = Job(folder, station, feed, stop, Asker(folder, feed, stop)).order(PaintingSettings(), "broad")
-    assert order.state == (folder.easel if simulated else state_folder())
-    assert order.pace == (0.5 if simulated else 0.0) and order.folder == folder.painting
+    plan = folder.begin_plan(Wish.model_validate({"terms": [{"kind": "text", "words": "a sea"}]}), tmp_path)
+    job = Job(folder, station, feed, stop, Asker(folder, feed, stop))
+    wanted = order(job.spec(plan), "broad", folder.painting, job.state)
+    assert wanted.state == (folder.easel if simulated else state_folder())
+    assert wanted.pace == (0.5 if simulated else 0.0) and wanted.folder == folder.painting
 
 
 def test_the_canvas_is_the_one_of_the_workspace_file(

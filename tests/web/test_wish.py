@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from frida_painter.web.painting_settings import to_paint
 from frida_painter.web.wish import Term, Wish
 
 PICTURE = "0" * 32
@@ -22,9 +21,6 @@ def test_a_wish_is_told_to_the_command_line_in_its_own_terms() -> None:
         "goal": [{"image": f"{PICTURE}.png", "weight": 1.0}],
         "initial": [{"text": 'a "sea"', "weight": 1.0}],
     }
-    settings = to_paint(asked)
-    assert (settings.strokes, settings.colors, settings.replans) == (5, 5, 4)
-    assert settings.canvas.width == pytest.approx(0.297) and settings.brush == "broad"
     assert asked.pictures == {PICTURE}
 
 
@@ -53,7 +49,7 @@ def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
         ({"terms": [{"kind": "image", "picture": PICTURE, "weight": 0}]}, "greater"),
         ({"terms": [{"kind": "image", "picture": PICTURE}] * 9}, "at most 8"),
         ({"strokes": 0}, "greater"),
-        ({"strokes": 3001}, "less"),
+        ({"strokes": 20_001}, "less"),
         ({"width": float("inf")}, "finite"),
         ({"width": 1900, "height": 70}, "too narrow"),
         ({"brush": "/dev/sda"}, "fine"),

@@ -9,7 +9,7 @@ import typer
 from frida_painter.brush.limits import FEWEST_STROKES
 from frida_painter.cli.easel_options import CameraOption, RobotOption, WorkspaceOption
 from frida_painter.cli.numbers import whole_number_within
-from frida_painter.cli.virtual import PlacementErrorOption, read_placement_error
+from frida_painter.cli.virtual import PlacementErrorOption
 from frida_painter.session.procedures.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
 
 
@@ -89,14 +89,14 @@ def calibrate(
     """
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.calibration import PROCEDURES
-    from frida_painter.cli.calibration import Place, default_record, easel_at, lead_all
-    from frida_painter.cli.real import Site
+    from frida_painter.cli.calibration import easel_spec, lead_all
+    from frida_painter.runs.calibrating import Place, default_record, easel_of
     from frida_painter.session.opening import limit_threads
 
     limit_threads()
-    site, error = Site(robot, camera, workspace), read_placement_error(placement_error)
+    spec = easel_spec(robot, camera, workspace, canvas, brush, seed, placement_error)
     names = PROCEDURES if what is What.all else (what.value,)
-    with easel_at(site, canvas, brush, seed, error) as here:
+    with easel_of(spec) as here:
         path = (record or default_record(here.calibration.easel)).absolute()
         place = Place(here, brush_kind(brush), path, seed, count, print, refill_every)
         lead_all(names, place, anew=what is What.all, ask=ask or not here.simulated)
@@ -115,11 +115,11 @@ def doctor(
 
     Exit status 1 where painting with this record would be refused.
     """
-    from frida_painter.cli.calibration import default_record, easel_at
+    from frida_painter.cli.calibration import easel_spec
     from frida_painter.cli.doctor import examine
-    from frida_painter.cli.real import Site
+    from frida_painter.runs.calibrating import default_record, easel_of
 
-    with easel_at(Site(robot, camera, workspace), canvas, brush, seed, None) as easel:
+    with easel_of(easel_spec(robot, camera, workspace, canvas, brush, seed, None)) as easel:
         here = easel.calibration
     path = (record or default_record(here.easel)).absolute()
     if not examine(path, here, named=record is not None):

@@ -1,5 +1,6 @@
 """How goals are given on the command line."""
 
+from inspect import Parameter
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -53,3 +54,28 @@ ClipSource = Annotated[
         rich_help_panel=_PANEL,
     ),
 ]
+
+
+def parameters() -> list[Parameter]:
+    """The options of all kinds of goals, in the order in which help shows them."""
+    options = {
+        "image": Image,
+        "image_weight": ImageWeight,
+        "semantic": Semantic,
+        "semantic_weight": SemanticWeight,
+        "sketch": Sketch,
+        "sketch_weight": SketchWeight,
+        "text": Text,
+        "text_weight": TextWeight,
+        "style": Style,
+        "style_weight": StyleWeight,
+        "init_text": InitText,
+        "init_image": InitImage,
+        "init_style": InitStyle,
+        "goal": GoalFile,
+        "clip": ClipSource,
+    }
+    return [
+        Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+        for name, annotation in options.items()
+    ]

@@ -9,7 +9,6 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration
 from frida_painter.cli.numbers import count_of
 from frida_painter.cli.progress import duration
-from frida_painter.cli.real import VIRTUAL
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.motion import Motion
@@ -23,7 +22,7 @@ from frida_painter.report.offending_strokes import offending_strokes
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.easels import OPENERS, EaselOrder, open_easel
 from frida_painter.session.machines import robot_named
-from frida_painter.session.names import MACHINES, SAWYER_SIM, SIMULATED, MachineName
+from frida_painter.session.names import MACHINES, SAWYER_SIM, SIMULATED, VIRTUAL, MachineName
 from frida_painter.session.opening import limit_threads
 from frida_painter.session.procedures.calibration_status import require
 from frida_painter.session.refilling import refilled
@@ -89,7 +88,7 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
         return _Place(stand.workspace, stand.canvas, known, reach, timing, simulated)
     if robot is not None and MachineName.of(robot).kind in MACHINES:
         raise ConfigError(f"Where things stand around {robot[:60]!r} is not known; say it with --workspace FILE.")
-    order = EaselOrder(robot or VIRTUAL.robot, plan.canvas, plan.brush, 0, state_folder(), camera=_SOME_CAMERA)
+    order = EaselOrder(robot or VIRTUAL, plan.canvas, plan.brush, 0, state_folder(), camera=_SOME_CAMERA)
     easel = open_easel(order).easel
     return _Place(easel.workspace, easel.canvas, easel.calibration, easel.reach, easel.timing, easel.simulated)
 

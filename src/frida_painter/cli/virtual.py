@@ -1,17 +1,8 @@
 """How the virtual studio's imperfections are given on the command line."""
 
-import math
-import re
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-
-from frida_painter.errors import ConfigError
-
-if TYPE_CHECKING:
-    from frida_painter.virtual.table import PlacementError
-
-_FURTHEST, _MOST_TURNED = 0.05, 15.0
 
 PlacementErrorOption = Annotated[
     str | None,
@@ -22,28 +13,3 @@ PlacementErrorOption = Annotated[
         "3mm,-2mm,1.5deg. [dim]about 2mm and 0.4deg, by the seed[/]",
     ),
 ]
-
-
-def read_placement_error(text: str | None) -> "PlacementError | None":
-    """ "4mm,2deg" as 4 mm to the right and 2 degrees counter-clockwise, "3mm,-2mm,1deg" as right, up and turn.
-
-    None where nothing was given. Raises ConfigError.
-    """
-    if text is None:
-        return None
-    number = r"\s*([+-]?(?:\d+(?:\.\d+)?|\.\d+))\s*"
-    match = re.fullmatch(rf"{number}mm\s*(?:,{number}mm\s*)?,{number}deg\s*", text.lower())
-    if match is None:
-        raise ConfigError(
-            f"--placement-error was given {text[:40]!r}; it is millimetres to the right, millimetres up and degrees, "
-            "like 4mm,2deg or 3mm,-2mm,1.5deg."
-        )
-    x, y, turn = float(match[1]) / 1000, float(match[2] or 0) / 1000, float(match[3])
-    if not (math.hypot(x, y) <= _FURTHEST and abs(turn) <= _MOST_TURNED):
-        raise ConfigError(
-            f"--placement-error was given {text[:40]!r}; at most {_FURTHEST * 1000:g} mm and {_MOST_TURNED:g} degrees "
-            "can be corrected."
-        )
-    from frida_painter.virtual.table import PlacementError
-
-    return PlacementError((x, y), math.radians(turn))

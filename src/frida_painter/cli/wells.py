@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frida_painter.errors import ConfigError, FridaError, Interrupted
+from frida_painter.errors import FridaError, Interrupted
 
 if TYPE_CHECKING:
     from frida_painter.palette import Palette
@@ -31,25 +31,6 @@ FilledOption = Annotated[
 ]
 
 
-def read_palette(path: Path, count: int | None) -> "Palette":
-    """The palette of a JSON file, or of a photograph of `count` swatches.
-
-    Raises ConfigError, ImageError and FrameRejected; ConfigError also where it has not `count` paints.
-    """
-    from frida_painter import images
-    from frida_painter.palette import Palette
-    from frida_painter.perception.swatches import read_swatches
-
-    if path.suffix.lower() == ".json":
-        palette = Palette.load(path)
-        if count is not None and len(palette) != count:
-            raise ConfigError(f"{path} has {len(palette)} paints, and {count} are wanted; give one colour for each.")
-        return palette
-    if count is None:
-        raise ConfigError(f"How many swatches {path} shows is not known; say it with --colors.")
-    return read_swatches(images.load(path), count)
-
-
 @dataclass(frozen=True)
 class Wells:
     """Asked when the palette is settled; answers with what was really mixed, or None for just what was wanted.
@@ -66,6 +47,8 @@ class Wells:
 
     def filled(self, wanted: "Palette") -> "Palette | None":
         """Returns when the wells are filled. Raises Interrupted where the person leaves."""
+        from frida_painter.runs.palette_file import read_palette
+
         if self.ask is None:
             return self.given
         prompt = "Press Enter if they are just these paints, or type the file that tells what you mixed: "

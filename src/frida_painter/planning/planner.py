@@ -72,7 +72,8 @@ class Effort:
 class Planner:
     """Plans strokes of one brush towards one goal on one canvas (paper, Algorithm 1).
 
-    size: of the canvas, such as "14x11in"; by default 14 x 11 inches, turned like the goal's first picture.
+    size: of the canvas, such as "14x11in"; by default in the proportions of the goal's first
+    picture, within 14 x 11 inches.
     model: what the brush's marks look like, or the name of a brush that comes with the project. rows:
     height of the picture in which is planned; the start is planned at half of it. effort: how
     many iterations are spent, as a factor of the usual number, or one by one. Every random choice comes
@@ -328,10 +329,13 @@ class Planner:
 
 
 def _usual_size(goal: Goal) -> CanvasSize:
-    """14 x 11 inches, upright or on its side as the first picture of the goal is."""
+    """The largest canvas in the proportions of the goal's first picture within 14 x 11 inches, or within 11 x 14."""
     size = CanvasSize.parse("14x11in")
     pictures = [term.image for term in goal.opening if not isinstance(term, TextTerm)]
-    return size.turned_like(*pictures[0].shape[1:]) if pictures else size
+    if not pictures:
+        return size
+    shape = pictures[0].shape[1:]
+    return size.turned_like(*shape).shaped_like(*shape)
 
 
 def _unheard(step: Step) -> None:

@@ -1,7 +1,7 @@
 """What shall be painted, as it is said on the command line or in a TOML file, made into a goal."""
 
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -39,23 +39,28 @@ class Wanted:
     wishes: tuple[Wish, ...]
     begins: tuple[Wish, ...]
 
-    def fitted(self, grid: PixelGrid) -> "Wanted":
-        """The same, with the pictures that are to fill the canvas as they will fill it."""
+    def fitted(self, grid: PixelGrid, place: Callable[[Tensor, int, int], Tensor] = images.fit) -> "Wanted":
+        """The same, with the pictures that are to fill the canvas as they will fill it: cropped, or as `place` does."""
 
         def fit(term: Term) -> Term:
             if isinstance(term, StyleTerm | TextTerm):
                 return term
-            return replace(term, image=images.fit(term.image, grid.rows, grid.columns))
+            return replace(term, image=place(term.image, grid.rows, grid.columns))
 
         terms, initial = (tuple(map(fit, some)) for some in (self.goal.terms, self.goal.initial))
         return replace(self, goal=Goal(terms, initial))
 
 
-def read_goal(photo: Path | None, given: dict[str, Any]) -> Wanted:
+def read_goal(photo: Path | None, given: Mapping[str, Any]) -> Wanted:
     """The goal of PHOTO, which counts as the first --image, and of the options by their names.
 
     Raises ConfigError and ImageError, before anything is planned, for what makes no goal.
     """
+    return open_goal(*listed(photo, given))
+
+
+def listed(photo: Path | None, given: Mapping[str, Any]) -> tuple[list[Wish], list[Wish]]:
+    """What PHOTO and the options name: things to paint, and to begin with. Raises ConfigError."""
     wishes: list[Wish] = [] if photo is None else [("image", photo, _photo_weight(given))]
     begins: list[Wish] = []
     for kind in _KINDS:
@@ -65,6 +70,11 @@ def read_goal(photo: Path | None, given: dict[str, Any]) -> Wanted:
     if given.get("goal") is not None:
         more, first = _from_toml(given["goal"])
         wishes, begins = wishes + more, begins + first
+    return wishes, begins
+
+
+def open_goal(wishes: Sequence[Wish], begins: Sequence[Wish] = ()) -> Wanted:
+    """The goal of these things to paint, and to begin with. Raises ConfigError and ImageError."""
     if not wishes:
         raise ConfigError(
             "There is nothing to paint; give a PHOTO, --text with words, or --semantic, --sketch or --style with a "
@@ -89,12 +99,12 @@ def _read(kind: str, values: Sequence[Any], option: str) -> list[Any]:
     return [read_prompt(value, option) for value in values] if kind == "text" else list(values)
 
 
-def _photo_weight(given: dict[str, Any]) -> float:
+def _photo_weight(given: Mapping[str, Any]) -> float:
     weights = given.get("image_weight") or [1.0]
     return float(weights[0])
 
 
-def _weights(kind: str, photo: Path | None, values: Sequence[Any], given: dict[str, Any]) -> list[float]:
+def _weights(kind: str, photo: Path | None, values: Sequence[Any], given: Mapping[str, Any]) -> list[float]:
     """A weight for each of the values; PHOTO has the first of the images' weights."""
     weights = given.get(f"{kind}_weight") or []
     ahead = int(kind == "image" and photo is not None)

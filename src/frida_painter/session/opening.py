@@ -1,33 +1,15 @@
-"""Opening a session: goal, brush, easel and planner are put together here, and nowhere below."""
+"""What every session needs before it begins: threads, a device, an easel by its record, paper for strokes."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import torch
 
-from frida_painter.brush.kinds import brush_kind
-from frida_painter.brush.table_cache import cached_table
-from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration
-from frida_painter.config import PaintingSettings
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal
 from frida_painter.hardware.easel import Easel
-from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.palette import Palette
-from frida_painter.perception.flatfield import FlatField
-from frida_painter.planning.placement import Placement
-from frida_painter.planning.planner import Effort, Planner
-from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_observer import CanvasObserver
-from frida_painter.session.events import Notify, Paused
-from frida_painter.session.journal import Journal
-from frida_painter.session.loop import PaintingSession
 from frida_painter.session.procedures.calibration_status import NEEDED, require
-from frida_painter.session.refilling import refilled
-from frida_painter.session.replan_policy import ReplanPolicy
 from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.table import PlacementError
 
@@ -48,71 +30,6 @@ def planning_device() -> torch.device:
     No other place in the project chooses a device.
     """
     return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-
-
-def open_planner(settings: PaintingSettings, goal: Goal, record: Path | None = None) -> Planner:
-    """The planner that the settings describe, with the stroke model of their brush.
-
-    record: the easel's calibration record; what its own strokes taught of that brush goes before what
-    the project ships. Raises CalibrationError where it is damaged, and WeightsError and ConfigError
-    where there is no such brush, or a network that the goal needs is missing.
-    """
-    source: str | Path = settings.brush
-    if record is not None:
-        known = Calibration.load(record)
-        if known.weights is not None and known.brush == settings.brush:
-            source = Path(known.weights.path)
-    model = cached_table(load_stroke_model(source))
-    effort = Effort().scaled(settings.effort)
-    device = planning_device()
-    return Planner(
-        goal,
-        settings.canvas,
-        model,
-        rows=settings.render_height,
-        effort=effort,
-        seed=settings.seed,
-        encoders=EncoderRegistry(clip=settings.clip, device=device),
-        device=device,
-    )
-
-
-def open_session(
-    settings: PaintingSettings,
-    planner: Planner,
-    easel: Easel,
-    *,
-    timelapse_frames: int,
-    stop_asked: Callable[[], bool],
-    notify: Notify,
-    journal: Journal,
-    go_on: Callable[[Paused], bool] = lambda paused: False,
-    pause_asked: Callable[[], bool] = lambda: False,
-    light: FlatField | None = None,
-    placement: Placement | None = None,
-    mixed: Callable[[Palette], Palette | None] = lambda wanted: None,
-) -> PaintingSession:
-    """A session on an easel whose robot and camera are connected. Raises LibraryError where its library is damaged.
-
-    light, placement: what an earlier sitting learned of the room and of where strokes land; mixed: asked
-    what was really mixed.
-    """
-    kind = refilled(brush_kind(planner.model.brush), easel.calibration, simulated=easel.simulated)
-    brushwork = Brushwork(easel, kind, placement or Placement.unknown())
-    observer = CanvasObserver(easel, (1.0, 1.0, 1.0), light)
-    rhythm = ReplanPolicy(settings.replans, timelapse_frames)
-    return PaintingSession(
-        planner,
-        brushwork,
-        observer,
-        rhythm,
-        stop_asked=stop_asked,
-        notify=notify,
-        journal=journal,
-        pause_asked=pause_asked,
-        go_on=go_on,
-        mixed=mixed,
-    )
 
 
 def on_record(easel: Easel, record: Path | None, needed: tuple[str, ...] = NEEDED) -> Easel:

@@ -22,9 +22,6 @@ from frida_painter.session.history import History, Planning
 from frida_painter.session.journal import PHOTOGRAPHS, PLAN
 from frida_painter.session.loop import PHOTOGRAPH_ROWS
 
-# Settings that say what is painted rather than how: the plan has them, and they are not changed midway.
-_SETTLED = ("strokes", "colors", "canvas", "brush")
-
 
 @dataclass(frozen=True)
 class KeptPlan:
@@ -77,11 +74,6 @@ def changes(
         noted = history.plannings[-1].digest
         lines.append(f"plan: it was {_short(noted)}, and is {_short(kept.plan.digest)}, of {len(kept.plan)} strokes")
     return lines
-
-
-def settled_changes(history: History, settings: Mapping[str, Any]) -> list[str]:
-    """Names of settings that were changed and cannot be, once there is a plan."""
-    return [name for name in _SETTLED if history.settings.get(name) != settings.get(name)]
 
 
 def light(history: History) -> FlatField | None:

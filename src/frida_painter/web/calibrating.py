@@ -6,10 +6,9 @@ from dataclasses import replace
 from frida_painter import images, storage
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration
-from frida_painter.cli.calibration import Place, begin_procedure, beside, learn_from, record_to_renew
-from frida_painter.cli.real import attended_by
 from frida_painter.hardware.easel import Easel
-from frida_painter.session.easel_process import EaselProcess
+from frida_painter.runs.calibrating import Place, begin_procedure, beside, easel_of, learn_from, record_to_renew
+from frida_painter.runs.easel import with_operator
 from frida_painter.session.procedures.calibration_status import require_basis, statuses
 from frida_painter.session.procedures.dialogue import lead
 from frida_painter.session.procedures.finding import Finding
@@ -17,7 +16,6 @@ from frida_painter.session.procedures.strokes import StrokesFinding
 from frida_painter.web.calibrate import Calibrate
 from frida_painter.web.feed import Feed
 from frida_painter.web.job import Job
-from frida_painter.web.painting_settings import to_calibrate
 
 
 def calibrate(job: Job) -> None:
@@ -25,10 +23,9 @@ def calibrate(job: Job) -> None:
     wish, folder = Calibrate.kept(job.folder), job.folder.painting
     shutil.rmtree(folder, ignore_errors=True)  # the world in which was calibrated before
     storage.new_folder(folder)
-    settings = to_calibrate(wish, job.station)
-    with EaselProcess() as process:
-        here = process.open(job.order(settings, wish.brush))
-        here = attended_by(here, job.site, job.asker.answer)
+    spec = job.spec_to_calibrate(wish)
+    with easel_of(spec, folder, job.state) as easel:
+        here = with_operator(easel, spec, job.asker.answer)
         try:
             here.robot.connect()
             here.camera.connect()

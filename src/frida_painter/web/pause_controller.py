@@ -3,16 +3,17 @@
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.cli import kept
 from frida_painter.errors import FridaError
 from frida_painter.frames import PixelGrid
 from frida_painter.planning.region import region_of
 from frida_painter.runs import goals
+from frida_painter.runs.folder import keep_goal
 from frida_painter.session.events import Event, Paused, StrokePainted
 from frida_painter.session.loop import PHOTOGRAPH_ROWS, PaintingSession
 from frida_painter.web.commands import Command, CommandReader
@@ -28,12 +29,12 @@ _PAUSED = "It has paused: the brush is clean, the arm aside. You may paint on th
 
 @dataclass
 class PauseController:
-    """Leads the pauses of a session, which is given after it was opened."""
+    """Leads the pauses of a session; `opened` gives it once it is open."""
 
     folder: PaintingFolder
     feed: Feed
     stop: Stop
-    session: PaintingSession | None = field(default=None, init=False)
+    opened: Callable[[], PaintingSession | None] = lambda: None
     _commands: deque[Command] = field(default_factory=deque, init=False)
     _turns: int = field(default=0, init=False)
     _conferring: bool = field(default=False, init=False)
@@ -101,8 +102,7 @@ class PauseController:
         return sentence.replace(str(self.folder.path), "its folder")
 
     def _do(self, command: Command) -> None:
-        assert self.session is not None
-        session = self.session
+        session = self._session
         match command.kind:
             case "look":
                 session.look_again()
@@ -128,6 +128,12 @@ class PauseController:
             case _:
                 pass  # it has paused already
 
+    @property
+    def _session(self) -> PaintingSession:
+        session = self.opened()
+        assert session is not None, "there is no pause before the session is open"
+        return session
+
     def _kept(self, drawing: Tensor, number: int) -> str:
         """The file, in the folder that the painting leaves, of a region that a person drew."""
         name = f"regions/{number}.png"
@@ -136,16 +142,16 @@ class PauseController:
 
     def _pursue(self, command: Command) -> None:
         """Goes on towards another goal; the paints stay, for they are mixed."""
-        assert self.session is not None
+        session = self._session
         place = self.folder.change(command.record)
-        grid = PixelGrid.of_height(self.session.planner.size, PHOTOGRAPH_ROWS)
+        grid = PixelGrid.of_height(session.planner.size, PHOTOGRAPH_ROWS)
         wanted = goals.read_goal(None, {"goal": place.goal})
-        kept.keep_goal(wanted, self.folder.painting / f"changes/{command.record}")
+        keep_goal(wanted, self.folder.painting / f"changes/{command.record}")
         wanted = wanted.fitted(grid)
-        self.session.journal.note("redirected", goal=f"changes/{command.record}")
-        self.session.planner = self.session.planner.towards(wanted.goal)
+        session.journal.note("redirected", goal=f"changes/{command.record}")
+        session.planner = session.planner.towards(wanted.goal)
         self.feed.tell("changed", wish=place.wish().model_dump(mode="json"))
-        self.session.look_again(_ROUNDS)
+        session.look_again(_ROUNDS)
 
     def _take_turns(self, command: Command) -> None:
         self._turns, self._since = command.count, 0

@@ -1,14 +1,25 @@
 """What a person says on the page: goals with weights, and how to paint, checked before anything is begun."""
 
 import json
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.runs.spec import RunSpec
 
 Identifier = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
 Words = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=300)]
 Kind = Literal["image", "style", "semantic", "sketch", "text"]
+_CANVAS: CanvasSize = RunSpec.model_fields["canvas"].default
 _LARGEST, _SMALLEST = 2000.0, 60.0  # mm
+
+
+def _as_described(name: str) -> Any:
+    """A field with the default and the limits that RunSpec has for it."""
+    field = RunSpec.model_fields[name]
+    bounds = {bound: getattr(part, bound) for part in field.metadata for bound in ("ge", "le") if hasattr(part, bound)}
+    return Field(field.default, allow_inf_nan=False, **bounds)
 
 
 class _Checked(BaseModel):
@@ -45,14 +56,14 @@ class Wish(_Checked):
     title: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = ""
     terms: tuple[Term, ...] = Field(max_length=8)
     initial: tuple[Term, ...] = Field((), max_length=2)
-    strokes: int = Field(200, ge=1, le=3000)
-    colors: int = Field(12, ge=1, le=24)
-    width: float = Field(14 * 25.4, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
-    height: float = Field(11 * 25.4, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
+    strokes: int = _as_described("strokes")
+    colors: int = _as_described("colors")
+    width: float = Field(_CANVAS.width * 1000, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
+    height: float = Field(_CANVAS.height * 1000, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
     brush: Literal["fine", "medium", "broad"] = "broad"
-    replans: int = Field(4, ge=0, le=50)
-    effort: float = Field(1.0, ge=0.05, le=5, allow_inf_nan=False)
-    seed: int = Field(0, ge=0, le=2**31 - 1)
+    replans: int = _as_described("replans")
+    effort: float = _as_described("effort")
+    seed: int = _as_described("seed")
 
     @model_validator(mode="after")
     def _wants_something(self) -> Self:

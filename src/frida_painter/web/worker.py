@@ -17,7 +17,8 @@ import torch
 
 from frida_painter.errors import ConfigError, FridaError, RobotStopped
 from frida_painter.planning.optimize import Step
-from frida_painter.session.opening import limit_threads, open_planner
+from frida_painter.runs.run import PaintingRun
+from frida_painter.session.opening import limit_threads
 from frida_painter.web.asking import Asker
 from frida_painter.web.calibrating import calibrate
 from frida_painter.web.exports import export
@@ -25,7 +26,7 @@ from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder, PlanFolder
 from frida_painter.web.illustrations import Growing, illustrate, mixtures
 from frida_painter.web.job import Job
-from frida_painter.web.sitting import paint, resume, settings_of, wanted_of
+from frida_painter.web.sitting import paint, resume
 from frida_painter.web.station import Station
 from frida_painter.web.stop_file import Stop, StopPressed
 
@@ -78,33 +79,32 @@ def work(what: str, job: Job, place: PlanFolder) -> None:
 
 def make_plan(job: Job, place: PlanFolder) -> None:
     """Makes the plan that was wished, and pictures of it."""
-    feed, settings = job.feed, settings_of(place)
-    wanted, _ = wanted_of(place)
-    planner = open_planner(settings, wanted.goal, job.station.known)
-    bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
-    started = time.monotonic()
+    feed = job.feed
+    with PaintingRun(job.spec(place)) as run:
+        planner = run.planner
+        bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
+        started = time.monotonic()
 
-    def grown(name: str) -> None:
-        feed.tell("sprouting", plan=place.number, picture=name)
+        def grown(name: str) -> None:
+            feed.tell("sprouting", plan=place.number, picture=name)
 
-    growing = Growing(place.path, bare, planner.model, planner.size, grown)
+        growing = Growing(place.path, bare, planner.model, planner.size, grown)
 
-    def hear(step: Step) -> None:
-        job.stop.heed()
-        share = (step.iteration / step.of) ** _GROWING_COST
-        feed.step("planning", share, (time.monotonic() - started) * (1 - share) / share, plan=place.number)
-        growing.hear(step.strokes)
+        def hear(step: Step) -> None:
+            job.stop.heed()
+            share = (step.iteration / step.of) ** _GROWING_COST
+            feed.step("planning", share, (time.monotonic() - started) * (1 - share) / share, plan=place.number)
+            growing.hear(step.strokes)
 
-    made = planner.plan(bare, settings.strokes, settings.colors, hear)
-    made.save(place.plan)
-    export(made, planner.model, place.path)
-    expected = planner.expected(made, bare)
-    nearer = 1 - planner.judge(expected) / max(planner.judge(bare), 1e-9)
-    told = illustrate(made, planner.model, bare, place.path)
-    told["mixtures"] = mixtures(made)
-    feed.tell(
-        "planned", plan=place.number, nearer=round(nearer, 4), seconds=round(time.monotonic() - started, 1), **told
-    )
+        made = run.plan(hear)
+        made.save(place.plan)
+        export(made, planner.model, place.path)
+        expected = planner.expected(made, bare)
+        nearer = 1 - planner.judge(expected) / max(planner.judge(bare), 1e-9)
+        told = illustrate(made, planner.model, bare, place.path)
+        told["mixtures"] = mixtures(made)
+    seconds = round(time.monotonic() - started, 1)
+    feed.tell("planned", plan=place.number, nearer=round(nearer, 4), seconds=seconds, **told)
 
 
 if __name__ == "__main__":

@@ -43,20 +43,31 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
     if (!id) return;
     terms.push({ kind, picture: id, weight: 1 });
     if (terms === wish.terms && !wish.title && blob.name) wish.title = blob.name.replace(/\.[^.]*$/, "").replace(/[_-]+/g, " ").slice(0, 80);
-    await turnLike(id);
+    await shapeLike(id);
     draw();
     drawHow();
     changed();
   }
 
-  /** Puts the canvas upright or on its side so that it suits the first picture. */
-  async function turnLike(id) {
+  let proportions = 0; // width over height of the first picture, 0 where there is none or it is to be cropped
+
+  /** The canvas takes the first picture's proportions within its size, so that nothing of it is cropped. */
+  async function shapeLike(id) {
     if (wish.terms.length !== 1 || house.canvas) return;
     const image = new Image();
     image.src = api.picture(id);
     await image.decode().catch(() => {});
-    const upright = image.naturalHeight > image.naturalWidth;
-    if (upright !== wish.height > wish.width) [wish.width, wish.height] = [wish.height, wish.width];
+    if (!image.naturalWidth) return;
+    proportions = image.naturalWidth / image.naturalHeight;
+    [wish.width, wish.height] = within(wish.width, wish.height);
+  }
+
+  /** The largest canvas in the picture's proportions within a sheet of that size, put upright or on its side like it. */
+  function within(width, height) {
+    if (!proportions) return [width, height];
+    const [across, down] = proportions > 1 === width > height ? [width, height] : [height, width];
+    const tall = Math.min(down, across / proportions);
+    return [tall * proportions, tall].map((side) => Math.round(side * 10) / 10);
   }
 
   chooser.addEventListener("change", () => {
@@ -133,17 +144,22 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
   }
 
   function canvasChoice() {
-    const place = SIZES.findIndex(([, width, height]) => Math.abs(Math.max(width, height) - Math.max(wish.width, wish.height)) < 0.1 && Math.abs(Math.min(width, height) - Math.min(wish.width, wish.height)) < 0.1);
+    const sides = (width, height) => [Math.max(width, height), Math.min(width, height)];
+    const near = ([long, short]) => Math.abs(long - Math.max(wish.width, wish.height)) < 0.15 && Math.abs(short - Math.min(wish.width, wish.height)) < 0.15;
+    const place = SIZES.findIndex(([, width, height]) => near(sides(...within(width, height))));
     const turned = wish.height > wish.width;
     const set = (index, upright) => {
       const [, width, height] = SIZES[Math.max(0, index)];
-      [wish.width, wish.height] = upright ? [height, width] : [width, height];
+      [wish.width, wish.height] = within(...(upright ? [height, width] : [width, height]));
       changed();
       drawHow();
     };
+    const crop = () => { proportions = 0; set(place, turned); };
     return h("span", { class: "pair" },
       h("select", { onchange: (event) => set(event.target.selectedIndex, turned) }, SIZES.map(([name], index) => h("option", { selected: index === place }, name))),
-      h("button", { type: "button", class: "quiet", onclick: () => set(place, !turned) }, "Turn"));
+      proportions
+        ? h("button", { type: "button", class: "quiet", title: "The canvas has the picture's proportions. Take the whole sheet instead; the picture is cropped then.", onclick: crop }, "Take the whole sheet")
+        : h("button", { type: "button", class: "quiet", onclick: () => set(place, !turned) }, "Turn"));
   }
 
   function draw() {

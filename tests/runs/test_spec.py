@@ -1,29 +1,30 @@
+import json
 import re
 from pathlib import Path
 
 import pytest
 
-from frida_painter.config import PaintingSettings
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
+from frida_painter.runs.spec import RunSpec
 
 
 def fault(**values: object) -> str:
     with pytest.raises(ConfigError) as refused:
-        PaintingSettings.of(**values)
+        RunSpec.of(**values)
     return str(refused.value)
 
 
 def test_without_a_wish_everything_has_its_default() -> None:
-    chosen = PaintingSettings.of()
+    chosen = RunSpec.of()
     assert (chosen.strokes, chosen.colors, chosen.replans, chosen.brush) == (300, 12, 4, "broad")
     assert str(chosen.canvas) == "356 x 279 mm"
 
 
 def test_few_strokes_bring_their_own_colors_and_replans() -> None:
-    assert PaintingSettings.of(strokes=3).colors == 3
-    assert [PaintingSettings.of(strokes=count).replans for count in (1, 2, 5, 300)] == [0, 1, 4, 4]
-    assert PaintingSettings.of(strokes=3, colors=2, replans=1).colors == 2
+    assert RunSpec.of(strokes=3).colors == 3
+    assert [RunSpec.of(strokes=count).replans for count in (1, 2, 5, 300)] == [0, 1, 4, 4]
+    assert RunSpec.of(strokes=3, colors=2, replans=1).colors == 2
 
 
 @pytest.mark.parametrize(
@@ -44,7 +45,10 @@ def test_few_strokes_bring_their_own_colors_and_replans() -> None:
         ({"canvas": "nanxnanmm"}, "'nanxnanmm' is not understood; give width x height with a unit"),
         ({"canvas": float("nan")}, "'nan' is not understood"),
         ({"brush": ""}, "--brush was given ''; it is a name or a path"),
-        ({"colour": 3}, "'colour' is not a setting; there are brush, canvas, clip, colors"),
+        (
+            {"colour": 3},
+            "'colour' is not a setting; there are arm_meshes, brush, calibration, camera, canvas",
+        ),
         ({"strokes": 5, "colors": 6}, "6 colors for 5 strokes; give at most as many colors as strokes"),
         ({"strokes": 5, "colors": 5, "replans": 5}, "5 replans for 5 strokes; .* at most 4"),
         ({"strokes": "x" * 10_000}, r"--strokes was given 'x{36}\.\.\.; it is"),
@@ -69,7 +73,7 @@ def toml(tmp_path: Path, content: str | bytes) -> Path:
 
 def test_a_file_is_read_and_the_command_line_goes_before_it(tmp_path: Path) -> None:
     path = toml(tmp_path, 'strokes = 50\ncolors = 5\ncanvas = "30x20cm"\neffort = 0.5\n')
-    chosen = PaintingSettings.from_toml(path, colors=7)
+    chosen = RunSpec.from_toml(path, colors=7)
     assert (chosen.strokes, chosen.colors, chosen.effort) == (50, 7, 0.5)
     assert chosen.canvas == CanvasSize.parse("300x200mm")
 
@@ -90,20 +94,46 @@ def test_a_file_is_read_and_the_command_line_goes_before_it(tmp_path: Path) -> N
 )
 def test_a_file_with_faults_is_refused_in_a_sentence(tmp_path: Path, content: str | bytes, says: str) -> None:
     with pytest.raises(ConfigError, match=says):
-        PaintingSettings.from_toml(toml(tmp_path, content))
+        RunSpec.from_toml(toml(tmp_path, content))
 
 
 def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="does not exist"):
-        PaintingSettings.from_toml(tmp_path / "settings.toml")
+        RunSpec.from_toml(tmp_path / "settings.toml")
     with pytest.raises(ConfigError, match="cannot be read"):
-        PaintingSettings.from_toml(tmp_path)
+        RunSpec.from_toml(tmp_path)
     with pytest.raises(ConfigError, match="at most"):
-        PaintingSettings.from_toml(toml(tmp_path, "#" * (2**20 + 1)))
+        RunSpec.from_toml(toml(tmp_path, "#" * (2**20 + 1)))
 
 
 def test_settings_become_plain_values_and_come_back() -> None:
-    chosen = PaintingSettings.of(canvas="297x210mm", strokes=20)
-    plain = chosen.model_dump(mode="json")
-    assert plain["canvas"] == "297x210mm"
-    assert PaintingSettings.of(**plain) == chosen
+    chosen = RunSpec.of(canvas="297x210mm", strokes=20)
+    plain = json.loads(json.dumps(chosen.record()))
+    assert plain["canvas"] == "297x210mm" and plain["version"] == 1
+    assert RunSpec.of(**plain).record() == plain
+
+
+def test_a_folder_painted_before_there_was_a_version_is_read(tmp_path: Path) -> None:
+    old = {
+        "strokes": 10, "colors": 3, "canvas": "120x90mm", "brush": "fine", "render_height": 64, "replans": 1,
+        "effort": 0.05, "seed": 0, "clip": None, "calibration": None, "placement_error": None, "film": True,
+        "arm_meshes": None, "robot": "virtual", "camera": "", "workspace": None,
+    }  # fmt: skip
+    (tmp_path / "settings.json").write_text(json.dumps(old))
+    spec = RunSpec.read(tmp_path / "settings.json")
+    assert (spec.strokes, spec.fit, spec.version) == (10, "crop", 1) and str(spec.canvas) == "120 x 90 mm"
+    for version in (2, "1", True, 1.0):
+        (tmp_path / "settings.json").write_text(json.dumps({**old, "version": version}))
+        with pytest.raises(ConfigError, match=f"version {version!r}"):
+            RunSpec.read(tmp_path / "settings.json")
+
+
+def test_what_is_painted_is_said_as_in_a_goal_file() -> None:
+    spec = RunSpec.of(goal=[{"image": "me.jpg"}, {"text": "a lemon", "weight": 2}])
+    assert [(item.kind, item.value, item.weight) for item in spec.goal] == [
+        ("image", "me.jpg", 1),
+        ("text", "a lemon", 2),
+    ]
+    for wrong in ([{"text": "a", "style": "b"}], [{"text": "a", "weight": -1}], [{"text": ""}], [3]):
+        with pytest.raises(ConfigError, match="--goal"):
+            RunSpec.of(goal=wrong)

@@ -1,0 +1,180 @@
+"""How a painting is led from the terminal: progress, pauses, questions, and what is told at the end."""
+
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from torch import Tensor
+
+from frida_painter.cli.progress import Forecast, PaintingProgress, duration
+from frida_painter.cli.stopping import Stop
+from frida_painter.cli.terminal import Terminal
+from frida_painter.cli.wells import Wells
+from frida_painter.errors import Interrupted, RobotStopped
+from frida_painter.runs.folder import PAUSE_FILE
+from frida_painter.runs.opening import replan_policy
+from frida_painter.runs.run import Outcome, PaintingRun
+from frida_painter.runs.spec import RunSpec
+from frida_painter.session.easels import ARM_FILM
+from frida_painter.session.events import Paused
+from frida_painter.session.procedures.dialogue import Answer, Question
+from frida_painter.virtual.sawyer.opengl import NONE as NO_OPENGL
+from frida_painter.virtual.sawyer.opengl import headless_opengl
+
+_GLANCE = 0.2  # seconds between two looks for the pause file
+
+
+class Leader:
+    """Leads a run whose easel is open, in a `with` block; then says what came of it.
+
+    asked: whether a person is asked anything; asks_for_paints: whether they may tell what they have mixed; repaint:
+    what becomes of a stroke in doubt, None where that is asked; started: when the command began, monotonic seconds.
+    """
+
+    def __init__(
+        self,
+        run: PaintingRun,
+        stop: Stop,
+        *,
+        asked: bool,
+        started: float,
+        asks_for_paints: bool = False,
+        repaint: bool | None = None,
+    ) -> None:
+        self._run, self._stop, self._started = run, stop, started
+        self._asked, self._repaint = asked, repaint
+        self._console = Console(stderr=True, highlight=False)
+        self._bar = PaintingProgress(self._console, _forecast(run, started))
+        self._stack = ExitStack()
+        wells = Wells(run.mixed, input if asks_for_paints else None, run.folder, poured=not run.easel.simulated)
+        run.listeners.append(self._bar.hear)
+        run.controls = replace(
+            run.controls,
+            stop_asked=lambda: stop.asked,
+            pause_asked=lambda: self._pause_file.exists(),
+            go_on=self._go_on,
+            mixed=wells.filled,
+            answer=self._answer if asked else None,
+            repaint=self._repaints,
+        )
+
+    def __enter__(self) -> Self:
+        if self._run.history is None:
+            self._stack.enter_context(self._bar)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.__exit__(kind, error, trace)
+
+    def say(self, words: str) -> None:
+        """Shows what is going on outside the run's events."""
+        self._bar.say(words)
+
+    def conclude(self, outcome: Outcome) -> None:
+        """Says what came of it, and leaves as a program that was asked to stop, or raises the fault that ended it."""
+        _tell(outcome, self._run.spec.strokes, time.monotonic() - self._started)
+        if self._stop.asked and (outcome.trouble is None or isinstance(outcome.trouble, RobotStopped)):
+            sys.exit(self._stop.exit_status)
+        if outcome.trouble is not None:
+            raise outcome.trouble
+
+    @property
+    def _pause_file(self) -> Path:
+        return self._run.folder / PAUSE_FILE
+
+    def _go_on(self, paused: Paused) -> bool:
+        """Waits until the painting may go on: a file in its folder is gone, or a person says so; else it ends here."""
+        if self._pause_file.exists():
+            self._console.print(f"Paused after {paused.done} strokes; to go on, remove {self._pause_file}")
+            while self._pause_file.exists() and not self._stop.asked:
+                time.sleep(_GLANCE)
+            return not self._stop.asked
+        if not sys.stdin.isatty():
+            return False
+        return confirm(f"Paused after {paused.done} strokes. {paused.reason}\nGo on?", default=True)
+
+    def _answer(self, question: Question) -> Answer:
+        terminal = Terminal(
+            lambda prompt: self._console.input(prompt, markup=False),
+            lambda line: self._console.print(line, markup=False),
+            self._run.folder,
+        )
+        with self._bar.aside():
+            return terminal.answer(question)
+
+    def _repaints(self, number: int, picture: Tensor) -> bool:
+        if self._repaint is not None or not self._asked:
+            return bool(self._repaint)
+        return confirm(f"Look at {self._run.folder / 'now.png'}: paint stroke {number} again?", default=False)
+
+
+def say_networks(run: PaintingRun) -> None:
+    """Says what a person should know of how the goal was understood, and through which networks it is seen."""
+    encoders = run.planner.encoders
+    for choice in encoders.choices:
+        better = f" (better: {choice.better})" if choice.better else ""
+        print(f"Seeing {choice.purpose} through {choice.used}{better}.", file=sys.stderr)
+    for remark in (*encoders.remarks, *run.remarks):
+        print(remark, file=sys.stderr)
+
+
+def say_films(spec: RunSpec) -> None:
+    """Says where a film that is wanted cannot be made."""
+    if spec.films_arm and headless_opengl() is None:
+        print(NO_OPENGL, file=sys.stderr)
+
+
+def say(*lines: str) -> None:
+    """Lines for people, on the standard output."""
+    for line in lines:
+        print(line)
+
+
+def confirm(question: str, *, default: bool, ask: Callable[[str], str] = input) -> bool:
+    """Asks at the terminal until the answer is yes, no or nothing. Raises Interrupted where nobody answers."""
+    choice = "[Y/n]" if default else "[y/N]"
+    while True:
+        try:
+            answer = ask(f"{question} {choice} ").strip().lower()
+        except (EOFError, KeyboardInterrupt) as end:
+            raise Interrupted("Nobody answered, and nothing was painted; for scripts there is --yes.") from end
+        if answer in ("", "y", "yes", "n", "no"):
+            return answer[:1] == "y" if answer else default
+        print("Type y or n.")
+
+
+def _forecast(run: PaintingRun, started: float) -> Forecast:
+    planner, spec = run.planner, run.spec
+    return Forecast(
+        spec.strokes,
+        replan_policy(spec),
+        started,
+        planning=planner.iterations(spec.strokes),
+        replanning=planner.effort.refining + planner.effort.replanning,
+    )
+
+
+def _tell(outcome: Outcome, of: int, seconds: float) -> None:
+    """Says what came of it, and where it is."""
+    folder, painting = outcome.folder, outcome.painting
+    if outcome.page is None or painting is None:
+        say(f"Stopped before there was a plan; nothing was painted. ({folder})")
+        return
+    painted = painting.painted
+    begun = f"{painted} strokes" if painted == of else f"Stopped after {painted} of {of} strokes; what was made is kept"
+    say(
+        f"{begun} in {duration(seconds)}.",
+        f"  The painting  {folder / 'painting.png'}",
+        *([f"  The film      {folder / 'film.mp4'}"] if (folder / "film.mp4").exists() else []),
+        *([f"  The arm       {folder / ARM_FILM}"] if (folder / ARM_FILM).exists() else []),
+        f"  The page      {outcome.page}",
+        *([f"  To go on      frida-painter resume {folder}"] if painted < of else []),
+    )

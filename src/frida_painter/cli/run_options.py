@@ -1,0 +1,128 @@
+"""The options of `paint` and `plan`, made from RunSpec and the kinds of goals, and what they say read back into one."""
+
+from collections.abc import Callable, Mapping
+from inspect import Parameter, Signature
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_args
+
+import typer
+from pydantic.fields import FieldInfo
+
+from frida_painter.cli import goal_options
+from frida_painter.cli.easel_options import CameraOption, PaceOption, RobotOption, WorkspaceOption
+from frida_painter.cli.numbers import number, whole_number
+from frida_painter.cli.virtual import PlacementErrorOption
+from frida_painter.cli.wells import PaletteOption
+from frida_painter.runs.spec import GoalItem, RunSpec
+
+Command = TypeVar("Command", bound=Callable[..., None])
+
+_PLAN = ("strokes", "colors", "canvas", "fit", "brush", "render_height", "effort", "seed")
+_PAINT = ("replans", "timelapse_frames")
+
+Photo = Annotated[
+    Path | None,
+    typer.Argument(
+        metavar="[PHOTO]", help="The picture to paint: JPEG, PNG, WebP, TIFF, BMP or GIF.", show_default=False
+    ),
+]
+SettingsFile = Annotated[
+    Path | None, typer.Option("--settings", metavar="FILE", help="A TOML file with these settings, like: strokes = 300")
+]
+Out = Annotated[
+    Path | None,
+    typer.Option(metavar="FOLDER", help="The folder for everything that is made. [dim]paintings/NAME-DATE-TIME[/]"),
+]
+CalibrationFile = Annotated[
+    Path | None,
+    typer.Option("--calibration", metavar="FILE", help="The easel's calibration record. [dim]the studio's own[/]"),
+]
+ArmMeshes = Annotated[
+    Path | None,
+    typer.Option(
+        "--arm-meshes",
+        metavar="FOLDER",
+        help="The maker's shapes (OBJ or STL), in which the simulated Sawyer is seen in its film. [dim]our own[/]",
+    ),
+]
+Film = Annotated[bool, typer.Option("--film/--no-film", help="Film how the painting comes into being.")]
+_EASEL: Mapping[str, tuple[Any, Any]] = {
+    "robot": (RobotOption, RunSpec.model_fields["robot"].default),
+    "camera": (CameraOption, ""),
+    "workspace": (WorkspaceOption, None),
+    "calibration": (CalibrationFile, None),
+    "placement_error": (PlacementErrorOption, None),
+    "pace": (PaceOption, RunSpec.model_fields["pace"].default),
+    "arm_meshes": (ArmMeshes, None),
+    "film": (Film, RunSpec.model_fields["film"].default),
+}
+
+
+def planning_options() -> list[Parameter]:
+    """What a plan can be asked for."""
+    return [
+        _keyword("photo", Photo),
+        *goal_options.parameters(),
+        *(_keyword(name, _option(RunSpec.model_fields[name])) for name in _PLAN),
+        _keyword("palette", PaletteOption),
+        _keyword("settings", SettingsFile),
+        _keyword("out", Out),
+    ]
+
+
+def painting_options() -> list[Parameter]:
+    """What a painting can be asked for: all of a plan's, and where and how it is painted."""
+    return [
+        *planning_options(),
+        *(_keyword(name, _option(RunSpec.model_fields[name])) for name in _PAINT),
+        *(_keyword(name, option, default) for name, (option, default) in _EASEL.items()),
+    ]
+
+
+def taking(options: list[Parameter]) -> Callable[[Command], Command]:
+    """A command takes these options, by name, beside those that it declares itself."""
+
+    def declare(command: Command) -> Command:
+        own = [it for it in Signature.from_callable(command).parameters.values() if it.kind is Parameter.KEYWORD_ONLY]
+        every = [*options, *own]
+        command.__signature__ = Signature(every)  # type: ignore[attr-defined]
+        command.__annotations__ = {it.name: it.annotation for it in every}
+        return command
+
+    return declare
+
+
+def spec_of(given: Mapping[str, Any]) -> RunSpec:
+    """The painting that the options describe; they go before the TOML file of --settings. Raises ConfigError."""
+    from frida_painter.runs.goals import listed  # with it come tensors, which nobody needs who only reads the options
+
+    defaults = {name: default for name, (_, default) in _EASEL.items()}
+    said = {
+        name: value
+        for name, value in given.items()
+        if name in RunSpec.model_fields and value is not None and name != "goal" and value != defaults.get(name)
+    }
+    goal, initial = (
+        tuple(GoalItem(kind=kind, value=str(value), weight=weight) for kind, value, weight in items)
+        for items in listed(given["photo"], given)
+    )
+    if goal or given["settings"] is None:
+        said |= {"goal": goal, "initial": initial}
+    return RunSpec.from_toml(given["settings"], **said) if given["settings"] else RunSpec.of(**said)
+
+
+def _keyword(name: str, annotation: Any, default: Any = None) -> Parameter:
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+
+
+def _option(field: FieldInfo) -> Any:
+    """A command-line option for a field of RunSpec; where it is not given, the field's own default holds."""
+    more = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+    default = more.get("default", field.default)
+    text = f"{field.description} [dim]{default}[/]"
+    if field.annotation is int:
+        return Annotated[int | None, typer.Option(parser=whole_number, metavar="N", help=text)]
+    if field.annotation is float:
+        return Annotated[float | None, typer.Option(parser=number, metavar="X", help=text)]
+    choices = "|".join(map(str, get_args(field.annotation)))
+    return Annotated[str | None, typer.Option(metavar=str(more.get("metavar", choices)), help=text)]

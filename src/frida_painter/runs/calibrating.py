@@ -1,0 +1,134 @@
+"""Calibrating an easel, as every face does it: which easel, which procedure, and the record that is renewed."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from platformdirs import user_data_path
+
+from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.learn import learn
+from frida_painter.brush.limits import DEFAULT_MODEL
+from frida_painter.brush.training import TrainingProgress
+from frida_painter.calibration import Calibration, LearnedFile
+from frida_painter.errors import CalibrationError
+from frida_painter.hardware.easel import Easel
+from frida_painter.runs.easel import order
+from frida_painter.runs.spec import RunSpec
+from frida_painter.session.easel_process import EaselProcess
+from frida_painter.session.names import VIRTUAL
+from frida_painter.session.procedures.brush import brush as brush_procedure
+from frida_painter.session.procedures.canvas import canvas as canvas_procedure
+from frida_painter.session.procedures.color import color as color_procedure
+from frida_painter.session.procedures.dialogue import Procedure
+from frida_painter.session.procedures.robot import robot as robot_procedure
+from frida_painter.session.procedures.strokes import StrokesFinding, StrokesProgress
+from frida_painter.session.procedures.strokes import strokes as strokes_procedure
+from frida_painter.virtual.studio import open_studio
+
+
+@contextmanager
+def easel_of(spec: RunSpec, folder: Path | None = None, state: Path | None = None) -> Iterator[Easel]:
+    """The easel that the description means, neither robot nor camera connected, in a process of its own.
+
+    A virtual studio without a `folder` to remember what was done in it needs no process. state: where stops are
+    latched. Raises ConfigError, RobotStopped and RobotBusy.
+    """
+    wanted = order(spec, spec.brush, folder, state)
+    if spec.robot == VIRTUAL and folder is None:
+        yield open_studio(spec.canvas, spec.brush, seed=spec.seed, placement_error=wanted.placement_error).easel
+        return
+    with EaselProcess() as process:
+        yield process.open(wanted)
+
+
+def default_record(easel: str) -> Path:
+    """Where the record of an easel is kept when nobody says otherwise."""
+    folder = "-".join(easel.split())
+    return user_data_path("frida-painter", appauthor=False) / "easels" / folder / "calibration.json"
+
+
+@dataclass(frozen=True)
+class Place:
+    """What procedures may want to know: the easel with the record so far, and where they may leave files."""
+
+    easel: Easel
+    brush: BrushKind
+    record: Path
+    seed: int
+    count: int
+    say: Callable[[str], None]
+    refill_every: int = 1
+
+    def beside(self, ending: str) -> Path:
+        """A file that belongs to the record."""
+        return beside(self.record, ending)
+
+
+def begin_procedure(name: str, place: Place) -> Procedure[Any]:
+    """The procedure of that name, begun at that place."""
+
+    def hear(progress: StrokesProgress) -> None:
+        place.say(f"strokes: {progress.done} of {progress.of}, paper {progress.sheet}")
+
+    match name:
+        case "canvas":
+            return canvas_procedure(place.easel)
+        case "robot":
+            return robot_procedure(place.easel)
+        case "color":
+            return color_procedure(place.easel)
+        case "brush":
+            return brush_procedure(place.easel, name=place.brush.name)
+        case _:
+            library = place.beside("strokes.npz")
+            return strokes_procedure(
+                place.easel,
+                place.brush,
+                library,
+                count=place.count,
+                seed=place.seed,
+                refill_every=place.refill_every,
+                notify=hear,
+            )
+
+
+def learn_from(finding: StrokesFinding, place: Place, record: Calibration) -> Calibration:
+    """The record with what the strokes teach of the brush, by which `paint --calibration` plans.
+
+    Raises LibraryError where fewer than 5 strokes are clean.
+    """
+
+    def hear(progress: TrainingProgress) -> None:
+        place.say(f"strokes: learning from them, {progress.epoch} of {progress.epochs}")
+
+    learned = learn(DEFAULT_MODEL, finding.library, place.brush, seed=place.seed, notify=hear)
+    path = place.beside("weights.safetensors")
+    weights = LearnedFile(str(path), learned.model.save(path))
+    assert record.library is not None  # the finding has just entered it
+    return record.with_strokes(record.library, weights, residual=learned.report.validation_error)
+
+
+def record_to_renew(path: Path, default: Calibration, *, anew: bool) -> Calibration:
+    """The record to go on with: the one in the file, or the easel's default for a first one and for all `anew`.
+
+    Raises CalibrationError where the one in the file is damaged, unless all is done anew.
+    """
+    if not path.exists():
+        return default
+    try:
+        known = Calibration.load(path)
+    except CalibrationError:
+        if anew:
+            return default
+        raise
+    if anew and known.easel == default.easel:
+        return replace(default, done=known.done)  # what is done anew is newer than all that was
+    return known
+
+
+def beside(record: Path, ending: str) -> Path:
+    """A file beside a record that belongs to it: "calibration.json" and "robot.png" make "calibration-robot.png"."""
+    return record.with_name(f"{record.stem}-{ending}")

@@ -1,0 +1,59 @@
+"""How pictures and canvas come together: the canvas takes their proportions, or they are cropped or padded."""
+
+from dataclasses import dataclass, replace
+
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.runs.goals import Wanted
+from frida_painter.runs.spec import RunSpec
+from frida_painter.session.loop import PHOTOGRAPH_ROWS
+
+_TOLD = 0.01  # of a picture that is cut off without a word: pixels are whole numbers
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A painting whose canvas and pictures have one shape.
+
+    spec: with its final canvas; goal: with pictures as they fill the canvas; target [3, H, W]: the first of them, if
+    any; remark: a sentence where a picture lost something, else "".
+    """
+
+    spec: RunSpec
+    goal: Wanted
+    target: Tensor | None
+    remark: str = ""
+
+
+def fitted(spec: RunSpec, goal: Wanted, *, canvas_is_fixed: bool = False) -> Fitted:
+    """Brings canvas and pictures together as `spec.fit` says.
+
+    canvas_is_fixed: whether the canvas stays as it is: a real one, or that of a painting that was begun. Raises
+    ConfigError where a canvas in the picture's proportions would be too narrow.
+    """
+    picture, canvas = goal.picture, spec.canvas
+    fixed = canvas_is_fixed or not spec.simulated or spec.calibration is not None  # then it lies on an easel
+    if picture is not None and not canvas_is_fixed and ("canvas" not in spec.model_fields_set or not fixed):
+        canvas = canvas.turned_like(*picture.shape[1:])
+    if picture is not None and spec.fit == "canvas" and not fixed:
+        canvas = canvas.shaped_like(*picture.shape[1:])
+    spec = spec.model_copy(update={"canvas": canvas}).as_kept
+    grid = PixelGrid.of_height(spec.canvas, max(PHOTOGRAPH_ROWS, spec.render_height))
+    place = images.pad if spec.fit == "pad" else images.fit
+    shown = replace(goal.fitted(grid, place))
+    target = None if picture is None else place(picture, grid.rows, grid.columns)
+    return Fitted(spec, shown, target, "" if picture is None or spec.fit == "pad" else _lost(picture, spec.canvas))
+
+
+def _lost(picture: Tensor, canvas: CanvasSize) -> str:
+    """What a crop takes away, in a sentence."""
+    share = (picture.shape[2] / picture.shape[1]) / (canvas.width / canvas.height)
+    lost, side = (1 - 1 / share, "width") if share > 1 else (1 - share, "height")
+    if lost <= _TOLD:
+        return ""
+    return (
+        f"The picture is cropped to the canvas: {100 * lost:.0f} % of its {side} is left out. "
+        "To paint all of it, give --fit pad, or a canvas in its proportions."
+    )

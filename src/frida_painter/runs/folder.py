@@ -1,0 +1,108 @@
+"""What lies in a painting's folder, beside its log: how it is painted, copies of its pictures, and what else decides.
+
+| file | what it is | made again from |
+|---|---|---|
+| settings.json | the RunSpec | nothing: resuming needs it |
+| goal/ | the goal (TOML) with copies of its pictures; changes/N/goal where it was changed midway | nothing |
+| journal | every stroke, motion, plan and photograph | nothing |
+| plan.json, plan-*.safetensors | the plan of all strokes | nothing |
+| photographs/ | the photographs by which something was decided | nothing |
+| studio.diary | the log of a simulated studio | nothing |
+| sketchbook/ | timelapse frames and looks until the painting is finished | nothing |
+| film.mp4, painting.png, index.html, result.json, palette.png, mixing.png, strokes.svg, strokes.csv | what a person keeps | the files above, by `resume` |
+"""  # noqa: E501
+
+import hashlib
+import json
+import shutil
+from datetime import datetime
+from pathlib import Path
+
+from frida_painter import storage
+from frida_painter.errors import StorageError
+from frida_painter.runs import goals
+from frida_painter.runs.spec import RunSpec
+
+SETTINGS = "settings.json"
+GOAL = "goal"
+NOW = "now.png"
+"""The canvas as it was found when the painting was resumed."""
+PAUSE_FILE = "pause"
+"""As long as it is there, nothing is painted."""
+
+
+def new_folder(out: Path | None, name: str, needed: int) -> Path:
+    """A new, empty folder with room for `needed` bytes: `out`, or one below "paintings" named after the painting."""
+    folder = out or Path("paintings") / f"{name}-{datetime.now():%Y%m%d-%H%M%S}"
+    storage.require_space(folder, needed)
+    storage.new_folder(folder)
+    return folder
+
+
+def keep_spec(spec: RunSpec, folder: Path) -> None:
+    """Puts the description into the folder, for people and for resuming. Raises StorageError."""
+    storage.write_text(folder / SETTINGS, json.dumps(spec.record(), indent=2) + "\n")
+
+
+def read_spec(folder: Path) -> RunSpec:
+    """The description as it lies in the folder, whoever has changed it in the meantime. Raises ConfigError."""
+    return RunSpec.read(folder / SETTINGS)
+
+
+def keep_goal(wanted: goals.Wanted, folder: Path) -> None:
+    """Copies the pictures of a goal into the folder, and how they matter. Raises StorageError."""
+    lines: list[str] = []
+    number = 0
+    for table, wishes in (("goal", wanted.wishes), ("initial", wanted.begins)):
+        for kind, value, weight in wishes:
+            number += 1
+            if isinstance(value, Path):
+                copy = Path(str(number), value.name)
+                _copy(value, folder / GOAL / copy)
+                value = copy.as_posix()
+            lines += [f"[[{table}]]", f"{kind} = {_quoted(value)}", f"weight = {weight!r}", ""]
+    storage.write_text(folder / GOAL / "goal.toml", "\n".join(lines))
+
+
+def read_goal(folder: Path) -> goals.Wanted:
+    """The goal as it was kept. Raises ConfigError and ImageError."""
+    return goals.read_goal(None, {"goal": folder / GOAL / "goal.toml"})
+
+
+def rests_on(spec: RunSpec, folder: Path) -> dict[str, str]:
+    """Hashes of all files that decide how a painting goes on, by what they are. Raises StorageError."""
+    brush = Path(spec.brush)
+    files = {
+        "goal": folder / GOAL,
+        "calibration record": spec.calibration,
+        "workspace": spec.workspace,
+        "brush": brush if brush.suffix else None,
+    }
+    return {what: "none" if path is None else _hash(path) for what, path in files.items()}
+
+
+def _quoted(text: str) -> str:
+    """As a TOML string."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _copy(source: Path, copy: Path) -> None:
+    try:
+        with storage.replacing(copy) as temporary:
+            shutil.copyfile(source, temporary)
+    except OSError as error:
+        raise storage.cannot_write(copy, error) from error
+
+
+def _hash(path: Path) -> str:
+    """sha256 over a file, or over the names and contents of all files in a folder; "gone" where it is."""
+    content = hashlib.sha256()
+    try:
+        for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+            if file.is_file():
+                content.update(str(file.relative_to(path)).encode() + b"\0" + file.read_bytes())
+    except FileNotFoundError:
+        return "gone"
+    except OSError as error:
+        raise StorageError(f"{path} cannot be read ({error.strerror}); it decides how the painting goes on.") from error
+    return content.hexdigest()

@@ -1,0 +1,90 @@
+"""Opening what a run needs: its planner, with the stroke model of its brush, and its session at an easel."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.table_cache import cached_table
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.calibration import Calibration
+from frida_painter.goal import Goal
+from frida_painter.hardware.easel import Easel
+from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.palette import Palette
+from frida_painter.perception.flatfield import FlatField
+from frida_painter.planning.placement import Placement
+from frida_painter.planning.planner import Effort, Planner
+from frida_painter.runs.controls import Controls
+from frida_painter.runs.spec import RunSpec
+from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_observer import CanvasObserver
+from frida_painter.session.events import Notify
+from frida_painter.session.journal import Journal
+from frida_painter.session.loop import PaintingSession
+from frida_painter.session.opening import planning_device
+from frida_painter.session.refilling import refilled
+from frida_painter.session.replan_policy import ReplanPolicy
+
+_GROUND = (1.0, 1.0, 1.0)
+
+
+def open_planner(spec: RunSpec, goal: Goal) -> Planner:
+    """The planner that the description means.
+
+    What the easel's own strokes taught of the brush, by its calibration record, goes before what the project ships.
+    Raises CalibrationError where the record is damaged, and WeightsError and ConfigError where there is no such
+    brush, or a network that the goal needs is missing.
+    """
+    source: str | Path = spec.brush
+    if spec.calibration is not None:
+        known = Calibration.load(spec.calibration)
+        if known.weights is not None and known.brush == spec.brush:
+            source = Path(known.weights.path)
+    device = planning_device()
+    return Planner(
+        goal,
+        spec.canvas,
+        cached_table(load_stroke_model(source)),
+        rows=spec.render_height,
+        effort=Effort().scaled(spec.effort),
+        seed=spec.seed,
+        encoders=EncoderRegistry(clip=spec.clip, device=device),
+        device=device,
+    )
+
+
+def replan_policy(spec: RunSpec) -> ReplanPolicy:
+    """When the painter looks and plans again."""
+    return ReplanPolicy(spec.replans, spec.film_length)
+
+
+def open_session(
+    spec: RunSpec,
+    planner: Planner,
+    easel: Easel,
+    controls: Controls,
+    *,
+    mixed: Callable[[Palette], Palette | None],
+    notify: Notify,
+    journal: Journal,
+    light: FlatField | None = None,
+    placement: Placement | None = None,
+) -> PaintingSession:
+    """A session on an easel whose robot and camera are connected. Raises LibraryError where its library is damaged.
+
+    mixed: asked what was really mixed, and waits; light, placement: what an earlier run learned of the room and of
+    where strokes land.
+    """
+    kind = refilled(brush_kind(planner.model.brush), easel.calibration, simulated=easel.simulated)
+    return PaintingSession(
+        planner,
+        Brushwork(easel, kind, placement or Placement.unknown()),
+        CanvasObserver(easel, _GROUND, light),
+        replan_policy(spec),
+        stop_asked=controls.stop_asked,
+        notify=notify,
+        journal=journal,
+        pause_asked=controls.pause_asked,
+        go_on=controls.go_on,
+        mixed=mixed,
+    )

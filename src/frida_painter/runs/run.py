@@ -1,0 +1,405 @@
+"""PaintingRun: one painting from its description to its folder; everything that plans or paints one goes through here.
+
+Command line, page and notebooks give it a RunSpec, listen to its events, and lead it by its Controls. It alone puts
+planner, easel process, journal and recorder together.
+"""
+
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import torch
+from torch import Tensor
+
+from frida_painter import images, storage
+from frida_painter.errors import (
+    CalibrationError,
+    CameraError,
+    ConfigError,
+    FrameRejected,
+    FridaError,
+    Interrupted,
+    PaintingPaused,
+    RobotError,
+)
+from frida_painter.hardware.easel import Easel
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.planning.optimize import Step
+from frida_painter.planning.planner import Planner
+from frida_painter.report.doubt import doubt
+from frida_painter.report.recorder import Recorder
+from frida_painter.runs import goals
+from frida_painter.runs.account import account
+from frida_painter.runs.controls import Controls
+from frida_painter.runs.easel import needed_calibrations, order, with_operator
+from frida_painter.runs.fitting import Fitted, fitted
+from frida_painter.runs.folder import NOW, SETTINGS, keep_goal, keep_spec, new_folder, read_goal, read_spec
+from frida_painter.runs.folder import rests_on as hashes
+from frida_painter.runs.opening import open_planner, open_session
+from frida_painter.runs.palette_file import read_palette
+from frida_painter.runs.spec import SETTLED, GoalItem, RunSpec, upgraded
+from frida_painter.session import resuming
+from frida_painter.session.easel_process import EaselProcess
+from frida_painter.session.events import Event, Looked, Notify, Stopped, TimelapseFrame
+from frida_painter.session.history import History
+from frida_painter.session.journal import Journal
+from frida_painter.session.loop import Painting, PaintingSession, ResumeState
+from frida_painter.session.opening import on_record
+from frida_painter.session.resuming import KeptPlan
+
+_ROOM = 200 * 2**20  # bytes
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended.
+
+    painting: what came of it, None where nothing was seen yet; page: the page that tells it; trouble: the fault that
+    ended it, if any.
+    """
+
+    folder: Path
+    painting: Painting | None
+    page: Path | None
+    trouble: FridaError | None = None
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """A painting that broke off: its journal, what that tells, and its plan if there is one."""
+
+    journal: Journal
+    history: History
+    plan: KeptPlan | None
+
+
+class PaintingRun:
+    """One painting, used in a `with` block: `plan`, `start`, or, for one that was reopened, `resume`.
+
+    spec: its description, with the final canvas; goal: what is to be painted, with pictures as they fill the canvas;
+    target [3, H, W]: the first of them; folder: where everything goes, made when painting begins; listeners: hear all
+    events; controls: by what it is led; state: where stops are latched; record_may_differ: whether a simulated easel
+    is painted on as it is delivered where the calibration record is of another one; mixed: the paints that the
+    description says were mixed, None where those of the plan are; remarks: sentences for the person.
+    Raises ConfigError and ImageError where the description makes no painting.
+    """
+
+    def __init__(
+        self,
+        spec: RunSpec,
+        folder: str | Path | None = None,
+        *,
+        listeners: Iterable[Notify] = (),
+        controls: Controls | None = None,
+        goal: goals.Wanted | None = None,
+        state: Path | None = None,
+        record_may_differ: bool = False,
+        _begun: _Begun | None = None,
+    ) -> None:
+        self._begun = _begun
+        self.mixed = None if spec.palette is None or _begun else _measured(spec, spec.palette)
+        if self.mixed is not None:
+            spec = spec.changed(colors=len(self.mixed))
+        wanted = goal or goals.open_goal([_wish(item) for item in spec.goal], [_wish(item) for item in spec.initial])
+        self._take(fitted(spec, wanted, canvas_is_fixed=_begun is not None))
+        self._folder = None if folder is None else Path(folder)
+        self.listeners: list[Notify] = list(listeners)
+        self.controls = controls or Controls()
+        self._state = state
+        self._record_may_differ = record_may_differ
+        self._planner: Planner | None = None
+        self._stack = ExitStack()
+        self._process: EaselProcess | None = None
+        self._easel: Easel | None = None
+        self._seen: Tensor | None = None  # the canvas as it was photographed last
+        self.session: PaintingSession | None = None
+
+    @classmethod
+    def reopen(
+        cls, folder: str | Path, *, accept_changes: bool = False, pace: float = 0.0, state: Path | None = None
+    ) -> Self:
+        """A painting that was stopped, killed or has paused; its journal is held until the `with` block ends.
+
+        pace: of a simulated robot, 1 as a real one, 0 as fast as can be computed. Raises StorageError where the folder
+        is no painting's or another process works on it, ConfigError, naming all of them, where something was changed
+        since and that was not accepted.
+        """
+        folder = Path(folder)
+        journal, history = Journal.reopen(folder)
+        try:
+            spec = read_spec(folder) if not history.finished else RunSpec.of(**upgraded(history.settings))
+            plan = resuming.kept_plan(folder, history)
+            if not history.finished:
+                _require_unchanged(spec, folder, history, plan, accept_changes=accept_changes)
+            goal = read_goal(folder / history.goal)
+            spec = spec.model_copy(update={"pace": pace})
+            run = cls(spec, folder, goal=goal, state=state, _begun=_Begun(journal, history, plan))
+        except BaseException:
+            journal.close()
+            raise
+        run._accept_changes = accept_changes
+        return run
+
+    _accept_changes = False
+
+    def __enter__(self) -> Self:
+        threads = torch.get_num_threads()
+        torch.set_num_threads(1)  # tensors are small, and torch's idle threads spin: twice the time on two cores
+        self._stack.callback(torch.set_num_threads, threads)
+        if self._begun is not None:
+            self._stack.callback(self._begun.journal.close)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.__exit__(kind, error, trace)
+
+    @property
+    def history(self) -> History | None:
+        """What the journal of a reopened painting tells; None for a new one."""
+        return None if self._begun is None else self._begun.history
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the painting. Raises ConfigError before there is one."""
+        if self._folder is None:
+            raise ConfigError("This painting has no folder yet; it gets one when painting begins.")
+        return self._folder
+
+    @property
+    def planner(self) -> Planner:
+        """The planner, opened when it is first asked for. Raises WeightsError where a network is missing."""
+        if self._planner is None:
+            self._planner = open_planner(self.spec, self.goal.goal)
+            if self._begun is not None:
+                self._planner.region = resuming.region(self.folder, self._begun.history)
+        return self._planner
+
+    @property
+    def easel(self) -> Easel:
+        """The easel, once it is open. Raises ConfigError before."""
+        if self._easel is None:
+            raise ConfigError("The easel is not open yet; call open_easel first.")
+        return self._easel
+
+    def plan(self, notify: Callable[[Step], None] = lambda step: None) -> Plan:
+        """A plan for a bare canvas; nothing is painted, and nothing is written. Raises PlanError."""
+        planner, spec = self.planner, self.spec
+        bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
+        made = planner.plan(bare, spec.strokes, spec.colors, notify)
+        return made if self.mixed is None else planner.bind_to_palette(made, bare, self.mixed, notify)
+
+    def open_easel(self, *, hear_signals: bool = False) -> Easel:
+        """Opens and connects the easel, and makes the folder; where the easel cannot be had, there is none.
+
+        hear_signals: whether the easel's process hears the signals of this one, whose main thread this must be.
+        """
+        if self._process is None:
+            self.load_easel()
+        assert self._process is not None
+        planner = self.planner  # before the folder: what cannot be planned leaves no traces
+        fresh = self._begun is None
+        if fresh:
+            self._folder = new_folder(self._folder, self.goal.name, _ROOM)
+        with _taken_back(self.folder) if fresh else _nothing():
+            easel = self._process.open(order(self.spec, planner.model.brush, self.folder, self._state))
+            self._easel = self._on_record(easel)
+            if hear_signals:
+                self._stack.enter_context(self._process.hearing_signals())
+            self._easel.robot.connect()
+            self._easel.camera.connect()
+        return self._easel
+
+    def load_easel(self) -> None:
+        """Starts the easel's process, which loads while the planner does."""
+        self._process = self._stack.enter_context(EaselProcess())
+
+    def start(self, plan: Plan | None = None) -> Outcome:
+        """Paints it: plan, paint some strokes, look, plan the rest again.
+
+        plan: one of as many strokes that was made before, and is painted instead of a new one. Raises what keeps it
+        from beginning; what ends it later is the outcome's trouble, and what was made by then is kept.
+        """
+        if self._easel is None:
+            self.open_easel()
+        keep_goal(self.goal, self.folder)
+        keep_spec(self.spec, self.folder)
+        journal = Journal.begin(self.folder, self.spec.record(), hashes(self.spec, self.folder))
+        self._stack.callback(journal.close)
+        recorder = self._recorder()
+        self._stack.enter_context(recorder)
+        session = self._open_session(journal, recorder)
+        spec = self.spec
+        return self._to_its_end(session, recorder, lambda: session.run(spec.strokes, spec.colors, plan))
+
+    def resume(self) -> Outcome:
+        """Paints what is left: photographs the canvas, asks about the stroke in doubt, cleans the brush, goes on.
+
+        Raises FrameRejected where the canvas is not as it was left and nobody wants it painted on.
+        """
+        if self._begun is None:
+            raise ConfigError("This painting was not begun yet; give its folder to PaintingRun.reopen to resume it.")
+        storage.clear_leftovers(self.folder)
+        if self._easel is None:
+            self.open_easel()
+        journal, history, kept = self._begun.journal, self._begun.history, self._begun.plan
+        recorder = self._recorder()
+        session = self._open_session(journal, recorder)
+        if (bare := resuming.bare_photograph(self.folder)) is not None:
+            session.observer.learn_good(bare)
+        now = session.look()
+        images.save(now, self.folder / NOW)
+        before = resuming.seen_before(self.folder, kept, session.observer) if kept else None
+        if self._accept_changes or (before is not None and not self._is_as_left(session, before, now)):
+            before = None
+        journal.resumed(history, repaint=self._repaints(now))
+        self._stack.enter_context(recorder)
+        if kept is None:
+            return self._to_its_end(session, recorder, lambda: session.run(self.spec.strokes, self.spec.colors))
+        where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now)
+        return self._to_its_end(session, recorder, lambda: session.resume(where))
+
+    def _take(self, made: Fitted) -> None:
+        self.spec, self.goal, self.target = made.spec, made.goal, made.target
+        self.remarks = [made.remark] if made.remark else []
+
+    def _on_record(self, easel: Easel) -> Easel:
+        """The easel by its calibration record; one of another simulated easel is as it is delivered."""
+        try:
+            return on_record(easel, self.spec.calibration, needed_calibrations(self.spec))
+        except CalibrationError:
+            if not (easel.simulated and self._record_may_differ):
+                raise
+        self.spec = self.spec.model_copy(update={"calibration": None})
+        self._planner = None
+        return easel
+
+    def _recorder(self) -> Recorder:
+        told = account(self.spec, self.goal, self.target, self.planner.encoders)
+        return Recorder(self.folder, told, self.planner.model, self.spec.film_length, self.history)
+
+    def _open_session(self, journal: Journal, recorder: Recorder) -> PaintingSession:
+        easel = with_operator(self.easel, self.spec, self.controls.answer)
+        kept = self._begun and self._begun.plan
+
+        def hear(event: Event) -> None:
+            if isinstance(event, TimelapseFrame | Looked):
+                self._seen = event.photograph
+            recorder.hear(event)
+            for listener in self.listeners:
+                listener(event)
+
+        self.session = open_session(
+            self.spec,
+            self.planner,
+            easel,
+            self.controls,
+            mixed=self.controls.mixed or (lambda wanted: self.mixed),
+            notify=hear,
+            journal=journal,
+            light=resuming.light(self.history) if self.history else None,
+            placement=kept.planning.placement if kept else None,
+        )
+        return self.session
+
+    def _to_its_end(self, session: PaintingSession, recorder: Recorder, paint: Callable[[], Painting]) -> Outcome:
+        """Paints; where robot, camera or person give up on the way, what there is by then is kept as after a stop."""
+        trouble: FridaError | None = None
+        painting: Painting | None
+        try:
+            painting = paint()
+        except (RobotError, CameraError, PaintingPaused, Interrupted) as fault:
+            trouble, painting = fault, session.so_far
+            if painting is not None:
+                painting = replace(painting, photograph=painting.photograph if self._seen is None else self._seen)
+                for hear in (recorder.hear, *self.listeners):
+                    hear(Stopped(painting.painted))
+        with suppress(FridaError):  # whatever is wrong with it was told before
+            session.brushwork.easel.robot.close()  # a film of it ends here
+        page = None if painting is None else recorder.finish(painting)
+        return Outcome(self.folder, painting, page, trouble)
+
+    def _is_as_left(self, session: PaintingSession, before: Tensor, now: Tensor) -> bool:
+        """Whether the canvas is as it was left; where it is not, somebody has to want it painted on all the same."""
+        assert self._begun is not None
+        history, kept, good = self._begun.history, self._begun.plan, session.observer.good
+        if kept is None or good is None:
+            return True
+        try:
+            good.require_explained(now, resuming.as_left(kept, history, self.planner, before))
+        except FrameRejected as difference:
+            if self.controls.paint_on(str(difference), now):
+                return False
+            raise FrameRejected(
+                f"{difference} Look at {self.folder / NOW}; if it is to be painted on as it is, say --accept-changes"
+            ) from difference
+        return True
+
+    def _repaints(self, now: Tensor) -> bool:
+        """Whether the stroke in doubt, if there is one, is painted again; a picture of it is kept."""
+        assert self._begun is not None
+        number, kept = self._begun.history.in_doubt, self._begun.plan
+        if number is None or kept is None:
+            return False
+        painted = self.planner.expected(kept.plan.part(slice(number - 1, number)), now)
+        picture = doubt(kept.plan, number - 1, now, painted)
+        images.save(picture, self.folder / NOW)
+        return self.controls.repaint(number, picture)
+
+
+def history_of(folder: Path) -> History:
+    """How far a painting came, read without taking it from whoever works on it. Raises StorageError."""
+    journal, history = Journal.reopen(folder)
+    journal.close()
+    return history
+
+
+def _wish(item: GoalItem) -> goals.Wish:
+    return item.kind, item.value if item.kind == "text" else Path(item.value), item.weight
+
+
+def _measured(spec: RunSpec, path: Path) -> Palette:
+    """The paints that were mixed, as many as were asked for, if that was said. Raises ConfigError."""
+    return read_palette(path, spec.colors if "colors" in spec.model_fields_set else None)
+
+
+def _require_unchanged(
+    spec: RunSpec, folder: Path, history: History, plan: KeptPlan | None, *, accept_changes: bool
+) -> None:
+    """Raises ConfigError, showing all of them, where there are changes that nobody accepted, or cannot be."""
+    begun = RunSpec.of(**upgraded(history.settings)).record()
+    history.settings = begun
+    changes = resuming.changes(history, spec.record(), hashes(spec, folder), plan)
+    settled = [name for name in SETTLED if begun[name] != spec.record()[name]]
+    if not changes or (accept_changes and not settled):
+        return
+    told = "\n".join(f"  {line}" for line in changes)
+    remedy = (
+        f"{', '.join(settled)} cannot be changed any more; change it back in {folder / SETTINGS}."
+        if settled
+        else "Change it back, or go on with what is there now: --accept-changes"
+    )
+    raise ConfigError(f"Since this painting was begun, something was changed:\n{told}\n{remedy}")
+
+
+@contextmanager
+def _taken_back(folder: Path) -> Iterator[None]:
+    """Where the easel cannot be had, nothing was begun: the new folder goes away again."""
+    try:
+        yield
+    except FridaError:
+        shutil.rmtree(folder, ignore_errors=True)
+        with suppress(OSError):  # "paintings", where this would have been the first
+            folder.parent.rmdir()
+        raise
+
+
+@contextmanager
+def _nothing() -> Iterator[None]:
+    yield

@@ -1,0 +1,279 @@
+"""RunSpec: everything that makes a painting what it is, with one set of defaults and limits for all faces.
+
+Command line, page, TOML files, experiments and notebooks describe a painting by it. It loads without any tensor.
+"""
+
+import json
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationError, model_validator
+from pydantic.fields import FieldInfo
+
+from frida_painter import storage
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import ConfigError
+from frida_painter.runs.placement_error import millimetres_and_degrees
+from frida_painter.session.names import HUMAN, SAWYER_SIM, SIMULATED, VIRTUAL
+
+VERSION = 1
+SETTLED = ("strokes", "colors", "canvas", "brush")
+"""What a painting's plan rests on: it cannot be changed once there is a plan."""
+EASEL = ("robot", "camera", "workspace", "calibration", "placement_error", "pace", "arm_meshes")
+"""What says where a painting is painted rather than what."""
+_MOST_BYTES = 2**20
+
+
+def _canvas(value: Any) -> CanvasSize:
+    if isinstance(value, CanvasSize):
+        return value
+    try:
+        return CanvasSize.parse(str(value))
+    except ConfigError as error:
+        raise ValueError(str(error)) from error
+
+
+def _millimetres(size: CanvasSize) -> str:
+    return f"{size.width * 1000:g}x{size.height * 1000:g}mm"
+
+
+def _path(value: Any) -> Any:
+    return Path(value) if isinstance(value, str) and value else value
+
+
+def _whole_path(path: Path | None) -> str | None:
+    return None if path is None else str(path.resolve())
+
+
+def _placement(text: str | None) -> str | None:
+    try:
+        millimetres_and_degrees(text)
+    except ConfigError as error:
+        raise ValueError(str(error)) from error
+    return text
+
+
+def _items(value: Any) -> Any:
+    """Goal items as tables of a TOML file have them ({"text": "a lemon", "weight": 2}), or as they are."""
+    return tuple(map(GoalItem.of, value)) if isinstance(value, list | tuple) else value
+
+
+Canvas = Annotated[CanvasSize, BeforeValidator(_canvas), PlainSerializer(_millimetres)]
+File = Annotated[Path | None, BeforeValidator(_path), PlainSerializer(_whole_path, when_used="json")]
+Placement = Annotated[str | None, BeforeValidator(_placement)]
+
+
+class GoalItem(BaseModel):
+    """One thing to paint: its kind ("image", "text", ...), a file's path or words, and how much it matters (> 0)."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    kind: str = Field(min_length=1)
+    value: str = Field(min_length=1)
+    weight: float = Field(1.0, gt=0, allow_inf_nan=False)
+
+    @classmethod
+    def of(cls, value: Any) -> Any:
+        """From {"text": "a lemon", "weight": 2}; anything else as it is, for pydantic to judge."""
+        if isinstance(value, dict) and "kind" not in value:
+            kinds = [name for name in value if name != "weight"]
+            if len(kinds) == 1:
+                return cls(kind=kinds[0], value=str(value[kinds[0]]), weight=value.get("weight", 1.0))
+        return value
+
+
+Items = Annotated[tuple[GoalItem, ...], BeforeValidator(_items)]
+
+
+class RunSpec(BaseModel):
+    """One painting, described. Raises ConfigError, naming every fault at once, through `of`, `from_toml` and `read`.
+
+    goal, initial: what to paint, and what to begin with; canvas: the size asked for, which `fit` may change;
+    brush: a name or a file of learned weights; clip: a CLIP to see words through, None: what was fetched;
+    palette: a file with the paints that were really mixed; timelapse_frames: pictures of the film at the most;
+    workspace, calibration: files of a real easel; placement_error: of the virtual studio, like "4mm,2deg".
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
+
+    version: Literal[1] = 1
+    title: str = Field("", max_length=80)
+    goal: Items = ()
+    initial: Items = ()
+    strokes: int = Field(300, ge=1, le=20_000, description="How many brush strokes; exactly so many are painted.")
+    colors: int = Field(12, ge=1, le=24, description="How many paints to mix.")
+    canvas: Canvas = Field(
+        CanvasSize(14 * 0.0254, 11 * 0.0254),
+        description="Width x height of the canvas in in, cm or mm, like 14x11in or 297x210mm; turned like the picture.",
+        json_schema_extra={"metavar": "SIZE", "default": "14x11in"},
+    )
+    fit: Literal["canvas", "crop", "pad"] = Field(
+        "canvas",
+        description="How a picture of other proportions comes onto the canvas: the canvas takes the picture's "
+        "proportions within its size, the picture is cropped, or it is padded with white. A real canvas cannot change: "
+        "there, canvas means crop.",
+        json_schema_extra={"metavar": "canvas|crop|pad"},
+    )
+    brush: str = Field(
+        "broad",
+        min_length=1,
+        description="The brush: fine, medium or broad, or a file of weights that you trained.",
+        json_schema_extra={"metavar": "NAME"},
+    )
+    render_height: int = Field(
+        256, ge=64, le=2048, description="Height of the planning image in pixels. Higher is finer and slower."
+    )
+    replans: int = Field(4, ge=0, description="How often to look at the canvas and plan the rest again.")
+    effort: float = Field(
+        1.0, ge=0.05, le=20, allow_inf_nan=False, description="How long to plan: 2 plans twice as long, 0.5 half."
+    )
+    seed: int = Field(
+        0, ge=0, le=2**31 - 1, description="Another seed gives another painting; the same seed gives the same."
+    )
+    clip: str | None = Field(None, min_length=1)
+    palette: File = None
+    film: bool = True
+    timelapse_frames: int = Field(120, ge=0, le=2000, description="Pictures of the film at the most.")
+    robot: str = Field(VIRTUAL, min_length=1)
+    camera: str = ""
+    workspace: File = None
+    calibration: File = None
+    placement_error: Placement = None
+    pace: float = Field(0.0, ge=0, le=100, allow_inf_nan=False)
+    arm_meshes: File = None
+
+    @model_validator(mode="after")
+    def _fit_together(self) -> Self:
+        given = self.model_fields_set
+        if "colors" in given and self.colors > self.strokes:
+            raise ValueError(f"{self.colors} colors for {self.strokes} strokes; give at most as many colors as strokes")
+        if "replans" in given and self.replans >= self.strokes:
+            raise ValueError(
+                f"{self.replans} replans for {self.strokes} strokes; "
+                f"there is a look between strokes only, so give at most {self.strokes - 1}"
+            )
+        return self
+
+    @classmethod
+    def of(cls, **values: Any) -> Self:
+        """A checked description; of few strokes, as few colors and replans as fit where none were asked for."""
+        try:
+            chosen = cls(**values)
+        except ValidationError as error:
+            raise ConfigError("; ".join(_sentence(fault) for fault in error.errors()) + ".") from error
+        fitting = {"colors": min(chosen.colors, chosen.strokes), "replans": min(chosen.replans, chosen.strokes - 1)}
+        return chosen.model_copy(
+            update={
+                name: fits for name, fits in fitting.items() if name not in values and fits != getattr(chosen, name)
+            }
+        )
+
+    @classmethod
+    def from_toml(cls, path: Path, **overrides: Any) -> Self:
+        """A description from a TOML file, with `overrides` on top; files in it are named relative to it."""
+        content = storage.read_bytes(path, "a settings file (TOML)", _MOST_BYTES, ConfigError)
+        try:
+            values = tomllib.loads(content.decode("utf-8-sig"))
+        except (ValueError, RecursionError) as error:
+            raise ConfigError(f"{path} is not TOML ({error}); write lines such as: strokes = 300") from error
+        for name in ("palette", "workspace", "calibration", "arm_meshes"):
+            if isinstance(values.get(name), str):
+                values[name] = path.parent / values[name]
+        return cls.of(**{**values, **overrides})
+
+    def changed(self, **values: Any) -> Self:
+        """The same with other values, checked. Raises ConfigError."""
+        kept = {name: getattr(self, name) for name in self.model_fields_set}
+        return type(self).of(**{**kept, **values})
+
+    @property
+    def as_kept(self) -> Self:
+        """The same to the last digit as it will be read again from its folder."""
+        return type(self).of(**self.record(), goal=self.goal, initial=self.initial)
+
+    def record(self) -> dict[str, Any]:
+        """As plain values, for people and programs to read; the goal, whose pictures are copied, is kept beside it."""
+        return self.model_dump(mode="json", exclude={"goal", "initial"})
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """A description as it lies in a painting's folder, also as versions before 0.2 wrote it."""
+        content = storage.read_bytes(path, "the settings of a painting", _MOST_BYTES, ConfigError)
+        try:
+            plain = json.loads(content)
+            if not isinstance(plain, dict) or not {"strokes", "film", "calibration"} <= set(plain):
+                raise KeyError("strokes, film and calibration are needed")
+            return cls.of(**upgraded(plain))
+        except (ValueError, KeyError, RecursionError) as cause:
+            raise ConfigError(f"{path} does not hold the settings of a painting ({cause}); bring it back.") from cause
+
+    @property
+    def simulated(self) -> bool:
+        """Whether no real robot is moved."""
+        return self.robot in SIMULATED
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether a person paints."""
+        return self.robot == HUMAN
+
+    @property
+    def films_arm(self) -> bool:
+        """Whether a simulated arm is filmed at work."""
+        return self.film and self.robot == SAWYER_SIM
+
+    @property
+    def film_length(self) -> int:
+        """Timelapse frames of the film: none by hand, for nobody wants to step aside after every stroke."""
+        return min(self.strokes, self.timelapse_frames) if self.film and not self.by_hand else 0
+
+
+def upgraded(plain: Mapping[str, Any]) -> dict[str, Any]:
+    """The plain values of a description of any version as those of this one. Raises ConfigError for a newer one."""
+    version = plain.get("version", 0)
+    if type(version) is not int or not 0 <= version <= VERSION:
+        raise ConfigError(
+            f"The settings are of version {version!r}, and this program reads versions up to {VERSION}; use the "
+            "program that the painting was begun with, or a newer one."
+        )
+    if version == VERSION:
+        return dict(plain)
+    # Before 0.2 there was no version, pictures were always cropped, and the length of the film was not kept.
+    return {**plain, "version": VERSION, "fit": "crop"}
+
+
+def _sentence(fault: Any) -> str:
+    """One fault of pydantic's in the words of the command line."""
+    message = fault["msg"].removeprefix("Value error, ").removesuffix(".")
+    if not fault["loc"]:
+        return message
+    field = str(fault["loc"][0])
+    if fault["type"] == "extra_forbidden":
+        return f"{field[:40]!r} is not a setting; there are {', '.join(sorted(RunSpec.model_fields))}"
+    name = f"--{field.replace('_', '-')}"
+    if fault["type"] == "value_error":
+        return message if message.startswith(name) else f"{name}: {message}"
+    if field not in RunSpec.model_fields or len(fault["loc"]) > 1:
+        return f"{name}: {message}"
+    return f"{name} was given {_shortly(fault['input'])}; it is {_allowed(RunSpec.model_fields[field])}"
+
+
+def _allowed(field: FieldInfo) -> str:
+    """The values that a setting may have, in words."""
+    bounds = {name: getattr(part, name) for part in field.metadata for name in ("ge", "le") if hasattr(part, name)}
+    choices = getattr(field.annotation, "__args__", ()) if "Literal" in str(field.annotation) else ()
+    if choices:
+        return f"one of {', '.join(map(str, choices))}"
+    if not bounds:
+        return "true or false" if field.annotation is bool else "a name or a path"
+    kind = "a whole number" if field.annotation is int else "a number"
+    if "le" not in bounds:
+        return f"{kind} of at least {bounds['ge']}"
+    return f"{kind} from {bounds['ge']} to {bounds['le']}"
+
+
+def _shortly(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."
