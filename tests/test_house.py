@@ -26,10 +26,14 @@ LAYERS = (
     ("planning", "hardware", "virtual"),
     ("session",),
     ("report", "export"),
-    ("runs", "experiments"),
-    ("cli", "web", "__main__", ""),
+    ("runs",),
+    ("experiments",),
+    ("cli", "web"),
+    ("__main__", ""),
 )
 # The virtual studio is reality: what judges or predicts it must not be inside it.
+# Faces are thin, and none knows another.
+FACES = ("cli", "web", "experiments")
 REALITY = {"virtual": {"brush", "render", "perception", "mixing", "objectives", "planning", "session"}}
 # Pickles run what they hold, and torchvision does not import beside the build of torch that is pinned.
 FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "joblib", "yaml", "shelve", "marshal", "torchvision"}

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from frida_painter.render.painting import render as render_strokes
     from frida_painter.render.plan_picture import render_plan
     from frida_painter.runs.run import PaintingRun
+    from frida_painter.runs.run import paint as paint
     from frida_painter.runs.simple_goal import make_goal
     from frida_painter.runs.spec import RunSpec
     from frida_painter.strokes import Strokes
@@ -43,6 +44,7 @@ __all__ = [
     "load_stroke_model",
     "make_goal",
     "open_virtual_studio",
+    "paint",
     "render_plan",
     "render_strokes",
     "save_picture",
@@ -65,6 +67,7 @@ _HOMES = {
     "load_stroke_model": ("brush.weights", "load_stroke_model"),
     "make_goal": ("runs.simple_goal", "make_goal"),
     "open_virtual_studio": ("virtual.studio", "open_studio"),
+    "paint": ("runs.run", "paint"),
     "render_plan": ("render.plan_picture", "render_plan"),
     "render_strokes": ("render.painting", "render"),
     "save_picture": ("images", "save"),

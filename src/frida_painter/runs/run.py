@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import torch
 from torch import Tensor
@@ -403,3 +403,17 @@ def _taken_back(folder: Path) -> Iterator[None]:
 @contextmanager
 def _nothing() -> Iterator[None]:
     yield
+
+
+def paint(
+    photo: str | Path | None = None, *, text: str | None = None, folder: str | Path | None = None, **settings: Any
+) -> Outcome:
+    """Paints a photograph, words, or both in the virtual studio, or where the settings say; returns how it ended.
+
+    settings: fields of RunSpec, such as strokes=50 or style, sketch and others through goal=[{"style": "waves.jpg"}];
+    folder: where everything goes, by default one below "paintings". Raises ConfigError for what makes no painting.
+    """
+    asked = [*([{"image": str(photo)}] if photo is not None else []), *([{"text": text}] if text is not None else [])]
+    spec = RunSpec.of(**{**settings, "goal": [*asked, *settings.get("goal", [])]})
+    with PaintingRun(spec, folder) as run:
+        return run.start()

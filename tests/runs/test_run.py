@@ -1,0 +1,82 @@
+"""One painting from Python: planned, painted, and gone on with."""
+
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from skimage import data
+
+from frida_painter.errors import ConfigError
+from frida_painter.runs.controls import Controls
+from frida_painter.runs.run import PaintingRun, history_of, paint
+from frida_painter.runs.spec import RunSpec
+from frida_painter.session.events import Event, StrokePainted
+from marks import coarse_table
+
+SMALL = {"canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _coarse_brush(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        patch.setattr("frida_painter.runs.opening.cached_table", coarse_table)
+        yield
+
+
+@pytest.fixture(scope="module")
+def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("photos") / "coffee.jpg"
+    Image.fromarray(data.coffee()).resize((120, 90)).save(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def stopped(photo: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a painting of six strokes that a person stopped after the third."""
+    folder = tmp_path_factory.mktemp("stopped") / "painting"
+    stop = threading.Event()
+    heard: list[Event] = []
+
+    def hear(event: Event) -> None:
+        heard.append(event)
+        if isinstance(event, StrokePainted) and event.done == 3:
+            stop.set()
+
+    spec = RunSpec.of(goal=[{"image": str(photo)}], strokes=6, replans=1, **SMALL)
+    with PaintingRun(spec, folder, listeners=[hear], controls=Controls(stop_asked=stop.is_set)) as run:
+        outcome = run.start()
+    assert outcome.painting is not None and outcome.painting.painted == 3 and outcome.trouble is None
+    assert outcome.page == folder / "index.html" and [it.done for it in heard if isinstance(it, StrokePainted)] == [
+        1,
+        2,
+        3,
+    ]
+    return folder
+
+
+def test_a_plan_is_made_without_an_easel_or_a_folder(photo: Path) -> None:
+    with PaintingRun(RunSpec.of(goal=[{"image": str(photo)}], strokes=4, **SMALL)) as run:
+        plan = run.plan()
+        with pytest.raises(ConfigError, match="no folder yet"):
+            print(run.folder)
+    assert len(plan) == 4 and len(plan.palette) == 2
+
+
+def test_a_stopped_painting_is_gone_on_with_to_its_last_stroke(stopped: Path) -> None:
+    assert history_of(stopped).painted == 3
+    with PaintingRun.reopen(stopped) as run:
+        assert run.history is not None and run.spec.strokes == 6
+        outcome = run.resume()
+    assert outcome.painting is not None and outcome.painting.painted == 6
+    result = json.loads((stopped / "result.json").read_text())
+    assert result["strokes_painted"] == 6 and result["sittings"] == 2 and history_of(stopped).finished
+
+
+def test_a_painting_without_a_goal_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="nothing to paint"):
+        paint(folder=tmp_path / "painting", strokes=3)
+    assert not (tmp_path / "painting").exists()
