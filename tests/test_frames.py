@@ -136,3 +136,11 @@ def test_an_f_stays_an_f() -> None:
         letter[None], pixel_to_map(moved, angle + math.pi / 2, grid, frame), ink, paper.new_ones(3, 5, 7)
     )
     assert torch.allclose(picture[0], 1 - torch.rot90(letter), atol=1e-9)
+
+
+def test_a_size_is_itself_or_what_its_text_says() -> None:
+    size = CanvasSize(0.3, 0.2)
+    assert CanvasSize.of(size) is size
+    assert CanvasSize.of("30x20cm") == size
+    with pytest.raises(ConfigError, match="not understood"):
+        CanvasSize.of("large")

@@ -1,1 +1,87 @@
-"""FRIDA painter: a robot that paints with people."""
+"""FRIDA painter: a robot that paints with people.
+
+`import frida_painter as fp` offers the names below; a name is loaded when it is first used, so that the import itself
+takes no time. Everything else is found in the modules, which docs/index.md leads through.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from frida_painter.brush.stroke_model import StrokeModel
+    from frida_painter.brush.weights import load_stroke_model
+    from frida_painter.errors import FridaError
+    from frida_painter.hardware.camera import Camera
+    from frida_painter.hardware.robot import Robot
+    from frida_painter.images import load as load_picture
+    from frida_painter.images import save as save_picture
+    from frida_painter.objectives.base import Objective
+    from frida_painter.palette import Palette
+    from frida_painter.plan import Plan
+    from frida_painter.planning.planner import Planner
+    from frida_painter.render.painting import render as render_strokes
+    from frida_painter.render.plan_picture import render_plan
+    from frida_painter.runs.run import PaintingRun
+    from frida_painter.runs.run import paint as paint
+    from frida_painter.runs.simple_goal import make_goal
+    from frida_painter.runs.spec import RunSpec
+    from frida_painter.strokes import Strokes
+    from frida_painter.virtual.studio import open_studio as open_virtual_studio
+
+__all__ = [
+    "Camera",
+    "FridaError",
+    "Objective",
+    "PaintingRun",
+    "Palette",
+    "Plan",
+    "Planner",
+    "Robot",
+    "RunSpec",
+    "StrokeModel",
+    "Strokes",
+    "load_picture",
+    "load_stroke_model",
+    "make_goal",
+    "open_virtual_studio",
+    "paint",
+    "render_plan",
+    "render_strokes",
+    "save_picture",
+]
+
+# Where each name is found: its module, and what it is called there.
+_HOMES = {
+    "Camera": ("hardware.camera", "Camera"),
+    "FridaError": ("errors", "FridaError"),
+    "Objective": ("objectives.base", "Objective"),
+    "PaintingRun": ("runs.run", "PaintingRun"),
+    "Palette": ("palette", "Palette"),
+    "Plan": ("plan", "Plan"),
+    "Planner": ("planning.planner", "Planner"),
+    "Robot": ("hardware.robot", "Robot"),
+    "RunSpec": ("runs.spec", "RunSpec"),
+    "StrokeModel": ("brush.stroke_model", "StrokeModel"),
+    "Strokes": ("strokes", "Strokes"),
+    "load_picture": ("images", "load"),
+    "load_stroke_model": ("brush.weights", "load_stroke_model"),
+    "make_goal": ("runs.simple_goal", "make_goal"),
+    "open_virtual_studio": ("virtual.studio", "open_studio"),
+    "paint": ("runs.run", "paint"),
+    "render_plan": ("render.plan_picture", "render_plan"),
+    "render_strokes": ("render.painting", "render"),
+    "save_picture": ("images", "save"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it offers {', '.join(__all__)}")
+    module, inside = _HOMES[name]
+    found = getattr(import_module(f"{__name__}.{module}"), inside)
+    globals()[name] = found  # asked for once
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

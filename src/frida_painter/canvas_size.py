@@ -42,6 +42,11 @@ class CanvasSize:
         scale = _METRES[match[3]]
         return cls(float(match[1]) * scale, float(match[2]) * scale)
 
+    @classmethod
+    def of(cls, size: "CanvasSize | str") -> "CanvasSize":
+        """The size itself, or what a text like "14x11in" says. Raises ConfigError."""
+        return cls.parse(size) if isinstance(size, str) else size
+
     def turned_like(self, rows: int, columns: int) -> "CanvasSize":
         """The same canvas, put upright or on its side so that it suits a picture of that shape."""
         if (columns > rows) != (self.width > self.height):

@@ -1,6 +1,5 @@
 """Drawings: the lines on a sheet of paper, whatever its light, made as broad as a brush paints, and filled in."""
 
-import cv2
 import numpy as np
 import torch
 from torch import Tensor
@@ -45,6 +44,8 @@ def ink(drawing: Tensor) -> Tensor:
 
 def broadened(drawing: Tensor, share: float) -> Tensor:
     """A cleaned drawing [3, H, W] whose lines are about `share` of its shorter side wide; broader ones stay."""
+    import cv2  # only drawings need it
+
     lines = ink(drawing).cpu().numpy().astype(np.uint8)
     depth = cv2.distanceTransform(lines, cv2.DIST_L2, 3)
     # Across a line of half width a, the distance to the next pixel beyond is (a + 1) / 2 in the mean.
@@ -63,6 +64,8 @@ def colored(drawing: Tensor, style: Tensor) -> Tensor:
     Lines get the darkest of the picture's colours, the widest area (the ground) the lightest, the
     others the most vivid ones in turn. Specks between lines stay with the lines.
     """
+    import cv2
+
     seen = functional.interpolate(style[None], (48, 48), mode="bilinear", antialias=True)[0].flatten(1).T
     colors = Palette.cluster(seen, torch.ones(len(seen)), _COLORS, seed=0).color.to(drawing)
     vivid = torch.argsort(to_lab(colors[1:-1])[:, 1:].norm(dim=1), descending=True)

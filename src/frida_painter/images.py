@@ -15,16 +15,19 @@ from frida_painter.errors import ImageError
 _JPEG_QUALITY = 92
 
 
-def load(path: Path, *, most_pixels: int = picture_file.MOST_PIXELS, longest: int = picture_file.LONGEST) -> Tensor:
+def load(
+    path: str | Path, *, most_pixels: int = picture_file.MOST_PIXELS, longest: int = picture_file.LONGEST
+) -> Tensor:
     """A picture file as sRGB, [3, H, W] float32 in [0, 1], decoded as picture_file.py says. Raises ImageError."""
-    picture = picture_file.decode(path, most_pixels=most_pixels, longest=longest)
+    picture = picture_file.decode(Path(path), most_pixels=most_pixels, longest=longest)
     if picture.mode == "F":
         return torch.from_numpy(np.array(picture)).clamp(0, 1).expand(3, -1, -1).contiguous()
     return from_uint8(np.asarray(picture))
 
 
-def save(image: Tensor, path: Path) -> None:
+def save(image: Tensor, path: str | Path) -> None:
     """Writes sRGB [3, H, W] in [0, 1] to `path`, atomically: .png without loss, .jpg small. Raises StorageError."""
+    path = Path(path)
     picture = Image.fromarray(to_uint8(image))
     with storage.replacing(path) as temporary:
         if path.suffix.lower() in (".jpg", ".jpeg"):

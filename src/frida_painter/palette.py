@@ -5,7 +5,6 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 import torch
 from torch import Tensor
@@ -20,6 +19,8 @@ _PALETTE_FILE = 'a palette is a JSON file like {"paints": ["#f2e9dc", "#3b2f2a"]
 
 def to_lab(color: Tensor) -> Tensor:
     """sRGB [..., 3] in [0, 1] to CIE L*a*b* (D65), L in [0, 100]. Not differentiable."""
+    import cv2  # whoever only carries a palette does without
+
     flat = np.ascontiguousarray(color.detach().cpu().numpy().reshape(1, -1, 3), dtype=np.float32)
     if flat.size == 0:
         return color.detach().clone()
@@ -28,6 +29,8 @@ def to_lab(color: Tensor) -> Tensor:
 
 def from_lab(lab: Tensor) -> Tensor:
     """CIE L*a*b* [..., 3] to sRGB in [0, 1], what lies outside sRGB brought to its nearest side."""
+    import cv2
+
     flat = np.ascontiguousarray(lab.detach().cpu().numpy().reshape(1, -1, 3), dtype=np.float32)
     rgb = np.clip(cv2.cvtColor(flat, cv2.COLOR_Lab2RGB), 0, 1)
     return torch.from_numpy(rgb).reshape(lab.shape).to(lab)
@@ -91,8 +94,9 @@ class Palette:
         return cls(torch.cat([found.color[:1].expand(missing, 3), found.color])) if missing else found
 
     @classmethod
-    def load(cls, path: Path) -> "Palette":
+    def load(cls, path: str | Path) -> "Palette":
         """The palette of a JSON file: {"paints": ["#f2e9dc", ...]}, in the order of the wells. Raises ConfigError."""
+        path = Path(path)
         content = storage.read_bytes(path, "a palette (JSON)", _MOST_BYTES, ConfigError)
         try:
             record = json.loads(content)
@@ -113,9 +117,9 @@ class Palette:
             raise ConfigError(f"{path} is not a palette: {' '.join(faults)}")
         return cls(torch.stack(colors))
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Writes such a file. Raises StorageError."""
-        storage.write_text(path, json.dumps({"paints": [to_hex(color) for color in self.color]}, indent=2) + "\n")
+        storage.write_text(Path(path), json.dumps({"paints": [to_hex(color) for color in self.color]}, indent=2) + "\n")
 
     def lab(self) -> Tensor:
         """The palette in CIE L*a*b*, [k, 3]."""

@@ -78,12 +78,13 @@ class Plan:
             content.update(tensor.detach().cpu().contiguous().numpy().tobytes())
         return content.hexdigest()
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Writes `path` (JSON) and beside it the tensors (safetensors, named by their content).
 
         The JSON names the tensors' file and its hash, so that a crash between the two writes
         leaves the plan that was there before. Raises StorageError.
         """
+        path = Path(path)
         tensors = {**self.strokes.arrays(), "palette": self.palette.color, "paint": self.paint}
         beside = path.with_name(f"{path.stem}-{self.digest[:12]}.safetensors")
         sha256 = tensor_file.write_tensors(beside, tensors)
@@ -109,8 +110,9 @@ class Plan:
                 old.unlink(missing_ok=True)
 
     @classmethod
-    def load(cls, path: Path) -> "Plan":
+    def load(cls, path: str | Path) -> "Plan":
         """Reads a plan and checks all of it. Raises PlanError, naming what is wrong with it."""
+        path = Path(path)
         if path.is_dir():
             path = path / "plan.json"
         record = storage.read_json(path, "a plan (plan.json)", PlanError)

@@ -6,7 +6,8 @@ import torch
 
 from frida_painter.brush.field import StrokeField
 from frida_painter.brush.flaw import Flaw
-from frida_painter.brush.learn import DEFAULT_MODEL, MODELS, OTHER_BRUSH, geometry, learn
+from frida_painter.brush.learn import OTHER_BRUSH, geometry, learn
+from frida_painter.brush.limits import DEFAULT_MODEL, MODELS
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.errors import ConfigError, LibraryError
 from marks import SMALL, small_library

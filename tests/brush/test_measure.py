@@ -6,7 +6,8 @@ import torch
 
 from frida_painter.brush import measure
 from frida_painter.brush.bezier import BezierStroke, RibbonShape
-from frida_painter.brush.learn import DEFAULT_MODEL, learn
+from frida_painter.brush.learn import learn
+from frida_painter.brush.limits import DEFAULT_MODEL
 from frida_painter.brush.measure import cross_validate, errors, evaluate
 from frida_painter.errors import LibraryError
 from frida_painter.strokes import StrokeLimits

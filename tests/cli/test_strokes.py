@@ -35,10 +35,12 @@ def run(tmp_path, monkeypatch, capsys):
 def hasty(monkeypatch):
     """Trainings that are over at once."""
 
-    def hastily(name, library, kind=None, *, seed=0, notify=None):
-        return learn.learn(name, library, kind, seed=seed, hasty=True, notify=notify)
+    thoroughly = learn.learn
 
-    monkeypatch.setattr("frida_painter.cli.training.learn", hastily)
+    def hastily(name, library, kind=None, *, seed=0, notify=None):
+        return thoroughly(name, library, kind, seed=seed, hasty=True, notify=notify)
+
+    monkeypatch.setattr("frida_painter.brush.learn.learn", hastily)
     monkeypatch.setattr("frida_painter.brush.measure.learn", hastily)
 
 

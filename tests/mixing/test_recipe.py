@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError
-from frida_painter.mixing.kubelka_munk import Finish, mixed
+from frida_painter.mixing.finish import Finish
+from frida_painter.mixing.kubelka_munk import mixed
 from frida_painter.mixing.paint import published
 from frida_painter.mixing.paint_inventory import usual_paints
 from frida_painter.mixing.recipe import EASY_PARTS, MOST_PARTS, PARTS_WITH_TRACES, recipes

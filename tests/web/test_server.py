@@ -58,7 +58,7 @@ from PIL import Image
 from frida_painter import cli
 from studios import Studio
 
-cli.build("studio")
+cli.build()
 visitor = Studio(Path(sys.argv[1])).visitor()
 picture = io.BytesIO()
 Image.new("RGB", (64, 48)).save(picture, "PNG")

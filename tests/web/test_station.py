@@ -7,7 +7,7 @@ import pytest
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.workcell import example
 from frida_painter.runs.easel import order
-from frida_painter.session.easel_process import state_folder
+from frida_painter.session.state_folder import state_folder
 from frida_painter.web import survey, surveying
 from frida_painter.web.asking import Asker
 from frida_painter.web.feed import Feed

@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.isotonic import IsotonicRegression
 
 from frida_painter.brush.dip import Dip, painted_area
 from frida_painter.brush.flaw import Flaw
@@ -24,6 +23,8 @@ def dip_shown(library: StrokeLibrary, width: float) -> Dip | None:
     was painted until its end, by what can only fall (isotonic regression); a dip is over where that falls
     below 92 %, or where the library ends.
     """
+    from sklearn.isotonic import IsotonicRegression  # slow to load
+
     if library.since_dip is None:
         return None
     usable = np.isin(judge(library), _DRY)

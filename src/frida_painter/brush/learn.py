@@ -9,6 +9,7 @@ from frida_painter.brush.field import StrokeField
 from frida_painter.brush.judge import clean
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.brush.library import StrokeLibrary
+from frida_painter.brush.limits import FIELD, MODELS, PARAM2STROKE
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.train_field import train_field
 from frida_painter.brush.train_param2stroke import train_param2stroke
@@ -17,10 +18,7 @@ from frida_painter.errors import ConfigError, LibraryError
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 
-FIELD, PARAM2STROKE = "field", "param2stroke"
 _KINDS_OF_MODEL: dict[str, type[StrokeField] | type[Param2Stroke]] = {FIELD: StrokeField, PARAM2STROKE: Param2Stroke}
-MODELS = tuple(_KINDS_OF_MODEL)
-DEFAULT_MODEL = FIELD
 OTHER_BRUSH = "other"
 """Name of a brush that is none of the project's."""
 _COLUMNS = {FIELD: 160, PARAM2STROKE: 80}

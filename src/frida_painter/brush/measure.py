@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.brush.learn import learn
 from frida_painter.brush.library import StrokeLibrary
+from frida_painter.brush.limits import FEWEST_STROKES
 from frida_painter.brush.resample import resample
 from frida_painter.brush.stroke_model import StrokeModel
-from frida_painter.brush.training import FEWEST_STROKES, TrainingProgress
+from frida_painter.brush.training import TrainingProgress
 from frida_painter.errors import LibraryError
 
-MOST_FOLDS = 20
 _BATCH = 32
 _TOLERANCE = 1e-6
 _MOST_OUTSIDE = 0.25

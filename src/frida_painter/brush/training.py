@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from frida_painter.brush.library import StrokeLibrary
+from frida_painter.brush.limits import FEWEST_STROKES
 from frida_painter.errors import LibraryError
 
-FEWEST_STROKES = 5
 VALIDATION_SHARE = 0.2
 
 

@@ -1,4 +1,4 @@
-"""The command line: parse, call, show. One module for each group of commands, put together in commands.py."""
+"""The command line: parse, call, show. commands.py lists the commands; a command's module is imported when it runs."""
 
 import sys
 from typing import Any
@@ -6,6 +6,8 @@ from typing import Any
 import typer
 from rich.console import Console
 
+from frida_painter.cli.commands import COMMANDS
+from frida_painter.cli.deferred import group_of, nothing_first
 from frida_painter.errors import FridaError, PaintingPaused
 
 _PAUSED = 3
@@ -13,9 +15,9 @@ _PAUSED = 3
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 
-def build(command: str = "") -> typer.Typer:
-    """The command `frida-painter` with all that it can do; with `command` alone where that loads much less."""
-    app = typer.Typer(
+def build() -> typer.Typer:
+    """The command `frida-painter` with all that it can do."""
+    return typer.Typer(
         name="frida-painter",
         help="A robot that paints with you: it plans brush strokes, paints some, looks at the canvas, and plans again.",
         no_args_is_help=True,
@@ -23,14 +25,9 @@ def build(command: str = "") -> typer.Typer:
         pretty_exceptions_enable=False,
         rich_markup_mode="rich",
         context_settings={"help_option_names": ["-h", "--help"]},
-        callback=_nothing_first,
+        callback=nothing_first,
+        cls=group_of(COMMANDS),
     )
-    if command == "studio":  # its process serves the page, and does without all that painting needs
-        from frida_painter.cli.studio import register
-    else:
-        from frida_painter.cli.commands import register
-    register(app)
-    return app
 
 
 def main() -> None:
@@ -40,7 +37,7 @@ def main() -> None:
     paused and can be resumed, 130 when stopped.
     """
     try:
-        status = build(*sys.argv[1:2])(prog_name="frida-painter", standalone_mode=False)
+        status = build()(prog_name="frida-painter", standalone_mode=False)
     except FridaError as error:
         _complain(str(error))
         status = _PAUSED if isinstance(error, PaintingPaused) else 2
@@ -48,10 +45,6 @@ def main() -> None:
         _complain(_advice(error))
         status = 2
     sys.exit(status)
-
-
-def _nothing_first() -> None:
-    """Done before every command; that there is something keeps a single command's name."""
 
 
 def _complain(message: str) -> None:

@@ -1,30 +1,53 @@
-"""All commands of the command line, put together."""
+"""All commands of the command line, by name; docs and the list of commands show them in this order."""
 
-import typer
+from frida_painter.cli.deferred import Deferred
 
-from frida_painter.cli.arm import register as register_arm
-from frida_painter.cli.calibration import register as register_calibration
-from frida_painter.cli.check import register as register_check
-from frida_painter.cli.experiments import build as experiments
-from frida_painter.cli.export import export
-from frida_painter.cli.mix import register as register_mix
-from frida_painter.cli.models import build as models
-from frida_painter.cli.painting import register as register_painting
-from frida_painter.cli.resume import register as register_resume
-from frida_painter.cli.strokes import build as strokes
-from frida_painter.cli.studio import register as register_studio
+_CLI = "frida_painter.cli"
 
-
-def register(app: typer.Typer) -> None:
-    """Adds all commands."""
-    register_painting(app)
-    register_resume(app)
-    app.command("export")(export)
-    register_calibration(app)
-    register_arm(app)
-    register_check(app)
-    register_mix(app)
-    register_studio(app)
-    app.add_typer(strokes(), name="strokes")
-    app.add_typer(models(), name="models")
-    app.add_typer(experiments(), name="experiments")
+COMMANDS = (
+    Deferred(
+        "paint",
+        f"{_CLI}.painting",
+        "Paint a photograph, or words: plan, paint some strokes, look, plan the rest again.",
+    ),
+    Deferred(
+        "plan",
+        f"{_CLI}.painting",
+        "Plan the strokes for a photograph, or for words, without painting: plan, picture of it, palette to mix.",
+    ),
+    Deferred(
+        "render", f"{_CLI}.painting", "Draw a plan as a picture of any size, as the simulation of the brush sees it."
+    ),
+    Deferred("resume", f"{_CLI}.resume", "Go on with a painting that was stopped or broke off, from its folder."),
+    Deferred("export", f"{_CLI}.export", "Write the strokes of a plan in millimetres."),
+    Deferred(
+        "calibrate",
+        f"{_CLI}.calibrate",
+        "Get to know an easel: where its canvas is, where its robot paints, how its camera sees, what its brush does.",
+    ),
+    Deferred(
+        "doctor",
+        f"{_CLI}.calibrate",
+        "Tell how the easel's calibration stands: what was done when and how well, and what to repeat.",
+    ),
+    Deferred("arm", f"{_CLI}.arm", "Let a robot move again that was stopped, once you have looked at it."),
+    Deferred("check", f"{_CLI}.check", "Check whether a whole plan can be painted on an easel, before anything moves."),
+    Deferred(
+        "mix",
+        f"{_CLI}.mix",
+        "Tell how to mix each colour of a palette: parts of the paints you own, and how near they come.",
+    ),
+    Deferred(
+        "studio",
+        f"{_CLI}.studio",
+        "Open the studio: a page on which you say what to paint, see the plan, and paint together with the robot.",
+    ),
+    Deferred("workspace", f"{_CLI}.check", "Write down where canvas, wells, water and rag stand, in metres."),
+    Deferred("strokes", f"{_CLI}.strokes", "Teach the painter its brush from strokes that it has painted."),
+    Deferred("models", f"{_CLI}.models", "Get the networks that words, styles and meanings are painted by."),
+    Deferred(
+        "experiments",
+        f"{_CLI}.experiments",
+        "The paper's figures and tables, and ours, each one command that measures anew.",
+    ),
+)

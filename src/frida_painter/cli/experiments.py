@@ -1,42 +1,11 @@
 """The commands that print the paper's figures and tables: experiments NAME, experiments list."""
 
-import math
-import shutil
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
 
-from frida_painter import weights
-from frida_painter.brush.library import StrokeLibrary
 from frida_painter.cli.numbers import whole_number_within
-from frida_painter.cli.progress import duration
-from frida_painter.experiments import (
-    composition,
-    continuous_strokes,
-    goal_paintings,
-    outcome,
-    real_strokes,
-    replanning,
-    robustness,
-    sawyer,
-    semantic,
-    sim2real,
-    sketch,
-    stroke_model,
-    strokes_needed,
-    style,
-    targets,
-    text,
-)
-from frida_painter.experiments.outcome import Notify, Outcome, within
-from frida_painter.experiments.virtual_library import virtual_library
-from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
-from frida_painter.session.opening import limit_threads, planning_device
 
 BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
 Seed = Annotated[
@@ -62,30 +31,29 @@ Library = Annotated[
     typer.Option(metavar="FILE", help="A stroke library (.npz). [dim]200 strokes, painted in the virtual studio[/]"),
 ]
 HERE = Path("experiments")
-_STROKES, _FEW_STROKES = 200, 16
-_PAINTING = 0.2  # share of the time that painting a library takes
+_PROMPTS = 20  # that the experiment `text` has
 
 
-def build() -> typer.Typer:
-    """The group of commands."""
-    app = typer.Typer(
+def register(app: typer.Typer) -> None:
+    """Adds the group of commands."""
+    group = typer.Typer(
         no_args_is_help=True, help="The paper's figures and tables, and ours, each one command that measures anew."
     )
-    app.command("list")(list_all)
-    app.command(continuous_strokes.NAME)(sweep)
-    app.command(stroke_model.NAME)(beside)
-    app.command(strokes_needed.NAME)(needed)
-    app.command(real_strokes.NAME)(splits)
-    app.command(sim2real.NAME)(gap)
-    app.command(replanning.NAME)(looking)
-    app.command(robustness.NAME)(dirt)
-    app.command(sawyer.NAME)(arms)
-    app.command(text.NAME)(words)
-    app.command(style.NAME)(styles)
-    app.command(semantic.NAME)(meanings)
-    app.command(sketch.NAME)(drawings)
-    app.command(composition.NAME)(compositions)
-    return app
+    group.command("list")(list_all)
+    group.command("continuous-strokes")(sweep)
+    group.command("stroke-model")(beside)
+    group.command("strokes-needed")(needed)
+    group.command("real-strokes")(splits)
+    group.command("sim2real")(gap)
+    group.command("replanning")(looking)
+    group.command("robustness")(dirt)
+    group.command("sawyer")(arms)
+    group.command("text")(words)
+    group.command("style")(styles)
+    group.command("semantic")(meanings)
+    group.command("sketch")(drawings)
+    group.command("composition")(compositions)
+    app.add_typer(group, name="experiments")
 
 
 def list_all(context: typer.Context) -> None:
@@ -107,6 +75,11 @@ def sweep(
     out: Out = HERE,
 ) -> None:
     """Thickness, length and bend from one extreme to the other, as modelled and as painted."""
+    from frida_painter.brush.library import StrokeLibrary
+    from frida_painter.cli.conduct import conduct
+    from frida_painter.experiments import continuous_strokes
+    from frida_painter.experiments.outcome import Notify, Outcome
+
     scale = continuous_strokes.QUICK if quick else continuous_strokes.FULL
 
     def experiment(notify: Notify) -> Outcome:
@@ -115,33 +88,41 @@ def sweep(
         strokes = StrokeLibrary.load(library)
         return continuous_strokes.run_on_library(strokes, library.stem, seed=seed, scale=scale, notify=notify)
 
-    _conduct(out, experiment)
+    conduct(out, experiment)
 
 
 def beside(
     library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
 ) -> None:
     """Strokes held out beside the modelled ones, with paired tests against the fitted Bezier."""
+    from frida_painter.cli.conduct import conduct, painted_or_given
+    from frida_painter.experiments import stroke_model
+    from frida_painter.experiments.outcome import Notify, Outcome
+
     scale = stroke_model.QUICK if quick else stroke_model.FULL
 
     def experiment(notify: Notify) -> Outcome:
-        strokes, name, rest = _library(library, brush, seed, quick, notify)
+        strokes, name, rest = painted_or_given(library, brush, seed, quick, notify)
         return stroke_model.run(strokes, name, seed=seed, scale=scale, notify=rest)
 
-    _conduct(out, experiment)
+    conduct(out, experiment)
 
 
 def needed(
     library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
 ) -> None:
     """How the error on strokes held out falls with the number of strokes learned from."""
+    from frida_painter.cli.conduct import conduct, painted_or_given
+    from frida_painter.experiments import strokes_needed
+    from frida_painter.experiments.outcome import Notify, Outcome
+
     scale, keep = strokes_needed.QUICK if quick else strokes_needed.FULL, out / strokes_needed.NAME / "unfinished"
 
     def experiment(notify: Notify) -> Outcome:
-        strokes, name, rest = _library(library, brush, seed, quick, notify)
+        strokes, name, rest = painted_or_given(library, brush, seed, quick, notify)
         return strokes_needed.run(strokes, name, seed=seed, scale=scale, keep=keep, notify=rest)
 
-    _conduct(out, experiment, unfinished=keep)
+    conduct(out, experiment, unfinished=keep)
 
 
 def splits(
@@ -152,35 +133,31 @@ def splits(
     out: Out = HERE,
 ) -> None:
     """The table of errors of all models, over several splits of a library."""
+    from frida_painter.cli.conduct import conduct, painted_or_given
+    from frida_painter.experiments import real_strokes
+    from frida_painter.experiments.outcome import Notify, Outcome
+
     scale, keep = real_strokes.QUICK if quick else real_strokes.FULL, out / real_strokes.NAME / "unfinished"
     chosen = seeds_of(seeds)
 
     def experiment(notify: Notify) -> Outcome:
-        strokes, name, rest = _library(library, brush, 0, quick, notify)
+        strokes, name, rest = painted_or_given(library, brush, 0, quick, notify)
         return real_strokes.run(strokes, name, seeds=chosen, scale=scale, keep=keep, notify=rest)
 
-    _conduct(out, experiment, unfinished=keep)
-
-
-def _library(
-    path: Path | None, brush: str, seed: int, quick: bool, notify: Notify
-) -> tuple[StrokeLibrary, str, Notify]:
-    """The library to learn from, what it is called, and whom to tell the progress of the rest."""
-    if path is not None:
-        return StrokeLibrary.load(path), path.stem, notify
-    count = _FEW_STROKES if quick else _STROKES
-    painted = virtual_library(brush, count, seed, within(notify, 0.0, _PAINTING))
-    return painted, f"virtual {brush} brush", within(notify, _PAINTING, 1.0)
+    conduct(out, experiment, unfinished=keep)
 
 
 def gap(
     brush: BrushName = "broad", seeds: Seeds = "0,1,2", target: Targets = None, quick: Quick = False, out: Out = HERE
 ) -> None:
     """How far paintings are from their simulation: our planner, and two in the manner of earlier work."""
+    from frida_painter.cli.conduct import conduct
+    from frida_painter.experiments import sim2real, targets
+
     scale = sim2real.QUICK if quick else sim2real.FULL
     pictures = targets.given(target) if target else targets.shipped()
     chosen, keep = seeds_of(seeds), out / sim2real.NAME / "unfinished"
-    _conduct(
+    conduct(
         out,
         lambda notify: sim2real.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
         unfinished=keep,
@@ -197,16 +174,22 @@ def looking(
     out: Out = HERE,
 ) -> None:
     """With and without looking: how far a painting strays from its first plan and from its target."""
+    from frida_painter.cli.conduct import conduct
+    from frida_painter.experiments import replanning, targets
+
     scale = replanning.QUICK if quick else replanning.FULL
     (picture,) = targets.given([target]) if target else targets.shipped(["coffee"])
     chosen = seeds_of(seeds)
-    _conduct(out, lambda notify: replanning.run(picture, brush=brush, seeds=chosen, scale=scale, notify=notify))
+    conduct(out, lambda notify: replanning.run(picture, brush=brush, seeds=chosen, scale=scale, notify=notify))
 
 
 def dirt(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE) -> None:
     """What becomes of missing paint, lost focus, other light, moved paper, missing dots and a turned checker."""
+    from frida_painter.cli.conduct import conduct
+    from frida_painter.experiments import robustness
+
     scale = robustness.QUICK if quick else robustness.FULL
-    _conduct(out, lambda notify: robustness.run(brush=brush, seed=seed, scale=scale, notify=notify))
+    conduct(out, lambda notify: robustness.run(brush=brush, seed=seed, scale=scale, notify=notify))
 
 
 def arms(
@@ -219,9 +202,12 @@ def arms(
     out: Out = HERE,
 ) -> None:
     """The simulated Sawyer beside the same plan executed kinematically: tracking error, and what it does."""
+    from frida_painter.cli.conduct import conduct
+    from frida_painter.experiments import sawyer, targets
+
     scale = sawyer.QUICK if quick else sawyer.FULL
     (picture,) = targets.given([target]) if target else targets.shipped(["coffee"])
-    _conduct(out, lambda notify: sawyer.run(picture, brush=brush, seed=seed, scale=scale, notify=notify))
+    conduct(out, lambda notify: sawyer.run(picture, brush=brush, seed=seed, scale=scale, notify=notify))
 
 
 def words(
@@ -229,14 +215,19 @@ def words(
     seeds: Seeds = "0",
     first: Annotated[
         int,
-        typer.Option(
-            parser=whole_number_within(1, len(text.PROMPTS)), metavar="N", help="Only the first N of the prompts."
-        ),
-    ] = len(text.PROMPTS),
+        typer.Option(parser=whole_number_within(1, _PROMPTS), metavar="N", help="Only the first N of the prompts."),
+    ] = _PROMPTS,
     quick: Quick = False,
     out: Out = HERE,
 ) -> None:
     """Paintings towards words, judged by a network that planning never asked, against floors."""
+    from frida_painter import weights
+    from frida_painter.cli.conduct import conduct
+    from frida_painter.experiments import text
+    from frida_painter.experiments.outcome import Notify, Outcome
+    from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+    from frida_painter.session.opening import planning_device
+
     scale, prompts = text.QUICK if quick else text.FULL, text.PROMPTS[: 2 if quick else first]
     chosen, keep = seeds_of(seeds), out / text.NAME / "unfinished"
     encoders = text.Unjudged(device=planning_device())
@@ -248,7 +239,7 @@ def words(
             notify=notify,
         )  # fmt: skip
 
-    _conduct(out, experiment, unfinished=keep)
+    conduct(out, experiment, unfinished=keep)
 
 
 def styles(
@@ -263,10 +254,13 @@ def styles(
     out: Out = HERE,
 ) -> None:
     """How near in style a styled painting is, on features that the optimiser did not see."""
+    from frida_painter.cli.conduct import conduct
+    from frida_painter.experiments import goal_paintings, style, targets
+
     scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / style.NAME / "unfinished"
     pictures = targets.given(target) if target else targets.shipped(["cat", "astronaut"])
     wanted, chosen = targets.given(image) if image else targets.shipped(targets.STYLES), seeds_of(seeds)
-    _conduct(
+    conduct(
         out,
         lambda notify: style.run(pictures, wanted, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
         unfinished=keep,
@@ -277,10 +271,13 @@ def meanings(
     brush: BrushName = "broad", seeds: Seeds = "0,1", target: Targets = None, quick: Quick = False, out: Out = HERE
 ) -> None:
     """Photographs painted by what they show and by their pixels, judged by what no optimiser asked."""
+    from frida_painter.cli.conduct import conduct
+    from frida_painter.experiments import goal_paintings, semantic, targets
+
     scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / semantic.NAME / "unfinished"
     pictures = targets.given(target) if target else targets.shipped(targets.PHOTOGRAPHS)
     chosen = seeds_of(seeds)
-    _conduct(
+    conduct(
         out,
         lambda notify: semantic.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
         unfinished=keep,
@@ -298,10 +295,13 @@ def drawings(
     out: Out = HERE,
 ) -> None:
     """Words painted along the lines of a drawing, with and without the sketch objective."""
+    from frida_painter.cli.conduct import conduct
+    from frida_painter.experiments import goal_paintings, sketch, targets
+
     scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / sketch.NAME / "unfinished"
     pictures = targets.given(target) if target else targets.shipped(targets.DRAWINGS)
     chosen = seeds_of(seeds)
-    _conduct(
+    conduct(
         out,
         lambda notify: sketch.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
         unfinished=keep,
@@ -319,6 +319,13 @@ def compositions(
     out: Out = HERE,
 ) -> None:
     """Words painted in a style, begun with the style picture: its composition, and whether the words still show."""
+    from frida_painter import weights
+    from frida_painter.cli.conduct import conduct
+    from frida_painter.experiments import composition, goal_paintings, targets, text
+    from frida_painter.experiments.outcome import Notify, Outcome
+    from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+    from frida_painter.session.opening import planning_device
+
     scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / composition.NAME / "unfinished"
     wanted, chosen = targets.given(image) if image else targets.shipped(targets.STYLES), seeds_of(seeds)
     judge, prompts = EfficientNetLite(weights.tensors("efficientnet-lite2")), composition.SAID[: 1 if quick else None]
@@ -330,7 +337,7 @@ def compositions(
             keep=keep, notify=notify,
         )  # fmt: skip
 
-    _conduct(out, experiment, unfinished=keep)
+    conduct(out, experiment, unfinished=keep)
 
 
 def seeds_of(text: str) -> tuple[int, ...]:
@@ -340,34 +347,3 @@ def seeds_of(text: str) -> tuple[int, ...]:
     if len(set(seeds)) < len(seeds):
         raise typer.BadParameter(f"{text[:40]!r} names a seed twice")
     return seeds
-
-
-def _conduct(out: Path, experiment: Callable[[Notify], Outcome], *, unfinished: Path | None = None) -> None:
-    """Runs an experiment under a progress bar, writes what comes out, and says where it is.
-
-    unfinished: a folder that is no longer needed when the experiment is done.
-    """
-    limit_threads()
-    started = time.monotonic()
-    console = Console(stderr=True, highlight=False)
-    bar = Progress(
-        TextColumn("{task.description}"), BarColumn(bar_width=36), TextColumn("{task.fields[left]}"), console=console
-    )
-    with bar:
-        task = bar.add_task("getting ready", total=1.0, left="")
-
-        def hear(progress: outcome.Progress) -> None:
-            passed, share = time.monotonic() - started, progress.share
-            left = passed * (1 - share) / share if share > 0 else math.inf
-            words = f"{duration(left)} left" if math.isfinite(left) else ""
-            bar.update(task, description=progress.doing, completed=share, left=words)
-
-        found = experiment(hear)
-        bar.update(task, description="done", completed=1.0, left="")
-    folder = out / found.name
-    found.save(folder)
-    if unfinished is not None:
-        shutil.rmtree(unfinished, ignore_errors=True)
-    print("\n".join([found.title, *(f"  {note}" for note in found.notes)]))
-    print(f"In {duration(time.monotonic() - started)}: {folder / 'table.md'}, table.json and", end=" ")
-    print(f"{len(found.pictures)} picture{'s' if len(found.pictures) != 1 else ''}.")

@@ -7,23 +7,15 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from frida_painter import images
-from frida_painter.brush.flaw import Flaw
-from frida_painter.brush.judge import judge
-from frida_painter.brush.kinds import brush_kind
-from frida_painter.brush.library import StrokeLibrary
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
-from frida_painter.session.contact_sheet import contact_sheet
-from frida_painter.session.opening import limit_threads, open_virtual_easel
-from frida_painter.session.procedures.dialogue import lead
-from frida_painter.session.procedures.strokes import (
-    MOST_BETWEEN_REFILLS,
-    MOST_STROKES,
-    StrokesProgress,
-    strokes,
-    unfinished,
-)
+from frida_painter.session.procedures.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    app.command("paint")(paint)
+    app.command("inspect")(inspect)
 
 
 def paint(
@@ -54,6 +46,13 @@ def paint(
     Dirty strokes are marked and never learned from; the contact sheet beside the library shows all.
     Broken off, the same command goes on where it ended.
     """
+    from frida_painter import images
+    from frida_painter.brush.flaw import Flaw
+    from frida_painter.brush.kinds import brush_kind
+    from frida_painter.session.opening import limit_threads, open_virtual_easel
+    from frida_painter.session.procedures.dialogue import lead
+    from frida_painter.session.procedures.strokes import StrokesProgress, strokes, unfinished
+
     kind = brush_kind(brush)
     if out.suffix != ".npz":
         raise ConfigError(f"--out was given {str(out)!r}; stroke libraries end in .npz.")
@@ -82,6 +81,12 @@ def inspect(
     ] = None,
 ) -> None:
     """Tell which strokes of a library are dirty, and why, and write a contact sheet of all of them."""
+    from frida_painter import images
+    from frida_painter.brush.flaw import Flaw
+    from frida_painter.brush.judge import judge
+    from frida_painter.brush.library import StrokeLibrary
+    from frida_painter.session.contact_sheet import contact_sheet
+
     strokes_seen = StrokeLibrary.load(library)
     flaws = judge(strokes_seen)
     dirty = int((flaws != Flaw.NONE).sum())

@@ -1,23 +1,19 @@
 """The command that tells how to mix a palette from the paints that a person owns."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from frida_painter import images
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
-from frida_painter.mixing.amounts import volumes
-from frida_painter.mixing.kubelka_munk import Finish
-from frida_painter.mixing.paint_inventory import read_paints, usual_paints
-from frida_painter.mixing.recipe import GOOD, Recipe, recipes
-from frida_painter.palette import Palette, to_hex
-from frida_painter.plan import Plan
-from frida_painter.report.mixing_sheet import mixing_sheet
-from frida_painter.session.opening import limit_threads
+from frida_painter.mixing.finish import Finish
+
+if TYPE_CHECKING:
+    from frida_painter.mixing.recipe import Recipe
+    from frida_painter.palette import Palette
 
 
 def register(app: typer.Typer) -> None:
@@ -54,6 +50,12 @@ def mix(
     """
     if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")
+    from frida_painter import images
+    from frida_painter.mixing.paint_inventory import read_paints, usual_paints
+    from frida_painter.mixing.recipe import recipes
+    from frida_painter.report.mixing_sheet import mixing_sheet
+    from frida_painter.session.opening import limit_threads
+
     limit_threads()
     owned = read_paints(paints) if paints else usual_paints()
     palette, wanted = _wanted(what)
@@ -63,15 +65,22 @@ def mix(
     print(f"The sheet: {out}")
 
 
-def _wanted(path: Path) -> tuple[Palette, list[float] | None]:
+def _wanted(path: Path) -> tuple["Palette", list[float] | None]:
     """The palette to mix, and millilitres of each paint where a plan says what they are for."""
+    from frida_painter.mixing.amounts import volumes
+    from frida_painter.palette import Palette
+    from frida_painter.plan import Plan
+
     if path.is_dir() or (path.exists() and b'"frida-painter plan"' in path.read_bytes()[:200]):
         plan = Plan.load(path)
         return plan.palette, volumes(plan).tolist()
     return Palette.load(path), None
 
 
-def _show(found: list[Recipe], wanted: list[float] | None) -> None:
+def _show(found: list["Recipe"], wanted: list[float] | None) -> None:
+    from frida_painter.mixing.recipe import GOOD
+    from frida_painter.palette import to_hex
+
     table = Table("", "colour", "parts", "off", "", box=None, padding=(0, 2, 0, 0))
     for number, recipe in enumerate(found, 1):
         color = to_hex(recipe.target)

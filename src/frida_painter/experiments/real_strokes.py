@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.training import FEWEST_STROKES
+from frida_painter.brush.limits import FEWEST_STROKES
 from frida_painter.errors import LibraryError
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent
 from frida_painter.experiments.result_cache import Finding, ResultCache

@@ -131,7 +131,7 @@ class _Course:
 class _Blind(Planner):
     """A planner that does not heed what it sees: the first plan stays, and strokes are sent where they were."""
 
-    def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None], rounds: int = 1) -> Plan:
+    def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None] | None = None, rounds: int = 1) -> Plan:
         """The plan as it was."""
         return rest
 

@@ -15,8 +15,8 @@ from torch import Tensor
 from frida_painter.brush import learn as training
 from frida_painter.brush.bezier import BezierStroke, RibbonShape, fit_bezier
 from frida_painter.brush.judge import clean
-from frida_painter.brush.learn import DEFAULT_MODEL, MODELS
 from frida_painter.brush.library import StrokeLibrary
+from frida_painter.brush.limits import DEFAULT_MODEL, MODELS
 from frida_painter.brush.resample import resample
 from frida_painter.brush.stroke_model import StrokeModel
 

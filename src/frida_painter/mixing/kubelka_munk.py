@@ -6,23 +6,16 @@ pigmented plastics" (1942). All is per band of light, and for films so thick tha
 unless said otherwise.
 """
 
-from enum import StrEnum
-
 import torch
 from torch import Tensor
+
+from frida_painter.mixing.finish import Finish
 
 # Of the light outside and inside, what the surface of a dried matte paint sends back (Saunderson).
 _OUTER, _INNER = 0.035, 0.6
 _BLACKEST = 1e-3  # reflectance within a paint
 _LEAST_SCATTERING = 1e-4
 _OPAQUE = 1e-4  # difference between over white and over black: no film is that opaque in any measurement
-
-
-class Finish(StrEnum):
-    """What the surface of the dry paint does with light: scatters it to every side, or mirrors it past the eye."""
-
-    matte = "matte"
-    gloss = "gloss"
 
 
 def reflectance(absorption: Tensor, scattering: Tensor, finish: Finish = Finish.matte) -> Tensor:

@@ -10,7 +10,8 @@ import torch
 from torch import Tensor
 
 from frida_painter.errors import ConfigError
-from frida_painter.mixing.kubelka_munk import Finish, mixed
+from frida_painter.mixing.finish import Finish
+from frida_painter.mixing.kubelka_munk import mixed
 from frida_painter.mixing.paint import Paint
 from frida_painter.mixing.spectrum import color_of
 from frida_painter.palette import to_lab

@@ -2,11 +2,7 @@
 
 from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal
-from frida_painter.objectives.attention import attended
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.objectives.initial_composition import initial_composition
-from frida_painter.objectives.overlay import overlaid
-from frida_painter.objectives.style_colors import in_style_colors
 
 
 def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
@@ -16,4 +12,10 @@ def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: in
     a style is wanted in its colours, and what is painted by its meaning is attended to where its meaning is.
     Raises WeightsError where a network is missing.
     """
+    # Imported where a goal is pursued: with them come all the networks' modules.
+    from frida_painter.objectives.attention import attended
+    from frida_painter.objectives.initial_composition import initial_composition
+    from frida_painter.objectives.overlay import overlaid
+    from frida_painter.objectives.style_colors import in_style_colors
+
     return attended(in_style_colors(initial_composition(overlaid(goal), grid, encoders, seed)), encoders)

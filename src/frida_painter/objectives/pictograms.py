@@ -13,7 +13,6 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-import resvg_py
 import torch
 from PIL import Image
 from torch import Tensor
@@ -104,6 +103,8 @@ def _without_outlines(svg: str) -> str:
 
 
 def _rasterized(svg: str) -> Tensor:
+    import resvg_py  # only who draws a pictogram needs it
+
     content = resvg_py.svg_to_bytes(svg_string=svg, width=_SIDE, height=_SIDE, skip_system_fonts=True)
     pixels = np.asarray(Image.open(io.BytesIO(bytes(content))).convert("RGBA"))
     return torch.from_numpy(pixels.copy()).permute(2, 0, 1).float() / 255

@@ -10,7 +10,9 @@ from torch import Tensor, nn
 
 from frida_painter import images
 from frida_painter.brush.stroke_model import StrokeModel
-from frida_painter.errors import PlanningDiverged
+from frida_painter.brush.table_cache import cached_table
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.errors import ConfigError, PlanningDiverged
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal, ImageTerm, TextTerm
 from frida_painter.objectives.base import WeightedObjective, prepare
@@ -70,8 +72,12 @@ class Effort:
 class Planner:
     """Plans strokes of one brush towards one goal on one canvas (paper, Algorithm 1).
 
-    rows: height of the picture in which is planned; the start is planned at half of it. Every
-    random choice comes from `seed`. encoders: the networks that the goal is seen through, by default
+    size: of the canvas, such as "14x11in"; by default in the proportions of the goal's first
+    picture, within 14 x 11 inches.
+    model: what the brush's marks look like, or the name of a brush that comes with the project. rows:
+    height of the picture in which is planned; the start is planned at half of it. effort: how
+    many iterations are spent, as a factor of the usual number, or one by one. Every random choice comes
+    from `seed`. encoders: the networks that the goal is seen through, by default
     those that were fetched. device: where is planned; pictures and plans come and go on the CPU.
     region: what strokes keep clear of, from the next plan on. Raises WeightsError where the goal needs
     a network that is missing.
@@ -80,18 +86,18 @@ class Planner:
     def __init__(
         self,
         goal: Goal,
-        size: CanvasSize,
-        model: StrokeModel,
+        size: CanvasSize | str | None = None,
+        model: StrokeModel | str = "broad",
         *,
-        rows: int,
-        effort: Effort,
-        seed: int,
+        rows: int = 256,
+        effort: Effort | float = 1.0,
+        seed: int = 0,
         encoders: EncoderRegistry | None = None,
         device: torch.device | None = None,
     ) -> None:
-        self.size = size
-        self.model = model
-        self.effort = effort
+        self.size = size = _usual_size(goal) if size is None else CanvasSize.of(size)
+        self.model = model = cached_table(load_stroke_model(model)) if isinstance(model, str) else model
+        self.effort = effort if isinstance(effort, Effort) else Effort().scaled(effort)
         self.fine = PixelGrid.of_height(size, rows)
         self.coarse = PixelGrid.of_height(size, max(rows // 2, 32))
         self.seed = seed
@@ -106,14 +112,32 @@ class Planner:
         if goal.opening is not goal.terms:
             self._opening = prepare(Goal(near.opening), self.coarse, self.encoders, seed)
 
-    def plan(self, canvas: Tensor, strokes: int, colors: int, notify: Callable[[Step], None]) -> Plan:
-        """A plan of `strokes` strokes in `colors` paints for a canvas picture [3, H, W] of the fine grid."""
+    @property
+    def bare(self) -> Tensor:
+        """A bare white canvas, [3, H, W] of the fine grid."""
+        return torch.ones(3, self.fine.rows, self.fine.columns)
+
+    def plan(
+        self,
+        canvas: Tensor | None = None,
+        strokes: int = 300,
+        colors: int = 12,
+        notify: Callable[[Step], None] | None = None,
+    ) -> Plan:
+        """A plan of `strokes` strokes in `colors` paints for a canvas picture [3, H, W], by default a bare one.
+
+        notify: hears of every step. Raises ConfigError where not a stroke or not a paint was asked for, and
+        PlanningDiverged where no plan is found.
+        """
+        if not (strokes >= 1 and colors >= 1):
+            raise ConfigError(f"{strokes} strokes in {colors} paints were asked for; give at least 1 of each.")
+        canvas = self.bare if canvas is None else canvas
         generator = torch.Generator().manual_seed(self.seed)
         colors = min(colors, strokes)
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
         target = self._guide(coarse)
         opening = self._scene(canvas, self.coarse, self._opening)
-        steps = _Progress(notify, self.iterations(strokes))
+        steps = _Progress(notify or _unheard, self.iterations(strokes))
         found, _ = progressive(
             strokes,
             opening,
@@ -148,14 +172,16 @@ class Planner:
         ordered, palette, paint = as_palette(found, paints)
         return self._as_plan(ordered, palette, paint)
 
-    def bind_to_palette(self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None]) -> Plan:
+    def bind_to_palette(
+        self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None] | None = None
+    ) -> Plan:
         """The plan in the paints of another palette, those that were really mixed.
 
         Each stroke gets the paint that is nearest to what it was to have, and all of them are polished
         on the picture [3, H, W] of the canvas. The palette keeps its order, which is that of the wells.
         """
         paints = Paints(palette.color.to(self.device), palette.nearest(plan.strokes.color).to(self.device))
-        steps = _Progress(notify, self.effort.polishing)
+        steps = _Progress(notify or _unheard, self.effort.polishing)
         found, chosen = optimize(
             plan.strokes.to(self.device),
             self._scene(canvas, self.fine),
@@ -168,7 +194,7 @@ class Planner:
         assert chosen is not None
         return self._as_plan(found, palette, chosen.paint)
 
-    def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None], rounds: int = 1) -> Plan:
+    def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None] | None = None, rounds: int = 1) -> Plan:
         """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their palette stays.
 
         The work is in proportion to the number of strokes that are left, and to `rounds`, of which more
@@ -184,7 +210,7 @@ class Planner:
             try:
                 again = rest
                 for number in range(rounds):
-                    told = _part(notify, number, rounds)
+                    told = _part(notify or _unheard, number, rounds)
                     again = self._again(again, canvas, told, sparing=sparing) if len(again) else again
                 return min((rest, again), key=lambda plan: self.judge(self.expected(plan, canvas)))
             except PlanningDiverged:
@@ -243,8 +269,9 @@ class Planner:
         fitted = images.fit(seen.to(self.device), *scene.canvas.shape[1:])
         return locate(painted.strokes.to(self.device), known, scene, fitted)
 
-    def expected(self, plan: Plan, canvas: Tensor) -> Tensor:
-        """The canvas [3, H, W] as it would look after the plan."""
+    def expected(self, plan: Plan, canvas: Tensor | None = None) -> Tensor:
+        """The canvas [3, H, W], by default a bare one, as it would look after the plan."""
+        canvas = self.bare if canvas is None else canvas
         with torch.no_grad():
             return self._scene(canvas, self.fine).render(plan.strokes.to(self.device)).cpu()
 
@@ -299,6 +326,20 @@ class Planner:
             + self.effort.binding
             + self.effort.polishing
         )
+
+
+def _usual_size(goal: Goal) -> CanvasSize:
+    """The largest canvas in the proportions of the goal's first picture within 14 x 11 inches, or within 11 x 14."""
+    size = CanvasSize.parse("14x11in")
+    pictures = [term.image for term in goal.opening if not isinstance(term, TextTerm)]
+    if not pictures:
+        return size
+    shape = pictures[0].shape[1:]
+    return size.turned_like(*shape).shaped_like(*shape)
+
+
+def _unheard(step: Step) -> None:
+    """Where nobody listens."""
 
 
 def _part(notify: Callable[[Step], None], number: int, of: int) -> Callable[[Step], None]:

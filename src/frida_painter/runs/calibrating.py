@@ -9,7 +9,8 @@ from typing import Any
 from platformdirs import user_data_path
 
 from frida_painter.brush.kinds import BrushKind
-from frida_painter.brush.learn import DEFAULT_MODEL, learn
+from frida_painter.brush.learn import learn
+from frida_painter.brush.limits import DEFAULT_MODEL
 from frida_painter.brush.training import TrainingProgress
 from frida_painter.calibration import Calibration, LearnedFile
 from frida_painter.errors import CalibrationError

@@ -8,11 +8,9 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from platformdirs import user_state_path
 from pydantic import TypeAdapter
 
 from frida_painter.calibration import Calibration
@@ -25,15 +23,11 @@ from frida_painter.hardware.link.wire import Wire
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.session.easels import EaselOrder
+from frida_painter.session.state_folder import state_folder as state_folder
 
 # A diary of many thousand strokes is lived through before the easel is there.
 _OPENING = 600.0
 _ENDING = 30.0
-
-
-def state_folder() -> Path:
-    """Where stops are latched and robots locked when nobody says otherwise."""
-    return user_state_path("frida-painter", appauthor=False)
 
 
 class EaselProcess:

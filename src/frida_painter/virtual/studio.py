@@ -213,28 +213,29 @@ class VirtualStudio:
 
 
 def open_studio(
-    canvas: CanvasSize,
+    canvas: CanvasSize | str = "14x11in",
     brush: str = "broad",
     *,
     seed: int = 0,
     placement_error: PlacementError | None = None,
     faults: Faults | None = None,
     settings: StudioSettings | None = None,
-    state: Path | None = None,
+    state: str | Path | None = None,
 ) -> VirtualStudio:
     """A studio with a blank canvas of that size and the brush of that name; the same seed gives the same bytes.
 
-    placement_error and faults, where given, take the place of those in `settings`. state: a file in
-    which everything that happens is put down at once; where there is one from before, the studio is
-    opened as it was left, with its canvas and wet paint, brush, robot and dice. Raises ConfigError;
-    StorageError where that file cannot be written, is damaged, or is of another studio.
+    canvas: a size, or a text such as "14x11in"; placement_error and faults, where given, take the place of
+    those in `settings`. state: a file in which everything that happens is put down at once; where there
+    is one from before, the studio is opened as it was left, with its canvas and wet paint, brush, robot
+    and dice. Raises ConfigError; StorageError where that file cannot be written, is damaged, or is of
+    another studio.
     """
-    settings = settings or StudioSettings()
+    canvas, settings = CanvasSize.of(canvas), settings or StudioSettings()
     if placement_error is not None:
         settings = replace(settings, placement_error=placement_error)
     if faults is not None:
         settings = replace(settings, faults=faults)
-    diary = None if state is None else SimulationLog(state, _furnishing(canvas, brush, settings, seed))
+    diary = None if state is None else SimulationLog(Path(state), _furnishing(canvas, brush, settings, seed))
     return VirtualStudio(canvas, brush_named(brush), settings, seed, diary)
 
 

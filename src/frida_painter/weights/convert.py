@@ -7,7 +7,6 @@ networks give them, so that the trunk of HED and that of VGG16 are loaded by the
 import warnings
 from pathlib import Path
 
-import h5py
 import numpy as np
 import torch
 from torch import Tensor
@@ -53,6 +52,8 @@ def holistic_edges(path: Path) -> dict[str, Tensor]:
         for block, positions in enumerate(_VGG_BLOCKS, start=1)
         for index, position in enumerate(positions)
     } | {side: side for side in _HED_SIDES}
+    import h5py  # only who fetches HED needs it
+
     tensors = {}
     try:
         with h5py.File(path, "r") as file:

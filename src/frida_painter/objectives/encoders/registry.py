@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -9,15 +10,15 @@ from torch import Tensor
 from frida_painter import tensor_file, weights
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.base import Reader, Seer
-from frida_painter.objectives.encoders.class_names import class_names
-from frida_painter.objectives.encoders.clip import Clip
-from frida_painter.objectives.encoders.clip_resnet import ClipResNet
-from frida_painter.objectives.encoders.conse import ConSE
-from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
-from frida_painter.objectives.encoders.hed import Hed
-from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.objectives.encoders.vgg import Vgg16
-from frida_painter.objectives.pictograms import Pictograms
+
+if TYPE_CHECKING:  # each is imported where it is first asked for: most paintings need none of them
+    from frida_painter.objectives.encoders.clip import Clip
+    from frida_painter.objectives.encoders.clip_resnet import ClipResNet
+    from frida_painter.objectives.encoders.conse import ConSE
+    from frida_painter.objectives.encoders.hed import Hed
+    from frida_painter.objectives.encoders.sentence import SentenceEncoder
+    from frida_painter.objectives.encoders.vgg import Vgg16
+    from frida_painter.objectives.pictograms import Pictograms
 
 _CLIP = "clip-vit-b-32"
 CLIP_MISSING = f"CLIP: frida-painter models fetch {_CLIP}"
@@ -63,8 +64,10 @@ class EncoderRegistry:
         self.choices: list[Choice] = []
         self.remarks: list[str] = []
 
-    def style(self) -> Vgg16:
+    def style(self) -> "Vgg16":
         """What sees style: VGG16 as it was trained on ImageNet, or else the trunk of the edge detector."""
+        from frida_painter.objectives.encoders.vgg import Vgg16
+
         if self._vgg is None:
             if weights.find("vgg16", self._cache) is not None:
                 self._vgg = Vgg16.of_torchvision(self._tensors("vgg16"))
@@ -77,6 +80,8 @@ class EncoderRegistry:
 
     def meaning(self) -> Seer:
         """What sees what a picture shows: CLIP, or else EfficientNet-Lite."""
+        from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+
         if self._meaning is None:
             clip = self.clip()
             if clip is not None:
@@ -87,8 +92,10 @@ class EncoderRegistry:
                 self.choices.append(Choice("meaning", "EfficientNet-Lite0", CLIP_MISSING))
         return self._meaning
 
-    def clip(self) -> Clip | ClipResNet | None:
+    def clip(self) -> "Clip | ClipResNet | None":
         """The CLIP that was asked for, or that was fetched; None where there is none."""
+        from frida_painter.objectives.encoders.clip import Clip
+
         if self._clip is None:
             if self._clip_source is not None:
                 self._clip = _given_clip(self._clip_source, self._device)
@@ -96,7 +103,7 @@ class EncoderRegistry:
                 self._clip = Clip.load(folder, "CLIP ViT-B/32")
         return self._clip
 
-    def shapes(self) -> Vgg16 | None:
+    def shapes(self) -> "Vgg16 | None":
         """What sees shapes beside what sees meaning; None, and it is said, where neither VGG16 nor HED was fetched."""
         if self._vgg is None and all(weights.find(name, self._cache) is None for name in ("vgg16", "hed")):
             missing = Choice("shapes", "nothing", "the trunk of HED: frida-painter models fetch hed")
@@ -104,19 +111,23 @@ class EncoderRegistry:
             return None
         return self.style()
 
-    def edges(self) -> Hed:
+    def edges(self) -> "Hed":
         """What sees where a picture has edges."""
+        from frida_painter.objectives.encoders.hed import Hed
+
         if self._edges is None:
             self._edges = Hed(self._tensors("hed"))
             self.choices.append(Choice("edges", "HED"))
         return self._edges
 
-    def edges_if_any(self) -> Hed | None:
+    def edges_if_any(self) -> "Hed | None":
         """The same, or None where it was not fetched."""
         return None if self._edges is None and weights.find("hed", self._cache) is None else self.edges()
 
     def aside(self) -> Seer:
         """What the optimiser never asks, and which says when to stop: the best of the others, or else the same."""
+        from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+
         if self._aside is None:
             other = weights.find("efficientnet-lite2", self._cache)
             if other is None:
@@ -129,6 +140,8 @@ class EncoderRegistry:
 
     def readers(self) -> tuple[Reader, ...]:
         """What reads words and sees whether a picture shows them: CLIP, or classifiers whose classes have names."""
+        from frida_painter.objectives.encoders.clip import Clip
+
         clip = self.clip()
         if not self._readers and isinstance(clip, Clip):
             self._readers = (clip,)
@@ -153,14 +166,18 @@ class EncoderRegistry:
             self._note(_ASIDE)
         return self._reader_aside
 
-    def sentences(self) -> SentenceEncoder:
+    def sentences(self) -> "SentenceEncoder":
         """What reads words without seeing anything."""
+        from frida_painter.objectives.encoders.sentence import SentenceEncoder
+
         if self._sentences is None:
             self._sentences = SentenceEncoder.load(self._cache)
         return self._sentences
 
-    def pictograms(self) -> Pictograms | None:
+    def pictograms(self) -> "Pictograms | None":
         """The picture dictionary, or None, with a remark on how to get it, where it cannot be read."""
+        from frida_painter.objectives.pictograms import Pictograms
+
         if self._pictograms is None:
             folder = weights.find("openmoji", self._cache)
             if folder is None or not self._has("minilm"):
@@ -190,15 +207,22 @@ class EncoderRegistry:
     def _tensors(self, name: str) -> dict[str, Tensor]:
         return {part: tensor.to(self._device) for part, tensor in weights.tensors(name, self._cache).items()}
 
-    def _conse(self, number: int) -> ConSE:
+    def _conse(self, number: int) -> "ConSE":
+        from frida_painter.objectives.encoders.class_names import class_names
+        from frida_painter.objectives.encoders.conse import ConSE
+        from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+
         classifier = EfficientNetLite(self._tensors(f"efficientnet-lite{number}"))
         names = class_names()
         meanings = self.sentences().embed_once([name for some in names for name in some], self._kept)
         return ConSE(classifier, names, meanings, self.sentences(), f"EfficientNet-Lite{number}")
 
 
-def _given_clip(source: str, device: torch.device) -> Clip | ClipResNet:
+def _given_clip(source: str, device: torch.device) -> "Clip | ClipResNet":
     """The CLIP of a folder, of a name on the hub, or of a safetensors file with OpenAI's names. Raises WeightsError."""
+    from frida_painter.objectives.encoders.clip import Clip
+    from frida_painter.objectives.encoders.clip_resnet import ClipResNet
+
     path = Path(source)
     if path.is_file():
         tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)

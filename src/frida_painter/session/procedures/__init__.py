@@ -10,5 +10,5 @@ It asks by yielding the questions of `dialogue`, always with a proposal where it
 raises CalibrationError, with a sentence that says what to do, instead of returning something that
 is wrong. It changes no record: it returns a frozen `finding.Finding`, which knows how to enter
 itself into one. `at_the_easel` photographs and moves. Whoever leads the dialogue (`dialogue.lead`)
-enters the finding and saves the record; the command line lists the procedures in `cli.calibration`.
+enters the finding and saves the record; the command line lists the procedures in `cli.calibrate`.
 """

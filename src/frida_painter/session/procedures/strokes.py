@@ -30,10 +30,9 @@ from frida_painter.session.contact_sheet import contact_sheet
 from frida_painter.session.paper import BLACK, Crop, Paper, Print, Shapes
 from frida_painter.session.procedures.at_the_easel import perform
 from frida_painter.session.procedures.dialogue import Confirm, Procedure
+from frida_painter.session.procedures.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
 from frida_painter.session.recording import Order, Recording
 
-MOST_STROKES = 10_000
-MOST_BETWEEN_REFILLS = 100
 _MOST_DIRTY_RUNNING = 8
 _LEAST_CLEAN = 0.5
 _LEAST_PAINT = 0.1  # of the length times the brush's width: what is less counts as no stroke at all

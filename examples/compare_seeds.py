@@ -1,0 +1,18 @@
+"""Two plans that differ in nothing but chance, side by side: python examples/compare_seeds.py PHOTO PICTURE.png."""
+
+import sys
+
+import torch
+
+import frida_painter as fp
+
+
+def main(photo: str, picture: str, strokes: int = 300, **settings: float) -> None:
+    planners = [fp.Planner(fp.make_goal(photo), seed=seed, **settings) for seed in (0, 1)]
+    pictures = [planner.expected(planner.plan(strokes=strokes)) for planner in planners]
+    fp.save_picture(torch.cat(pictures, dim=2), picture)
+    print(f"The first is {planners[0].judge(pictures[0]):.4f} off, the second {planners[1].judge(pictures[1]):.4f}.")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:3])

@@ -1,0 +1,16 @@
+"""Plans a photograph: python examples/plan_photograph.py PHOTO FOLDER."""
+
+import sys
+
+import frida_painter as fp
+
+
+def main(photo: str, folder: str, strokes: int = 300, **settings: float) -> None:
+    planner = fp.Planner(fp.make_goal(photo), **settings)
+    plan = planner.plan(strokes=strokes)
+    plan.save(f"{folder}/plan.json")
+    fp.save_picture(planner.expected(plan), f"{folder}/plan.png")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:3])

@@ -1,0 +1,106 @@
+"""What `export` writes: a plan as SVG, as G-code, as a table."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+from frida_painter import storage
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.calibration import Calibration
+from frida_painter.errors import ConfigError, WorkspaceViolation
+from frida_painter.export.bezier import mark_widths
+from frida_painter.export.gcode import gcode
+from frida_painter.export.svg import svg
+from frida_painter.export.table import table
+from frida_painter.hardware.gcode import Gcode
+from frida_painter.hardware.motion import Motion
+from frida_painter.hardware.workcell import WorkcellConfig
+from frida_painter.plan import Plan
+from frida_painter.session.choreography import Action, BrushLoad, Choreography
+from frida_painter.session.events import Dipped, StrokePainted
+from frida_painter.session.flatbed_workspace import FlatbedWorkspace
+from frida_painter.session.procedures.calibration_status import require
+from frida_painter.session.refilling import refilled
+from frida_painter.session.rehearsal import rehearse
+
+
+def write_svg(plan: Path, out: Path, *, keep_order: bool, dips: bool) -> Plan:
+    """The plan as an SVG with a layer per paint; dips: with a pause wherever the brush is dipped."""
+    loaded = Plan.load(plan)
+    widths = mark_widths(loaded.strokes, load_stroke_model(loaded.brush))
+    marks = set(_dipped(_actions(loaded, FlatbedWorkspace()))) if dips else set()
+    storage.write_text(out, svg(loaded, widths, keep_order=keep_order, dips=marks))
+    return loaded
+
+
+def write_gcode(
+    plan: Path,
+    out: Path,
+    dialect: str,
+    press: float | None,
+    lift: float | None,
+    workspace: Path | None,
+    calibration: Path | None,
+) -> Plan:
+    """The plan as a program in that dialect of G-code. press, lift: millimetres, only without a workspace.
+
+    Raises ConfigError, and WorkspaceViolation where the plan cannot be painted in that workspace.
+    """
+    loaded = Plan.load(plan)
+    if workspace is None and calibration is None:
+        desk = FlatbedWorkspace(
+            FlatbedWorkspace.press if press is None else press / 1000,
+            FlatbedWorkspace.lift if lift is None else lift / 1000,
+        )
+        program = gcode(loaded, _actions(loaded, desk), Gcode(dialect, desk.travel_speed), pauses=True)
+    else:
+        if press is not None or lift is not None:
+            raise ConfigError("--press and --lift are the workspace's to say; leave them out with --workspace.")
+        program = _program(loaded, workspace, calibration, dialect)
+    storage.write_text(out, program)
+    return loaded
+
+
+def write_table(plan: Path, out: Path) -> Plan:
+    """The plan as CSV, a row per stroke."""
+    loaded = Plan.load(plan)
+    storage.write_text(out, table(loaded))
+    return loaded
+
+
+def _program(plan: Plan, workspace: Path | None, calibration: Path | None, dialect: str) -> str:
+    """All of a painting for a machine with wells. Raises WorkspaceViolation, where any of it cannot be done there."""
+    if workspace is None:
+        raise ConfigError("--calibration was given without --workspace; say where the wells stand as well.")
+    stand = WorkcellConfig.load(workspace)
+    known = stand.calibration(plan.brush)
+    if calibration is not None:
+        record = Calibration.load(calibration)
+        require(record, known, ())
+        known = record
+    found = rehearse(plan, stand.workspace, stand.canvas, known, stand.reach)
+    if not found.passed:
+        raise WorkspaceViolation(
+            f"Not all of this plan can be painted in the workspace {str(workspace)!r}, and nothing was written; "
+            f"`frida-painter check PLAN --workspace {workspace}` tells what."
+        )
+    brush = refilled(brush_kind(load_stroke_model(plan.brush).brush), known, simulated=False)
+    choreography = Choreography(Motion(stand.workspace, known), brush)
+    actions = choreography.actions(plan, BrushLoad(), 0, len(plan))
+    language = Gcode(dialect, stand.workspace.travel_speed)
+    return gcode(plan, actions, language, pauses=False, ending=choreography.cleaning())
+
+
+def _actions(plan: Plan, desk: FlatbedWorkspace) -> list[Action]:
+    """What painting the plan at a desk takes, beginning with a clean brush."""
+    brush = brush_kind(load_stroke_model(plan.brush).brush)
+    choreography = Choreography(desk.motion(plan.canvas), brush)
+    return list(choreography.actions(plan, BrushLoad(), 0, len(plan)))
+
+
+def _dipped(actions: list[Action]) -> Iterator[int]:
+    """Indices of the strokes before which the brush is dipped."""
+    for before, action in pairwise(actions):
+        if isinstance(before.done, Dipped) and isinstance(action.done, StrokePainted):
+            yield action.done.done - 1

@@ -1,0 +1,149 @@
+"""The examples work as they stand, in tiny sizes, and use nothing but public names."""
+
+import ast
+import json
+import os
+import runpy
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+import frida_painter as fp
+from frida_painter.brush.table import StrokeTable
+from marks import coarse_table
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+PHOTO = str(EXAMPLES / "photographs" / "cat.jpg")
+SCRIPTS = ("compare_seeds", "own_paints", "own_stroke_model", "paint_photograph", "plan_photograph", "poster")
+TINY = {"strokes": 6, "rows": 64, "effort": 0.02}
+MOST_LINES = 15
+
+
+@pytest.fixture(scope="module")
+def tables() -> dict[str, StrokeTable]:
+    """The tables of brushes, made once."""
+    return {}
+
+
+@pytest.fixture(autouse=True)
+def coarse_brush(monkeypatch: pytest.MonkeyPatch, tables: dict[str, StrokeTable]) -> None:
+    """Plans with coarsely tabulated brushes, which are there sooner."""
+
+    def table(model: fp.StrokeModel) -> StrokeTable:
+        if model.brush not in tables:
+            tables[model.brush] = coarse_table(model)
+        return tables[model.brush]
+
+    monkeypatch.setattr("frida_painter.planning.planner.cached_table", table)
+
+
+def script(name: str) -> Callable[..., None]:
+    """The function that the example of this name runs with its arguments."""
+    main: Callable[..., None] = runpy.run_path(str(EXAMPLES / f"{name}.py"))["main"]
+    return main
+
+
+def code_cells() -> list[dict[str, Any]]:
+    notebook = json.loads((EXAMPLES / "first_painting.ipynb").read_text(encoding="utf-8"))
+    assert notebook["nbformat"] == 4
+    return [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+
+
+def foreign(source: str) -> set[str]:
+    """The project's modules that are imported, other than the package itself, and names that it does not offer."""
+    tree = ast.parse(source)
+    found = {
+        node.module or ""
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("frida_painter")
+    }
+    attributes = {
+        node.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "fp"
+    }
+    return found | (attributes - set(fp.__all__))
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_scripts_are_short_and_use_public_names_only(name: str) -> None:
+    source = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
+    tree = ast.parse(source)
+    explained = set(range(tree.body[0].lineno, (tree.body[0].end_lineno or 0) + 1))
+    imports = {node.lineno for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)}
+    lines = [
+        line
+        for number, line in enumerate(source.splitlines(), 1)
+        if line.strip() and not line.strip().startswith("#") and number not in explained | imports
+    ]
+    assert len(lines) <= MOST_LINES
+    assert not foreign(source)
+
+
+def test_a_photograph_is_planned_and_printed_large(tmp_path: Path) -> None:
+    script("plan_photograph")(PHOTO, str(tmp_path), **TINY)
+    assert len(fp.Plan.load(tmp_path / "plan.json")) == 6
+    assert tuple(fp.load_picture(tmp_path / "plan.png").shape)[:2] == (3, 64)
+    script("poster")(str(tmp_path / "plan.json"), str(tmp_path / "poster.jpg"), "200")
+    assert tuple(fp.load_picture(tmp_path / "poster.jpg").shape)[:2] == (3, 200)
+
+
+def test_ones_own_paints_are_the_only_ones(tmp_path: Path) -> None:
+    paints, plan = tmp_path / "paints.json", tmp_path / "plan.json"
+    paints.write_text('{"paints": ["#f2e9dc", "#b97f2c", "#3b2f2a"]}')
+    script("own_paints")(PHOTO, str(paints), str(plan), **TINY)
+    assert torch.equal(fp.Plan.load(plan).palette.color, fp.Palette.load(paints).color)
+
+
+def test_two_seeds_give_two_plans(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    script("compare_seeds")(PHOTO, str(tmp_path / "both.png"), **TINY)
+    first, second = fp.load_picture(tmp_path / "both.png").chunk(2, dim=2)
+    assert not torch.equal(first, second)
+    assert "The first is 0." in capsys.readouterr().out
+
+
+def test_a_stroke_model_of_ones_own_draws_the_plan(tmp_path: Path) -> None:
+    script("own_stroke_model")(PHOTO, str(tmp_path / "pen.png"), **TINY)
+    script("plan_photograph")(PHOTO, str(tmp_path), **TINY)
+    drawn, painted = (fp.load_picture(tmp_path / name) for name in ("pen.png", "plan.png"))
+    assert float(drawn.min()) < 0.9 and not torch.equal(drawn, painted)
+
+
+def test_a_photograph_is_painted_in_the_virtual_studio(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("frida_painter.runs.opening.cached_table", coarse_table)
+    folder = tmp_path / "painting"
+    script("paint_photograph")(PHOTO, str(folder), strokes=4, replans=1, render_height=64, effort=0.05)
+    assert {"index.html", "painting.png", "plan.json"} <= {path.name for path in folder.iterdir()}
+    assert "4 strokes: " in capsys.readouterr().out
+
+
+def test_the_notebook_runs_from_top_to_bottom(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cells = code_cells()
+    sources = ["".join(cell["source"]) for cell in cells]
+    assert cells[0]["metadata"]["tags"] == ["parameters"]
+    sources[0] = f"photo, strokes, rows, effort = {PHOTO!r}, 6, 64, 0.02"
+    assert not any(foreign(source) for source in sources)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cells.py").write_text("\n".join(sources))
+    runpy.run_path(str(tmp_path / "cells.py"))
+    assert {"plan.png", "plan.json", "poster.jpg", "other.png"} <= set(os.listdir(tmp_path))  # noqa: PTH208
+    said = capsys.readouterr().out
+    assert "6 strokes" in said and "other plan: 0." in said
+
+
+def test_the_notebook_is_kept_without_results() -> None:
+    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in code_cells())
+
+
+@pytest.mark.slow
+def test_a_sheet_of_strokes_is_painted_in_the_virtual_studio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["virtual_strokes.py", str(tmp_path / "sheet.jpg")])
+    runpy.run_path(str(EXAMPLES / "virtual_strokes.py"), run_name="__main__")
+    assert float(fp.load_picture(tmp_path / "sheet.jpg").std()) > 0.05

@@ -1,0 +1,88 @@
+"""What `import frida_painter as fp` offers, and what it costs: few names, all of them explained, loaded when used."""
+
+import json
+import os
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import frida_painter
+from plans import made_up_plan
+from scenes import picture
+
+MOST_NAMES = 20
+FOLDER = Path(frida_painter.__file__).parent
+
+
+def modules_after(program: str) -> set[str]:
+    """What is loaded in a fresh interpreter after this program."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"{program}\nimport json, sys\nprint(json.dumps(sorted(sys.modules)))"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONPATH": str(FOLDER.parent)},
+    )
+    return set(json.loads(done.stdout.splitlines()[-1]))
+
+
+def test_the_names_are_few_and_each_is_explained() -> None:
+    assert 1 <= len(frida_painter.__all__) <= MOST_NAMES
+    assert frida_painter.__all__ == sorted(frida_painter.__all__)
+    for name in frida_painter.__all__:
+        assert (getattr(frida_painter, name).__doc__ or "").strip(), name
+    assert set(frida_painter.__all__) <= set(dir(frida_painter))
+
+
+def test_no_name_is_hidden_by_a_module() -> None:
+    """A module of that name would take its place as soon as anybody imports it."""
+    modules = {path.stem for path in FOLDER.glob("*.py")} | {path.name for path in FOLDER.iterdir() if path.is_dir()}
+    assert not modules & set(frida_painter.__all__)
+
+
+def test_editors_see_the_same_names_as_python() -> None:
+    """The block for type checkers names the same things from the same modules."""
+    lines = Path(frida_painter.__file__).read_text(encoding="utf-8").splitlines()
+    seen = {}
+    for line in lines:
+        words = line.split()
+        if line.startswith("    from frida_painter.") and "import" in words:
+            seen[words[-1]] = (words[1], words[3])
+    assert seen.keys() == set(frida_painter.__all__)
+    for name, (module, inside) in seen.items():
+        assert getattr(import_module(module), inside) is getattr(frida_painter, name)
+
+
+def test_a_name_that_is_not_there_is_answered_with_those_that_are() -> None:
+    with pytest.raises(AttributeError, match=r"offers .*Planner"):
+        frida_painter.Plannar  # noqa: B018
+
+
+def test_files_are_named_by_texts_as_well_as_by_paths(tmp_path: Path) -> None:
+    plan, folder = made_up_plan(), str(tmp_path)
+    plan.save(f"{folder}/plan.json")
+    plan.palette.save(f"{folder}/palette.json")
+    frida_painter.save_picture(picture(), f"{folder}/picture.png")
+    assert frida_painter.Plan.load(f"{folder}/plan.json").digest == frida_painter.Plan.load(tmp_path).digest
+    assert len(frida_painter.Palette.load(f"{folder}/palette.json")) == len(plan.palette)
+    assert frida_painter.load_picture(f"{folder}/picture.png").shape == picture().shape
+    studio = frida_painter.open_virtual_studio("12x9cm", "fine", state=f"{folder}/studio.log")
+    assert studio.easel.canvas.width == 0.12 and (tmp_path / "studio.log").exists()
+
+
+def test_the_package_alone_loads_nothing() -> None:
+    loaded = modules_after("import frida_painter")
+    assert not {name for name in loaded if name.startswith("frida_painter.")}
+    assert not loaded & {"torch", "numpy", "typer", "pydantic"}
+    assert len(loaded) < 120
+
+
+def test_the_planner_loads_no_network_and_no_rare_format() -> None:
+    loaded = modules_after("from frida_painter import Planner")
+    assert "torch" in loaded and "frida_painter.planning.planner" in loaded
+    assert not loaded & {"h5py", "resvg_py", "transformers", "sklearn", "scipy", "cv2", "numba", "typer", "fastapi"}
+    encoders = {name for name in loaded if name.startswith("frida_painter.objectives.encoders.")}
+    assert encoders == {"frida_painter.objectives.encoders.base", "frida_painter.objectives.encoders.registry"}
