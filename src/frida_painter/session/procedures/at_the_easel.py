@@ -30,13 +30,16 @@ def photograph(easel: Easel) -> Frame:
     )
 
 
-def perform(easel: Easel, motions: Iterable[Waypoints]) -> None:
-    """Makes the motions one after another, once all of them are known to lie in the workspace.
+def perform(easel: Easel, motions: Iterable[Waypoints], *, lowest: float | None = None) -> None:
+    """Makes the motions one after another, once all of them are known to be allowed.
 
-    Raises WorkspaceViolation before anything moves, RobotError and PoseMismatch.
+    lowest: robot z below which the tip does not go over the canvas, metres; the hardest press of the
+    record where it is None. Raises WorkspaceViolation before anything moves, where a motion leaves the
+    workspace, presses deeper or is out of the arm's reach; RobotError and PoseMismatch.
     """
     batch = list(motions)
-    limits.check(batch, easel.workspace)
+    surface = limits.Surface(easel.canvas, easel.calibration.press_height if lowest is None else lowest)
+    limits.check(batch, easel.workspace, surface, easel.reach)
     for motion in batch:
         report = easel.robot.follow(motion)
         away = float(np.linalg.norm(report.reached - motion.position[-1]))

@@ -278,7 +278,7 @@ def _jogged(
             return question.height
         wanted_height = question.height + move.step
         if lowest <= wanted_height <= highest:
-            perform(easel, [_hold(easel, place, wanted_height)])
+            perform(easel, [_hold(easel, place, wanted_height)], lowest=lowest)
             question = replace(question, text=text, height=wanted_height, proposal=None)
         else:
             allowed = f"{1000 * lowest:.1f} to {1000 * highest:.1f} mm"

@@ -83,7 +83,9 @@ class TrialPaper:
         easel, (x, y) = self._easel, self._here
         along = np.arange(-LENGTH / 2, LENGTH / 2 + _STEP / 2, _STEP)
         path = np.c_[x + along, np.full_like(along, y)]
-        perform(easel, [Motion(easel.workspace, easel.calibration).dip(0), at_height(easel, path, height)])
+        dip, trial = Motion(easel.workspace, easel.calibration).dip(0), at_height(easel, path, height)
+        # The hardest press is what these strokes are to find: the floor of the workspace is the limit.
+        perform(easel, [dip, trial], lowest=easel.workspace.lower[2])
         after = self._in_true_colors(rectify(photograph(easel).image, easel.calibration, self._grid))
         cell = self._pixels(x, y)
         width = self._width(self._seen[:, *cell], after[:, *cell])
