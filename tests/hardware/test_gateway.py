@@ -71,7 +71,7 @@ def test_whoever_finds_the_hardest_press_names_another_lowest_height() -> None:
 @pytest.mark.parametrize("astray", [0.0021, -0.1, math.nan])
 def test_after_a_motion_that_ends_elsewhere_nothing_more_is_sent(astray: float) -> None:
     gateway = RobotGateway(stub_easel(robot := NotingRobot(astray=astray)))
-    with pytest.raises(PoseMismatch, match="first: .* from where it was sent; allowed are 2 mm"):
+    with pytest.raises(PoseMismatch, match=r"first: .* from where it was sent; allowed are 2 mm"):
         gateway.perform([motion("first", 0.1), motion("second", 0.1)])
     assert robot.labels() == ["first"]
     assert gateway.last_motion == 1.0, "it moved: photographs from before are stale"
@@ -87,7 +87,7 @@ def test_an_arm_that_does_not_go_aside_is_told_of(astray: float) -> None:
         if fits:
             gateway.step_aside()
         else:
-            with pytest.raises(PoseMismatch, match="home: .* 99"):
+            with pytest.raises(PoseMismatch, match=r"home: .* 99"):
                 gateway.step_aside()
 
 
@@ -107,7 +107,7 @@ def test_the_wait_for_a_motion_has_a_deadline(tmp_path: Path) -> None:
     guard = GuardedRobot(MisbehavingRobot("follow", hang), WORKSPACE, latch, patience=0.01, grace=0.05)
     try:
         guard.connect()
-        with pytest.raises(RobotDisconnected, match="first: the robot did not come back"):
+        with pytest.raises(RobotDisconnected, match=r"first: the robot did not come back"):
             RobotGateway(stub_easel(guard)).perform([motion("first", 0.2)])
     finally:
         hang.released.set()
@@ -129,9 +129,7 @@ def moves(source: str) -> list[int]:
 def test_nothing_above_the_hardware_moves_a_robot_but_through_the_gateway() -> None:
     sources = [path for part in ABOVE_THE_HARDWARE for path in sorted((ROOT / part).rglob("*.py"))]
     assert len(sources) > 100
-    moving = {
-        path.relative_to(ROOT).as_posix(): lines for path in sources if (lines := moves(path.read_text("utf-8")))
-    }
+    moving = {path.relative_to(ROOT).as_posix(): lines for path in sources if (lines := moves(path.read_text("utf-8")))}
     assert set(moving) == STAND_FOR_A_ROBOT, moving
     assert moves((ROOT / "hardware/gateway.py").read_text("utf-8")), "and the gateway does"
 

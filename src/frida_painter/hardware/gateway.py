@@ -1,4 +1,4 @@
-"""The one way to the robot: painting, calibration and stroke libraries move it through a gateway, and nothing else does."""
+"""The one way to the robot: painting, calibration and stroke libraries move it through a gateway."""
 
 from collections.abc import Iterable
 

@@ -116,7 +116,7 @@ class Print:
 
 
 class Paper:
-    """A fresh sheet on the easel that `access` is to: free places for strokes, and what it looked like before the next one.
+    """A fresh sheet on the easel: free places for strokes, and what it looked like before the next one.
 
     Raises ConfigError where it has no room for one stroke, CalibrationError where it is not bare or
     lies elsewhere than the canvas was calibrated, FrameRejected where the camera cannot see it well.

@@ -24,7 +24,7 @@ class EaselAccess:
         self._photographer = Photographer(easel.camera)
 
     def photograph(self) -> Frame:
-        """A photograph taken after the arm has gone aside. Raises StaleFrame where the camera gives none, RobotError."""
+        """A photograph taken after the arm has gone aside. Raises RobotError, CameraError and their kinds."""
         self._gateway.step_aside()
         return self._photographer.photograph(self._gateway.last_motion)
 
