@@ -22,8 +22,8 @@ class RobotGateway:
 
     Every wait for a motion has a deadline, which is kept where the wait is: the guard in the easel's
     process gives up a driver (hardware/guard.py), and the link gives up that process
-    (hardware/link/remote.py); both raise RobotDisconnected. Only a person who paints by hand may take
-    any time.
+    (hardware/link/remote.py); both raise RobotDisconnected. A person who paints by hand may take any
+    time, and so may the virtual studio where an experiment opens it without a process of its own.
     """
 
     def __init__(self, easel: Easel, *, lowest: float | None = None) -> None:

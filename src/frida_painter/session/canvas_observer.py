@@ -15,8 +15,9 @@ from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify
-from frida_painter.session.photographer import ATTEMPTS, Photographer
+from frida_painter.session.photographer import Photographer
 
+_ATTEMPTS = 3
 _BETWEEN = 0.5  # seconds before a frame that was refused is taken again: a hand goes away
 
 
@@ -56,13 +57,13 @@ class CanvasObserver:
         expected: what should be seen, None where that is not known. Raises FrameRejected, with the reason,
         where the third photograph may not be trusted either, and CameraError as `look` does.
         """
-        for attempt in range(1, ATTEMPTS + 1):
+        for attempt in range(1, _ATTEMPTS + 1):
             frame = self.photograph(last_motion)
             try:
                 canvas = self.see(frame.image, rows)
                 self._require_good(frame.image, canvas, expected)
             except (FrameRejected, StaleFrame):
-                if attempt == ATTEMPTS:
+                if attempt == _ATTEMPTS:
                     raise
                 self._wait(_BETWEEN)
             else:

@@ -3,8 +3,7 @@
 from frida_painter.errors import CameraError, StaleFrame
 from frida_painter.hardware.camera import Camera, Frame
 
-ATTEMPTS = 3
-"""How often a photograph is asked for until it may be trusted."""
+_ATTEMPTS = 3
 
 
 class Photographer:
@@ -20,7 +19,7 @@ class Photographer:
         It is tried three times. Raises StaleFrame, or whatever else the camera complained of last.
         """
         trouble: CameraError | None = None
-        for _ in range(ATTEMPTS):
+        for _ in range(_ATTEMPTS):
             trouble = None
             try:
                 frame = self._camera.capture(last_motion)
@@ -33,6 +32,6 @@ class Photographer:
                 self._last_sequence = frame.sequence
                 return frame
         raise trouble or StaleFrame(
-            f"The camera was asked {ATTEMPTS} times and gave no new photograph taken after the arm's last motion "
+            f"The camera was asked {_ATTEMPTS} times and gave no new photograph taken after the arm's last motion "
             f"(at {last_motion:.1f} s). Look whether the camera is still connected, then start again."
         )

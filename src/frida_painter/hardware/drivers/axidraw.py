@@ -214,8 +214,7 @@ class AxidrawRobot:
                 where = "" if waypoint is None else f" at waypoint {waypoint}"
                 raise MotionFailed(
                     f"{label}: {self._interlock.name} answered {answer[:60]!r} to {command!r}{where}, and is stopped; "
-                    "look "
-                    "at it, then connect anew.",
+                    "look at it, then connect anew.",
                     answer[:60],
                     waypoint,
                 )

@@ -139,8 +139,7 @@ class Grbl:
             where = "" if waypoint is None else f" at waypoint {waypoint}"
             raise MotionFailed(
                 f"{label}: {self._interlock.name} is in an alarm{where} ({state!r}). Look at it and clear the alarm "
-                "with "
-                "its own controls; this program never does.",
+                "with its own controls; this program never does.",
                 state,
                 waypoint,
             )
@@ -174,8 +173,7 @@ class Grbl:
         if answer.startswith("Grbl "):
             raise MotionFailed(
                 f"{label}: {self._interlock.name} was reset{where}; it has forgotten what it had to do, and perhaps "
-                "where "
-                "it is. Look at it, then connect anew.",
+                "where it is. Look at it, then connect anew.",
                 "reset",
                 waypoint,
             )

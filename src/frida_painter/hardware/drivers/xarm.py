@@ -222,8 +222,7 @@ class XarmRobot:
             self._state(waypoints.label)
             raise MotionFailed(
                 f"{waypoints.label}: {self._interlock.name} did not take waypoint {index} (the SDK's code {code}); it "
-                "is "
-                "stopped. Look at it, then connect anew.",
+                "is stopped. Look at it, then connect anew.",
                 code if isinstance(code, int) else None,
                 index,
             )
@@ -282,8 +281,7 @@ class XarmRobot:
             where = "" if waypoint is None else f" at waypoint {waypoint}"
             raise MotionFailed(
                 f"{label}: {self._interlock.name} has error {error}{meaning}{where}. Look at it and clear the error at "
-                "the "
-                "arm; this program never does.",
+                "the arm; this program never does.",
                 error,
                 waypoint,
             )
