@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter.errors import CameraError, FrameRejected, StaleFrame
+from frida_painter.errors import FrameRejected, StaleFrame
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.easel import Easel
@@ -15,6 +15,7 @@ from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify
+from frida_painter.session.photographer import Photographer
 
 _ATTEMPTS = 3
 _BETWEEN = 0.5  # seconds before a frame that was refused is taken again: a hand goes away
@@ -40,7 +41,7 @@ class CanvasObserver:
         self.light = light
         self.good: FrameCheck | None = None
         self._wait = wait
-        self._last_sequence = -1
+        self._photographer = Photographer(easel.camera)
         self._last_image: NDArray[np.uint8] | None = None
 
     def look(self, last_motion: float, rows: int) -> Tensor:
@@ -87,24 +88,7 @@ class CanvasObserver:
 
         Raises StaleFrame, or whatever else the camera complained of last.
         """
-        trouble: CameraError | None = None
-        for _ in range(_ATTEMPTS):
-            try:
-                frame = self.easel.camera.capture(last_motion)
-            except StaleFrame:
-                trouble = None
-                continue
-            except CameraError as complaint:
-                trouble = complaint
-                continue
-            if frame.captured_at > last_motion and frame.sequence > self._last_sequence:
-                self._last_sequence = frame.sequence
-                return frame
-            trouble = None
-        raise trouble or StaleFrame(
-            f"The camera was asked {_ATTEMPTS} times and gave no new photograph taken after the arm's last motion "
-            f"(at {last_motion:.1f} s). Look whether the camera is still connected, and start again."
-        )
+        return self._photographer.photograph(last_motion)
 
     def _require_good(self, photograph: NDArray[np.uint8], canvas: Tensor, expected: Expected | None) -> None:
         if self.good is None:
