@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from frida_painter import cli
-from frida_painter.cli import studio as studio_module
+from frida_painter.web import server
 from frida_painter.web.access import Role
 
 
@@ -23,8 +23,8 @@ def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
         listening.close()
         tell({role: f"http://here/?token={role.name}" for role in Role})
 
-    monkeypatch.setattr(studio_module, "listen", listen)
-    monkeypatch.setattr(studio_module, "serve", serve)
+    monkeypatch.setattr(server, "listen", listen)
+    monkeypatch.setattr(server, "serve", serve)
     return places
 
 

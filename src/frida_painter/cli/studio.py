@@ -7,13 +7,12 @@ from typing import Annotated
 
 import typer
 
+from frida_painter import extras
 from frida_painter.cli.easel_options import CameraOption, PaceOption, RobotOption, WorkspaceOption
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
-from frida_painter.web.access import Role
 from frida_painter.web.painting_store import PaintingStore
-from frida_painter.web.server import LOCAL, listen, serve
-from frida_painter.web.station import Station
+from frida_painter.web.station import LOCAL, Station
 
 
 def register(app: typer.Typer) -> None:
@@ -60,6 +59,11 @@ def studio(
     whatever makes it move has to be allowed here as well, beside it: by pressing Enter.
     """
     _require_address(address)
+    extras.require("web", "fastapi", "The studio")
+    extras.require("web", "uvicorn", "The studio")
+    from frida_painter.web.access import Role
+    from frida_painter.web.server import listen, serve
+
     store = PaintingStore(folder.absolute())
     record = calibration or store.calibration.path / "calibration.json"
     station = Station(record.absolute(), robot, camera, workspace, pace).surveyed()

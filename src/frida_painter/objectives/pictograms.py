@@ -13,11 +13,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-import resvg_py
 import torch
 from PIL import Image
 from torch import Tensor
 
+from frida_painter import extras
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
@@ -41,10 +41,12 @@ class Pictogram:
 class Pictograms:
     """The drawings of an archive, found by what they are called.
 
-    keep: a folder in which the names' meanings are kept. Raises WeightsError where the archive cannot be read.
+    keep: a folder in which the names' meanings are kept. Raises WeightsError where the archive cannot be read,
+    ConfigError where the package that draws them is not installed.
     """
 
     def __init__(self, archive: Path, sentences: SentenceEncoder, keep: Path) -> None:
+        extras.require("words", "resvg_py", "Beginning a painting from a pictogram")
         self._archive = archive
         self._sentences = sentences
         try:
@@ -104,6 +106,8 @@ def _without_outlines(svg: str) -> str:
 
 
 def _rasterized(svg: str) -> Tensor:
+    import resvg_py
+
     content = resvg_py.svg_to_bytes(svg_string=svg, width=_SIDE, height=_SIDE, skip_system_fonts=True)
     pixels = np.asarray(Image.open(io.BytesIO(bytes(content))).convert("RGBA"))
     return torch.from_numpy(pixels.copy()).permute(2, 0, 1).float() / 255
