@@ -49,7 +49,7 @@ lint: install
 	$(BIN)/mypy
 
 docs: $(VENV)/docs
-	$(BIN)/mkdocs build --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 # The studio is tested in a real browser where there is one, or where it can be installed; elsewhere those tests skip.
 browser:
