@@ -16,7 +16,10 @@ from frida_painter.virtual.studio import StudioSettings, open_studio
 CANVAS = CanvasSize(0.12, 0.09)
 PHOTOGRAPH = (240, 320)
 COLOR = ((1.05, -0.04, 0.01, 0.002), (-0.02, 0.98, 0.03, 0.0), (0.0, -0.05, 1.1, -0.001))
-CAMERAS = {"with a lens": CameraSpec(photograph=PHOTOGRAPH), "without a lens": CameraSpec(photograph=PHOTOGRAPH, lens=0)}
+CAMERAS = {
+    "with a lens": CameraSpec(photograph=PHOTOGRAPH),
+    "without a lens": CameraSpec(photograph=PHOTOGRAPH, lens=0),
+}
 
 
 def photographed(camera: CameraSpec):
@@ -44,7 +47,7 @@ def test_a_picture_for_the_film_is_within_1_of_255_of_one_by_which_things_are_de
         wanted = true_color(light.correct(rectify(photograph, calibration, grid)), calibration)
         got = view.picture(photograph)
         assert got.shape == wanted.shape and got.dtype == torch.float32 and got.is_contiguous()
-        assert 0 <= float(got.min()) and float(got.max()) <= 1
+        assert float(got.min()) >= 0 and float(got.max()) <= 1
         assert float((got - wanted).abs().max()) < 1 / 255
 
 
