@@ -12,6 +12,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.easel import Easel
 from frida_painter.perception.color import true_color
+from frida_painter.perception.film_view import FilmView
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify
@@ -43,6 +44,7 @@ class CanvasObserver:
         self._wait = wait
         self._photographer = Photographer(easel.camera)
         self._last_image: NDArray[np.uint8] | None = None
+        self._film_view: FilmView | None = None
 
     def look(self, last_motion: float, rows: int) -> Tensor:
         """The canvas [3, rows, columns] in sRGB as it is after `last_motion` (s of the robot's clock), to be shown.
@@ -50,6 +52,19 @@ class CanvasObserver:
         Raises CameraError where the camera gives no photograph newer than that, or none of the canvas.
         """
         return self.see(self.photograph(last_motion).image, rows)
+
+    def film(self, last_motion: float, rows: int) -> Tensor:
+        """A look for the film, by which nothing may be decided: within 1/255 of `look`, in a part of its time.
+
+        Raises CameraError as `look` does.
+        """
+        photograph, calibration = self.photograph(last_motion).image, self.easel.calibration
+        if self.light is None:  # `see` learns it
+            return self.see(photograph, rows)
+        grid = PixelGrid.of_height(self.easel.canvas, rows)
+        if self._film_view is None or not self._film_view.fits(calibration, self.light, grid):
+            self._film_view = FilmView(calibration, self.light, grid)
+        return self._film_view.picture(photograph)
 
     def examine(self, last_motion: float, rows: int, expected: Expected | None = None) -> tuple[Frame, Tensor]:
         """A look by which something is decided: the photograph is taken again until it may be trusted.
