@@ -34,6 +34,7 @@ from frida_painter.experiments import (
     text,
 )
 from frida_painter.experiments.outcome import Notify, Outcome, within
+from frida_painter.experiments.scale import ExperimentScale
 from frida_painter.experiments.virtual_library import virtual_library
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.session.opening import limit_threads, planning_device
@@ -62,7 +63,6 @@ Library = Annotated[
     typer.Option(metavar="FILE", help="A stroke library (.npz). [dim]200 strokes, painted in the virtual studio[/]"),
 ]
 HERE = Path("experiments")
-_STROKES, _FEW_STROKES = 200, 16
 _PAINTING = 0.2  # share of the time that painting a library takes
 
 
@@ -109,13 +109,13 @@ def sweep(
     """Thickness, length and bend from one extreme to the other, as modelled and as painted."""
     scale = continuous_strokes.QUICK if quick else continuous_strokes.FULL
 
-    def experiment(notify: Notify) -> Outcome:
+    def experiment(keep: Path, notify: Notify) -> Outcome:
         if library is None:
             return continuous_strokes.run(brush=brush, seed=seed, scale=scale, notify=notify)
         strokes = StrokeLibrary.load(library)
         return continuous_strokes.run_on_library(strokes, library.stem, seed=seed, scale=scale, notify=notify)
 
-    _conduct(out, experiment)
+    _conduct(continuous_strokes.NAME, out, experiment)
 
 
 def beside(
@@ -124,24 +124,24 @@ def beside(
     """Strokes held out beside the modelled ones, with paired tests against the fitted Bezier."""
     scale = stroke_model.QUICK if quick else stroke_model.FULL
 
-    def experiment(notify: Notify) -> Outcome:
-        strokes, name, rest = _library(library, brush, seed, quick, notify)
+    def experiment(keep: Path, notify: Notify) -> Outcome:
+        strokes, name, rest = _library(library, brush, seed, scale, notify)
         return stroke_model.run(strokes, name, seed=seed, scale=scale, notify=rest)
 
-    _conduct(out, experiment)
+    _conduct(stroke_model.NAME, out, experiment)
 
 
 def needed(
     library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
 ) -> None:
     """How the error on strokes held out falls with the number of strokes learned from."""
-    scale, keep = strokes_needed.QUICK if quick else strokes_needed.FULL, out / strokes_needed.NAME / "unfinished"
+    scale = strokes_needed.QUICK if quick else strokes_needed.FULL
 
-    def experiment(notify: Notify) -> Outcome:
-        strokes, name, rest = _library(library, brush, seed, quick, notify)
+    def experiment(keep: Path, notify: Notify) -> Outcome:
+        strokes, name, rest = _library(library, brush, seed, scale, notify)
         return strokes_needed.run(strokes, name, seed=seed, scale=scale, keep=keep, notify=rest)
 
-    _conduct(out, experiment, unfinished=keep)
+    _conduct(strokes_needed.NAME, out, experiment)
 
 
 def splits(
@@ -152,24 +152,23 @@ def splits(
     out: Out = HERE,
 ) -> None:
     """The table of errors of all models, over several splits of a library."""
-    scale, keep = real_strokes.QUICK if quick else real_strokes.FULL, out / real_strokes.NAME / "unfinished"
+    scale = real_strokes.QUICK if quick else real_strokes.FULL
     chosen = seeds_of(seeds)
 
-    def experiment(notify: Notify) -> Outcome:
-        strokes, name, rest = _library(library, brush, 0, quick, notify)
+    def experiment(keep: Path, notify: Notify) -> Outcome:
+        strokes, name, rest = _library(library, brush, 0, scale, notify)
         return real_strokes.run(strokes, name, seeds=chosen, scale=scale, keep=keep, notify=rest)
 
-    _conduct(out, experiment, unfinished=keep)
+    _conduct(real_strokes.NAME, out, experiment)
 
 
 def _library(
-    path: Path | None, brush: str, seed: int, quick: bool, notify: Notify
+    path: Path | None, brush: str, seed: int, scale: ExperimentScale, notify: Notify
 ) -> tuple[StrokeLibrary, str, Notify]:
     """The library to learn from, what it is called, and whom to tell the progress of the rest."""
     if path is not None:
         return StrokeLibrary.load(path), path.stem, notify
-    count = _FEW_STROKES if quick else _STROKES
-    painted = virtual_library(brush, count, seed, within(notify, 0.0, _PAINTING))
+    painted = virtual_library(brush, scale.strokes, seed, within(notify, 0.0, _PAINTING))
     return painted, f"virtual {brush} brush", within(notify, _PAINTING, 1.0)
 
 
@@ -179,11 +178,11 @@ def gap(
     """How far paintings are from their simulation: our planner, and two in the manner of earlier work."""
     scale = sim2real.QUICK if quick else sim2real.FULL
     pictures = targets.given(target) if target else targets.shipped()
-    chosen, keep = seeds_of(seeds), out / sim2real.NAME / "unfinished"
+    chosen = seeds_of(seeds)
     _conduct(
+        sim2real.NAME,
         out,
-        lambda notify: sim2real.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
-        unfinished=keep,
+        lambda keep, notify: sim2real.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
     )
 
 
@@ -200,13 +199,19 @@ def looking(
     scale = replanning.QUICK if quick else replanning.FULL
     (picture,) = targets.given([target]) if target else targets.shipped(["coffee"])
     chosen = seeds_of(seeds)
-    _conduct(out, lambda notify: replanning.run(picture, brush=brush, seeds=chosen, scale=scale, notify=notify))
+    _conduct(
+        replanning.NAME,
+        out,
+        lambda keep, notify: replanning.run(picture, brush=brush, seeds=chosen, scale=scale, notify=notify),
+    )
 
 
 def dirt(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE) -> None:
     """What becomes of missing paint, lost focus, other light, moved paper, missing dots and a turned checker."""
     scale = robustness.QUICK if quick else robustness.FULL
-    _conduct(out, lambda notify: robustness.run(brush=brush, seed=seed, scale=scale, notify=notify))
+    _conduct(
+        robustness.NAME, out, lambda keep, notify: robustness.run(brush=brush, seed=seed, scale=scale, notify=notify)
+    )
 
 
 def arms(
@@ -221,7 +226,9 @@ def arms(
     """The simulated Sawyer beside the same plan executed kinematically: tracking error, and what it does."""
     scale = sawyer.QUICK if quick else sawyer.FULL
     (picture,) = targets.given([target]) if target else targets.shipped(["coffee"])
-    _conduct(out, lambda notify: sawyer.run(picture, brush=brush, seed=seed, scale=scale, notify=notify))
+    _conduct(
+        sawyer.NAME, out, lambda keep, notify: sawyer.run(picture, brush=brush, seed=seed, scale=scale, notify=notify)
+    )
 
 
 def words(
@@ -238,17 +245,17 @@ def words(
 ) -> None:
     """Paintings towards words, judged by a network that planning never asked, against floors."""
     scale, prompts = text.QUICK if quick else text.FULL, text.PROMPTS[: 2 if quick else first]
-    chosen, keep = seeds_of(seeds), out / text.NAME / "unfinished"
+    chosen = seeds_of(seeds)
     encoders = text.Unjudged(device=planning_device())
     judge = EfficientNetLite(weights.tensors("efficientnet-lite2"))
 
-    def experiment(notify: Notify) -> Outcome:
+    def experiment(keep: Path, notify: Notify) -> Outcome:
         return text.run(
             encoders=encoders, judge=judge, prompts=prompts, brush=brush, seeds=chosen, scale=scale, keep=keep,
             notify=notify,
         )  # fmt: skip
 
-    _conduct(out, experiment, unfinished=keep)
+    _conduct(text.NAME, out, experiment)
 
 
 def styles(
@@ -263,13 +270,15 @@ def styles(
     out: Out = HERE,
 ) -> None:
     """How near in style a styled painting is, on features that the optimiser did not see."""
-    scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / style.NAME / "unfinished"
+    scale = goal_paintings.QUICK if quick else goal_paintings.FULL
     pictures = targets.given(target) if target else targets.shipped(["cat", "astronaut"])
     wanted, chosen = targets.given(image) if image else targets.shipped(targets.STYLES), seeds_of(seeds)
     _conduct(
+        style.NAME,
         out,
-        lambda notify: style.run(pictures, wanted, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
-        unfinished=keep,
+        lambda keep, notify: style.run(
+            pictures, wanted, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify
+        ),
     )
 
 
@@ -277,13 +286,13 @@ def meanings(
     brush: BrushName = "broad", seeds: Seeds = "0,1", target: Targets = None, quick: Quick = False, out: Out = HERE
 ) -> None:
     """Photographs painted by what they show and by their pixels, judged by what no optimiser asked."""
-    scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / semantic.NAME / "unfinished"
+    scale = goal_paintings.QUICK if quick else goal_paintings.FULL
     pictures = targets.given(target) if target else targets.shipped(targets.PHOTOGRAPHS)
     chosen = seeds_of(seeds)
     _conduct(
+        semantic.NAME,
         out,
-        lambda notify: semantic.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
-        unfinished=keep,
+        lambda keep, notify: semantic.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
     )
 
 
@@ -298,13 +307,13 @@ def drawings(
     out: Out = HERE,
 ) -> None:
     """Words painted along the lines of a drawing, with and without the sketch objective."""
-    scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / sketch.NAME / "unfinished"
+    scale = goal_paintings.QUICK if quick else goal_paintings.FULL
     pictures = targets.given(target) if target else targets.shipped(targets.DRAWINGS)
     chosen = seeds_of(seeds)
     _conduct(
+        sketch.NAME,
         out,
-        lambda notify: sketch.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
-        unfinished=keep,
+        lambda keep, notify: sketch.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
     )
 
 
@@ -319,18 +328,18 @@ def compositions(
     out: Out = HERE,
 ) -> None:
     """Words painted in a style, begun with the style picture: its composition, and whether the words still show."""
-    scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / composition.NAME / "unfinished"
+    scale = goal_paintings.QUICK if quick else goal_paintings.FULL
     wanted, chosen = targets.given(image) if image else targets.shipped(targets.STYLES), seeds_of(seeds)
     judge, prompts = EfficientNetLite(weights.tensors("efficientnet-lite2")), composition.SAID[: 1 if quick else None]
     encoders = text.Unjudged(device=planning_device())
 
-    def experiment(notify: Notify) -> Outcome:
+    def experiment(keep: Path, notify: Notify) -> Outcome:
         return composition.run(
             wanted, encoders=encoders, judge=judge, prompts=prompts, brush=brush, seeds=chosen, scale=scale,
             keep=keep, notify=notify,
         )  # fmt: skip
 
-    _conduct(out, experiment, unfinished=keep)
+    _conduct(composition.NAME, out, experiment)
 
 
 def seeds_of(text: str) -> tuple[int, ...]:
@@ -342,11 +351,13 @@ def seeds_of(text: str) -> tuple[int, ...]:
     return seeds
 
 
-def _conduct(out: Path, experiment: Callable[[Notify], Outcome], *, unfinished: Path | None = None) -> None:
+def _conduct(name: str, out: Path, experiment: Callable[[Path, Notify], Outcome]) -> None:
     """Runs an experiment under a progress bar, writes what comes out, and says where it is.
 
-    unfinished: a folder that is no longer needed when the experiment is done.
+    experiment: is given a folder in which finished parts wait, which goes when all is done, and whom to tell.
     """
+    folder = out / name
+    unfinished = folder / "unfinished"
     limit_threads()
     started = time.monotonic()
     console = Console(stderr=True, highlight=False)
@@ -362,12 +373,10 @@ def _conduct(out: Path, experiment: Callable[[Notify], Outcome], *, unfinished: 
             words = f"{duration(left)} left" if math.isfinite(left) else ""
             bar.update(task, description=progress.doing, completed=share, left=words)
 
-        found = experiment(hear)
+        found = experiment(unfinished, hear)
         bar.update(task, description="done", completed=1.0, left="")
-    folder = out / found.name
     found.save(folder)
-    if unfinished is not None:
-        shutil.rmtree(unfinished, ignore_errors=True)
+    shutil.rmtree(unfinished, ignore_errors=True)
     print("\n".join([found.title, *(f"  {note}" for note in found.notes)]))
     print(f"In {duration(time.monotonic() - started)}: {folder / 'table.md'}, table.json and", end=" ")
     print(f"{len(found.pictures)} picture{'s' if len(found.pictures) != 1 else ''}.")

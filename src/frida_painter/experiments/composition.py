@@ -13,10 +13,11 @@ from pathlib import Path
 import numpy as np
 from torch import Tensor
 
-from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
+from frida_painter.experiments.goal_paintings import FULL, Bench
 from frida_painter.experiments.measures import edge_correlation
-from frida_painter.experiments.outcome import Notify, Outcome, Row, Table, silent, within
+from frida_painter.experiments.outcome import Notify, Outcome, Row, Table, each, silent
 from frida_painter.experiments.result_cache import Finding
+from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.experiments.text import PROMPTS, Prompt, log_probabilities, rank_of
 from frida_painter.frames import CanvasSize
@@ -41,7 +42,7 @@ def run(
     brush: str = "broad",
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0,),
-    scale: Scale = FULL,
+    scale: PlanningScale = FULL,
     keep: Path | None = None,
     notify: Notify = silent,
 ) -> Outcome:
@@ -59,8 +60,7 @@ def run(
         for prompt, way in [(None, STYLE), *((prompt, way) for prompt in prompts for way in (WORDS, BEGUN))]
     ]
     found: dict[tuple[str, str, int, str], Finding] = {}
-    for number, (style, prompt, seed, way) in enumerate(tasks):
-        telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
+    for (style, prompt, seed, way), telling in each(tasks, notify):
         words = "" if prompt is None else prompt.words
         finding = bench.recall(
             f"{style.name}-{words.replace(' ', '-') or 'alone'}-{WAYS.index(way)}-{seed}",
@@ -84,9 +84,8 @@ def run(
         "Words in a style, with and without the style's composition",
         {
             "prompts": tuple(by_words), "styles": tuple(style.name for style in styles), "seeds": tuple(seeds),
-            "brush": brush, "canvas": str(canvas), "strokes": scale.strokes, "colors": scale.colors,
-            "rows": scale.rows, "effort": scale.effort,
-            "robot": "off by about 2 mm and 0.4 degrees as drawn from the seed",
+            "brush": brush, "canvas": str(canvas), **scale.settings(),
+            "robot": ROBOT_ERROR,
         },
         (Table("The photographed paintings, over prompts, styles and seeds", tuple(summary)),
          Table("All paintings", tuple(every))),

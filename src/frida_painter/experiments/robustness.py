@@ -7,7 +7,7 @@ model or a calibration that is wrong without anybody being told.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
@@ -23,6 +23,7 @@ from frida_painter.errors import FridaError
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
 from frida_painter.experiments.rivals import DEFAULT, errors, learn
 from frida_painter.experiments.robustness_sheet import Case, robustness_sheet
+from frida_painter.experiments.scale import LearningScale
 from frida_painter.experiments.virtual_library import virtual_library
 from frida_painter.frames import CanvasSize
 from frida_painter.session.contact_sheet import contact_sheet
@@ -46,20 +47,11 @@ _MODEL_ERROR, _PLACEMENT, _COLORS = "error of the stroke model", "placement, mm"
 _TOLERATED = {_MODEL_ERROR: 1.10, _PLACEMENT: 1.5, _COLORS: 1.25}
 
 
-@dataclass(frozen=True)
-class Scale:
-    """strokes: of each library; held_out: of the clean one that models are tested on; quick: hardly trained."""
-
-    strokes: int
-    held_out: int
-    quick: bool
+FULL = LearningScale(strokes=100, held_out=40)
+QUICK = LearningScale(strokes=12, held_out=6, quick=True)
 
 
-FULL = Scale(strokes=100, held_out=40, quick=False)
-QUICK = Scale(strokes=12, held_out=6, quick=True)
-
-
-def run(*, brush: str = "broad", seed: int = 0, scale: Scale = FULL, notify: Notify = silent) -> Outcome:
+def run(*, brush: str = "broad", seed: int = 0, scale: LearningScale = FULL, notify: Notify = silent) -> Outcome:
     """Runs all cases with a brush of the project. Raises ConfigError where there is no such brush."""
     libraries = _Libraries(brush, seed, scale)
     undisturbed = libraries.prepare(within(notify, 0.0, 0.2))
@@ -116,7 +108,7 @@ def _count(cases: list[Case], outcome: str) -> int:
 class _Libraries:
     """Stroke libraries that are painted while something goes wrong, and models that learn from them."""
 
-    def __init__(self, brush: str, seed: int, scale: Scale) -> None:
+    def __init__(self, brush: str, seed: int, scale: LearningScale) -> None:
         self.kind = brush_kind(brush)
         self.seed, self.scale = seed, scale
 

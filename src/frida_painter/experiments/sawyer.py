@@ -25,6 +25,7 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import EXACT, execute
 from frida_painter.experiments.measures import psnr
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
+from frida_painter.experiments.scale import CANVAS, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal, ImageTerm
@@ -49,19 +50,9 @@ _AMPLIFIED = 2
 _MM = 1000.0
 
 
-@dataclass(frozen=True)
-class Scale:
-    """strokes and paints of the plan, rows in which is planned, how long is planned, and the canvas."""
-
-    strokes: int
-    colors: int
-    rows: int
-    effort: float
-    canvas: CanvasSize
-
-
-FULL = Scale(strokes=200, colors=12, rows=256, effort=1.0, canvas=CanvasSize(14 * 0.0254, 11 * 0.0254))
-QUICK = Scale(strokes=2, colors=1, rows=64, effort=0.05, canvas=CanvasSize(0.12, 0.09))
+FULL = PlanningScale(strokes=200, colors=12, rows=256, effort=1.0)
+QUICK = PlanningScale(strokes=2, colors=1, rows=64, effort=0.05, quick=True)
+_SMALL = CanvasSize(0.12, 0.09)  # of the quick one
 
 
 @dataclass(frozen=True)
@@ -123,10 +114,10 @@ class Tracking:
 
 
 def run(
-    target: Target, *, brush: str = "broad", seed: int = 0, scale: Scale = FULL, notify: Notify = silent
+    target: Target, *, brush: str = "broad", seed: int = 0, scale: PlanningScale = FULL, notify: Notify = silent
 ) -> Outcome:
     """Plans the target once, and paints it by every arm. Raises RobotError where MuJoCo is not installed."""
-    canvas = scale.canvas.turned_like(*target.picture.shape[1:])
+    canvas = (_SMALL if scale.quick else CANVAS).turned_like(*target.picture.shape[1:])
     plan = _planned(target, canvas, brush, seed, scale, within(notify, 0.0, _PLANNING))
     notify(Progress(_PLANNING, f"painting: {DYNAMIC}"))
     sawyer, tracking = _painted(plan, StudioSettings(arm=SAWYER), seed, seed)
@@ -148,8 +139,7 @@ def run(
         NAME,
         "The simulated Sawyer beside the same plan executed kinematically",
         {
-            "target": target.name, "seed": seed, "brush": brush, "canvas": str(canvas), "strokes": scale.strokes,
-            "colors": scale.colors, "rows": scale.rows, "effort": scale.effort,
+            "target": target.name, "seed": seed, "brush": brush, "canvas": str(canvas), **scale.settings(),
         },
         (
             Table("Tracking error of the Sawyer's tip while it paints, mm", (errors,)),
@@ -177,7 +167,7 @@ def _lightness(picture: Tensor) -> NDArray[np.float32]:
     return np.ascontiguousarray(to_lab(picture.permute(1, 2, 0))[..., 0].numpy(), np.float32)
 
 
-def _planned(target: Target, canvas: CanvasSize, brush: str, seed: int, scale: Scale, notify: Notify) -> Plan:
+def _planned(target: Target, canvas: CanvasSize, brush: str, seed: int, scale: PlanningScale, notify: Notify) -> Plan:
     grid = PixelGrid.of_height(canvas, scale.rows)
     wanted = images.fit(target.picture, grid.rows, grid.columns)
     planner = Planner(

@@ -13,10 +13,11 @@ import numpy as np
 from torch import Tensor
 
 from frida_painter import images, weights
-from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
+from frida_painter.experiments.goal_paintings import FULL, Bench
 from frida_painter.experiments.measures import edge_score, feature_distance, perceptual_distance, psnr
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, each, silent
 from frida_painter.experiments.result_cache import Finding
+from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, SemanticTerm
@@ -41,7 +42,7 @@ def run(
     brush: str = "broad",
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0, 1),
-    scale: Scale = FULL,
+    scale: PlanningScale = FULL,
     encoders: EncoderRegistry | None = None,
     judge: Seer | None = None,
     keep: Path | None = None,
@@ -57,8 +58,7 @@ def run(
     judge = judge or EfficientNetLite(weights.tensors(JUDGE))
     tasks = [(photo, seed, way) for seed in seeds for photo in photographs for way in WAYS]
     found: dict[_Key, Finding] = {}
-    for number, (photo, seed, way) in enumerate(tasks):
-        telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
+    for (photo, seed, way), telling in each(tasks, notify):
         found[photo.name, seed, way] = bench.recall(
             f"{photo.name}-{WAYS.index(way)}-{seed}",
             partial(_measure, bench, judge, photo, seed, way, telling),
@@ -76,8 +76,8 @@ def run(
         "Photographs painted by meaning and by pixels",
         {
             "photographs": tuple(names), "seeds": tuple(seeds), "brush": brush, "canvas": str(canvas),
-            "strokes": scale.strokes, "colors": scale.colors, "rows": scale.rows, "effort": scale.effort,
-            "judge": JUDGE, "robot": "off by about 2 mm and 0.4 degrees as drawn from the seed",
+            **scale.settings(),
+            "judge": JUDGE, "robot": ROBOT_ERROR,
         },
         (Table("The photographed paintings, mean over photographs and seeds", tuple(_summary(found))),
          Table("All paintings", tuple(every))),

@@ -8,7 +8,7 @@ difference. The same virtual robot paints all plans, without looking in between.
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +21,9 @@ from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments import robot_strokes, soft_planner
 from frida_painter.experiments.execution import execute, open_easel
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, each, silent
 from frida_painter.experiments.result_cache import Finding, ResultCache
+from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.soft_planner import SoftEffort
 from frida_painter.experiments.soft_strokes import Freedom
 from frida_painter.experiments.targets import Target
@@ -40,26 +41,14 @@ MANNER = {
     UNCONSTRAINED: "unconstrained (as Huang et al. 2019)",
     CONSTRAINED: "constrained (as Schaldenbrand & Oh 2021)",
 }
-CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
 _PHOTOGRAPH_ROWS = 768
 _PLANNING = 0.6  # share of the time that a painting takes
 _Tell = Callable[[float], None]
 _Key = tuple[str, int, str]  # target, seed, planner
 
 
-@dataclass(frozen=True)
-class Scale:
-    """strokes and paints of every plan, rows in which is planned and compared, and how long is planned."""
-
-    strokes: int
-    colors: int
-    rows: int
-    effort: float
-    soft_effort: SoftEffort
-
-
-FULL = Scale(strokes=120, colors=12, rows=256, effort=1.0, soft_effort=SoftEffort())
-QUICK = Scale(strokes=8, colors=3, rows=64, effort=0.05, soft_effort=SoftEffort(2, 3, 3))
+FULL = PlanningScale(strokes=120, colors=12, rows=256, effort=1.0)
+QUICK = PlanningScale(strokes=8, colors=3, rows=64, effort=0.05, quick=True)
 
 
 def run(
@@ -68,7 +57,7 @@ def run(
     brush: str = "broad",
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0, 1, 2),
-    scale: Scale = FULL,
+    scale: PlanningScale = FULL,
     keep: Path | None = None,
     notify: Notify = silent,
 ) -> Outcome:
@@ -80,14 +69,10 @@ def run(
     bench = _Bench(brush, canvas, scale)
     tasks = [(target, seed, planner) for target in targets for seed in seeds for planner in PLANNERS]
     found: dict[_Key, Finding] = {}
-    for number, (target, seed, planner) in enumerate(tasks):
-        telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
-        ledger = ResultCache(keep, bench.depends_on(target))
-
-        def paint(target: Target = target, seed: int = seed, planner: str = planner, tell: Notify = telling) -> Finding:
-            return bench.paint(target, seed, planner, tell)
-
-        found[target.name, seed, planner] = ledger.recall(f"{target.name}-{planner}-{seed}", paint)
+    for (target, seed, planner), telling in each(tasks, notify):
+        paint = partial(bench.paint, target, seed, planner, telling)
+        cache = ResultCache(keep, bench.depends_on(target))
+        found[target.name, seed, planner] = cache.recall(f"{target.name}-{planner}-{seed}", paint)
         telling(Progress(1.0, f"painted {target.name}"))
     names = [target.name for target in targets]
     summary = [_summary(name, planner, found, seeds) for name in names for planner in PLANNERS]
@@ -100,8 +85,8 @@ def run(
         "The gap between simulated and painted pictures",
         {
             "targets": tuple(names), "seeds": tuple(seeds), "brush": brush, "canvas": str(canvas),
-            "strokes": scale.strokes, "colors": scale.colors, "rows": scale.rows, "effort": scale.effort,
-            "robot": "off by about 2 mm and 0.4 degrees as drawn from the seed, the same for all planners",
+            **scale.settings(),
+            "robot": f"{ROBOT_ERROR}, the same for all planners",
         },
         (Table("Mean squared differences, mean over the seeds", tuple(summary)), Table("All paintings", tuple(every))),
         _notes(summary),
@@ -112,7 +97,7 @@ def run(
 class _Bench:
     """Everything that the three planners share."""
 
-    def __init__(self, brush: str, canvas: CanvasSize, scale: Scale) -> None:
+    def __init__(self, brush: str, canvas: CanvasSize, scale: PlanningScale) -> None:
         self.brush, self.canvas, self.scale = brush, canvas, scale
         self.model = cached_table(load_stroke_model(brush))
 
@@ -166,8 +151,16 @@ class _Bench:
         self, wanted: Tensor, size: CanvasSize, seed: int, tell: _Tell, freedom: Freedom, colors: int | None
     ) -> tuple[Plan, Tensor]:
         scale = self.scale
+        effort = SoftEffort(2, 3, 3) if scale.quick else SoftEffort()
         made = soft_planner.plan(
-            wanted, size, freedom, scale.strokes, colors=colors, effort=scale.soft_effort, seed=seed, notify=tell
+            wanted,
+            size,
+            freedom,
+            scale.strokes,
+            colors=colors,
+            effort=effort,
+            seed=seed,
+            notify=tell,
         )
         bare = torch.ones_like(wanted)
         return robot_strokes.as_plan(made.strokes, self.model, size, scale.colors, bare, seed), made.picture

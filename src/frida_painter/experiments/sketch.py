@@ -14,10 +14,11 @@ import numpy as np
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
+from frida_painter.experiments.goal_paintings import FULL, Bench
 from frida_painter.experiments.measures import edge_score
-from frida_painter.experiments.outcome import Notify, Outcome, Row, Table, silent, within
+from frida_painter.experiments.outcome import Notify, Outcome, Row, Table, each, silent
 from frida_painter.experiments.result_cache import Finding
+from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, SketchTerm, TextTerm
@@ -38,7 +39,7 @@ def run(
     brush: str = "broad",
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0, 1),
-    scale: Scale = FULL,
+    scale: PlanningScale = FULL,
     encoders: EncoderRegistry | None = None,
     keep: Path | None = None,
     notify: Notify = silent,
@@ -52,8 +53,7 @@ def run(
     bench = Bench(brush, canvas, scale, encoders or EncoderRegistry(device=planning_device()), keep)
     tasks = [(drawing, seed, way) for seed in seeds for drawing in drawings for way in WAYS]
     found: dict[_Key, Finding] = {}
-    for number, (drawing, seed, way) in enumerate(tasks):
-        telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
+    for (drawing, seed, way), telling in each(tasks, notify):
         found[drawing.name, seed, way] = bench.recall(
             f"{drawing.name}-{WAYS.index(way)}-{seed}",
             partial(_measure, bench, drawing, seed, way, telling),
@@ -76,8 +76,7 @@ def run(
         "Drawings painted with words",
         {
             "drawings": tuple(one.name for one in drawings), "seeds": tuple(seeds), "brush": brush,
-            "canvas": str(canvas), "strokes": scale.strokes, "colors": scale.colors, "rows": scale.rows,
-            "effort": scale.effort, "robot": "off by about 2 mm and 0.4 degrees as drawn from the seed",
+            "canvas": str(canvas), **scale.settings(), "robot": ROBOT_ERROR,
         },
         (Table("The photographed paintings, mean over drawings and seeds", tuple(summary)),
          Table("All paintings", tuple(every))),

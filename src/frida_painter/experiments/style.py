@@ -14,10 +14,11 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, weights
-from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
+from frida_painter.experiments.goal_paintings import FULL, Bench
 from frida_painter.experiments.measures import edge_correlation, exact_emd
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, each, silent
 from frida_painter.experiments.result_cache import Finding
+from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, StyleTerm
@@ -49,7 +50,7 @@ def run(
     brush: str = "broad",
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0, 1),
-    scale: Scale = FULL,
+    scale: PlanningScale = FULL,
     encoders: EncoderRegistry | None = None,
     judge: Seer | None = None,
     keep: Path | None = None,
@@ -66,8 +67,7 @@ def run(
     pairs = [(photo, style) for photo in photographs for style in styles]
     tasks = [(photo, style, seed, way) for seed in seeds for photo, style in pairs for way in WAYS]
     found: dict[tuple[str, str, int, str], Finding] = {}
-    for number, (photo, style, seed, way) in enumerate(tasks):
-        telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
+    for (photo, style, seed, way), telling in each(tasks, notify):
         found[photo.name, style.name, seed, way] = bench.recall(
             f"{photo.name}-{style.name}-{WAYS.index(way)}-{seed}",
             partial(_measure, bench, judge, photo, style, seed, way, telling),
@@ -86,9 +86,8 @@ def run(
         "Photographs painted in the style of other pictures",
         {
             "photographs": tuple(one.name for one in photographs), "styles": tuple(one.name for one in styles),
-            "seeds": tuple(seeds), "brush": brush, "canvas": str(canvas), "strokes": scale.strokes,
-            "colors": scale.colors, "rows": scale.rows, "effort": scale.effort, "layers not seen": UNSEEN,
-            "robot": "off by about 2 mm and 0.4 degrees as drawn from the seed",
+            "seeds": tuple(seeds), "brush": brush, "canvas": str(canvas), **scale.settings(), "layers not seen": UNSEEN,
+            "robot": ROBOT_ERROR,
         },
         (Table("Distance in style of the photographed paintings, mean", tuple(summary)),
          Table("All paintings", tuple(every))),

@@ -8,6 +8,7 @@ picture itself; and strokes at random. They are judged as simulated, which flatt
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -19,8 +20,9 @@ from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import open_easel
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, each, silent
 from frida_painter.experiments.result_cache import Finding, ResultCache
+from frida_painter.experiments.scale import CANVAS, PlanningScale
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, TextTerm
 from frida_painter.objectives.encoders.base import Reader
@@ -39,7 +41,6 @@ from frida_painter.session.opening import planning_device
 from frida_painter.session.replan_policy import ReplanPolicy
 
 NAME = "text"
-CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
 PAINTED, PIXELS, BEGUN, RANDOM = "words", "pixels of the beginning", "the beginning itself", "random strokes"
 WAYS = (PAINTED, PIXELS, BEGUN, RANDOM)
 _SEEN = 260  # pixels of the square that the judge was made for
@@ -78,19 +79,8 @@ PROMPTS = (
 )
 
 
-@dataclass(frozen=True)
-class Scale:
-    """strokes and paints of every painting, rows in which is planned, looks in between, and how long is planned."""
-
-    strokes: int
-    colors: int
-    rows: int
-    replans: int
-    effort: float
-
-
-FULL = Scale(strokes=100, colors=12, rows=256, replans=2, effort=1.0)
-QUICK = Scale(strokes=6, colors=3, rows=64, replans=1, effort=0.05)
+FULL = PlanningScale(strokes=100, colors=12, rows=256, effort=1.0, looks=2)
+QUICK = PlanningScale(strokes=6, colors=3, rows=64, effort=0.05, looks=1, quick=True)
 
 
 class Unjudged(EncoderRegistry):
@@ -109,7 +99,7 @@ def run(
     brush: str = "broad",
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0,),
-    scale: Scale = FULL,
+    scale: PlanningScale = FULL,
     keep: Path | None = None,
     notify: Notify = silent,
 ) -> Outcome:
@@ -119,19 +109,15 @@ def run(
     readers = " and ".join(reader.name for reader in encoders.readers())
     settings: dict[str, str | int | float] = {
         "brush": brush, "canvas": str(canvas), "strokes": scale.strokes, "colors": scale.colors, "rows": scale.rows,
-        "looks": scale.replans, "effort": scale.effort, "seen through": readers,
+        "looks": scale.looks, "effort": scale.effort, "seen through": readers,
     }  # fmt: skip
-    ledger = ResultCache(keep, settings)
+    cache = ResultCache(keep, settings)
     found: dict[tuple[int, int], Finding] = {}
     tasks = [(number, seed) for seed in seeds for number in range(len(prompts))]
-    for done, (number, seed) in enumerate(tasks):
-        telling = within(notify, done / len(tasks), (done + 1) / len(tasks))
-
-        def paint(prompt: Prompt = prompts[number], seed: int = seed, tell: Notify = telling) -> Finding:
-            return bench.paint(prompt, seed, tell)
-
-        name = prompts[number].words.replace(" ", "-")
-        found[number, seed] = ledger.recall(f"{name}-{seed}", paint)
+    for (number, seed), telling in each(tasks, notify):
+        prompt = prompts[number]
+        paint = partial(bench.paint, prompt, seed, telling)
+        found[number, seed] = cache.recall(f"{prompt.words.replace(' ', '-')}-{seed}", paint)
     rows = [_row(prompts, number, seed, finding, found) for (number, seed), finding in found.items()]
     summary = tuple(_summary(way, prompts, found) for way in WAYS)
     return Outcome(
@@ -152,7 +138,7 @@ class _Bench:
     judge: EfficientNetLite
     model: StrokeModel
     canvas: CanvasSize
-    scale: Scale
+    scale: PlanningScale
 
     def paint(self, prompt: Prompt, seed: int, notify: Notify) -> Finding:
         """One prompt: its painting and its floors, with the judge's log probability of every class for each."""
@@ -206,7 +192,7 @@ class _Bench:
             planner,
             Brushwork(easel, brush_kind(self.model.brush)),
             CanvasObserver(easel, ground=(1.0, 1.0, 1.0)),
-            ReplanPolicy(self.scale.replans, timelapse_frames=0),
+            ReplanPolicy(self.scale.looks, timelapse_frames=0),
             stop_asked=lambda: False,
             notify=hear,
         )
