@@ -59,8 +59,8 @@ def chart(title: str, x_label: str, y_label: str, series: Sequence[Series], *, l
 
     def words(x: float, y: float, text: str, size: int, color: tuple[int, int, int], **where: Any) -> None:
         # A dollar sign in a name is no formula.
-        style = {"fontsize": size * _POINT, "color": _hex(color), "parse_math": False}
-        figure.text(x / _WIDTH, y / _HEIGHT, text, **style, **where)
+        where |= {"fontsize": size * _POINT, "color": _hex(color), "parse_math": False}
+        figure.text(x / _WIDTH, y / _HEIGHT, text, **where)
 
     words(_LEFT, _HEIGHT - 46, title, _TITLE, INK)
     words(_LEFT, _HEIGHT - 78, y_label, _TEXT, SOFT)
