@@ -16,14 +16,14 @@ from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.resample import resample
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import EXACT, execute, open_easel
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent
 from frida_painter.experiments.rivals import DEFAULT, learn_model
 from frida_painter.experiments.scale import ExperimentScale
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.render import render
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.strokes import StrokeLimits, Strokes
 
 NAME = "continuous-strokes"
@@ -100,19 +100,19 @@ def run_on_library(
 
 
 def _outcome(title: str, below: str, settings: dict[str, str | int], find: Callable[[str], _Sweep]) -> Outcome:
-    lines: list[Line] = []
+    lines: list[FigureRow] = []
     rows: list[Row] = []
     for parameter in PARAMETERS:
         found = find(parameter)
-        lines.append(Line(f"{parameter}\nmodel", _cells(found.modelled, parameter, found.asked)))
-        lines.append(Line(below, _cells(found.real, parameter, found.found)))
+        lines.append(FigureRow(f"{parameter}\nmodel", _cells(found.modelled, parameter, found.asked)))
+        lines.append(FigureRow(below, _cells(found.real, parameter, found.found)))
         rows += [_row(parameter, found, index) for index in range(len(found.asked))]
     apart = [float(row["mean abs. difference"] or 0) for row in rows]
     note = (
         f"Over {len(rows)} strokes the upper and the lower ones differ by {sum(apart) / len(apart):.4f} in the mean "
         f"over the whole map, and by {max(apart):.4f} in the worst pair."
     )
-    table = Table(f"Swept strokes: the model, and below it: {below.replace(chr(10), ' ')}", tuple(rows))
+    table = ResultTable(f"Swept strokes: the model, and below it: {below.replace(chr(10), ' ')}", tuple(rows))
     return Outcome(NAME, title, settings, (table,), (note,), {NAME: page(title, (), lines, width=150)})
 
 

@@ -13,7 +13,7 @@ from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import execute, open_easel
 from frida_painter.experiments.outcome import Notify, Progress
-from frida_painter.experiments.result_cache import Finding, ResultCache
+from frida_painter.experiments.result_cache import Measurement, ResultCache
 from frida_painter.experiments.scale import PlanningScale
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
@@ -52,7 +52,7 @@ class Bench:
     encoders: EncoderRegistry
     keep: Path | None
 
-    def recall(self, name: str, measure: Callable[[], Finding], /, **depends: object) -> Finding:
+    def recall(self, name: str, measure: Callable[[], Measurement], /, **depends: object) -> Measurement:
         """A painting's figures and pictures; painted and measured where it is not kept with all it depends on."""
         shared = {"brush": self.brush, "canvas": str(self.canvas), "scale": repr(self.scale)}
         return ResultCache(self.keep, {**shared, **depends}).recall(name, measure)

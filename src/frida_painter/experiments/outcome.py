@@ -42,7 +42,7 @@ def each(tasks: Sequence[Task], notify: Notify) -> Iterator[tuple[Task, Notify]]
 
 
 @dataclass(frozen=True)
-class Table:
+class ResultTable:
     """Rows with the same columns. `title` stands above it, `columns` are those of the first row."""
 
     title: str
@@ -76,7 +76,7 @@ class Outcome:
     name: str
     title: str
     settings: Mapping[str, Value | Sequence[Value]]
-    tables: tuple[Table, ...]
+    tables: tuple[ResultTable, ...]
     notes: tuple[str, ...] = ()
     pictures: Mapping[str, Tensor] = field(default_factory=dict)
 

@@ -13,8 +13,8 @@ import numpy as np
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.training import FEWEST_STROKES
 from frida_painter.errors import LibraryError
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent
-from frida_painter.experiments.result_cache import Finding, ResultCache
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent
+from frida_painter.experiments.result_cache import Measurement, ResultCache
 from frida_painter.experiments.rivals import BEZIER, LEARNED, RIVALS, errors, fingerprint, learn
 from frida_painter.experiments.scale import LearningScale
 
@@ -57,9 +57,9 @@ def run(
 
         def measure(
             model: str = model, part: StrokeLibrary = part, test: StrokeLibrary = test, seed: int = seed
-        ) -> Finding:
+        ) -> Measurement:
             predict = learn(model, part, seed=seed, quick=scale.quick)
-            return Finding({"error": float(errors(predict, test).mean())}, {})
+            return Measurement({"error": float(errors(predict, test).mean())}, {})
 
         finding = cache.recall(f"{model.replace(' ', '-')}-{size}-{seed}", measure)
         error[model, size, seed] = finding.numbers["error"]
@@ -77,9 +77,9 @@ def run(
 
     whole = tuple(row(rival, rest) for rival in RIVALS)
     best = min(whole, key=lambda one: float(one["error"] or 0))
-    tables = [Table(f"Mean absolute error, {len(seeds)} splits of {rest} + {scale.held_out} strokes", whole)]
+    tables = [ResultTable(f"Mean absolute error, {len(seeds)} splits of {rest} + {scale.held_out} strokes", whole)]
     if sizes:
-        tables.append(Table("The same from fewer strokes", tuple(row(model, size) for model, size in sized)))
+        tables.append(ResultTable("The same from fewer strokes", tuple(row(model, size) for model, size in sized)))
     return Outcome(
         NAME,
         f"Errors on strokes held out: {name}",

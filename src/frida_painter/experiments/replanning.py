@@ -17,7 +17,7 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import open_easel
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, each, silent
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, each, silent
 from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
@@ -27,7 +27,7 @@ from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.report.chart import Series, chart
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Looked, Planned, PlanningStep, StrokePainted
@@ -87,7 +87,7 @@ def run(
             "target": target.name, "seeds": tuple(seeds), "brush": brush, "canvas": str(size),
             **scale.settings(), "looks": scale.looks, "robot": ROBOT_ERROR,
         },
-        (Table("At the end, mean over the seeds", tuple(summary)), Table("After every look", tuple(rows))),
+        (ResultTable("At the end, mean over the seeds", tuple(summary)), ResultTable("After every look", tuple(rows))),
         (_note(ends, seeds),),
         {
             "deviation": _curve("Deviation from the first plan", "deviation", courses, seeds),
@@ -194,7 +194,7 @@ def _sheet(target: Target, courses: dict[tuple[int, str], _Course], seed: int, p
         Cell(looking.painting, f"error {looking.points[-1].error:.4f}"),
     ]
     headings = ("target", "first plan", f"painted {BLIND}", f"painted {LOOKING}")
-    return page("", headings, [Line("", cells)], width=340)
+    return page("", headings, [FigureRow("", cells)], width=340)
 
 
 def _mean(values: Iterable[float]) -> float:

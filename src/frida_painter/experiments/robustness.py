@@ -20,7 +20,7 @@ from frida_painter.brush.judge import clean, judge
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.errors import FridaError
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent, within
 from frida_painter.experiments.rivals import DEFAULT, errors, learn
 from frida_painter.experiments.robustness_sheet import Case, robustness_sheet
 from frida_painter.experiments.scale import LearningScale
@@ -75,7 +75,7 @@ def run(*, brush: str = "broad", seed: int = 0, scale: LearningScale = FULL, not
         NAME,
         "Reality is dirtier: what goes wrong, and what becomes of it",
         {"brush": brush, "seed": seed, "strokes": scale.strokes, "held_out": scale.held_out, "model": DEFAULT},
-        (Table("What went wrong, and what became of it", tuple(_row(case) for case in cases)),),
+        (ResultTable("What went wrong, and what became of it", tuple(_row(case) for case in cases)),),
         (
             f"Of {len(cases)} cases {_count(cases, SURVIVED)} are survived, {_count(cases, DETECTED)} detected and "
             f"{_count(cases, REFUSED)} refused; "

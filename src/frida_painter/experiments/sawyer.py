@@ -24,7 +24,7 @@ from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import EXACT, execute
 from frida_painter.experiments.measures import psnr
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent, within
 from frida_painter.experiments.scale import CANVAS, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize, PixelGrid
@@ -33,11 +33,11 @@ from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Effort, Planner
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.virtual.arm import Course
 from frida_painter.virtual.studio import FREE, KINEMATIC_SAWYER, SAWYER, StudioSettings, open_studio
 from frida_painter.virtual.table import HandNoise
-from frida_painter.virtual.table import Table as StudioTable
+from frida_painter.virtual.table import ResultTable as StudioTable
 
 NAME = "sawyer"
 KINEMATIC, DYNAMIC, DISPLACED, LUCKY = "kinematic", "Sawyer", "kinematic, displaced", "kinematic, other luck"
@@ -142,9 +142,9 @@ def run(
             "target": target.name, "seed": seed, "brush": brush, "canvas": str(canvas), **scale.settings(),
         },
         (
-            Table("Tracking error of the Sawyer's tip while it paints, mm", (errors,)),
-            Table("How far two executions of the plan are apart", tuple(apart)),
-            Table("How long they took", tuple(_took(name, execution) for name, execution in found.items())),
+            ResultTable("Tracking error of the Sawyer's tip while it paints, mm", (errors,)),
+            ResultTable("How far two executions of the plan are apart", tuple(apart)),
+            ResultTable("How long they took", tuple(_took(name, execution) for name, execution in found.items())),
         ),
         _notes(errors, apart, found[DYNAMIC]),
         {NAME: _sheet(found, apart)},
@@ -244,5 +244,5 @@ def _sheet(found: Mapping[str, Execution], apart: Sequence[Row]) -> Tensor:
         painted.append(Cell(found[one].canvas, one))
         far = (found[one].canvas - found[other].canvas).abs().mean(0, keepdim=True).expand(3, -1, -1)
         strange.append(Cell((1 - _AMPLIFIED * far).clamp(min=0), f"MSE {row['MSE']:.2g} to {other}"))
-    lines = [Line("painted", painted), Line(f"difference,\n{_AMPLIFIED} times", strange)]
+    lines = [FigureRow("painted", painted), FigureRow(f"difference,\n{_AMPLIFIED} times", strange)]
     return page("One plan, painted by different arms", (), lines, width=280)

@@ -21,8 +21,8 @@ from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments import robot_strokes, soft_planner
 from frida_painter.experiments.execution import execute, open_easel
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, each, silent
-from frida_painter.experiments.result_cache import Finding, ResultCache
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, each, silent
+from frida_painter.experiments.result_cache import Measurement, ResultCache
 from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.soft_planner import SoftEffort
 from frida_painter.experiments.soft_strokes import Freedom
@@ -31,7 +31,7 @@ from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal, ImageTerm
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Effort, Planner
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 
 NAME = "sim2real"
 OURS, UNCONSTRAINED, CONSTRAINED = "ours", "unconstrained", "constrained"
@@ -68,7 +68,7 @@ def run(
     """
     bench = _Bench(brush, canvas, scale)
     tasks = [(target, seed, planner) for target in targets for seed in seeds for planner in PLANNERS]
-    found: dict[_Key, Finding] = {}
+    found: dict[_Key, Measurement] = {}
     for (target, seed, planner), telling in each(tasks, notify):
         paint = partial(bench.paint, target, seed, planner, telling)
         cache = ResultCache(keep, bench.depends_on(target))
@@ -88,7 +88,10 @@ def run(
             **scale.settings(),
             "robot": f"{ROBOT_ERROR}, the same for all planners",
         },
-        (Table("Mean squared differences, mean over the seeds", tuple(summary)), Table("All paintings", tuple(every))),
+        (
+            ResultTable("Mean squared differences, mean over the seeds", tuple(summary)),
+            ResultTable("All paintings", tuple(every)),
+        ),
         _notes(summary),
         {NAME: _sheet(targets, found, seeds[0], bench)},
     )  # fmt: skip
@@ -110,7 +113,7 @@ class _Bench:
         """The picture in which a target is planned and compared."""
         return PixelGrid.of_height(self.canvas.turned_like(*target.picture.shape[1:]), self.scale.rows)
 
-    def paint(self, target: Target, seed: int, planner: str, notify: Notify) -> Finding:
+    def paint(self, target: Target, seed: int, planner: str, notify: Notify) -> Measurement:
         """Plans, paints, and compares."""
         grid = self.grid(target)
         wanted = images.fit(target.picture, grid.rows, grid.columns)
@@ -131,7 +134,7 @@ class _Bench:
             "simulated to target": _mse(simulated, wanted),
             "painted to target": _mse(painted, wanted),
         }
-        return Finding(numbers, {"simulated": simulated, "painted": painted})
+        return Measurement(numbers, {"simulated": simulated, "painted": painted})
 
     def _ours(self, wanted: Tensor, size: CanvasSize, seed: int, tell: _Tell) -> tuple[Plan, Tensor]:
         scale, goal = self.scale, Goal((ImageTerm(wanted),))
@@ -181,7 +184,7 @@ def _mse(first: Tensor, second: Tensor) -> float:
     return float((first - second).square().mean())
 
 
-def _summary(target: str, planner: str, found: Mapping[_Key, Finding], seeds: Sequence[int]) -> Row:
+def _summary(target: str, planner: str, found: Mapping[_Key, Measurement], seeds: Sequence[int]) -> Row:
     def measured(who: str, what: str) -> NDArray[np.float64]:
         return np.array([found[target, seed, who].numbers[what] for seed in seeds])
 
@@ -212,7 +215,7 @@ def _notes(summary: Sequence[Row]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _sheet(targets: Sequence[Target], found: Mapping[_Key, Finding], seed: int, bench: _Bench) -> Tensor:
+def _sheet(targets: Sequence[Target], found: Mapping[_Key, Measurement], seed: int, bench: _Bench) -> Tensor:
     """Every target beside what each planner meant to paint and what came of it."""
     lines = []
     for target in targets:
@@ -222,6 +225,6 @@ def _sheet(targets: Sequence[Target], found: Mapping[_Key, Finding], seed: int, 
             finding = found[target.name, seed, planner]
             cells.append(Cell(finding.pictures["simulated"], "simulated"))
             cells.append(Cell(finding.pictures["painted"], f"painted, gap {finding.numbers['gap']:.4f}"))
-        lines.append(Line("", cells))
+        lines.append(FigureRow("", cells))
     headings = ["target", *(words for planner in PLANNERS for words in (MANNER[planner].split(" (")[0], ""))]
     return page("Simulated and painted, without looking in between", headings, lines, width=210)

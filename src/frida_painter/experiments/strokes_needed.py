@@ -15,8 +15,8 @@ from torch import Tensor
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.training import FEWEST_STROKES
 from frida_painter.errors import LibraryError
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent
-from frida_painter.experiments.result_cache import Finding, ResultCache
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent
+from frida_painter.experiments.result_cache import Measurement, ResultCache
 from frida_painter.experiments.rivals import BEZIER, LEARNED, errors, fingerprint, learn
 from frida_painter.experiments.scale import LearningScale
 from frida_painter.report.chart import Series, chart
@@ -58,9 +58,9 @@ def run(
         notify(Progress(number / len(tasks), f"{model} from {size} strokes, {fold + 1} of {scale.folds}"))
         chosen = np.random.default_rng((seed, fold)).permutation(pool)[:size]
 
-        def measure(model: str = model, part: NDArray[np.int64] = chosen, fold: int = fold) -> Finding:
+        def measure(model: str = model, part: NDArray[np.int64] = chosen, fold: int = fold) -> Measurement:
             predict = learn(model, library[part], seed=seed + fold, quick=scale.quick)
-            return Finding({"error": float(errors(predict, test).mean())}, {})
+            return Measurement({"error": float(errors(predict, test).mean())}, {})
 
         finding = cache.recall(f"{model.replace(' ', '-')}-{size}-{fold}", measure)
         error[model, size, fold] = finding.numbers["error"]
@@ -77,7 +77,7 @@ def run(
             "library": name, "strokes": len(library), "sizes": sizes, "folds": scale.folds,
             "held out": scale.held_out, "seed": seed,
         },
-        (Table(f"Mean absolute error on {scale.held_out} strokes held out", tuple(rows)),),
+        (ResultTable(f"Mean absolute error on {scale.held_out} strokes held out", tuple(rows)),),
         tuple(_note(model, rows) for model in LEARNED),
         {NAME: _curve(name, models, rows)},
     )  # fmt: skip

@@ -20,8 +20,8 @@ from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import open_easel
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, each, silent
-from frida_painter.experiments.result_cache import Finding, ResultCache
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, each, silent
+from frida_painter.experiments.result_cache import Measurement, ResultCache
 from frida_painter.experiments.scale import CANVAS, PlanningScale
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, TextTerm
@@ -32,7 +32,7 @@ from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.planning.initialize import uniform
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.render import render
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Planned, PlanningStep, StrokePainted
@@ -112,7 +112,7 @@ def run(
         "looks": scale.looks, "effort": scale.effort, "seen through": readers,
     }  # fmt: skip
     cache = ResultCache(keep, settings)
-    found: dict[tuple[int, int], Finding] = {}
+    found: dict[tuple[int, int], Measurement] = {}
     tasks = [(number, seed) for seed in seeds for number in range(len(prompts))]
     for (number, seed), telling in each(tasks, notify):
         prompt = prompts[number]
@@ -124,7 +124,7 @@ def run(
         NAME,
         "Paintings towards words, and what an unseen network takes them for",
         {"prompts": [prompt.words for prompt in prompts], "seeds": tuple(seeds), **settings},
-        (Table("Over all paintings", summary), Table("Every painting", tuple(rows))),
+        (ResultTable("Over all paintings", summary), ResultTable("Every painting", tuple(rows))),
         (_note(summary),),
         {"paintings": _sheet(prompts, seeds[0], found)},
     )
@@ -140,7 +140,7 @@ class _Bench:
     canvas: CanvasSize
     scale: PlanningScale
 
-    def paint(self, prompt: Prompt, seed: int, notify: Notify) -> Finding:
+    def paint(self, prompt: Prompt, seed: int, notify: Notify) -> Measurement:
         """One prompt: its painting and its floors, with the judge's log probability of every class for each."""
         planner = self._planner(Goal((TextTerm(prompt.words),)), seed)
         begun = next(term.image for term in planner.goal.initial if isinstance(term, ImageTerm))
@@ -157,7 +157,7 @@ class _Bench:
             for way, picture in judged.items()
             for number, value in enumerate(log_probabilities(self.judge, picture).tolist())
         }
-        return Finding(numbers, {"begun": begun, "plan": plan, "painting": photograph, "pixels": pixels})
+        return Measurement(numbers, {"begun": begun, "plan": plan, "painting": photograph, "pixels": pixels})
 
     def _planner(self, goal: Goal, seed: int) -> Planner:
         effort = Effort().scaled(self.scale.effort)
@@ -210,7 +210,7 @@ def _unheard(step: object) -> None:
     """Where nobody listens."""
 
 
-def _of(finding: Finding, way: str) -> Tensor:
+def _of(finding: Measurement, way: str) -> Tensor:
     """The judge's log probabilities of one way, [1000]."""
     return torch.tensor([finding.numbers[f"{way} {number}"] for number in range(len(class_names()))])
 
@@ -220,7 +220,7 @@ def rank_of(logs: Tensor, prompt: Prompt) -> int:
     return int((logs > logs[list(prompt.classes)].max()).sum()) + 1
 
 
-_Found = Mapping[tuple[int, int], Finding]
+_Found = Mapping[tuple[int, int], Measurement]
 
 
 def _first(prompts: Sequence[Prompt], number: int, seed: int, way: str, found: _Found) -> float:
@@ -234,7 +234,7 @@ def _first(prompts: Sequence[Prompt], number: int, seed: int, way: str, found: _
     return 1 / len(best) if number in best else 0.0
 
 
-def _row(prompts: Sequence[Prompt], number: int, seed: int, finding: Finding, found: _Found) -> Row:
+def _row(prompts: Sequence[Prompt], number: int, seed: int, finding: Measurement, found: _Found) -> Row:
     logs = _of(finding, PAINTED)
     return {
         "prompt": prompts[number].words,
@@ -284,5 +284,5 @@ def _sheet(prompts: Sequence[Prompt], seed: int, found: _Found) -> Tensor:
         finding = found[number, seed]
         logs = _of(finding, PAINTED)
         label = "\n".join((f"“{prompt.words}”", f"rank {rank_of(logs, prompt)}", "", *_top(logs)))
-        lines.append(Line(label, [Cell(finding.pictures[name]) for name in ("begun", "plan", "painting")]))
+        lines.append(FigureRow(label, [Cell(finding.pictures[name]) for name in ("begun", "plan", "painting")]))
     return page("Painted towards words", ("begun with", "planned", "painted, photographed"), lines, width=260)

@@ -22,7 +22,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Line:
+class FigureRow:
     """One row of the page: what stands left of it, and its cells (None: an empty place)."""
 
     label: str
@@ -30,7 +30,7 @@ class Line:
 
 
 def page(
-    title: str, headings: Sequence[str], lines: Sequence[Line], *, width: int = 200, framed: bool = True
+    title: str, headings: Sequence[str], lines: Sequence[FigureRow], *, width: int = 200, framed: bool = True
 ) -> Tensor:
     """A sheet [3, H, W] with the lines below one another, every picture `width` pixels wide.
 
@@ -57,7 +57,7 @@ def page(
 
 def _draw_line(
     sheet: Sheet,
-    line: Line,
+    line: FigureRow,
     left: int,
     top: int,
     width: int,
@@ -84,7 +84,7 @@ def _rows(cell: Cell, width: int) -> int:
     return round(height * width / columns)
 
 
-def _height(line: Line, width: int) -> int:
+def _height(line: FigureRow, width: int) -> int:
     captioned = any(cell and cell.caption for cell in line.cells)
     return max((_rows(cell, width) for cell in line.cells if cell), default=0) + _GAP + (_SMALL + 8 if captioned else 0)
 

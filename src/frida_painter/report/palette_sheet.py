@@ -8,7 +8,7 @@ from torch import Tensor
 
 from frida_painter.mixing.recipe import Recipe
 from frida_painter.plan import Plan
-from frida_painter.report.story import Paint, paints
+from frida_painter.report.story import PaintFacts, paints
 from frida_painter.sheet import INK, LINE, SOFT, Sheet, font, shortened
 
 ROWS, COLUMNS = 1754, 1240
@@ -78,7 +78,7 @@ def _head(sheet: Sheet, plan: Plan, title: str) -> None:
     sheet.text((_MARGIN, 162), f"{facts}, brush: {plan.brush}", 24, SOFT)
 
 
-def _card(sheet: Sheet, paint: Paint, left: int, top: int, width: int, height: int) -> None:
+def _card(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:
     """A swatch with its text below."""
     below = top + height - (118 if not paint.recipe else 118 + 2 * _RECIPE_PITCH)
     sheet.draw.rectangle((left, top, left + width - 1, below - 1), fill=paint.srgb, outline=LINE, width=1)
@@ -105,7 +105,7 @@ def _in_two_lines(recipe: str, width: int) -> list[str]:
     return [shortened(line, _RECIPE_SIZE, width) for line in ([lines[0] + " +", lines[1]] if lines[1] else [lines[0]])]
 
 
-def _line(sheet: Sheet, paint: Paint, left: int, top: int, width: int, height: int) -> None:
+def _line(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:
     """A swatch with its text beside it, for palettes that fill the page."""
     swatch, right, size = round(0.26 * width), left + width, _SMALL - 1
     sheet.draw.rectangle((left, top, left + swatch - 1, top + height - 1), fill=paint.srgb, outline=LINE, width=1)
@@ -117,13 +117,13 @@ def _line(sheet: Sheet, paint: Paint, left: int, top: int, width: int, height: i
     sheet.text((right, top + pitch), f"{paint.share:.0%}", size, SOFT, "ra")
 
 
-def _srgb(paint: Paint) -> str:
+def _srgb(paint: PaintFacts) -> str:
     return "sRGB {}  {}  {}".format(*paint.srgb)
 
 
-def _lab(paint: Paint) -> str:
+def _lab(paint: PaintFacts) -> str:
     return "Lab {:.1f}  {:.1f}  {:.1f}".format(*paint.lab)
 
 
-def _strokes(paint: Paint) -> str:
+def _strokes(paint: PaintFacts) -> str:
     return f"{paint.strokes} stroke{'s' if paint.strokes != 1 else ''}"
