@@ -33,9 +33,9 @@ from frida_painter.experiments import (
     targets,
     text,
 )
+from frida_painter.experiments.execution import virtual_library
 from frida_painter.experiments.outcome import Notify, Outcome, within
 from frida_painter.experiments.scale import ExperimentScale
-from frida_painter.experiments.virtual_library import virtual_library
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.session.opening import limit_threads, planning_device
 

@@ -20,11 +20,11 @@ from frida_painter.brush.judge import clean, judge
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.errors import FridaError
+from frida_painter.experiments.execution import virtual_library
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent, within
 from frida_painter.experiments.rivals import DEFAULT, errors, learn
 from frida_painter.experiments.robustness_sheet import Case, robustness_sheet
 from frida_painter.experiments.scale import LearningScale
-from frida_painter.experiments.virtual_library import virtual_library
 from frida_painter.frames import CanvasSize
 from frida_painter.session.contact_sheet import contact_sheet
 from frida_painter.session.opening import PAPER

@@ -12,9 +12,8 @@ from torch import Tensor
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.errors import LibraryError
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent
-from frida_painter.experiments.rivals import BEZIER, LEARNED, errors, learn
+from frida_painter.experiments.rivals import BEZIER, LEARNED, PairedTest, errors, learn
 from frida_painter.experiments.scale import LearningScale
-from frida_painter.experiments.significance import PairedTest
 from frida_painter.report.figure_sheet import Cell, FigureRow, page
 
 NAME = "stroke-model"
