@@ -37,7 +37,7 @@ from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.virtual.arm import Course
 from frida_painter.virtual.studio import FREE, KINEMATIC_SAWYER, SAWYER, StudioSettings, open_studio
 from frida_painter.virtual.table import HandNoise
-from frida_painter.virtual.table import ResultTable as StudioTable
+from frida_painter.virtual.table import Table as StudioTable
 
 NAME = "sawyer"
 KINEMATIC, DYNAMIC, DISPLACED, LUCKY = "kinematic", "Sawyer", "kinematic, displaced", "kinematic, other luck"
