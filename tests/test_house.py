@@ -9,7 +9,20 @@ import frida_painter
 
 ROOT = Path(frida_painter.__file__).parent
 LAYERS = (
-    ("errors", "extras", "storage", "tensor_file", "picture_file", "images", "video", "model_folder", "weights"),
+    (
+        "errors",
+        "registry",
+        "event_log",
+        "extras",
+        "storage",
+        "tensor_file",
+        "picture_file",
+        "images",
+        "sheet",
+        "video",
+        "model_folder",
+        "weights",
+    ),
     (
         "canvas_size",
         "frames",

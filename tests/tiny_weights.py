@@ -13,7 +13,7 @@ import torch
 
 from frida_painter.weights import NamedWeights, convert
 from frida_painter.weights.catalogue import CachedFile
-from frida_painter.weights.sources import Original, Source
+from frida_painter.weights.sources import Original, WeightsSource
 from frida_painter.weights.wheel import Wheel
 
 WORDS = b"a small\nvocabulary\n"
@@ -41,7 +41,7 @@ class Trap:
         return Path.touch, (self.sprung,)
 
 
-def tiny(*sources: Source, network: bytes | None = None) -> NamedWeights:
+def tiny(*sources: WeightsSource, network: bytes | None = None) -> NamedWeights:
     """Weights of two files, a converted one and one kept as it is."""
     kept = (
         CachedFile(original("models/net.pth", archive() if network is None else network), "model.safetensors",

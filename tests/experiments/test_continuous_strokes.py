@@ -29,7 +29,7 @@ def test_a_sweep_goes_from_extreme_to_extreme_in_one_parameter_only(parameter, e
 
 def test_more_thickness_and_more_length_leave_more_paint(outcome):
     (table,) = outcome.tables
-    assert len(table.rows) == len(PARAMETERS) * QUICK.steps
+    assert len(table.rows) == len(PARAMETERS) * QUICK.strokes
     for parameter in ("thickness", "length"):
         for column in ("area modelled mm2", "area below mm2"):
             areas = [row[column] for row in table.rows if row["swept"] == parameter]
@@ -45,7 +45,7 @@ def test_the_robot_paints_about_what_the_model_says(outcome):
 def test_the_picture_shows_every_stroke_twice(outcome):
     picture = outcome.pictures["continuous-strokes"]
     assert picture.shape[0] == 3 and float(picture.min()) < 0.3
-    assert picture.shape[2] > QUICK.steps * 150
+    assert picture.shape[2] > QUICK.strokes * 150
 
 
 def test_the_same_seed_gives_the_same_figures(outcome):

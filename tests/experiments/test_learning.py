@@ -7,6 +7,7 @@ import torch
 from frida_painter.errors import LibraryError
 from frida_painter.experiments import real_strokes, stroke_model, strokes_needed
 from frida_painter.experiments.rivals import BEZIER, LEARNED, RIVALS
+from frida_painter.experiments.scale import LearningScale
 from marks import small_library as library
 
 
@@ -59,7 +60,7 @@ def test_the_numbers_of_strokes_needed_are_those_asked_for(strokes, monkeypatch)
         return _bare
 
     monkeypatch.setattr(strokes_needed, "learn", learn)
-    scale = strokes_needed.Scale(sizes=(6, 12, 500), folds=3, held_out=10, quick=True)
+    scale = LearningScale(strokes=16, sizes=(6, 12, 500), folds=3, held_out=10, quick=True)
     outcome = strokes_needed.run(strokes, "drawn", scale=scale)
     assert sizes == [(model, size) for model in (*LEARNED, BEZIER) for size in (6, 12) for _ in range(3)]
     assert outcome.settings["sizes"] == (6, 12)

@@ -5,7 +5,7 @@ import pytest
 import torch
 from PIL import Image
 
-from frida_painter.experiments.outcome import Outcome, Progress, Table, within
+from frida_painter.experiments.outcome import Outcome, Progress, ResultTable, within
 
 ROWS = (
     {"model": "a | b", "error": 0.123456, "n": 3, "better": True},
@@ -18,7 +18,7 @@ def outcome() -> Outcome:
         "trial",
         "A trial",
         {"seeds": (0, 1), "brush": "fine"},
-        (Table("Errors", ROWS),),
+        (ResultTable("Errors", ROWS),),
         ("It works.",),
         {"a-picture": torch.rand(3, 20, 30)},
     )

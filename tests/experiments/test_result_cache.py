@@ -1,6 +1,6 @@
 import torch
 
-from frida_painter.experiments.result_cache import Finding, ResultCache
+from frida_painter.experiments.result_cache import Measurement, ResultCache
 
 PICTURE = torch.rand(3, 20, 20, generator=torch.Generator().manual_seed(0))
 
@@ -9,9 +9,9 @@ class Measuring:
     def __init__(self) -> None:
         self.times = 0
 
-    def __call__(self) -> Finding:
+    def __call__(self) -> Measurement:
         self.times += 1
-        return Finding({"gap": 0.1 + 0.2}, {"painted": PICTURE})
+        return Measurement({"gap": 0.1 + 0.2}, {"painted": PICTURE})
 
 
 def test_what_was_found_is_not_measured_again(tmp_path):

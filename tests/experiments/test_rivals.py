@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter.experiments.rivals import BEZIER, MEAN, RIVALS, ZEROS, errors, fingerprint, learn
+from frida_painter.experiments.rivals import BEZIER, MEAN, RIVALS, ZEROS, PairedTest, errors, fingerprint, learn
 from marks import small_library as library
 
 
@@ -42,3 +42,21 @@ def test_another_pixel_is_another_library(strokes):
     assert fingerprint(changed) == fingerprint(strokes)
     changed.magnitude[3, 5, 7] ^= 1
     assert fingerprint(changed) != fingerprint(strokes)
+
+
+def test_a_textbook_example():
+    """Student's own data, "The probable error of a mean" (1908): hours of sleep gained by two drugs; t = -4.06."""
+    first = np.array([0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0])
+    second = np.array([1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4])
+    test = PairedTest.of(first, second)
+    assert test.difference == pytest.approx(-1.58)
+    assert test.better == 9
+    assert test.t_p == pytest.approx(0.00283, abs=1e-5)
+    assert test.wilcoxon_p < 0.01
+
+
+def test_noise_is_not_significant_and_equals_are_equal():
+    chance = np.random.default_rng(0)
+    first, second = chance.normal(size=(2, 40))
+    assert min(PairedTest.of(first, second).t_p, PairedTest.of(first, second).wilcoxon_p) > 0.05
+    assert PairedTest.of(first, first) == PairedTest(0.0, 0, 1.0, 1.0)

@@ -3,7 +3,7 @@ import torch
 
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.kubelka_munk import mixed, reflectance
-from frida_painter.mixing.paint import Paint, Source, published, published_names
+from frida_painter.mixing.paint import Paint, PaintDataSource, published, published_names
 from frida_painter.mixing.spectrum import color_of
 from frida_painter.palette import from_hex, to_lab
 from frida_painter.perception.difference import ciede2000
@@ -65,7 +65,7 @@ def test_a_paint_of_which_only_its_colour_is_known_has_that_colour() -> None:
     for text in ("#b97f2c", "#f0ede2", "#9a6d60", "#2f6b3a"):
         paint = Paint.of_color("mine", from_hex(text).double())
         assert torch.allclose(paint.color, from_hex(text).double(), atol=2e-3)
-        assert paint.source is Source.color
+        assert paint.source is PaintDataSource.color
 
 
 def test_a_tint_tells_how_strong_a_paint_is() -> None:

@@ -5,7 +5,7 @@ import torch
 
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.kubelka_munk import inside
-from frida_painter.mixing.paint import Source, published
+from frida_painter.mixing.paint import PaintDataSource, published
 from frida_painter.mixing.paint_inventory import MOST_PAINTS, SIX, read_paints, usual_paints
 from frida_painter.palette import to_hex
 
@@ -31,10 +31,10 @@ def file(tmp_path: Path, text: str) -> Path:
 
 def test_paints_are_known_by_name_by_colour_and_by_tint(tmp_path: Path) -> None:
     white, ochre, rose = read_paints(file(tmp_path, WHOLE))
-    assert (white.name, white.source) == ("Titanium White", Source.published)
+    assert (white.name, white.source) == ("Titanium White", PaintDataSource.published)
     assert torch.equal(white.scattering, published("titanium white").scattering)
-    assert (to_hex(ochre.color), ochre.source) == ("#b97f2c", Source.color)
-    assert rose.source is Source.tint and 0.005 < float(rose.scattering.mean()) < 0.3
+    assert (to_hex(ochre.color), ochre.source) == ("#b97f2c", PaintDataSource.color)
+    assert rose.source is PaintDataSource.tint and 0.005 < float(rose.scattering.mean()) < 0.3
 
 
 def test_films_over_white_and_black_are_measured_against_the_white_of_the_file(tmp_path: Path) -> None:
@@ -49,7 +49,7 @@ def test_films_over_white_and_black_are_measured_against_the_white_of_the_file(t
     over_black = "#5c5a1a"
     """
     white, yellow = read_paints(file(tmp_path, films))
-    assert white.source is yellow.source is Source.films
+    assert white.source is yellow.source is PaintDataSource.films
     assert float(white.scattering.mean()) == pytest.approx(1)
     assert float(yellow.scattering.mean()) < 0.6, "what shows the ground scatters less"
     yellow_alone = films[films.rindex("[[paint]]") :]

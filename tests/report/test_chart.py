@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter.report.chart import Series, _decades, chart
+from frida_painter.report.chart import Series, chart, log_ticks
 
 BLUE = torch.tensor([0, 114, 178])[:, None, None] / 255
 ORANGE = torch.tensor([213, 94, 0])[:, None, None] / 255
@@ -56,7 +56,7 @@ def test_words_of_lines_that_end_together_do_not_cover_each_other():
 
 @pytest.mark.parametrize(("least", "most"), [(0.008, 0.0152), (0.02, 0.045), (0.001, 0.8), (0.5, 0.52)])
 def test_lines_of_a_logarithmic_axis_lie_between_its_ends_about_evenly(least, most):
-    ticks = np.array(_decades(np.log10(least), np.log10(most)))
+    ticks = np.array(log_ticks(least, most))
     steps = np.diff(np.log10(ticks))
     assert 3 <= len(ticks) <= 10 and least <= ticks[0] and ticks[-1] <= most
     assert steps.max() < 3 * steps.min()

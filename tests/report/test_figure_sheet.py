@@ -1,6 +1,6 @@
 import torch
 
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 
 RED = torch.tensor([0.8, 0.1, 0.1])[:, None, None]
 
@@ -14,7 +14,7 @@ def test_every_picture_is_there_at_the_width_that_was_asked_for():
     sheet = page(
         "Title",
         ("one", "two"),
-        [Line("row", [Cell(picture, "below"), None]), Line("", [None, Cell(picture)])],
+        [FigureRow("row", [Cell(picture, "below"), None]), FigureRow("", [None, Cell(picture)])],
         width=80,
         framed=False,
     )
@@ -26,7 +26,7 @@ def test_every_picture_is_there_at_the_width_that_was_asked_for():
 
 def test_words_take_room_and_do_not_cover_pictures():
     picture = RED.expand(3, 40, 40)
-    plain = page("", (), [Line("", [Cell(picture)])], width=40, framed=False)
-    told = page("Title", ("above",), [Line("a longer label", [Cell(picture, "below")])], width=40, framed=False)
+    plain = page("", (), [FigureRow("", [Cell(picture)])], width=40, framed=False)
+    told = page("Title", ("above",), [FigureRow("a longer label", [Cell(picture, "below")])], width=40, framed=False)
     assert told.shape[1] > plain.shape[1] and told.shape[2] > plain.shape[2]
     assert int(reds(told).sum()) == int(reds(plain).sum()) == 1600

@@ -12,19 +12,21 @@ from rich.progress import BarColumn, Progress, TextColumn
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.cli.progress import duration
 from frida_painter.experiments import outcome
+from frida_painter.experiments.execution import virtual_library
 from frida_painter.experiments.outcome import Notify, Outcome, within
-from frida_painter.experiments.virtual_library import virtual_library
+from frida_painter.experiments.scale import ExperimentScale
 from frida_painter.session.opening import limit_threads
 
-_STROKES, _FEW_STROKES = 200, 16
 _PAINTING = 0.2  # share of the time that painting a library takes
 
 
-def conduct(out: Path, experiment: Callable[[Notify], Outcome], *, unfinished: Path | None = None) -> None:
+def conduct(name: str, out: Path, experiment: Callable[[Path, Notify], Outcome]) -> None:
     """Runs an experiment under a progress bar, writes what comes out, and says where it is.
 
-    unfinished: a folder that is no longer needed when the experiment is done.
+    experiment: is given a folder in which finished parts wait, which goes when all is done, and whom to tell.
     """
+    folder = out / name
+    unfinished = folder / "unfinished"
     limit_threads()
     started = time.monotonic()
     console = Console(stderr=True, highlight=False)
@@ -40,23 +42,20 @@ def conduct(out: Path, experiment: Callable[[Notify], Outcome], *, unfinished: P
             words = f"{duration(left)} left" if math.isfinite(left) else ""
             bar.update(task, description=progress.doing, completed=share, left=words)
 
-        found = experiment(hear)
+        found = experiment(unfinished, hear)
         bar.update(task, description="done", completed=1.0, left="")
-    folder = out / found.name
     found.save(folder)
-    if unfinished is not None:
-        shutil.rmtree(unfinished, ignore_errors=True)
+    shutil.rmtree(unfinished, ignore_errors=True)
     print("\n".join([found.title, *(f"  {note}" for note in found.notes)]))
     print(f"In {duration(time.monotonic() - started)}: {folder / 'table.md'}, table.json and", end=" ")
     print(f"{len(found.pictures)} picture{'s' if len(found.pictures) != 1 else ''}.")
 
 
 def painted_or_given(
-    path: Path | None, brush: str, seed: int, quick: bool, notify: Notify
+    path: Path | None, brush: str, seed: int, scale: ExperimentScale, notify: Notify
 ) -> tuple[StrokeLibrary, str, Notify]:
     """The library to learn from, what it is called, and whom to tell the progress of the rest."""
     if path is not None:
         return StrokeLibrary.load(path), path.stem, notify
-    count = _FEW_STROKES if quick else _STROKES
-    painted = virtual_library(brush, count, seed, within(notify, 0.0, _PAINTING))
+    painted = virtual_library(brush, scale.strokes, seed, within(notify, 0.0, _PAINTING))
     return painted, f"virtual {brush} brush", within(notify, _PAINTING, 1.0)

@@ -82,13 +82,13 @@ def sweep(
 
     scale = continuous_strokes.QUICK if quick else continuous_strokes.FULL
 
-    def experiment(notify: Notify) -> Outcome:
+    def experiment(keep: Path, notify: Notify) -> Outcome:
         if library is None:
             return continuous_strokes.run(brush=brush, seed=seed, scale=scale, notify=notify)
         strokes = StrokeLibrary.load(library)
         return continuous_strokes.run_on_library(strokes, library.stem, seed=seed, scale=scale, notify=notify)
 
-    conduct(out, experiment)
+    conduct(continuous_strokes.NAME, out, experiment)
 
 
 def beside(
@@ -101,11 +101,11 @@ def beside(
 
     scale = stroke_model.QUICK if quick else stroke_model.FULL
 
-    def experiment(notify: Notify) -> Outcome:
-        strokes, name, rest = painted_or_given(library, brush, seed, quick, notify)
+    def experiment(keep: Path, notify: Notify) -> Outcome:
+        strokes, name, rest = painted_or_given(library, brush, seed, scale, notify)
         return stroke_model.run(strokes, name, seed=seed, scale=scale, notify=rest)
 
-    conduct(out, experiment)
+    conduct(stroke_model.NAME, out, experiment)
 
 
 def needed(
@@ -116,13 +116,13 @@ def needed(
     from frida_painter.experiments import strokes_needed
     from frida_painter.experiments.outcome import Notify, Outcome
 
-    scale, keep = strokes_needed.QUICK if quick else strokes_needed.FULL, out / strokes_needed.NAME / "unfinished"
+    scale = strokes_needed.QUICK if quick else strokes_needed.FULL
 
-    def experiment(notify: Notify) -> Outcome:
-        strokes, name, rest = painted_or_given(library, brush, seed, quick, notify)
+    def experiment(keep: Path, notify: Notify) -> Outcome:
+        strokes, name, rest = painted_or_given(library, brush, seed, scale, notify)
         return strokes_needed.run(strokes, name, seed=seed, scale=scale, keep=keep, notify=rest)
 
-    conduct(out, experiment, unfinished=keep)
+    conduct(strokes_needed.NAME, out, experiment)
 
 
 def splits(
@@ -137,14 +137,14 @@ def splits(
     from frida_painter.experiments import real_strokes
     from frida_painter.experiments.outcome import Notify, Outcome
 
-    scale, keep = real_strokes.QUICK if quick else real_strokes.FULL, out / real_strokes.NAME / "unfinished"
+    scale = real_strokes.QUICK if quick else real_strokes.FULL
     chosen = seeds_of(seeds)
 
-    def experiment(notify: Notify) -> Outcome:
-        strokes, name, rest = painted_or_given(library, brush, 0, quick, notify)
+    def experiment(keep: Path, notify: Notify) -> Outcome:
+        strokes, name, rest = painted_or_given(library, brush, 0, scale, notify)
         return real_strokes.run(strokes, name, seeds=chosen, scale=scale, keep=keep, notify=rest)
 
-    conduct(out, experiment, unfinished=keep)
+    conduct(real_strokes.NAME, out, experiment)
 
 
 def gap(
@@ -156,11 +156,11 @@ def gap(
 
     scale = sim2real.QUICK if quick else sim2real.FULL
     pictures = targets.given(target) if target else targets.shipped()
-    chosen, keep = seeds_of(seeds), out / sim2real.NAME / "unfinished"
+    chosen = seeds_of(seeds)
     conduct(
+        sim2real.NAME,
         out,
-        lambda notify: sim2real.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
-        unfinished=keep,
+        lambda keep, notify: sim2real.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
     )
 
 
@@ -180,7 +180,11 @@ def looking(
     scale = replanning.QUICK if quick else replanning.FULL
     (picture,) = targets.given([target]) if target else targets.shipped(["coffee"])
     chosen = seeds_of(seeds)
-    conduct(out, lambda notify: replanning.run(picture, brush=brush, seeds=chosen, scale=scale, notify=notify))
+    conduct(
+        replanning.NAME,
+        out,
+        lambda keep, notify: replanning.run(picture, brush=brush, seeds=chosen, scale=scale, notify=notify),
+    )
 
 
 def dirt(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE) -> None:
@@ -189,7 +193,9 @@ def dirt(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: 
     from frida_painter.experiments import robustness
 
     scale = robustness.QUICK if quick else robustness.FULL
-    conduct(out, lambda notify: robustness.run(brush=brush, seed=seed, scale=scale, notify=notify))
+    conduct(
+        robustness.NAME, out, lambda keep, notify: robustness.run(brush=brush, seed=seed, scale=scale, notify=notify)
+    )
 
 
 def arms(
@@ -207,7 +213,9 @@ def arms(
 
     scale = sawyer.QUICK if quick else sawyer.FULL
     (picture,) = targets.given([target]) if target else targets.shipped(["coffee"])
-    conduct(out, lambda notify: sawyer.run(picture, brush=brush, seed=seed, scale=scale, notify=notify))
+    conduct(
+        sawyer.NAME, out, lambda keep, notify: sawyer.run(picture, brush=brush, seed=seed, scale=scale, notify=notify)
+    )
 
 
 def words(
@@ -229,17 +237,17 @@ def words(
     from frida_painter.session.opening import planning_device
 
     scale, prompts = text.QUICK if quick else text.FULL, text.PROMPTS[: 2 if quick else first]
-    chosen, keep = seeds_of(seeds), out / text.NAME / "unfinished"
+    chosen = seeds_of(seeds)
     encoders = text.Unjudged(device=planning_device())
     judge = EfficientNetLite(weights.tensors("efficientnet-lite2"))
 
-    def experiment(notify: Notify) -> Outcome:
+    def experiment(keep: Path, notify: Notify) -> Outcome:
         return text.run(
             encoders=encoders, judge=judge, prompts=prompts, brush=brush, seeds=chosen, scale=scale, keep=keep,
             notify=notify,
         )  # fmt: skip
 
-    conduct(out, experiment, unfinished=keep)
+    conduct(text.NAME, out, experiment)
 
 
 def styles(
@@ -257,13 +265,15 @@ def styles(
     from frida_painter.cli.conduct import conduct
     from frida_painter.experiments import goal_paintings, style, targets
 
-    scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / style.NAME / "unfinished"
+    scale = goal_paintings.QUICK if quick else goal_paintings.FULL
     pictures = targets.given(target) if target else targets.shipped(["cat", "astronaut"])
     wanted, chosen = targets.given(image) if image else targets.shipped(targets.STYLES), seeds_of(seeds)
     conduct(
+        style.NAME,
         out,
-        lambda notify: style.run(pictures, wanted, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
-        unfinished=keep,
+        lambda keep, notify: style.run(
+            pictures, wanted, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify
+        ),
     )
 
 
@@ -274,13 +284,13 @@ def meanings(
     from frida_painter.cli.conduct import conduct
     from frida_painter.experiments import goal_paintings, semantic, targets
 
-    scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / semantic.NAME / "unfinished"
+    scale = goal_paintings.QUICK if quick else goal_paintings.FULL
     pictures = targets.given(target) if target else targets.shipped(targets.PHOTOGRAPHS)
     chosen = seeds_of(seeds)
     conduct(
+        semantic.NAME,
         out,
-        lambda notify: semantic.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
-        unfinished=keep,
+        lambda keep, notify: semantic.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
     )
 
 
@@ -298,13 +308,13 @@ def drawings(
     from frida_painter.cli.conduct import conduct
     from frida_painter.experiments import goal_paintings, sketch, targets
 
-    scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / sketch.NAME / "unfinished"
+    scale = goal_paintings.QUICK if quick else goal_paintings.FULL
     pictures = targets.given(target) if target else targets.shipped(targets.DRAWINGS)
     chosen = seeds_of(seeds)
     conduct(
+        sketch.NAME,
         out,
-        lambda notify: sketch.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
-        unfinished=keep,
+        lambda keep, notify: sketch.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
     )
 
 
@@ -326,18 +336,18 @@ def compositions(
     from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
     from frida_painter.session.opening import planning_device
 
-    scale, keep = goal_paintings.QUICK if quick else goal_paintings.FULL, out / composition.NAME / "unfinished"
+    scale = goal_paintings.QUICK if quick else goal_paintings.FULL
     wanted, chosen = targets.given(image) if image else targets.shipped(targets.STYLES), seeds_of(seeds)
     judge, prompts = EfficientNetLite(weights.tensors("efficientnet-lite2")), composition.SAID[: 1 if quick else None]
     encoders = text.Unjudged(device=planning_device())
 
-    def experiment(notify: Notify) -> Outcome:
+    def experiment(keep: Path, notify: Notify) -> Outcome:
         return composition.run(
             wanted, encoders=encoders, judge=judge, prompts=prompts, brush=brush, seeds=chosen, scale=scale,
             keep=keep, notify=notify,
         )  # fmt: skip
 
-    conduct(out, experiment, unfinished=keep)
+    conduct(composition.NAME, out, experiment)
 
 
 def seeds_of(text: str) -> tuple[int, ...]:

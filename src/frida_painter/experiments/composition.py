@@ -13,17 +13,18 @@ from pathlib import Path
 import numpy as np
 from torch import Tensor
 
-from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
+from frida_painter.experiments.goal_paintings import FULL, Bench
 from frida_painter.experiments.measures import edge_correlation
-from frida_painter.experiments.outcome import Notify, Outcome, Row, Table, silent, within
-from frida_painter.experiments.result_cache import Finding
+from frida_painter.experiments.outcome import Notify, Outcome, ResultTable, Row, each, silent
+from frida_painter.experiments.result_cache import Measurement
+from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.experiments.text import PROMPTS, Prompt, log_probabilities, rank_of
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, StyleTerm, TextTerm
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 
 NAME = "composition"
 STYLE, WORDS, BEGUN = "style alone", "words and style", "words and style, begun with the style"
@@ -41,7 +42,7 @@ def run(
     brush: str = "broad",
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0,),
-    scale: Scale = FULL,
+    scale: PlanningScale = FULL,
     keep: Path | None = None,
     notify: Notify = silent,
 ) -> Outcome:
@@ -58,9 +59,8 @@ def run(
         for style in styles
         for prompt, way in [(None, STYLE), *((prompt, way) for prompt in prompts for way in (WORDS, BEGUN))]
     ]
-    found: dict[tuple[str, str, int, str], Finding] = {}
-    for number, (style, prompt, seed, way) in enumerate(tasks):
-        telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
+    found: dict[tuple[str, str, int, str], Measurement] = {}
+    for (style, prompt, seed, way), telling in each(tasks, notify):
         words = "" if prompt is None else prompt.words
         finding = bench.recall(
             f"{style.name}-{words.replace(' ', '-') or 'alone'}-{WAYS.index(way)}-{seed}",
@@ -84,12 +84,11 @@ def run(
         "Words in a style, with and without the style's composition",
         {
             "prompts": tuple(by_words), "styles": tuple(style.name for style in styles), "seeds": tuple(seeds),
-            "brush": brush, "canvas": str(canvas), "strokes": scale.strokes, "colors": scale.colors,
-            "rows": scale.rows, "effort": scale.effort,
-            "robot": "off by about 2 mm and 0.4 degrees as drawn from the seed",
+            "brush": brush, "canvas": str(canvas), **scale.settings(),
+            "robot": ROBOT_ERROR,
         },
-        (Table("The photographed paintings, over prompts, styles and seeds", tuple(summary)),
-         Table("All paintings", tuple(every))),
+        (ResultTable("The photographed paintings, over prompts, styles and seeds", tuple(summary)),
+         ResultTable("All paintings", tuple(every))),
         (_note(summary, every),),
         {NAME: _sheet(styles, prompts, found, seeds[0])},
     )  # fmt: skip
@@ -97,7 +96,7 @@ def run(
 
 def _measure(
     bench: Bench, judge: EfficientNetLite, style: Target, words: str, seed: int, way: str, notify: Notify
-) -> Finding:
+) -> Measurement:
     """How far the style's composition is kept, and the judge's log probability of every class."""
     wanted = StyleTerm(style.picture)
     goals = {
@@ -110,10 +109,10 @@ def _measure(
     picture = painted.photograph
     logs = log_probabilities(judge, picture).tolist()
     numbers = {EDGES: edge_correlation(picture, style.picture), SECONDS: painted.seconds}
-    return Finding({**numbers, **{str(at): value for at, value in enumerate(logs)}}, {"painting": picture})
+    return Measurement({**numbers, **{str(at): value for at, value in enumerate(logs)}}, {"painting": picture})
 
 
-def _figures(finding: Finding, prompt: Prompt) -> dict[str, float]:
+def _figures(finding: Measurement, prompt: Prompt) -> dict[str, float]:
     """What a painting shows of a prompt."""
     logs = Tensor([value for name, value in finding.numbers.items() if name.isdigit()])
     probability = float(logs[list(prompt.classes)].logsumexp(0)) / float(np.log(10))
@@ -150,7 +149,7 @@ def _note(summary: Sequence[Row], every: Sequence[Row]) -> str:
 def _sheet(
     styles: Sequence[Target],
     prompts: Sequence[Prompt],
-    found: Mapping[tuple[str, str, int, str], Finding],
+    found: Mapping[tuple[str, str, int, str], Measurement],
     seed: int,
 ) -> Tensor:
     lines = []
@@ -161,5 +160,5 @@ def _sheet(
                 finding = found[style.name, prompt.words, seed, way]
                 figures = _figures(finding, prompt)
                 cells.append(Cell(finding.pictures["painting"], f"edges {figures[EDGES]:.2f}, rank {figures[RANK]}"))
-            lines.append(Line("", cells))
+            lines.append(FigureRow("", cells))
     return page("", ("style", *WAYS), lines, width=230)

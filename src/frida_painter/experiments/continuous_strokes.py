@@ -16,13 +16,14 @@ from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.resample import resample
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import EXACT, execute, open_easel
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent
 from frida_painter.experiments.rivals import DEFAULT, learn_model
+from frida_painter.experiments.scale import ExperimentScale
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.render import render
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.strokes import StrokeLimits, Strokes
 
 NAME = "continuous-strokes"
@@ -31,17 +32,9 @@ _INK = 0.04
 _ACROSS = 3  # strokes beside one another on a paper
 
 
-@dataclass(frozen=True)
-class Scale:
-    """steps: strokes in each sweep; rows: pixels of a painted stroke's picture; quick: hardly train."""
-
-    steps: int
-    rows: int
-    quick: bool
-
-
-FULL = Scale(steps=9, rows=240, quick=False)
-QUICK = Scale(steps=3, rows=60, quick=True)
+# Strokes in each sweep.
+FULL = ExperimentScale(strokes=9)
+QUICK = ExperimentScale(strokes=3, quick=True)
 
 
 @dataclass(frozen=True)
@@ -58,7 +51,7 @@ class _Sweep:
     pixel: float
 
 
-def run(*, brush: str = "broad", seed: int = 0, scale: Scale = FULL, notify: Notify = silent) -> Outcome:
+def run(*, brush: str = "broad", seed: int = 0, scale: ExperimentScale = FULL, notify: Notify = silent) -> Outcome:
     """Sweeps the strokes of a brush that ships with the project, and has the virtual robot paint them.
 
     Raises ConfigError where there is no such brush.
@@ -67,7 +60,7 @@ def run(*, brush: str = "broad", seed: int = 0, scale: Scale = FULL, notify: Not
 
     def painted(parameter: str) -> _Sweep:
         notify(Progress(PARAMETERS.index(parameter) / len(PARAMETERS), f"painting all values of {parameter}"))
-        asked = sweep(parameter, kind.limits, scale.steps)
+        asked = sweep(parameter, kind.limits, scale.strokes)
         paper = _Paper(kind, scale)
         plan = paper.plan(asked)
         easel = open_easel(plan.canvas, brush, seed + PARAMETERS.index(parameter), error=EXACT)
@@ -79,11 +72,13 @@ def run(*, brush: str = "broad", seed: int = 0, scale: Scale = FULL, notify: Not
         return _Sweep(asked, _magnitude(modelled), asked, _magnitude(real), across * down)
 
     title = f"Strokes of the {brush} brush, from one extreme to the other"
-    return _outcome(title, "robot", {"brush": brush, "seed": seed, "steps": scale.steps, "rows": scale.rows}, painted)
+    return _outcome(
+        title, "robot", {"brush": brush, "seed": seed, "steps": scale.strokes, "rows": _rows(scale)}, painted
+    )
 
 
 def run_on_library(
-    library: StrokeLibrary, name: str, *, seed: int = 0, scale: Scale = FULL, notify: Notify = silent
+    library: StrokeLibrary, name: str, *, seed: int = 0, scale: ExperimentScale = FULL, notify: Notify = silent
 ) -> Outcome:
     """Learns from a library called `name`, sweeps between its extremes, and shows the nearest strokes in it.
 
@@ -95,29 +90,29 @@ def run_on_library(
 
     @torch.no_grad()
     def nearest(parameter: str) -> _Sweep:
-        asked = sweep(parameter, model.limits, scale.steps)
+        asked = sweep(parameter, model.limits, scale.strokes)
         found, maps = _nearest(asked, library)
         modelled = resample(model(asked.thickness, asked.length, asked.bend), model.frame, library.frame)
         return _Sweep(asked, modelled, found, maps, library.metres_per_pixel**2)
 
     title = f"Strokes of {name}, from one extreme to the other"
-    return _outcome(title, "nearest\nreal", {"library": name, "seed": seed, "steps": scale.steps}, nearest)
+    return _outcome(title, "nearest\nreal", {"library": name, "seed": seed, "steps": scale.strokes}, nearest)
 
 
 def _outcome(title: str, below: str, settings: dict[str, str | int], find: Callable[[str], _Sweep]) -> Outcome:
-    lines: list[Line] = []
+    lines: list[FigureRow] = []
     rows: list[Row] = []
     for parameter in PARAMETERS:
         found = find(parameter)
-        lines.append(Line(f"{parameter}\nmodel", _cells(found.modelled, parameter, found.asked)))
-        lines.append(Line(below, _cells(found.real, parameter, found.found)))
+        lines.append(FigureRow(f"{parameter}\nmodel", _cells(found.modelled, parameter, found.asked)))
+        lines.append(FigureRow(below, _cells(found.real, parameter, found.found)))
         rows += [_row(parameter, found, index) for index in range(len(found.asked))]
     apart = [float(row["mean abs. difference"] or 0) for row in rows]
     note = (
         f"Over {len(rows)} strokes the upper and the lower ones differ by {sum(apart) / len(apart):.4f} in the mean "
         f"over the whole map, and by {max(apart):.4f} in the worst pair."
     )
-    table = Table(f"Swept strokes: the model, and below it: {below.replace(chr(10), ' ')}", tuple(rows))
+    table = ResultTable(f"Swept strokes: the model, and below it: {below.replace(chr(10), ' ')}", tuple(rows))
     return Outcome(NAME, title, settings, (table,), (note,), {NAME: page(title, (), lines, width=150)})
 
 
@@ -160,16 +155,21 @@ def sweep(parameter: str, limits: StrokeLimits, steps: int) -> Strokes:
     )  # fmt: skip
 
 
+def _rows(scale: ExperimentScale) -> int:
+    """Height of a painted stroke's picture, pixels."""
+    return 60 if scale.quick else 240
+
+
 class _Paper:
     """A paper with a place for every stroke of a sweep, and where the places are in its photograph."""
 
-    def __init__(self, kind: BrushKind, scale: Scale) -> None:
+    def __init__(self, kind: BrushKind, scale: ExperimentScale) -> None:
         self.kind = kind
         frame = kind.frame
         # Two rows at least: no stroke may be longer than nine tenths of the paper's shorter side.
-        self.down = max(2, -(-scale.steps // _ACROSS))
+        self.down = max(2, -(-scale.strokes // _ACROSS))
         size = CanvasSize(_ACROSS * (frame.right - frame.left), self.down * (frame.top - frame.bottom))
-        self.grid = PixelGrid.of_height(size, self.down * scale.rows)
+        self.grid = PixelGrid.of_height(size, self.down * _rows(scale))
 
     def plan(self, shapes: Strokes) -> Plan:
         """The strokes, each in the middle of its own place."""

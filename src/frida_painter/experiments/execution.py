@@ -1,16 +1,21 @@
-"""A plan painted as it is by the virtual robot, from the first stroke to the last, without looking in between."""
+"""What experiments have the virtual robot paint: a plan as it is, without looking in between, or a stroke library."""
 
 from collections.abc import Callable
 
 from torch import Tensor
 
 from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.library import StrokeLibrary
+from frida_painter.experiments.outcome import Notify, Progress
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
 from frida_painter.plan import Plan
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import StrokePainted
+from frida_painter.session.opening import open_virtual_easel
+from frida_painter.session.procedures.dialogue import lead
+from frida_painter.session.procedures.strokes import StrokesProgress, strokes
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter.virtual.table import PlacementError
 
@@ -42,3 +47,13 @@ def execute(plan: Plan, easel: Easel, rows: int, notify: Callable[[int], None] =
             notify(action.done.done)
     brushwork.step_aside()
     return eye.look(brushwork.last_motion, rows)
+
+
+def virtual_library(brush: str, count: int, seed: int, notify: Notify) -> StrokeLibrary:
+    """`count` strokes of a brush that ships with the project. Raises ConfigError where there is no such brush."""
+
+    def hear(progress: StrokesProgress) -> None:
+        notify(Progress(progress.done / progress.of, "painting a stroke library"))
+
+    painting = strokes(open_virtual_easel(brush, seed), brush_kind(brush), count=count, seed=seed, notify=hear)
+    return lead(painting, lambda question: question.proposal or False).library

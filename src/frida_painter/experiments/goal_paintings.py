@@ -13,7 +13,8 @@ from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import execute, open_easel
 from frida_painter.experiments.outcome import Notify, Progress
-from frida_painter.experiments.result_cache import Finding, ResultCache
+from frida_painter.experiments.result_cache import Measurement, ResultCache
+from frida_painter.experiments.scale import PlanningScale
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.registry import EncoderRegistry
@@ -21,23 +22,12 @@ from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.opening import planning_device
 
-CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
 _PLANNING = 0.9  # share of the time that a painting takes
 _PHOTOGRAPH_ROWS = 512
 
 
-@dataclass(frozen=True)
-class Scale:
-    """strokes and paints of every plan, rows in which is planned, and how long is planned."""
-
-    strokes: int
-    colors: int
-    rows: int
-    effort: float
-
-
-FULL = Scale(strokes=100, colors=12, rows=256, effort=0.3)
-QUICK = Scale(strokes=6, colors=3, rows=48, effort=0.03)
+FULL = PlanningScale(strokes=100, colors=12, rows=256, effort=0.3)
+QUICK = PlanningScale(strokes=6, colors=3, rows=48, effort=0.03, quick=True)
 
 
 @dataclass(frozen=True)
@@ -58,11 +48,11 @@ class Bench:
 
     brush: str
     canvas: CanvasSize
-    scale: Scale
+    scale: PlanningScale
     encoders: EncoderRegistry
     keep: Path | None
 
-    def recall(self, name: str, measure: Callable[[], Finding], /, **depends: object) -> Finding:
+    def recall(self, name: str, measure: Callable[[], Measurement], /, **depends: object) -> Measurement:
         """A painting's figures and pictures; painted and measured where it is not kept with all it depends on."""
         shared = {"brush": self.brush, "canvas": str(self.canvas), "scale": repr(self.scale)}
         return ResultCache(self.keep, {**shared, **depends}).recall(name, measure)

@@ -1,9 +1,10 @@
 """What an experiment gives: tables of plain values, sentences that say what they show, and pictures."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 from torch import Tensor
 
@@ -11,6 +12,7 @@ from frida_painter import images, storage
 
 Value = str | int | float | bool | None
 Row = Mapping[str, Value]
+Task = TypeVar("Task")
 
 
 @dataclass(frozen=True)
@@ -33,8 +35,14 @@ def within(notify: Notify, first: float, last: float) -> Notify:
     return lambda progress: notify(Progress(first + (last - first) * progress.share, progress.doing))
 
 
+def each(tasks: Sequence[Task], notify: Notify) -> Iterator[tuple[Task, Notify]]:
+    """The tasks, which take equally long, each with whom to tell its own progress."""
+    for number, task in enumerate(tasks):
+        yield task, within(notify, number / len(tasks), (number + 1) / len(tasks))
+
+
 @dataclass(frozen=True)
-class Table:
+class ResultTable:
     """Rows with the same columns. `title` stands above it, `columns` are those of the first row."""
 
     title: str
@@ -68,7 +76,7 @@ class Outcome:
     name: str
     title: str
     settings: Mapping[str, Value | Sequence[Value]]
-    tables: tuple[Table, ...]
+    tables: tuple[ResultTable, ...]
     notes: tuple[str, ...] = ()
     pictures: Mapping[str, Tensor] = field(default_factory=dict)
 

@@ -6,7 +6,6 @@ first, and the learned ones again from fewer strokes of it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,24 +13,16 @@ import numpy as np
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.limits import FEWEST_STROKES
 from frida_painter.errors import LibraryError
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent
-from frida_painter.experiments.result_cache import Finding, ResultCache
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent
+from frida_painter.experiments.result_cache import Measurement, ResultCache
 from frida_painter.experiments.rivals import BEZIER, LEARNED, RIVALS, errors, fingerprint, learn
+from frida_painter.experiments.scale import LearningScale
 
 NAME = "real-strokes"
 
 
-@dataclass(frozen=True)
-class Scale:
-    """sizes: fewer strokes from which the learned models learn too; held_out: of every split, for the test."""
-
-    sizes: tuple[int, ...]
-    held_out: int
-    quick: bool
-
-
-FULL = Scale(sizes=(10, 25, 50, 100, 150), held_out=42, quick=False)
-QUICK = Scale(sizes=(6,), held_out=4, quick=True)
+FULL = LearningScale(strokes=200, held_out=42, sizes=(10, 25, 50, 100, 150))
+QUICK = LearningScale(strokes=16, held_out=4, sizes=(6,), quick=True)
 
 
 def run(
@@ -39,7 +30,7 @@ def run(
     name: str,
     *,
     seeds: Sequence[int] = (0, 1, 2, 3, 4),
-    scale: Scale = FULL,
+    scale: LearningScale = FULL,
     keep: Path | None = None,
     notify: Notify = silent,
 ) -> Outcome:
@@ -55,7 +46,7 @@ def run(
             f"give one of at least {scale.held_out + FEWEST_STROKES}."
         )
     sizes = tuple(size for size in scale.sizes if size < rest)
-    ledger = ResultCache(keep, {"library": fingerprint(library), "scale": repr(scale)})
+    cache = ResultCache(keep, {"library": fingerprint(library), "scale": repr(scale)})
     sized = [(model, size) for model in (*LEARNED, BEZIER) for size in sizes]
     tasks = [(model, size, seed) for model, size in (*((rival, rest) for rival in RIVALS), *sized) for seed in seeds]
     error: dict[tuple[str, int, int], float] = {}
@@ -66,11 +57,11 @@ def run(
 
         def measure(
             model: str = model, part: StrokeLibrary = part, test: StrokeLibrary = test, seed: int = seed
-        ) -> Finding:
+        ) -> Measurement:
             predict = learn(model, part, seed=seed, quick=scale.quick)
-            return Finding({"error": float(errors(predict, test).mean())}, {})
+            return Measurement({"error": float(errors(predict, test).mean())}, {})
 
-        finding = ledger.recall(f"{model.replace(' ', '-')}-{size}-{seed}", measure)
+        finding = cache.recall(f"{model.replace(' ', '-')}-{size}-{seed}", measure)
         error[model, size, seed] = finding.numbers["error"]
     notify(Progress(1.0, "done"))
 
@@ -86,9 +77,9 @@ def run(
 
     whole = tuple(row(rival, rest) for rival in RIVALS)
     best = min(whole, key=lambda one: float(one["error"] or 0))
-    tables = [Table(f"Mean absolute error, {len(seeds)} splits of {rest} + {scale.held_out} strokes", whole)]
+    tables = [ResultTable(f"Mean absolute error, {len(seeds)} splits of {rest} + {scale.held_out} strokes", whole)]
     if sizes:
-        tables.append(Table("The same from fewer strokes", tuple(row(model, size) for model, size in sized)))
+        tables.append(ResultTable("The same from fewer strokes", tuple(row(model, size) for model, size in sized)))
     return Outcome(
         NAME,
         f"Errors on strokes held out: {name}",

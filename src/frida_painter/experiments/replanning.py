@@ -17,7 +17,8 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import open_easel
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, each, silent
+from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm
@@ -26,7 +27,7 @@ from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.report.chart import Series, chart
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Looked, Planned, PlanningStep, StrokePainted
@@ -34,24 +35,12 @@ from frida_painter.session.loop import PaintingSession
 from frida_painter.session.replan_policy import ReplanPolicy
 
 NAME = "replanning"
-CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
 LOOKING, BLIND = "with replanning", "without looking"
 _PLANNING = 0.35  # share of the time that the first plan takes
 
 
-@dataclass(frozen=True)
-class Scale:
-    """strokes, paints, rows in which is planned and compared, looks at the canvas, and how long is planned."""
-
-    strokes: int
-    colors: int
-    rows: int
-    looks: int
-    effort: float
-
-
-FULL = Scale(strokes=150, colors=12, rows=256, looks=10, effort=1.0)
-QUICK = Scale(strokes=9, colors=3, rows=64, looks=3, effort=0.05)
+FULL = PlanningScale(strokes=150, colors=12, rows=256, effort=1.0, looks=10)
+QUICK = PlanningScale(strokes=9, colors=3, rows=64, effort=0.05, looks=3, quick=True)
 
 
 def run(
@@ -60,7 +49,7 @@ def run(
     brush: str = "broad",
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0, 1, 2),
-    scale: Scale = FULL,
+    scale: PlanningScale = FULL,
     notify: Notify = silent,
 ) -> Outcome:
     """Paints the target twice per seed, from the same first plan on the same easel.
@@ -71,11 +60,10 @@ def run(
     model = cached_table(load_stroke_model(brush))
     tasks = [(seed, way) for seed in seeds for way in (LOOKING, BLIND)]
     courses: dict[tuple[int, str], _Course] = {}
-    for number, (seed, way) in enumerate(tasks):
+    for (seed, way), telling in each(tasks, notify):
         goal = Goal((ImageTerm(target.picture),))
         kind = Planner if way == LOOKING else _Blind
         planner = kind(goal, size, model, rows=scale.rows, effort=Effort().scaled(scale.effort), seed=seed)
-        telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
         courses[seed, way] = _paint(planner, seed, scale, f"seed {seed}, {way}", telling)
     rows: list[Row] = [
         {"seed": seed, "painted": way, "strokes": point.done, "deviation": point.deviation, "error": point.error}
@@ -97,10 +85,9 @@ def run(
         f"{target.name.capitalize()}, painted with and without looking",
         {
             "target": target.name, "seeds": tuple(seeds), "brush": brush, "canvas": str(size),
-            "strokes": scale.strokes, "colors": scale.colors, "rows": scale.rows, "looks": scale.looks,
-            "effort": scale.effort, "robot": "off by about 2 mm and 0.4 degrees as drawn from the seed",
+            **scale.settings(), "looks": scale.looks, "robot": ROBOT_ERROR,
         },
-        (Table("At the end, mean over the seeds", tuple(summary)), Table("After every look", tuple(rows))),
+        (ResultTable("At the end, mean over the seeds", tuple(summary)), ResultTable("After every look", tuple(rows))),
         (_note(ends, seeds),),
         {
             "deviation": _curve("Deviation from the first plan", "deviation", courses, seeds),
@@ -140,7 +127,7 @@ class _Blind(Planner):
         return known
 
 
-def _paint(planner: Planner, seed: int, scale: Scale, words: str, notify: Notify) -> _Course:
+def _paint(planner: Planner, seed: int, scale: PlanningScale, words: str, notify: Notify) -> _Course:
     easel = open_easel(planner.size, planner.model.brush, seed)
     expected: dict[int, Tensor] = {}
     fit = planner.fine
@@ -207,7 +194,7 @@ def _sheet(target: Target, courses: dict[tuple[int, str], _Course], seed: int, p
         Cell(looking.painting, f"error {looking.points[-1].error:.4f}"),
     ]
     headings = ("target", "first plan", f"painted {BLIND}", f"painted {LOOKING}")
-    return page("", headings, [Line("", cells)], width=340)
+    return page("", headings, [FigureRow("", cells)], width=340)
 
 
 def _mean(values: Iterable[float]) -> float:

@@ -13,7 +13,7 @@ from frida_painter.errors import ImageError, StorageError
 
 
 @dataclass(frozen=True)
-class Finding:
+class Measurement:
     """What one part of an experiment measured: numbers by name, and pictures [3, H, W] by name."""
 
     numbers: Mapping[str, float]
@@ -30,7 +30,7 @@ class ResultCache:
         self._folder = folder
         self._depends_on = hashlib.sha256(json.dumps(depends_on, sort_keys=True).encode()).hexdigest()
 
-    def recall(self, name: str, measure: Callable[[], Finding]) -> Finding:
+    def recall(self, name: str, measure: Callable[[], Measurement]) -> Measurement:
         """The finding of that name; measured, and kept, where it is not there. Pictures come back in 8 bits."""
         if self._folder is None:
             return measure()
@@ -46,7 +46,7 @@ class ResultCache:
         )
         return finding
 
-    def _read(self, folder: Path, name: str) -> Finding | None:
+    def _read(self, folder: Path, name: str) -> Measurement | None:
         try:
             record = storage.read_json(folder / f"{name}.json", "a finding of an experiment")
             if record["of"] != self._depends_on:
@@ -54,4 +54,4 @@ class ResultCache:
             pictures = {part: images.load(folder / f"{name}-{part}.png") for part in record["pictures"]}
         except (StorageError, ImageError, KeyError):
             return None
-        return Finding(record["numbers"], pictures)
+        return Measurement(record["numbers"], pictures)

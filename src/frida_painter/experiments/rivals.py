@@ -1,15 +1,18 @@
 """The models of a stroke that are compared with one another, each learned from a stroke library.
 
 `learn` gives a function from the shapes of a library's strokes to what their marks should look
-like, on the cells on which the library stores them; `errors` holds that against what they are.
+like, on the cells on which the library stores them; `errors` holds that against what they are, and
+`PairedTest` says whether one is really better than another.
 """
 
 import hashlib
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy import stats
 from torch import Tensor
 
 from frida_painter.brush import learn as training
@@ -74,3 +77,31 @@ def errors(predict: Predict, library: StrokeLibrary) -> NDArray[np.float64]:
     """Mean absolute error of each stroke's magnitude over the whole crop as stored, [n]."""
     wanted = torch.from_numpy(library.magnitude).float() / 255
     return (predict(library) - wanted).abs().mean((1, 2)).double().numpy()
+
+
+@dataclass(frozen=True)
+class PairedTest:
+    """What two tests say of paired errors.
+
+    difference: mean of first minus second; better: for how many pairs the first is smaller; t_p:
+    two-sided p of the paired t-test; wilcoxon_p: of Wilcoxon's signed-rank test, which asks for no
+    normal distribution. Both are 1 where all pairs are equal.
+    """
+
+    difference: float
+    better: int
+    t_p: float
+    wilcoxon_p: float
+
+    @classmethod
+    def of(cls, first: NDArray[np.float64], second: NDArray[np.float64]) -> "PairedTest":
+        """The tests of two rows of errors [n] on the same n >= 2 things."""
+        apart = first - second
+        if not apart.any():
+            return cls(0.0, 0, 1.0, 1.0)
+        return cls(
+            float(apart.mean()),
+            int((apart < 0).sum()),
+            float(stats.ttest_rel(first, second).pvalue),
+            float(stats.wilcoxon(first, second).pvalue),
+        )

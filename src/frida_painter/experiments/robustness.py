@@ -7,7 +7,7 @@ model or a calibration that is wrong without anybody being told.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
@@ -20,10 +20,11 @@ from frida_painter.brush.judge import clean, judge
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.errors import FridaError
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
+from frida_painter.experiments.execution import virtual_library
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent, within
 from frida_painter.experiments.rivals import DEFAULT, errors, learn
 from frida_painter.experiments.robustness_sheet import Case, robustness_sheet
-from frida_painter.experiments.virtual_library import virtual_library
+from frida_painter.experiments.scale import LearningScale
 from frida_painter.frames import CanvasSize
 from frida_painter.session.contact_sheet import contact_sheet
 from frida_painter.session.opening import PAPER
@@ -46,20 +47,11 @@ _MODEL_ERROR, _PLACEMENT, _COLORS = "error of the stroke model", "placement, mm"
 _TOLERATED = {_MODEL_ERROR: 1.10, _PLACEMENT: 1.5, _COLORS: 1.25}
 
 
-@dataclass(frozen=True)
-class Scale:
-    """strokes: of each library; held_out: of the clean one that models are tested on; quick: hardly trained."""
-
-    strokes: int
-    held_out: int
-    quick: bool
+FULL = LearningScale(strokes=100, held_out=40)
+QUICK = LearningScale(strokes=12, held_out=6, quick=True)
 
 
-FULL = Scale(strokes=100, held_out=40, quick=False)
-QUICK = Scale(strokes=12, held_out=6, quick=True)
-
-
-def run(*, brush: str = "broad", seed: int = 0, scale: Scale = FULL, notify: Notify = silent) -> Outcome:
+def run(*, brush: str = "broad", seed: int = 0, scale: LearningScale = FULL, notify: Notify = silent) -> Outcome:
     """Runs all cases with a brush of the project. Raises ConfigError where there is no such brush."""
     libraries = _Libraries(brush, seed, scale)
     undisturbed = libraries.prepare(within(notify, 0.0, 0.2))
@@ -83,7 +75,7 @@ def run(*, brush: str = "broad", seed: int = 0, scale: Scale = FULL, notify: Not
         NAME,
         "Reality is dirtier: what goes wrong, and what becomes of it",
         {"brush": brush, "seed": seed, "strokes": scale.strokes, "held_out": scale.held_out, "model": DEFAULT},
-        (Table("What went wrong, and what became of it", tuple(_row(case) for case in cases)),),
+        (ResultTable("What went wrong, and what became of it", tuple(_row(case) for case in cases)),),
         (
             f"Of {len(cases)} cases {_count(cases, SURVIVED)} are survived, {_count(cases, DETECTED)} detected and "
             f"{_count(cases, REFUSED)} refused; "
@@ -116,7 +108,7 @@ def _count(cases: list[Case], outcome: str) -> int:
 class _Libraries:
     """Stroke libraries that are painted while something goes wrong, and models that learn from them."""
 
-    def __init__(self, brush: str, seed: int, scale: Scale) -> None:
+    def __init__(self, brush: str, seed: int, scale: LearningScale) -> None:
         self.kind = brush_kind(brush)
         self.seed, self.scale = seed, scale
 

@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from textwrap import wrap
 
-import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image
 from torch import Tensor
 
-from frida_painter import images
-from frida_painter.report.figure_sheet import INK, LINE, PAPER, SOFT, font
+from frida_painter.sheet import INK, LINE, PAPER, SOFT, Sheet, font
 
 _WIDTH, _MARGIN, _TOP = 1500, 44, 128
 _ROW, _TEXT_WIDTH = 120, 108
@@ -44,59 +42,58 @@ class Case:
 
 def robustness_sheet(title: str, cases: Sequence[Case]) -> Tensor:
     """All cases below one another, sRGB [3, H, 1500] in [0, 1]; bars of one kind of figure have one scale."""
-    sheet = Image.new("RGB", (_WIDTH, _TOP + _ROW * len(cases) + _MARGIN // 2), PAPER)
-    draw = ImageDraw.Draw(sheet)
-    draw.text((_MARGIN, 34), title, fill=INK, font=font(32))
-    _legend(draw)
+    sheet = Sheet(_WIDTH, _TOP + _ROW * len(cases) + _MARGIN // 2)
+    sheet.text((_MARGIN, 34), title, 32, INK)
+    _legend(sheet)
     for row, case in enumerate(cases):
         top = _TOP + row * _ROW
-        draw.line((_MARGIN, top - 14, _WIDTH - _MARGIN, top - 14), fill=LINE, width=1)
-        _words(sheet, draw, case, top)
+        sheet.draw.line((_MARGIN, top - 14, _WIDTH - _MARGIN, top - 14), fill=LINE, width=1)
+        _words(sheet, case, top)
         alike = [value for other in cases if other.figure == case.figure for value in _values(other) if value]
-        _bars(draw, case, top, max(alike, default=1.0))
-    return images.from_uint8(np.asarray(sheet))
+        _bars(sheet, case, top, max(alike, default=1.0))
+    return sheet.tensor()
 
 
 def _values(case: Case) -> tuple[float | None, ...]:
     return case.undisturbed, case.disturbed, case.untold
 
 
-def _legend(draw: ImageDraw.ImageDraw) -> None:
+def _legend(sheet: Sheet) -> None:
     x = _LEFT
     for name, color in zip(_NAMES, _BARS, strict=True):
-        draw.rectangle((x, 92, x + 14, 104), fill=color)
-        draw.text((x + 22, 98), name, fill=SOFT, font=font(15), anchor="lm")
+        sheet.draw.rectangle((x, 92, x + 14, 104), fill=color)
+        sheet.text((x + 22, 98), name, 15, SOFT, "lm")
         x += 44 + round(font(15).getlength(name))
 
 
 def _chip(color: _Color) -> Image.Image:
     """A rounded field for a word, drawn larger and then made smaller, which smooths its corners."""
-    large = Image.new("RGB", (4 * _CHIP, 4 * _CHIP_HEIGHT), PAPER)
-    ImageDraw.Draw(large).rounded_rectangle((0, 0, *large.size), 2 * _CHIP_HEIGHT, fill=color)
-    return large.resize((_CHIP, _CHIP_HEIGHT), Image.Resampling.LANCZOS)
+    large = Sheet(4 * _CHIP, 4 * _CHIP_HEIGHT)
+    large.draw.rounded_rectangle((0, 0, *large.image.size), 2 * _CHIP_HEIGHT, fill=color)
+    return large.image.resize((_CHIP, _CHIP_HEIGHT), Image.Resampling.LANCZOS)
 
 
-def _words(sheet: Image.Image, draw: ImageDraw.ImageDraw, case: Case, top: int) -> None:
+def _words(sheet: Sheet, case: Case, top: int) -> None:
     color: _Color = _COLORS[case.outcome] if case.harmless else _WRONG
     sheet.paste(_chip(color), (_MARGIN, top))
     word = case.outcome if case.harmless else "wrong"
-    draw.text((_MARGIN + _CHIP / 2, top + 14), word, fill=PAPER, font=font(16), anchor="mm")
-    draw.text((_MARGIN + _CHIP + 18, top + 14), case.what, fill=INK, font=font(19), anchor="lm")
+    sheet.text((_MARGIN + _CHIP / 2, top + 14), word, 16, PAPER, "mm")
+    sheet.text((_MARGIN + _CHIP + 18, top + 14), case.what, 19, INK, "lm")
     lines = wrap(case.said, _TEXT_WIDTH)
     if len(lines) > 3:
         lines = [*lines[:2], lines[2][: _TEXT_WIDTH - 2] + " …"]
-    draw.multiline_text((_MARGIN, top + 40), "\n".join(lines), fill=SOFT, font=font(15), spacing=5)
+    sheet.draw.multiline_text((_MARGIN, top + 40), "\n".join(lines), fill=SOFT, font=font(15), spacing=5)
 
 
-def _bars(draw: ImageDraw.ImageDraw, case: Case, top: int, longest: float) -> None:
-    draw.text((_LEFT, top + 8), case.figure, fill=SOFT, font=font(15), anchor="lm")
+def _bars(sheet: Sheet, case: Case, top: int, longest: float) -> None:
+    sheet.text((_LEFT, top + 8), case.figure, 15, SOFT, "lm")
     y = top + 24
     for value, color in zip(_values(case), _BARS, strict=True):
         if value is None:
             continue
         length = max(2, round(_LONGEST * value / longest))
-        draw.rectangle((_LEFT, y, _LEFT + length, y + 16), fill=color)
-        draw.text((_LEFT + length + 10, y + 8), f"{value:.3g}", fill=INK, font=font(15), anchor="lm")
+        sheet.draw.rectangle((_LEFT, y, _LEFT + length, y + 16), fill=color)
+        sheet.text((_LEFT + length + 10, y + 8), f"{value:.3g}", 15, INK, "lm")
         y += 22
     if case.disturbed is None:
-        draw.text((_LEFT, y + 8), "refused: there is no model to be wrong", fill=SOFT, font=font(15), anchor="lm")
+        sheet.text((_LEFT, y + 8), "refused: there is no model to be wrong", 15, SOFT, "lm")

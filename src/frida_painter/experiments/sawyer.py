@@ -24,7 +24,8 @@ from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import EXACT, execute
 from frida_painter.experiments.measures import psnr
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent, within
+from frida_painter.experiments.scale import CANVAS, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal, ImageTerm
@@ -32,7 +33,7 @@ from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Effort, Planner
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.virtual.arm import Course
 from frida_painter.virtual.studio import FREE, KINEMATIC_SAWYER, SAWYER, StudioSettings, open_studio
 from frida_painter.virtual.table import HandNoise
@@ -49,19 +50,9 @@ _AMPLIFIED = 2
 _MM = 1000.0
 
 
-@dataclass(frozen=True)
-class Scale:
-    """strokes and paints of the plan, rows in which is planned, how long is planned, and the canvas."""
-
-    strokes: int
-    colors: int
-    rows: int
-    effort: float
-    canvas: CanvasSize
-
-
-FULL = Scale(strokes=200, colors=12, rows=256, effort=1.0, canvas=CanvasSize(14 * 0.0254, 11 * 0.0254))
-QUICK = Scale(strokes=2, colors=1, rows=64, effort=0.05, canvas=CanvasSize(0.12, 0.09))
+FULL = PlanningScale(strokes=200, colors=12, rows=256, effort=1.0)
+QUICK = PlanningScale(strokes=2, colors=1, rows=64, effort=0.05, quick=True)
+_SMALL = CanvasSize(0.12, 0.09)  # of the quick one
 
 
 @dataclass(frozen=True)
@@ -123,10 +114,10 @@ class Tracking:
 
 
 def run(
-    target: Target, *, brush: str = "broad", seed: int = 0, scale: Scale = FULL, notify: Notify = silent
+    target: Target, *, brush: str = "broad", seed: int = 0, scale: PlanningScale = FULL, notify: Notify = silent
 ) -> Outcome:
     """Plans the target once, and paints it by every arm. Raises RobotError where MuJoCo is not installed."""
-    canvas = scale.canvas.turned_like(*target.picture.shape[1:])
+    canvas = (_SMALL if scale.quick else CANVAS).turned_like(*target.picture.shape[1:])
     plan = _planned(target, canvas, brush, seed, scale, within(notify, 0.0, _PLANNING))
     notify(Progress(_PLANNING, f"painting: {DYNAMIC}"))
     sawyer, tracking = _painted(plan, StudioSettings(arm=SAWYER), seed, seed)
@@ -148,13 +139,12 @@ def run(
         NAME,
         "The simulated Sawyer beside the same plan executed kinematically",
         {
-            "target": target.name, "seed": seed, "brush": brush, "canvas": str(canvas), "strokes": scale.strokes,
-            "colors": scale.colors, "rows": scale.rows, "effort": scale.effort,
+            "target": target.name, "seed": seed, "brush": brush, "canvas": str(canvas), **scale.settings(),
         },
         (
-            Table("Tracking error of the Sawyer's tip while it paints, mm", (errors,)),
-            Table("How far two executions of the plan are apart", tuple(apart)),
-            Table("How long they took", tuple(_took(name, execution) for name, execution in found.items())),
+            ResultTable("Tracking error of the Sawyer's tip while it paints, mm", (errors,)),
+            ResultTable("How far two executions of the plan are apart", tuple(apart)),
+            ResultTable("How long they took", tuple(_took(name, execution) for name, execution in found.items())),
         ),
         _notes(errors, apart, found[DYNAMIC]),
         {NAME: _sheet(found, apart)},
@@ -177,7 +167,7 @@ def _lightness(picture: Tensor) -> NDArray[np.float32]:
     return np.ascontiguousarray(to_lab(picture.permute(1, 2, 0))[..., 0].numpy(), np.float32)
 
 
-def _planned(target: Target, canvas: CanvasSize, brush: str, seed: int, scale: Scale, notify: Notify) -> Plan:
+def _planned(target: Target, canvas: CanvasSize, brush: str, seed: int, scale: PlanningScale, notify: Notify) -> Plan:
     grid = PixelGrid.of_height(canvas, scale.rows)
     wanted = images.fit(target.picture, grid.rows, grid.columns)
     planner = Planner(
@@ -254,5 +244,5 @@ def _sheet(found: Mapping[str, Execution], apart: Sequence[Row]) -> Tensor:
         painted.append(Cell(found[one].canvas, one))
         far = (found[one].canvas - found[other].canvas).abs().mean(0, keepdim=True).expand(3, -1, -1)
         strange.append(Cell((1 - _AMPLIFIED * far).clamp(min=0), f"MSE {row['MSE']:.2g} to {other}"))
-    lines = [Line("painted", painted), Line(f"difference,\n{_AMPLIFIED} times", strange)]
+    lines = [FigureRow("painted", painted), FigureRow(f"difference,\n{_AMPLIFIED} times", strange)]
     return page("One plan, painted by different arms", (), lines, width=280)

@@ -13,17 +13,18 @@ import numpy as np
 from torch import Tensor
 
 from frida_painter import images, weights
-from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
+from frida_painter.experiments.goal_paintings import FULL, Bench
 from frida_painter.experiments.measures import edge_score, feature_distance, perceptual_distance, psnr
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
-from frida_painter.experiments.result_cache import Finding
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, each, silent
+from frida_painter.experiments.result_cache import Measurement
+from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, SemanticTerm
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.session.opening import planning_device
 
 NAME = "semantic"
@@ -41,7 +42,7 @@ def run(
     brush: str = "broad",
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0, 1),
-    scale: Scale = FULL,
+    scale: PlanningScale = FULL,
     encoders: EncoderRegistry | None = None,
     judge: Seer | None = None,
     keep: Path | None = None,
@@ -56,9 +57,8 @@ def run(
     bench = Bench(brush, canvas, scale, encoders or EncoderRegistry(device=planning_device()), keep)
     judge = judge or EfficientNetLite(weights.tensors(JUDGE))
     tasks = [(photo, seed, way) for seed in seeds for photo in photographs for way in WAYS]
-    found: dict[_Key, Finding] = {}
-    for number, (photo, seed, way) in enumerate(tasks):
-        telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
+    found: dict[_Key, Measurement] = {}
+    for (photo, seed, way), telling in each(tasks, notify):
         found[photo.name, seed, way] = bench.recall(
             f"{photo.name}-{WAYS.index(way)}-{seed}",
             partial(_measure, bench, judge, photo, seed, way, telling),
@@ -76,24 +76,24 @@ def run(
         "Photographs painted by meaning and by pixels",
         {
             "photographs": tuple(names), "seeds": tuple(seeds), "brush": brush, "canvas": str(canvas),
-            "strokes": scale.strokes, "colors": scale.colors, "rows": scale.rows, "effort": scale.effort,
-            "judge": JUDGE, "robot": "off by about 2 mm and 0.4 degrees as drawn from the seed",
+            **scale.settings(),
+            "judge": JUDGE, "robot": ROBOT_ERROR,
         },
-        (Table("The photographed paintings, mean over photographs and seeds", tuple(_summary(found))),
-         Table("All paintings", tuple(every))),
+        (ResultTable("The photographed paintings, mean over photographs and seeds", tuple(_summary(found))),
+         ResultTable("All paintings", tuple(every))),
         tuple(_note(measure, found, names, seeds) for measure in _MORE_IS_BETTER),
         {NAME: _sheet(photographs, found, seeds[0])},
     )  # fmt: skip
 
 
-def _measure(bench: Bench, judge: Seer, photo: Target, seed: int, way: str, notify: Notify) -> Finding:
+def _measure(bench: Bench, judge: Seer, photo: Target, seed: int, way: str, notify: Notify) -> Measurement:
     """How near a painting of the photograph comes to it, and the pictures of its plan and of itself."""
     term = ImageTerm(photo.picture) if way == PIXELS else SemanticTerm(photo.picture)
     painted = bench.paint(Goal((term,)), photo.picture, seed, notify, f"{photo.name} {way}")
     notify(Progress(0.97, f"{photo.name} {way}: measuring"))
     picture = painted.photograph
     target = images.fit(photo.picture, *picture.shape[1:])
-    return Finding(
+    return Measurement(
         {
             FEATURES: feature_distance(judge, picture, target, _SIDE),
             PERCEPTUAL: perceptual_distance(bench.encoders.style(), picture, target),
@@ -106,7 +106,7 @@ def _measure(bench: Bench, judge: Seer, photo: Target, seed: int, way: str, noti
     )
 
 
-def _summary(found: Mapping[_Key, Finding]) -> list[Row]:
+def _summary(found: Mapping[_Key, Measurement]) -> list[Row]:
     rows: list[Row] = []
     for way in WAYS:
         findings = [finding for key, finding in found.items() if key[2] == way]
@@ -115,7 +115,7 @@ def _summary(found: Mapping[_Key, Finding]) -> list[Row]:
     return rows
 
 
-def _note(measure: str, found: Mapping[_Key, Finding], names: Sequence[str], seeds: Sequence[int]) -> str:
+def _note(measure: str, found: Mapping[_Key, Measurement], names: Sequence[str], seeds: Sequence[int]) -> str:
     """In how many of the paintings meaning is better by a measure, and in which photographs it is not."""
     sign = 1 if _MORE_IS_BETTER[measure] else -1
     gain = {
@@ -137,7 +137,7 @@ def _note(measure: str, found: Mapping[_Key, Finding], names: Sequence[str], see
     )
 
 
-def _sheet(photographs: Sequence[Target], found: Mapping[_Key, Finding], seed: int) -> Tensor:
+def _sheet(photographs: Sequence[Target], found: Mapping[_Key, Measurement], seed: int) -> Tensor:
     lines = []
     for photo in photographs:
         findings = [found[photo.name, seed, way] for way in WAYS]
@@ -146,5 +146,5 @@ def _sheet(photographs: Sequence[Target], found: Mapping[_Key, Finding], seed: i
         for finding in findings:
             words = f"features {finding.numbers[FEATURES]:.3f}, edges {finding.numbers[EDGES]:.2f}"
             cells.append(Cell(finding.pictures["painting"], words))
-        lines.append(Line("", cells))
+        lines.append(FigureRow("", cells))
     return page("", ("photograph", *(f"painted {way}" for way in WAYS)), lines, width=300)

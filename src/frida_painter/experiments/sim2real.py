@@ -8,7 +8,7 @@ difference. The same virtual robot paints all plans, without looking in between.
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +21,9 @@ from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments import robot_strokes, soft_planner
 from frida_painter.experiments.execution import execute, open_easel
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
-from frida_painter.experiments.result_cache import Finding, ResultCache
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, each, silent
+from frida_painter.experiments.result_cache import Measurement, ResultCache
+from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.soft_planner import SoftEffort
 from frida_painter.experiments.soft_strokes import Freedom
 from frida_painter.experiments.targets import Target
@@ -30,7 +31,7 @@ from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal, ImageTerm
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Effort, Planner
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 
 NAME = "sim2real"
 OURS, UNCONSTRAINED, CONSTRAINED = "ours", "unconstrained", "constrained"
@@ -40,26 +41,14 @@ MANNER = {
     UNCONSTRAINED: "unconstrained (as Huang et al. 2019)",
     CONSTRAINED: "constrained (as Schaldenbrand & Oh 2021)",
 }
-CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
 _PHOTOGRAPH_ROWS = 768
 _PLANNING = 0.6  # share of the time that a painting takes
 _Tell = Callable[[float], None]
 _Key = tuple[str, int, str]  # target, seed, planner
 
 
-@dataclass(frozen=True)
-class Scale:
-    """strokes and paints of every plan, rows in which is planned and compared, and how long is planned."""
-
-    strokes: int
-    colors: int
-    rows: int
-    effort: float
-    soft_effort: SoftEffort
-
-
-FULL = Scale(strokes=120, colors=12, rows=256, effort=1.0, soft_effort=SoftEffort())
-QUICK = Scale(strokes=8, colors=3, rows=64, effort=0.05, soft_effort=SoftEffort(2, 3, 3))
+FULL = PlanningScale(strokes=120, colors=12, rows=256, effort=1.0)
+QUICK = PlanningScale(strokes=8, colors=3, rows=64, effort=0.05, quick=True)
 
 
 def run(
@@ -68,7 +57,7 @@ def run(
     brush: str = "broad",
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0, 1, 2),
-    scale: Scale = FULL,
+    scale: PlanningScale = FULL,
     keep: Path | None = None,
     notify: Notify = silent,
 ) -> Outcome:
@@ -79,15 +68,11 @@ def run(
     """
     bench = _Bench(brush, canvas, scale)
     tasks = [(target, seed, planner) for target in targets for seed in seeds for planner in PLANNERS]
-    found: dict[_Key, Finding] = {}
-    for number, (target, seed, planner) in enumerate(tasks):
-        telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
-        ledger = ResultCache(keep, bench.depends_on(target))
-
-        def paint(target: Target = target, seed: int = seed, planner: str = planner, tell: Notify = telling) -> Finding:
-            return bench.paint(target, seed, planner, tell)
-
-        found[target.name, seed, planner] = ledger.recall(f"{target.name}-{planner}-{seed}", paint)
+    found: dict[_Key, Measurement] = {}
+    for (target, seed, planner), telling in each(tasks, notify):
+        paint = partial(bench.paint, target, seed, planner, telling)
+        cache = ResultCache(keep, bench.depends_on(target))
+        found[target.name, seed, planner] = cache.recall(f"{target.name}-{planner}-{seed}", paint)
         telling(Progress(1.0, f"painted {target.name}"))
     names = [target.name for target in targets]
     summary = [_summary(name, planner, found, seeds) for name in names for planner in PLANNERS]
@@ -100,10 +85,13 @@ def run(
         "The gap between simulated and painted pictures",
         {
             "targets": tuple(names), "seeds": tuple(seeds), "brush": brush, "canvas": str(canvas),
-            "strokes": scale.strokes, "colors": scale.colors, "rows": scale.rows, "effort": scale.effort,
-            "robot": "off by about 2 mm and 0.4 degrees as drawn from the seed, the same for all planners",
+            **scale.settings(),
+            "robot": f"{ROBOT_ERROR}, the same for all planners",
         },
-        (Table("Mean squared differences, mean over the seeds", tuple(summary)), Table("All paintings", tuple(every))),
+        (
+            ResultTable("Mean squared differences, mean over the seeds", tuple(summary)),
+            ResultTable("All paintings", tuple(every)),
+        ),
         _notes(summary),
         {NAME: _sheet(targets, found, seeds[0], bench)},
     )  # fmt: skip
@@ -112,7 +100,7 @@ def run(
 class _Bench:
     """Everything that the three planners share."""
 
-    def __init__(self, brush: str, canvas: CanvasSize, scale: Scale) -> None:
+    def __init__(self, brush: str, canvas: CanvasSize, scale: PlanningScale) -> None:
         self.brush, self.canvas, self.scale = brush, canvas, scale
         self.model = cached_table(load_stroke_model(brush))
 
@@ -125,7 +113,7 @@ class _Bench:
         """The picture in which a target is planned and compared."""
         return PixelGrid.of_height(self.canvas.turned_like(*target.picture.shape[1:]), self.scale.rows)
 
-    def paint(self, target: Target, seed: int, planner: str, notify: Notify) -> Finding:
+    def paint(self, target: Target, seed: int, planner: str, notify: Notify) -> Measurement:
         """Plans, paints, and compares."""
         grid = self.grid(target)
         wanted = images.fit(target.picture, grid.rows, grid.columns)
@@ -146,7 +134,7 @@ class _Bench:
             "simulated to target": _mse(simulated, wanted),
             "painted to target": _mse(painted, wanted),
         }
-        return Finding(numbers, {"simulated": simulated, "painted": painted})
+        return Measurement(numbers, {"simulated": simulated, "painted": painted})
 
     def _ours(self, wanted: Tensor, size: CanvasSize, seed: int, tell: _Tell) -> tuple[Plan, Tensor]:
         scale, goal = self.scale, Goal((ImageTerm(wanted),))
@@ -166,8 +154,16 @@ class _Bench:
         self, wanted: Tensor, size: CanvasSize, seed: int, tell: _Tell, freedom: Freedom, colors: int | None
     ) -> tuple[Plan, Tensor]:
         scale = self.scale
+        effort = SoftEffort(2, 3, 3) if scale.quick else SoftEffort()
         made = soft_planner.plan(
-            wanted, size, freedom, scale.strokes, colors=colors, effort=scale.soft_effort, seed=seed, notify=tell
+            wanted,
+            size,
+            freedom,
+            scale.strokes,
+            colors=colors,
+            effort=effort,
+            seed=seed,
+            notify=tell,
         )
         bare = torch.ones_like(wanted)
         return robot_strokes.as_plan(made.strokes, self.model, size, scale.colors, bare, seed), made.picture
@@ -188,7 +184,7 @@ def _mse(first: Tensor, second: Tensor) -> float:
     return float((first - second).square().mean())
 
 
-def _summary(target: str, planner: str, found: Mapping[_Key, Finding], seeds: Sequence[int]) -> Row:
+def _summary(target: str, planner: str, found: Mapping[_Key, Measurement], seeds: Sequence[int]) -> Row:
     def measured(who: str, what: str) -> NDArray[np.float64]:
         return np.array([found[target, seed, who].numbers[what] for seed in seeds])
 
@@ -219,7 +215,7 @@ def _notes(summary: Sequence[Row]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _sheet(targets: Sequence[Target], found: Mapping[_Key, Finding], seed: int, bench: _Bench) -> Tensor:
+def _sheet(targets: Sequence[Target], found: Mapping[_Key, Measurement], seed: int, bench: _Bench) -> Tensor:
     """Every target beside what each planner meant to paint and what came of it."""
     lines = []
     for target in targets:
@@ -229,6 +225,6 @@ def _sheet(targets: Sequence[Target], found: Mapping[_Key, Finding], seed: int, 
             finding = found[target.name, seed, planner]
             cells.append(Cell(finding.pictures["simulated"], "simulated"))
             cells.append(Cell(finding.pictures["painted"], f"painted, gap {finding.numbers['gap']:.4f}"))
-        lines.append(Line("", cells))
+        lines.append(FigureRow("", cells))
     headings = ["target", *(words for planner in PLANNERS for words in (MANNER[planner].split(" (")[0], ""))]
     return page("Simulated and painted, without looking in between", headings, lines, width=210)

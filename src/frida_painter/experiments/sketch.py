@@ -14,15 +14,16 @@ import numpy as np
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
+from frida_painter.experiments.goal_paintings import FULL, Bench
 from frida_painter.experiments.measures import edge_score
-from frida_painter.experiments.outcome import Notify, Outcome, Row, Table, silent, within
-from frida_painter.experiments.result_cache import Finding
+from frida_painter.experiments.outcome import Notify, Outcome, ResultTable, Row, each, silent
+from frida_painter.experiments.result_cache import Measurement
+from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, SketchTerm, TextTerm
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.session.opening import planning_device
 
 NAME = "sketch"
@@ -38,7 +39,7 @@ def run(
     brush: str = "broad",
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0, 1),
-    scale: Scale = FULL,
+    scale: PlanningScale = FULL,
     encoders: EncoderRegistry | None = None,
     keep: Path | None = None,
     notify: Notify = silent,
@@ -51,9 +52,8 @@ def run(
     """
     bench = Bench(brush, canvas, scale, encoders or EncoderRegistry(device=planning_device()), keep)
     tasks = [(drawing, seed, way) for seed in seeds for drawing in drawings for way in WAYS]
-    found: dict[_Key, Finding] = {}
-    for number, (drawing, seed, way) in enumerate(tasks):
-        telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
+    found: dict[_Key, Measurement] = {}
+    for (drawing, seed, way), telling in each(tasks, notify):
         found[drawing.name, seed, way] = bench.recall(
             f"{drawing.name}-{WAYS.index(way)}-{seed}",
             partial(_measure, bench, drawing, seed, way, telling),
@@ -76,17 +76,16 @@ def run(
         "Drawings painted with words",
         {
             "drawings": tuple(one.name for one in drawings), "seeds": tuple(seeds), "brush": brush,
-            "canvas": str(canvas), "strokes": scale.strokes, "colors": scale.colors, "rows": scale.rows,
-            "effort": scale.effort, "robot": "off by about 2 mm and 0.4 degrees as drawn from the seed",
+            "canvas": str(canvas), **scale.settings(), "robot": ROBOT_ERROR,
         },
-        (Table("The photographed paintings, mean over drawings and seeds", tuple(summary)),
-         Table("All paintings", tuple(every))),
+        (ResultTable("The photographed paintings, mean over drawings and seeds", tuple(summary)),
+         ResultTable("All paintings", tuple(every))),
         (_note(summary, found),),
         {NAME: _sheet(drawings, found, seeds[0])},
     )  # fmt: skip
 
 
-def _measure(bench: Bench, drawing: Target, seed: int, way: str, notify: Notify) -> Finding:
+def _measure(bench: Bench, drawing: Target, seed: int, way: str, notify: Notify) -> Measurement:
     """How much of the drawing's edges a painting has, and its picture."""
     words, sketch = TextTerm(_words(drawing)), SketchTerm(drawing.picture)
     goals = {
@@ -97,7 +96,7 @@ def _measure(bench: Bench, drawing: Target, seed: int, way: str, notify: Notify)
     painted = bench.paint(goals[way], drawing.picture, seed, notify, f"{drawing.name} by {way}")
     picture = painted.photograph
     lines = images.fit(sketch.drawing, *picture.shape[1:])
-    return Finding({EDGES: edge_score(picture, lines), "CPU s": painted.seconds}, {"painting": picture})
+    return Measurement({EDGES: edge_score(picture, lines), "CPU s": painted.seconds}, {"painting": picture})
 
 
 def _words(drawing: Target) -> str:
@@ -105,7 +104,7 @@ def _words(drawing: Target) -> str:
     return f"a {drawing.name.replace('-', ' ').replace('_', ' ')}"
 
 
-def _note(summary: Sequence[Row], found: Mapping[_Key, Finding]) -> str:
+def _note(summary: Sequence[Row], found: Mapping[_Key, Measurement]) -> str:
     figures = {row["painted by"]: float(row[EDGES] or 0) for row in summary}
     pairs = [(name, seed) for name, seed, way in found if way == SKETCHED]
     better = sum(
@@ -118,12 +117,12 @@ def _note(summary: Sequence[Row], found: Mapping[_Key, Finding]) -> str:
     )
 
 
-def _sheet(drawings: Sequence[Target], found: Mapping[_Key, Finding], seed: int) -> Tensor:
+def _sheet(drawings: Sequence[Target], found: Mapping[_Key, Measurement], seed: int) -> Tensor:
     lines = []
     for drawing in drawings:
         findings = [found[drawing.name, seed, way] for way in WAYS]
         size = findings[0].pictures["painting"].shape[1:]
         cells = [Cell(images.fit(drawing.picture, *size), f'"{_words(drawing)}"')]
         cells += [Cell(one.pictures["painting"], f"edges {one.numbers[EDGES]:.2f}") for one in findings]
-        lines.append(Line("", cells))
+        lines.append(FigureRow("", cells))
     return page("", ("drawing", *WAYS), lines, width=260)

@@ -4,8 +4,6 @@ Some strokes of a library are held out; every model learns from the rest, and is
 fitted Bezier model on the strokes held out, stroke by stroke.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -13,30 +11,24 @@ from torch import Tensor
 
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.errors import LibraryError
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent
-from frida_painter.experiments.rivals import BEZIER, LEARNED, errors, learn
-from frida_painter.experiments.significance import PairedTest
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent
+from frida_painter.experiments.rivals import BEZIER, LEARNED, PairedTest, errors, learn
+from frida_painter.experiments.scale import LearningScale
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 
 NAME = "stroke-model"
 FEWEST_STROKES = 12
 _MOST_SHARE = 0.4
+_SHOWN = 8  # strokes in the picture
 
 
-@dataclass(frozen=True)
-class Scale:
-    """held_out: strokes that no model learns from; shown: of these in the picture; quick: hardly train."""
-
-    held_out: int
-    shown: int
-    quick: bool
+FULL = LearningScale(strokes=200, held_out=50)
+QUICK = LearningScale(strokes=16, held_out=6, quick=True)
 
 
-FULL = Scale(held_out=50, shown=8, quick=False)
-QUICK = Scale(held_out=6, shown=3, quick=True)
-
-
-def run(library: StrokeLibrary, name: str, *, seed: int = 0, scale: Scale = FULL, notify: Notify = silent) -> Outcome:
+def run(
+    library: StrokeLibrary, name: str, *, seed: int = 0, scale: LearningScale = FULL, notify: Notify = silent
+) -> Outcome:
     """Learns from a library called `name` and tests on strokes held out. Raises LibraryError where it is too small."""
     if len(library) < FEWEST_STROKES:
         raise LibraryError(
@@ -60,11 +52,13 @@ def run(library: StrokeLibrary, name: str, *, seed: int = 0, scale: Scale = FULL
         f"Real and modelled strokes: {name}",
         {"library": name, "strokes": len(library), "held out": held_out, "seed": seed},
         (
-            Table(f"Mean absolute error on {held_out} strokes held out", tuple(_row(m, error[m]) for m in models)),
-            Table(f"Paired tests against {BEZIER}", tuple(_test_row(m, tests[m], held_out) for m in LEARNED)),
+            ResultTable(
+                f"Mean absolute error on {held_out} strokes held out", tuple(_row(m, error[m]) for m in models)
+            ),
+            ResultTable(f"Paired tests against {BEZIER}", tuple(_test_row(m, tests[m], held_out) for m in LEARNED)),
         ),
         tuple(_note(m, tests[m], error[m], error[BEZIER]) for m in LEARNED),
-        {NAME: _sheet(test, drawn, error, scale.shown)},
+        {NAME: _sheet(test, drawn, error, _SHOWN)},
     )
 
 
@@ -103,10 +97,10 @@ def _sheet(test: StrokeLibrary, drawn: dict[str, Tensor], error: dict[str, NDArr
     ranked = np.argsort(error[first])
     chosen = ranked[np.linspace(0, len(ranked) - 1, min(shown, len(ranked))).round().astype(int)]
     real = torch.from_numpy(test.magnitude).float() / 255
-    lines = [Line("real", [Cell(_ink(real[index])) for index in chosen])]
+    lines = [FigureRow("real", [Cell(_ink(real[index])) for index in chosen])]
     for model, maps in drawn.items():
         cells = [Cell(_ink(maps[index]), f"L1 {error[model][index]:.4f}") for index in chosen]
-        lines.append(Line(f"{model}\nmean {error[model].mean():.4f}", cells))
+        lines.append(FigureRow(f"{model}\nmean {error[model].mean():.4f}", cells))
     title = f"Strokes held out, from the one that {first} does best to the one it does worst"
     return page(title, (), lines, width=170)
 

@@ -5,7 +5,6 @@ another fifth of them for validation, and tested on the same strokes held out.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,26 +15,17 @@ from torch import Tensor
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.limits import FEWEST_STROKES
 from frida_painter.errors import LibraryError
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent
-from frida_painter.experiments.result_cache import Finding, ResultCache
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent
+from frida_painter.experiments.result_cache import Measurement, ResultCache
 from frida_painter.experiments.rivals import BEZIER, LEARNED, errors, fingerprint, learn
+from frida_painter.experiments.scale import LearningScale
 from frida_painter.report.chart import Series, chart
 
 NAME = "strokes-needed"
 
 
-@dataclass(frozen=True)
-class Scale:
-    """sizes: numbers of strokes for training and validation; folds: trainings of each; held_out: for the test."""
-
-    sizes: tuple[int, ...]
-    folds: int
-    held_out: int
-    quick: bool
-
-
-FULL = Scale(sizes=(10, 25, 50, 100, 150), folds=5, held_out=42, quick=False)
-QUICK = Scale(sizes=(6, 10), folds=2, held_out=4, quick=True)
+FULL = LearningScale(strokes=200, held_out=42, sizes=(10, 25, 50, 100, 150), folds=5)
+QUICK = LearningScale(strokes=16, held_out=4, sizes=(6, 10), folds=2, quick=True)
 
 
 def run(
@@ -43,7 +33,7 @@ def run(
     name: str,
     *,
     seed: int = 0,
-    scale: Scale = FULL,
+    scale: LearningScale = FULL,
     keep: Path | None = None,
     notify: Notify = silent,
 ) -> Outcome:
@@ -60,7 +50,7 @@ def run(
             f"The stroke library has {len(library)} strokes, {scale.held_out} of which are held out for the test; "
             f"give one of at least {scale.held_out + sorted(scale.sizes)[1]}."
         )
-    ledger = ResultCache(keep, {"library": fingerprint(library), "seed": seed, "scale": repr(scale)})
+    cache = ResultCache(keep, {"library": fingerprint(library), "seed": seed, "scale": repr(scale)})
     models = (*LEARNED, BEZIER)
     tasks = [(model, size, fold) for model in models for size in sizes for fold in range(scale.folds)]
     error: dict[tuple[str, int, int], float] = {}
@@ -68,11 +58,11 @@ def run(
         notify(Progress(number / len(tasks), f"{model} from {size} strokes, {fold + 1} of {scale.folds}"))
         chosen = np.random.default_rng((seed, fold)).permutation(pool)[:size]
 
-        def measure(model: str = model, part: NDArray[np.int64] = chosen, fold: int = fold) -> Finding:
+        def measure(model: str = model, part: NDArray[np.int64] = chosen, fold: int = fold) -> Measurement:
             predict = learn(model, library[part], seed=seed + fold, quick=scale.quick)
-            return Finding({"error": float(errors(predict, test).mean())}, {})
+            return Measurement({"error": float(errors(predict, test).mean())}, {})
 
-        finding = ledger.recall(f"{model.replace(' ', '-')}-{size}-{fold}", measure)
+        finding = cache.recall(f"{model.replace(' ', '-')}-{size}-{fold}", measure)
         error[model, size, fold] = finding.numbers["error"]
     notify(Progress(1.0, "drawing"))
     rows = [
@@ -87,7 +77,7 @@ def run(
             "library": name, "strokes": len(library), "sizes": sizes, "folds": scale.folds,
             "held out": scale.held_out, "seed": seed,
         },
-        (Table(f"Mean absolute error on {scale.held_out} strokes held out", tuple(rows)),),
+        (ResultTable(f"Mean absolute error on {scale.held_out} strokes held out", tuple(rows)),),
         tuple(_note(model, rows) for model in LEARNED),
         {NAME: _curve(name, models, rows)},
     )  # fmt: skip

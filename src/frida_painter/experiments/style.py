@@ -14,10 +14,11 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, weights
-from frida_painter.experiments.goal_paintings import CANVAS, FULL, Bench, Scale
+from frida_painter.experiments.goal_paintings import FULL, Bench
 from frida_painter.experiments.measures import edge_correlation, exact_emd
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
-from frida_painter.experiments.result_cache import Finding
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, each, silent
+from frida_painter.experiments.result_cache import Measurement
+from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, StyleTerm
@@ -27,7 +28,7 @@ from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.style import LAYERS as SEEN
 from frida_painter.objectives.transport import cosine_cost, euclidean_cost, relaxed_emd
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.session.opening import planning_device
 
 NAME = "style"
@@ -49,7 +50,7 @@ def run(
     brush: str = "broad",
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0, 1),
-    scale: Scale = FULL,
+    scale: PlanningScale = FULL,
     encoders: EncoderRegistry | None = None,
     judge: Seer | None = None,
     keep: Path | None = None,
@@ -65,9 +66,8 @@ def run(
     judge = judge or EfficientNetLite(weights.tensors(JUDGE))
     pairs = [(photo, style) for photo in photographs for style in styles]
     tasks = [(photo, style, seed, way) for seed in seeds for photo, style in pairs for way in WAYS]
-    found: dict[tuple[str, str, int, str], Finding] = {}
-    for number, (photo, style, seed, way) in enumerate(tasks):
-        telling = within(notify, number / len(tasks), (number + 1) / len(tasks))
+    found: dict[tuple[str, str, int, str], Measurement] = {}
+    for (photo, style, seed, way), telling in each(tasks, notify):
         found[photo.name, style.name, seed, way] = bench.recall(
             f"{photo.name}-{style.name}-{WAYS.index(way)}-{seed}",
             partial(_measure, bench, judge, photo, style, seed, way, telling),
@@ -86,18 +86,19 @@ def run(
         "Photographs painted in the style of other pictures",
         {
             "photographs": tuple(one.name for one in photographs), "styles": tuple(one.name for one in styles),
-            "seeds": tuple(seeds), "brush": brush, "canvas": str(canvas), "strokes": scale.strokes,
-            "colors": scale.colors, "rows": scale.rows, "effort": scale.effort, "layers not seen": UNSEEN,
-            "robot": "off by about 2 mm and 0.4 degrees as drawn from the seed",
+            "seeds": tuple(seeds), "brush": brush, "canvas": str(canvas), **scale.settings(), "layers not seen": UNSEEN,
+            "robot": ROBOT_ERROR,
         },
-        (Table("Distance in style of the photographed paintings, mean", tuple(summary)),
-         Table("All paintings", tuple(every))),
+        (ResultTable("Distance in style of the photographed paintings, mean", tuple(summary)),
+         ResultTable("All paintings", tuple(every))),
         (_note(found, pairs, seeds), _composition_note(summary)),
         {NAME: _sheet(pairs, found, seeds[0])},
     )  # fmt: skip
 
 
-def _measure(bench: Bench, judge: Seer, photo: Target, style: Target, seed: int, way: str, notify: Notify) -> Finding:
+def _measure(
+    bench: Bench, judge: Seer, photo: Target, style: Target, seed: int, way: str, notify: Notify
+) -> Measurement:
     """How far a painting of the photograph is from the style, whose edges it has, and its picture."""
     words = f"{photo.name}, {way}" if way == UNSTYLED else f"{photo.name} in the style of {style.name}, {way}"
     goals = {
@@ -109,7 +110,7 @@ def _measure(bench: Bench, judge: Seer, photo: Target, style: Target, seed: int,
     painted = bench.paint(goals[way], like.picture, seed, notify, words)
     notify(Progress(0.97, f"{words}: measuring"))
     picture = painted.photograph
-    return Finding(
+    return Measurement(
         {
             **_distances(bench.encoders.style(), judge, picture, style.picture),
             "edges like the photograph's": edge_correlation(picture, photo.picture),
@@ -150,13 +151,13 @@ def _sampled(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
     return a[torch.randperm(len(a), generator=chance)[:count]], b[torch.randperm(len(b), generator=chance)[:count]]
 
 
-def _summary(way: str, findings: Sequence[Finding]) -> Row:
+def _summary(way: str, findings: Sequence[Measurement]) -> Row:
     names = findings[0].numbers
     return {"painted": way, **{name: float(np.mean([one.numbers[name] for one in findings])) for name in names}}
 
 
 def _note(
-    found: Mapping[tuple[str, str, int, str], Finding], pairs: Sequence[tuple[Target, Target]], seeds: Sequence[int]
+    found: Mapping[tuple[str, str, int, str], Measurement], pairs: Sequence[tuple[Target, Target]], seeds: Sequence[int]
 ) -> str:
     parts = []
     for network in _NETWORKS:
@@ -186,7 +187,7 @@ def _composition_note(summary: Sequence[Row]) -> str:
 
 
 def _sheet(
-    pairs: Sequence[tuple[Target, Target]], found: Mapping[tuple[str, str, int, str], Finding], seed: int
+    pairs: Sequence[tuple[Target, Target]], found: Mapping[tuple[str, str, int, str], Measurement], seed: int
 ) -> Tensor:
     lines = []
     for photo, style in pairs:
@@ -194,6 +195,6 @@ def _sheet(
         for way in WAYS:
             finding = found[photo.name, style.name, seed, way]
             cells.append(Cell(finding.pictures["painting"], f"distance {finding.numbers['VGG16, exact']:.3f}"))
-        lines.append(Line("", cells))
+        lines.append(FigureRow("", cells))
     headings = ("photograph", "style", *(f"painted {way}" for way in WAYS))
     return page("", headings, lines, width=230)

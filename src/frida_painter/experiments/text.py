@@ -8,6 +8,7 @@ picture itself; and strokes at random. They are judged as simulated, which flatt
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -19,8 +20,9 @@ from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.experiments.execution import open_easel
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
-from frida_painter.experiments.result_cache import Finding, ResultCache
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, each, silent
+from frida_painter.experiments.result_cache import Measurement, ResultCache
+from frida_painter.experiments.scale import CANVAS, PlanningScale
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm, TextTerm
 from frida_painter.objectives.encoders.base import Reader
@@ -30,7 +32,7 @@ from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.planning.initialize import uniform
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.render import render
-from frida_painter.report.figure_sheet import Cell, Line, page
+from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Planned, PlanningStep, StrokePainted
@@ -39,7 +41,6 @@ from frida_painter.session.opening import planning_device
 from frida_painter.session.replan_policy import ReplanPolicy
 
 NAME = "text"
-CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
 PAINTED, PIXELS, BEGUN, RANDOM = "words", "pixels of the beginning", "the beginning itself", "random strokes"
 WAYS = (PAINTED, PIXELS, BEGUN, RANDOM)
 _SEEN = 260  # pixels of the square that the judge was made for
@@ -78,19 +79,8 @@ PROMPTS = (
 )
 
 
-@dataclass(frozen=True)
-class Scale:
-    """strokes and paints of every painting, rows in which is planned, looks in between, and how long is planned."""
-
-    strokes: int
-    colors: int
-    rows: int
-    replans: int
-    effort: float
-
-
-FULL = Scale(strokes=100, colors=12, rows=256, replans=2, effort=1.0)
-QUICK = Scale(strokes=6, colors=3, rows=64, replans=1, effort=0.05)
+FULL = PlanningScale(strokes=100, colors=12, rows=256, effort=1.0, looks=2)
+QUICK = PlanningScale(strokes=6, colors=3, rows=64, effort=0.05, looks=1, quick=True)
 
 
 class Unjudged(EncoderRegistry):
@@ -109,7 +99,7 @@ def run(
     brush: str = "broad",
     canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0,),
-    scale: Scale = FULL,
+    scale: PlanningScale = FULL,
     keep: Path | None = None,
     notify: Notify = silent,
 ) -> Outcome:
@@ -119,26 +109,22 @@ def run(
     readers = " and ".join(reader.name for reader in encoders.readers())
     settings: dict[str, str | int | float] = {
         "brush": brush, "canvas": str(canvas), "strokes": scale.strokes, "colors": scale.colors, "rows": scale.rows,
-        "looks": scale.replans, "effort": scale.effort, "seen through": readers,
+        "looks": scale.looks, "effort": scale.effort, "seen through": readers,
     }  # fmt: skip
-    ledger = ResultCache(keep, settings)
-    found: dict[tuple[int, int], Finding] = {}
+    cache = ResultCache(keep, settings)
+    found: dict[tuple[int, int], Measurement] = {}
     tasks = [(number, seed) for seed in seeds for number in range(len(prompts))]
-    for done, (number, seed) in enumerate(tasks):
-        telling = within(notify, done / len(tasks), (done + 1) / len(tasks))
-
-        def paint(prompt: Prompt = prompts[number], seed: int = seed, tell: Notify = telling) -> Finding:
-            return bench.paint(prompt, seed, tell)
-
-        name = prompts[number].words.replace(" ", "-")
-        found[number, seed] = ledger.recall(f"{name}-{seed}", paint)
+    for (number, seed), telling in each(tasks, notify):
+        prompt = prompts[number]
+        paint = partial(bench.paint, prompt, seed, telling)
+        found[number, seed] = cache.recall(f"{prompt.words.replace(' ', '-')}-{seed}", paint)
     rows = [_row(prompts, number, seed, finding, found) for (number, seed), finding in found.items()]
     summary = tuple(_summary(way, prompts, found) for way in WAYS)
     return Outcome(
         NAME,
         "Paintings towards words, and what an unseen network takes them for",
         {"prompts": [prompt.words for prompt in prompts], "seeds": tuple(seeds), **settings},
-        (Table("Over all paintings", summary), Table("Every painting", tuple(rows))),
+        (ResultTable("Over all paintings", summary), ResultTable("Every painting", tuple(rows))),
         (_note(summary),),
         {"paintings": _sheet(prompts, seeds[0], found)},
     )
@@ -152,9 +138,9 @@ class _Bench:
     judge: EfficientNetLite
     model: StrokeModel
     canvas: CanvasSize
-    scale: Scale
+    scale: PlanningScale
 
-    def paint(self, prompt: Prompt, seed: int, notify: Notify) -> Finding:
+    def paint(self, prompt: Prompt, seed: int, notify: Notify) -> Measurement:
         """One prompt: its painting and its floors, with the judge's log probability of every class for each."""
         planner = self._planner(Goal((TextTerm(prompt.words),)), seed)
         begun = next(term.image for term in planner.goal.initial if isinstance(term, ImageTerm))
@@ -171,7 +157,7 @@ class _Bench:
             for way, picture in judged.items()
             for number, value in enumerate(log_probabilities(self.judge, picture).tolist())
         }
-        return Finding(numbers, {"begun": begun, "plan": plan, "painting": photograph, "pixels": pixels})
+        return Measurement(numbers, {"begun": begun, "plan": plan, "painting": photograph, "pixels": pixels})
 
     def _planner(self, goal: Goal, seed: int) -> Planner:
         effort = Effort().scaled(self.scale.effort)
@@ -206,7 +192,7 @@ class _Bench:
             planner,
             Brushwork(easel, brush_kind(self.model.brush)),
             CanvasObserver(easel, ground=(1.0, 1.0, 1.0)),
-            ReplanPolicy(self.scale.replans, timelapse_frames=0),
+            ReplanPolicy(self.scale.looks, timelapse_frames=0),
             stop_asked=lambda: False,
             notify=hear,
         )
@@ -224,7 +210,7 @@ def _unheard(step: object) -> None:
     """Where nobody listens."""
 
 
-def _of(finding: Finding, way: str) -> Tensor:
+def _of(finding: Measurement, way: str) -> Tensor:
     """The judge's log probabilities of one way, [1000]."""
     return torch.tensor([finding.numbers[f"{way} {number}"] for number in range(len(class_names()))])
 
@@ -234,7 +220,7 @@ def rank_of(logs: Tensor, prompt: Prompt) -> int:
     return int((logs > logs[list(prompt.classes)].max()).sum()) + 1
 
 
-_Found = Mapping[tuple[int, int], Finding]
+_Found = Mapping[tuple[int, int], Measurement]
 
 
 def _first(prompts: Sequence[Prompt], number: int, seed: int, way: str, found: _Found) -> float:
@@ -248,7 +234,7 @@ def _first(prompts: Sequence[Prompt], number: int, seed: int, way: str, found: _
     return 1 / len(best) if number in best else 0.0
 
 
-def _row(prompts: Sequence[Prompt], number: int, seed: int, finding: Finding, found: _Found) -> Row:
+def _row(prompts: Sequence[Prompt], number: int, seed: int, finding: Measurement, found: _Found) -> Row:
     logs = _of(finding, PAINTED)
     return {
         "prompt": prompts[number].words,
@@ -298,5 +284,5 @@ def _sheet(prompts: Sequence[Prompt], seed: int, found: _Found) -> Tensor:
         finding = found[number, seed]
         logs = _of(finding, PAINTED)
         label = "\n".join((f"“{prompt.words}”", f"rank {rank_of(logs, prompt)}", "", *_top(logs)))
-        lines.append(Line(label, [Cell(finding.pictures[name]) for name in ("begun", "plan", "painting")]))
+        lines.append(FigureRow(label, [Cell(finding.pictures[name]) for name in ("begun", "plan", "painting")]))
     return page("Painted towards words", ("begun with", "planned", "painted, photographed"), lines, width=260)

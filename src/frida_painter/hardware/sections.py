@@ -64,7 +64,7 @@ class Travel(Section):
     home: Place | None = None
 
 
-class Arm(Section):
+class ArmReach(Section):
     """How far the arm gets around its shoulder; left out where it gets everywhere within the bounds."""
 
     shoulder: Place

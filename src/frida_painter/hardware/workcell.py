@@ -17,7 +17,7 @@ from frida_painter.hardware.contradictions import contradictions
 from frida_painter.hardware.reach import ArmLength
 from frida_painter.hardware.sections import (
     FARTHEST,
-    Arm,
+    ArmReach,
     Bounds,
     BrushHeights,
     CanvasPlace,
@@ -37,7 +37,7 @@ _SECTIONS: dict[str, type[Section]] = {
     "brush": BrushHeights,
     "paint": PaintPlaces,
     "motion": Travel,
-    "arm": Arm,
+    "arm": ArmReach,
 }
 _OPTIONAL = ("arm",)
 
@@ -123,7 +123,7 @@ class WorkcellConfig:
         brush: BrushHeights,
         paint: PaintPlaces,
         motion: Travel,
-        arm: Arm | None,
+        arm: ArmReach | None,
     ) -> Self:
         workspace = Workspace(
             lower=bounds.lower,

@@ -31,7 +31,7 @@ _MOST_OFF = 10.0  # CIEDE2000
 _TYPICAL_SCATTERING = 0.1
 
 
-class Source(StrEnum):
+class PaintDataSource(StrEnum):
     """Where a paint's numbers come from, best first."""
 
     published = "published"
@@ -47,7 +47,7 @@ class Paint:
     name: str
     absorption: Tensor
     scattering: Tensor
-    source: Source
+    source: PaintDataSource
 
     @property
     def color(self) -> Tensor:
@@ -64,7 +64,7 @@ class Paint:
         seen = reflectance_of(color)
         lightest = float(color_of(seen).min())
         scattering = torch.full_like(seen, _TYPICAL_SCATTERING + (1 - _TYPICAL_SCATTERING) * lightest**2)
-        return cls(name, ratio(seen) * scattering, scattering, Source.color)
+        return cls(name, ratio(seen) * scattering, scattering, PaintDataSource.color)
 
     @classmethod
     def of_tint(cls, name: str, color: Tensor, tint: Tensor, parts: float) -> Self:
@@ -96,7 +96,7 @@ class Paint:
                 f"its colour lies {float(off[best]):.0f} CIEDE2000 from all that a paint with this tint can have; "
                 "photograph both in the same light"
             )
-        return cls(name, absorption()[best], scattering[best], Source.tint)
+        return cls(name, absorption()[best], scattering[best], PaintDataSource.tint)
 
     @classmethod
     def of_films(cls, name: str, over_white: Tensor, over_black: Tensor) -> Self:
@@ -109,7 +109,7 @@ class Paint:
         white = reflectance_of(over_white)
         black = torch.minimum(reflectance_of(over_black), white)
         absorption, scattering = film_over(white, black, torch.full_like(white, _WHITE_CARD))
-        return cls(name, absorption, scattering, Source.films)
+        return cls(name, absorption, scattering, PaintDataSource.films)
 
     def against(self, scattering: float) -> Self:
         """The same paint where white scatters `scattering` per film and not 1."""
@@ -132,13 +132,13 @@ def published(name: str) -> Paint:
     if name == WHITE:
         return _white()
     color, tint = (from_hex(text).double() for text in _colors()[name])
-    return replace(Paint.of_tint(name, color, tint, _TINT), source=Source.published)
+    return replace(Paint.of_tint(name, color, tint, _TINT), source=PaintDataSource.published)
 
 
 def _white() -> Paint:
     """Titanium white, which hardly absorbs, and by whose scattering all others are measured."""
     scattering = torch.ones(len(BANDS), dtype=torch.float64)
-    return Paint(WHITE, _WHITE_ABSORPTION * scattering, scattering, Source.published)
+    return Paint(WHITE, _WHITE_ABSORPTION * scattering, scattering, PaintDataSource.published)
 
 
 def _colors() -> dict[str, tuple[str, str]]:

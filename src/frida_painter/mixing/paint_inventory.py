@@ -9,7 +9,7 @@ from typing import Any
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError
-from frida_painter.mixing.paint import WHITE, Paint, Source, published, published_names
+from frida_painter.mixing.paint import WHITE, Paint, PaintDataSource, published, published_names
 from frida_painter.palette import from_hex
 
 MOST_PAINTS = 32
@@ -52,7 +52,7 @@ def read_paints(path: Path) -> tuple[Paint, ...]:
         faults += wrong
     names = [paint.name for paint in paints]
     faults += [f"{name} is there twice" for name in dict.fromkeys(names) if names.count(name) > 1]
-    films = [paint for paint in paints if paint.source is Source.films]
+    films = [paint for paint in paints if paint.source is PaintDataSource.films]
     white = next((paint for paint in films if paint.name.lower() == WHITE), None)
     if films and white is None:
         faults.append(f"paints over white and black are measured against {WHITE}: give its over_white and over_black")
@@ -61,7 +61,7 @@ def read_paints(path: Path) -> tuple[Paint, ...]:
     if white is None:
         return tuple(paints)
     unit = float(white.scattering.mean())
-    return tuple(paint.against(unit) if paint.source is Source.films else paint for paint in paints)
+    return tuple(paint.against(unit) if paint.source is PaintDataSource.films else paint for paint in paints)
 
 
 def _faults(number: int, entry: Any) -> Iterator[str]:

@@ -1,14 +1,14 @@
 """A picture for deciding on one stroke: is it on the canvas, or was the painting broken off before?"""
 
-import numpy as np
 import torch
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 from torch import Tensor
 
 from frida_painter import images
 from frida_painter.plan import Plan
+from frida_painter.sheet import SOFT, Sheet
 
-_RED, _PAPER, _SOFT = (200, 30, 40), (255, 255, 255), (98, 93, 85)
+_RED = (200, 30, 40)
 _ROWS = 720  # of the whole canvas as it is shown
 _POINTS = 25
 _AROUND = 0.35  # of its extent is shown around the stroke, on every side
@@ -27,19 +27,20 @@ def doubt(plan: Plan, stroke: int, photograph: Tensor, painted: Tensor) -> Tenso
     pixels = plan.canvas.on_page(path) * torch.tensor([columns / plan.canvas.width, _ROWS / plan.canvas.height])
     box = _around(pixels, columns)
     side = (_ROWS - _HEAD) // 2
-    sheet = Image.new("RGB", (columns + side + 3 * _GAP, _ROWS + 2 * _GAP + _HEAD), _PAPER)
-    draw = ImageDraw.Draw(sheet)
+    sheet = Sheet(columns + side + 3 * _GAP, _ROWS + 2 * _GAP + _HEAD)
     sheet.paste(canvas, (_GAP, _GAP + _HEAD))
-    draw.rectangle([edge + _GAP + (_HEAD if place % 2 else 0) for place, edge in enumerate(box)], outline=_RED, width=3)
-    _heading(draw, f"The canvas now; in the frame the place of stroke {stroke + 1}", _GAP, _GAP)
+    sheet.draw.rectangle(
+        [edge + _GAP + (_HEAD if place % 2 else 0) for place, edge in enumerate(box)], outline=_RED, width=3
+    )
+    _heading(sheet, f"The canvas now; in the frame the place of stroke {stroke + 1}", _GAP, _GAP)
     left, top = columns + 2 * _GAP, _GAP
     for words, picture in (("As it is seen", canvas), (f"With stroke {stroke + 1}", with_stroke)):
-        _heading(draw, words, left, top)
+        _heading(sheet, words, left, top)
         near = picture.crop(box).resize((side, side), Image.Resampling.LANCZOS)
         sheet.paste(near, (left, top + _HEAD))
-        draw.rectangle((left, top + _HEAD, left + side, top + _HEAD + side), outline=_RED, width=3)
+        sheet.draw.rectangle((left, top + _HEAD, left + side, top + _HEAD + side), outline=_RED, width=3)
         top += side + _HEAD
-    return images.from_uint8(np.asarray(sheet))
+    return sheet.tensor()
 
 
 def _around(path: Tensor, columns: int) -> tuple[int, int, int, int]:
@@ -56,5 +57,5 @@ def _enlarged(picture: Tensor, rows: int, columns: int) -> Image.Image:
     return Image.fromarray(images.to_uint8(picture)).resize((columns, rows), Image.Resampling.LANCZOS)
 
 
-def _heading(draw: ImageDraw.ImageDraw, words: str, left: int, top: int) -> None:
-    draw.text((left, top + _HEAD / 2), words, fill=_SOFT, font=ImageFont.load_default(20), anchor="lm")
+def _heading(sheet: Sheet, words: str, left: int, top: int) -> None:
+    sheet.text((left, top + _HEAD / 2), words, 20, SOFT, "lm")

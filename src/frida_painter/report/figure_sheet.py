@@ -3,20 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 from torch import Tensor
 
 from frida_painter import images
+from frida_painter.sheet import INK, LINE, SOFT, Sheet, font
 
-INK, SOFT, LINE, PAPER = (35, 33, 30), (98, 93, 85), (216, 211, 202), (255, 255, 255)
 _MARGIN, _GAP = 28, 10
 _TITLE, _TEXT, _SMALL = 26, 16, 15
-
-
-def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """The typeface of all figures."""
-    return ImageFont.load_default(size)
 
 
 @dataclass(frozen=True)
@@ -28,7 +22,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Line:
+class FigureRow:
     """One row of the page: what stands left of it, and its cells (None: an empty place)."""
 
     label: str
@@ -36,7 +30,7 @@ class Line:
 
 
 def page(
-    title: str, headings: Sequence[str], lines: Sequence[Line], *, width: int = 200, framed: bool = True
+    title: str, headings: Sequence[str], lines: Sequence[FigureRow], *, width: int = 200, framed: bool = True
 ) -> Tensor:
     """A sheet [3, H, W] with the lines below one another, every picture `width` pixels wide.
 
@@ -50,22 +44,20 @@ def page(
     top = _MARGIN + (_TITLE + 18 if title else 0) + (_TEXT + 12 if headings else 0)
     heights = [_height(line, width) for line in lines]
     total_width = left + columns * (width + _GAP) - _GAP + _MARGIN
-    sheet = Image.new("RGB", (total_width, top + sum(heights) + _MARGIN - _GAP), PAPER)
-    draw = ImageDraw.Draw(sheet)
-    draw.text((_MARGIN, _MARGIN - 4), title, fill=INK, font=font(_TITLE))
+    sheet = Sheet(total_width, top + sum(heights) + _MARGIN - _GAP)
+    sheet.text((_MARGIN, _MARGIN - 4), title, _TITLE, INK)
     for column, heading in enumerate(headings):
         middle = left + column * (width + _GAP) + width / 2
-        draw.text((middle, top - 10), heading, fill=INK, font=font(_TEXT), anchor="ms")
+        sheet.text((middle, top - 10), heading, _TEXT, INK, "ms")
     for line, height in zip(lines, heights, strict=True):
-        _draw_line(sheet, draw, line, left, top, width, height, framed)
+        _draw_line(sheet, line, left, top, width, height, framed)
         top += height
-    return images.from_uint8(np.asarray(sheet))
+    return sheet.tensor()
 
 
 def _draw_line(
-    sheet: Image.Image,
-    draw: ImageDraw.ImageDraw,
-    line: Line,
+    sheet: Sheet,
+    line: FigureRow,
     left: int,
     top: int,
     width: int,
@@ -73,7 +65,7 @@ def _draw_line(
     framed: bool,
 ) -> None:
     tall = max((_rows(cell, width) for cell in line.cells if cell), default=0)
-    draw.multiline_text((_MARGIN, top + tall / 2), line.label, fill=INK, font=font(_TEXT), anchor="lm", spacing=5)
+    sheet.draw.multiline_text((_MARGIN, top + tall / 2), line.label, fill=INK, font=font(_TEXT), anchor="lm", spacing=5)
     for column, cell in enumerate(line.cells):
         if cell is None:
             continue
@@ -82,9 +74,9 @@ def _draw_line(
         picture = Image.fromarray(images.to_uint8(cell.picture)).resize((width, rows), Image.Resampling.LANCZOS)
         sheet.paste(picture, (x, top))
         if framed:
-            draw.rectangle((x, top, x + width - 1, top + rows - 1), outline=LINE)
+            sheet.draw.rectangle((x, top, x + width - 1, top + rows - 1), outline=LINE)
         if cell.caption:
-            draw.text((x + width / 2, top + rows + 5), cell.caption, fill=SOFT, font=font(_SMALL), anchor="ma")
+            sheet.text((x + width / 2, top + rows + 5), cell.caption, _SMALL, SOFT, "ma")
 
 
 def _rows(cell: Cell, width: int) -> int:
@@ -92,7 +84,7 @@ def _rows(cell: Cell, width: int) -> int:
     return round(height * width / columns)
 
 
-def _height(line: Line, width: int) -> int:
+def _height(line: FigureRow, width: int) -> int:
     captioned = any(cell and cell.caption for cell in line.cells)
     return max((_rows(cell, width) for cell in line.cells if cell), default=0) + _GAP + (_SMALL + 8 if captioned else 0)
 

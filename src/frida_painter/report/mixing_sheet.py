@@ -2,13 +2,11 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.mixing.recipe import GOOD, Recipe
 from frida_painter.palette import to_hex
+from frida_painter.sheet import INK, LINE, SOFT, WARNING, Sheet, font, to_bytes
 
 COLUMNS = 1240
 """A4 at 150 dots per inch; a palette of more than 16 paints makes the page longer."""
@@ -16,7 +14,6 @@ _ROWS = 1754
 _MARGIN, _HEAD = 96, 244
 _TALLEST, _LOWEST = 118, 78
 _SWATCH, _BAR = 92, 22
-_INK, _SOFT, _LINE, _PAPER, _WARNING = (35, 33, 30), (98, 93, 85), (205, 200, 191), (255, 255, 255), (178, 58, 44)
 _DROP = 0.05  # millilitres
 _ADVICE = (
     "Left of each pair the colour that is wanted, right of it what the mixture is predicted to be when it is dry.",
@@ -34,57 +31,56 @@ def mixing_sheet(recipes: Sequence[Recipe], volumes: Sequence[float] | None, tit
     supplies = _supplies(recipes, volumes)
     foot = 172 + 30 * -(-len(supplies) // 3) if supplies else 136
     row = min(_TALLEST, max(_LOWEST, (_ROWS - _HEAD - foot) // len(recipes)))
-    sheet = Image.new("RGB", (COLUMNS, max(_ROWS, _HEAD + row * len(recipes) + foot)), _PAPER)
-    draw = ImageDraw.Draw(sheet)
-    _text(draw, (_MARGIN, 84), title, 58)
+    sheet = Sheet(COLUMNS, max(_ROWS, _HEAD + row * len(recipes) + foot))
+    sheet.text((_MARGIN, 84), title, 58)
     missed = sum(not recipe.within_reach for recipe in recipes)
     reach = f"{missed} of them out of reach of these paints" if missed else "all of them within reach of these paints"
     plural = "" if len(recipes) == 1 else "s"
-    _text(draw, (_MARGIN, 162), f"How to mix {len(recipes)} paint{plural}, in parts by volume; {reach}", 24, _SOFT)
+    sheet.text((_MARGIN, 162), f"How to mix {len(recipes)} paint{plural}, in parts by volume; {reach}", 24, SOFT)
     for index, recipe in enumerate(recipes):
-        _recipe(draw, index, recipe, volumes[index] if volumes else None, _HEAD + index * row, row)
-    below = sheet.height - foot + 20
+        _recipe(sheet, index, recipe, volumes[index] if volumes else None, _HEAD + index * row, row)
+    below = sheet.image.height - foot + 20
     if supplies:
-        _text(draw, (_MARGIN, below), "Needed in all, with half of it left in brush and wells", 21)
+        sheet.text((_MARGIN, below), "Needed in all, with half of it left in brush and wells", 21)
         for place, (name, volume) in enumerate(supplies):
             column, line = place % 3, place // 3
-            _text(draw, (_MARGIN + 350 * column, below + 34 + 30 * line), f"{volume:.0f} ml  {name}", 19, _SOFT)
+            sheet.text((_MARGIN + 350 * column, below + 34 + 30 * line), f"{volume:.0f} ml  {name}", 19, SOFT)
     for line, text in enumerate(_ADVICE):
-        _text(draw, (_MARGIN, sheet.height - 110 + 25 * line), text, 17, _SOFT)
-    return images.from_uint8(np.asarray(sheet))
+        sheet.text((_MARGIN, sheet.image.height - 110 + 25 * line), text, 17, SOFT)
+    return sheet.tensor()
 
 
 def _recipe(
-    draw: ImageDraw.ImageDraw, index: int, recipe: Recipe, volume: float | None, top: int, row: int
+    sheet: Sheet, index: int, recipe: Recipe, volume: float | None, top: int, row: int
 ) -> None:  # fmt: skip
     """One row: number, wanted and predicted colour side by side, the parts in words and as a bar, the amounts."""
     height = row - 20
     left = _MARGIN + 64
-    _text(draw, (_MARGIN, top + height // 2), str(index + 1), 40, anchor="lm")
+    sheet.text((_MARGIN, top + height // 2), str(index + 1), 40, anchor="lm")
     for place, color in enumerate((recipe.target, recipe.color)):
         x = left + place * _SWATCH
-        draw.rectangle((x, top, x + _SWATCH - 1, top + height - 1), fill=_bytes(color))
-    draw.rectangle((left, top, left + 2 * _SWATCH - 1, top + height - 1), outline=_LINE)
+        sheet.draw.rectangle((x, top, x + _SWATCH - 1, top + height - 1), fill=to_bytes(color))
+    sheet.draw.rectangle((left, top, left + 2 * _SWATCH - 1, top + height - 1), outline=LINE)
     right = left + 2 * _SWATCH + 30
-    fill = _INK if recipe.within_reach else _WARNING
+    fill = INK if recipe.within_reach else WARNING
     room = COLUMNS - _MARGIN - right - (150 if not recipe.within_reach else 90)
-    size = next(size for size in (22, 20, 18, 16, 14, 12) if _length(recipe.words, size) <= room or size == 12)
-    _text(draw, (right, top - 1), recipe.words, size, fill)
+    size = next(size for size in (22, 20, 18, 16, 14, 12) if font(size).getlength(recipe.words) <= room or size == 12)
+    sheet.text((right, top - 1), recipe.words, size, fill)
     verdict = f"{recipe.difference:.1f}"
     if not recipe.within_reach:
         verdict += "  out of reach"
     elif recipe.difference > GOOD:
         verdict += "  near"
-    _text(draw, (COLUMNS - _MARGIN, top - 1), verdict, 20, _SOFT if recipe.within_reach else _WARNING, "ra")
-    _bar(draw, recipe, right, top + 34)
+    sheet.text((COLUMNS - _MARGIN, top - 1), verdict, 20, SOFT if recipe.within_reach else WARNING, "ra")
+    _bar(sheet, recipe, right, top + 34)
     facts = to_hex(recipe.target)
     if volume is not None:
         amounts = recipe.volumes(volume)
         facts += "   " + "   ".join(_measured(amount) for amount in amounts)
-    _text(draw, (right, top + 34 + _BAR + 6), facts, 17, _SOFT)
+    sheet.text((right, top + 34 + _BAR + 6), facts, 17, SOFT)
 
 
-def _bar(draw: ImageDraw.ImageDraw, recipe: Recipe, left: int, top: int) -> None:
+def _bar(sheet: Sheet, recipe: Recipe, left: int, top: int) -> None:
     """The parts as lengths, each in its paint's own colour, and never so short that it is not seen."""
     width = COLUMNS - _MARGIN - left
     shares = recipe.volumes(1.0)
@@ -93,7 +89,7 @@ def _bar(draw: ImageDraw.ImageDraw, recipe: Recipe, left: int, top: int) -> None
     x = float(left)
     for (paint, _), share in zip(recipe.parts, widths, strict=True):
         end = x + width * share / sum(widths)
-        draw.rectangle((round(x), top, round(end) - 2, top + _BAR), fill=_bytes(paint.color), outline=_LINE)
+        sheet.draw.rectangle((round(x), top, round(end) - 2, top + _BAR), fill=to_bytes(paint.color), outline=LINE)
         x = end
 
 
@@ -112,22 +108,3 @@ def _measured(amount: float) -> str:
         return f"{amount:.1f} ml"
     drops = round(amount / _DROP)
     return "a trace" if drops == 0 else "1 drop" if drops == 1 else f"{drops} drops"
-
-
-def _bytes(color: Tensor) -> tuple[int, ...]:
-    return tuple((color * 255).round().int().tolist())
-
-
-def _length(text: str, size: int) -> float:
-    return ImageFont.load_default(size).getlength(text)
-
-
-def _text(
-    draw: ImageDraw.ImageDraw,
-    at: tuple[int, int],
-    text: str,
-    size: int,
-    fill: tuple[int, int, int] = _INK,
-    anchor: str = "la",
-) -> None:
-    draw.text(at, text, fill=fill, font=ImageFont.load_default(size), anchor=anchor)

@@ -2,15 +2,14 @@
 
 from collections.abc import Collection
 
-import numpy as np
 import torch
-from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
 from frida_painter import images
 from frida_painter.plan import Plan
+from frida_painter.sheet import PAPER, SOFT, Sheet, font
 
-_RED, _PAPER, _SOFT = (200, 30, 40), (255, 255, 255), (98, 93, 85)
+_RED = (200, 30, 40)
 _FADED = 0.62  # of the way to white
 _POINTS = 25
 
@@ -23,33 +22,32 @@ def offending_strokes(plan: Plan, picture: Tensor, offending: Collection[int]) -
     rows, columns = picture.shape[1:]
     unit = max(rows, columns) / 1000
     foot = round(64 * unit)
-    sheet = Image.new("RGB", (columns, rows + foot), _PAPER)
+    sheet = Sheet(columns, rows + foot)
     faded = picture.detach() + _FADED * (1 - picture.detach())
-    sheet.paste(Image.fromarray(images.to_uint8(faded)))
-    draw = ImageDraw.Draw(sheet)
+    sheet.paste(images.to_uint8(faded))
     chosen = sorted(offending)
     path = plan.strokes[chosen].path(torch.linspace(0, 1, _POINTS))  # [n, t, 2] metres
     scale = torch.tensor([columns / plan.canvas.width, rows / plan.canvas.height])
     pixels = plan.canvas.on_page(path) * scale
     for points in pixels.tolist():
-        draw.line([tuple(point) for point in points], fill=_RED, width=max(2, round(4 * unit)), joint="curve")
+        sheet.draw.line([tuple(point) for point in points], fill=_RED, width=max(2, round(4 * unit)), joint="curve")
         x, y = points[0]
         dot = 6 * unit
-        draw.ellipse((x - dot, y - dot, x + dot, y + dot), fill=_RED)
-    _tags(draw, dict(zip(chosen, pixels.tolist(), strict=True)), round(22 * unit), (columns, rows))
+        sheet.draw.ellipse((x - dot, y - dot, x + dot, y + dot), fill=_RED)
+    _tags(sheet, dict(zip(chosen, pixels.tolist(), strict=True)), round(22 * unit), (columns, rows))
     count = f"{len(chosen)} of {len(plan)} strokes cannot be painted here"
-    draw.text((16 * unit, rows + foot / 2), count, fill=_SOFT, font=ImageFont.load_default(26 * unit), anchor="lm")
-    return images.from_uint8(np.asarray(sheet))
+    sheet.text((16 * unit, rows + foot / 2), count, 26 * unit, SOFT, "lm")
+    return sheet.tensor()
 
 
 def _tags(
-    draw: ImageDraw.ImageDraw, paths: dict[int, list[list[float]]], size: int, within: tuple[int, int]
+    sheet: Sheet, paths: dict[int, list[list[float]]], size: int, within: tuple[int, int]
 ) -> None:  # fmt: skip
     """Numbers in white on red beside their strokes and inside the picture, as many as find a free place."""
-    font, pad = ImageFont.load_default(size), size * 0.3
+    pad = size * 0.3
     taken: list[tuple[float, float, float, float]] = []
     for index, points in paths.items():
-        left, top, right, bottom = draw.textbbox((0, 0), str(index + 1), font=font)
+        left, top, right, bottom = sheet.draw.textbbox((0, 0), str(index + 1), font=font(size))
         width, height = right - left, bottom - top
         for x, y in (points[0], points[-1], points[_POINTS // 2]):
             x = min(max(x + size * 0.5, pad), within[0] - width - pad)
@@ -57,8 +55,8 @@ def _tags(
             box = (x - pad, y - pad, x + width + pad, y + height + pad)
             if not any(_overlap(box, other) for other in taken):
                 taken.append(box)
-                draw.rounded_rectangle(box, radius=pad, fill=_RED)
-                draw.text((x - left, y - top), str(index + 1), fill=_PAPER, font=font)
+                sheet.draw.rounded_rectangle(box, radius=pad, fill=_RED)
+                sheet.text((x - left, y - top), str(index + 1), size, PAPER)
                 break
 
 

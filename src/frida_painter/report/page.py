@@ -12,8 +12,8 @@ from frida_painter.report.story import Story
 PAGE = "index.html"
 
 
-def page(story: Story) -> str:
-    """The story as HTML that needs nothing but the files it names."""
+def template(name: str) -> jinja2.Template:
+    """A template of this package, which writes nothing that it was not given."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("frida_painter", "report/templates"),
         autoescape=True,
@@ -21,9 +21,14 @@ def page(story: Story) -> str:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
+    return environment.get_template(name)
+
+
+def page(story: Story) -> str:
+    """The story as HTML that needs nothing but the files it names."""
     # The curve is our own markup, whose texts are escaped where it is made.
     curve = Markup(curve_svg(story.phases))
-    html = environment.get_template("page.html").render(story=story, curve=curve)
+    html = template("page.html").render(story=story, curve=curve)
     return html.encode("utf-8", "replace").decode("utf-8")
 
 

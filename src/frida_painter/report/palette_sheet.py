@@ -4,21 +4,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.mixing.recipe import Recipe
 from frida_painter.plan import Plan
-from frida_painter.report.story import Paint, paints
+from frida_painter.report.story import PaintFacts, paints
+from frida_painter.sheet import INK, LINE, SOFT, Sheet, font, shortened
 
 ROWS, COLUMNS = 1754, 1240
 """A4 at 150 dots per inch; what is on it also fits US Letter."""
 _MARGIN = 96
 _HEAD = 236
 _FOOT = 108
-_INK, _SOFT, _LINE, _PAPER = (35, 33, 30), (98, 93, 85), (205, 200, 191), (255, 255, 255)
 _SMALL = 18  # pixels: 8.6 points when printed
 _RECIPE_SIZE, _RECIPE_PITCH = 15, 20
 _ADVICE = (
@@ -34,17 +31,16 @@ def palette_sheet(plan: Plan, title: str = "Palette", recipes: Sequence[Recipe] 
     for and how much of the painting they are; up to 20 paints also with how to mix them, where `recipes`
     tells. Holds 1 to 64 paints.
     """
-    sheet = Image.new("RGB", (COLUMNS, ROWS), _PAPER)
-    draw = ImageDraw.Draw(sheet)
+    sheet = Sheet(COLUMNS, ROWS)
     known = paints(plan, recipes)
-    _head(draw, plan, title)
+    _head(sheet, plan, title)
     grid = _Grid.of(len(known))
     for place, paint in enumerate(known):
         left, top = grid.corner(place)
-        (_card if grid.upright else _line)(draw, paint, left, top, grid.width, grid.height)
+        (_card if grid.upright else _line)(sheet, paint, left, top, grid.width, grid.height)
     for row, text in enumerate(_ADVICE):
-        draw.text((_MARGIN, ROWS - _FOOT + 26 * row), text, fill=_SOFT, font=_font(_SMALL - 1))
-    return images.from_uint8(np.asarray(sheet))
+        sheet.text((_MARGIN, ROWS - _FOOT + 26 * row), text, _SMALL - 1, SOFT)
+    return sheet.tensor()
 
 
 @dataclass(frozen=True)
@@ -75,68 +71,59 @@ class _Grid:
         )
 
 
-def _head(draw: ImageDraw.ImageDraw, plan: Plan, title: str) -> None:
-    draw.text((_MARGIN, 84), _shortened(title, _font(58), COLUMNS - 2 * _MARGIN), fill=_INK, font=_font(58))
+def _head(sheet: Sheet, plan: Plan, title: str) -> None:
+    sheet.text((_MARGIN, 84), shortened(title, 58, COLUMNS - 2 * _MARGIN), 58, INK)
     count = len(plan.palette)
     facts = f"{count} paint{'s' if count != 1 else ''} for {len(plan)} strokes on a canvas of {plan.canvas}"
-    draw.text((_MARGIN, 162), f"{facts}, brush: {plan.brush}", fill=_SOFT, font=_font(24))
+    sheet.text((_MARGIN, 162), f"{facts}, brush: {plan.brush}", 24, SOFT)
 
 
-def _card(draw: ImageDraw.ImageDraw, paint: Paint, left: int, top: int, width: int, height: int) -> None:
+def _card(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:
     """A swatch with its text below."""
     below = top + height - (118 if not paint.recipe else 118 + 2 * _RECIPE_PITCH)
-    draw.rectangle((left, top, left + width - 1, below - 1), fill=paint.srgb, outline=_LINE, width=1)
-    draw.text((left, below + 12), str(paint.number), fill=_INK, font=_font(44))
+    sheet.draw.rectangle((left, top, left + width - 1, below - 1), fill=paint.srgb, outline=LINE, width=1)
+    sheet.text((left, below + 12), str(paint.number), 44, INK)
     strokes = f"{_strokes(paint)}, {paint.share:.0%}"
     for row, text in enumerate((paint.hex, _srgb(paint), _lab(paint), strokes)):
-        draw.text((left + 66, below + 14 + 25 * row), text, fill=_INK if row == 0 else _SOFT, font=_font(_SMALL))
+        sheet.text((left + 66, below + 14 + 25 * row), text, _SMALL, INK if row == 0 else SOFT)
     for row, text in enumerate(_in_two_lines(paint.recipe, width)):
-        draw.text((left, below + 118 + _RECIPE_PITCH * row), text, fill=_SOFT, font=_font(_RECIPE_SIZE))
+        sheet.text((left, below + 118 + _RECIPE_PITCH * row), text, _RECIPE_SIZE, SOFT)
 
 
 def _in_two_lines(recipe: str, width: int) -> list[str]:
     """The recipe broken where it says plus; the second line is cut where even two are too short."""
-    font, words = _font(_RECIPE_SIZE), recipe.split(" + ")
+    words = recipe.split(" + ")
     first = next(
-        (count for count in range(len(words), 0, -1) if font.getlength(" + ".join(words[:count]) + " +") <= width), 1
+        (
+            count
+            for count in range(len(words), 0, -1)
+            if font(_RECIPE_SIZE).getlength(" + ".join(words[:count]) + " +") <= width
+        ),
+        1,
     )
     lines = [" + ".join(words[:first]), " + ".join(words[first:])]
-    return [_shortened(line, font, width) for line in ([lines[0] + " +", lines[1]] if lines[1] else [lines[0]])]
+    return [shortened(line, _RECIPE_SIZE, width) for line in ([lines[0] + " +", lines[1]] if lines[1] else [lines[0]])]
 
 
-def _line(draw: ImageDraw.ImageDraw, paint: Paint, left: int, top: int, width: int, height: int) -> None:
+def _line(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:
     """A swatch with its text beside it, for palettes that fill the page."""
-    swatch, right, font = round(0.26 * width), left + width, _font(_SMALL - 1)
-    draw.rectangle((left, top, left + swatch - 1, top + height - 1), fill=paint.srgb, outline=_LINE, width=1)
-    draw.text((left + swatch + 12, top - 4), str(paint.number), fill=_INK, font=_font(24))
+    swatch, right, size = round(0.26 * width), left + width, _SMALL - 1
+    sheet.draw.rectangle((left, top, left + swatch - 1, top + height - 1), fill=paint.srgb, outline=LINE, width=1)
+    sheet.text((left + swatch + 12, top - 4), str(paint.number), 24, INK)
     pitch = min(26, height // 3)
     for row, text in enumerate((paint.hex, _srgb(paint), _lab(paint))):
-        draw.text((left + swatch + 50, top + pitch * row), text, fill=_INK if row == 0 else _SOFT, font=font)
-    draw.text((right, top), _strokes(paint), fill=_SOFT, font=font, anchor="ra")
-    draw.text((right, top + pitch), f"{paint.share:.0%}", fill=_SOFT, font=font, anchor="ra")
+        sheet.text((left + swatch + 50, top + pitch * row), text, size, INK if row == 0 else SOFT)
+    sheet.text((right, top), _strokes(paint), size, SOFT, "ra")
+    sheet.text((right, top + pitch), f"{paint.share:.0%}", size, SOFT, "ra")
 
 
-def _srgb(paint: Paint) -> str:
+def _srgb(paint: PaintFacts) -> str:
     return "sRGB {}  {}  {}".format(*paint.srgb)
 
 
-def _lab(paint: Paint) -> str:
+def _lab(paint: PaintFacts) -> str:
     return "Lab {:.1f}  {:.1f}  {:.1f}".format(*paint.lab)
 
 
-def _strokes(paint: Paint) -> str:
+def _strokes(paint: PaintFacts) -> str:
     return f"{paint.strokes} stroke{'s' if paint.strokes != 1 else ''}"
-
-
-def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """The scalable font that Pillow carries within itself."""
-    return ImageFont.load_default(size)
-
-
-def _shortened(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: int) -> str:
-    """The text, cut with an ellipsis where it is wider than the page."""
-    if font.getlength(text) <= width:
-        return text
-    while text and font.getlength(text + "…") > width:
-        text = text[:-1]
-    return text.rstrip() + "…"

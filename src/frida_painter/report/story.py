@@ -14,7 +14,7 @@ from frida_painter.plan import Plan
 
 
 @dataclass(frozen=True)
-class Paint:
+class PaintFacts:
     """One paint to mix: number from 1, hex "#rrggbb", sRGB bytes, Lab, its strokes and what they amount to.
 
     length: of its strokes' marks together, metres; share: of the length that all paints paint, in [0, 1];
@@ -90,7 +90,7 @@ class Story:
     painting: str | None
     film: str | None
     palette_sheet: str | None
-    paints: tuple[Paint, ...]
+    paints: tuple[PaintFacts, ...]
     looks: tuple[Look, ...] = ()
     phases: tuple[Phase, ...] = ()
     comparisons: tuple[Comparison, ...] = ()
@@ -101,7 +101,7 @@ class Story:
     mixing_sheet: str | None = None
 
 
-def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[Paint, ...]:
+def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[PaintFacts, ...]:
     """The paints of a plan in the order of its palette, with what each of them is needed for.
 
     recipes: how to mix them, one each, or none at all.
@@ -112,7 +112,7 @@ def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[Paint, ...]:
     shares = lengths / lengths.sum().clamp(min=1e-12)
     colors, lab = plan.palette.color, plan.palette.lab()
     return tuple(
-        Paint(
+        PaintFacts(
             number=paint + 1,
             hex=to_hex(colors[paint]),
             srgb=tuple((colors[paint] * 255).round().int().tolist()),

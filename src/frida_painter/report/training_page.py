@@ -4,7 +4,6 @@ import base64
 import io
 from dataclasses import dataclass
 
-import jinja2
 import numpy as np
 import torch
 from markupsafe import Markup
@@ -15,6 +14,7 @@ from torch import Tensor
 from frida_painter import images
 from frida_painter.brush.learn import Learned
 from frida_painter.report.chart import Series, chart
+from frida_painter.report.page import template
 
 _MOST_SHOWN = 24
 _WIDTH = 300
@@ -45,13 +45,6 @@ def training_page(learned: Learned, model: str, library: str, *, dirty: int) -> 
     report = learned.report
     wanted = learned.library[report.held_out].maps(learned.model.frame)
     error = (report.predicted - wanted).abs().mean((1, 2)).double().numpy()
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("frida_painter", "report/templates"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
     limits = learned.model.limits
     facts = [
         ("Stroke model", model),
@@ -63,7 +56,7 @@ def training_page(learned: Learned, model: str, library: str, *, dirty: int) -> 
         ("Lengths", f"{1000 * limits.length[0]:.1f} to {1000 * limits.length[1]:.1f} mm"),
         ("Bends", f"{1000 * limits.bend[0]:.1f} to {1000 * limits.bend[1]:.1f} mm"),
     ]
-    return environment.get_template("training.html").render(
+    return template("training.html").render(
         library=library,
         error=report.validation_error,
         bare=float(wanted.mean()),

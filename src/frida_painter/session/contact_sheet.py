@@ -6,21 +6,19 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.brush.flaw import Flaw
 from frida_painter.brush.judge import judge
 from frida_painter.brush.library import StrokeLibrary
+from frida_painter.sheet import INK, LINE, PAPER, SOFT, WARNING, Sheet, font
 
 MOST_SHOWN = 600
 _WIDTH = 1800
 _MARGIN, _GAP = 44, 10
 _HEAD = 112
 _CAPTION = 18
-_INK, _SOFT, _LINE = (35, 33, 30), (128, 122, 113), (222, 217, 208)
-_PAPER, _SPOILED, _WARNING = (255, 255, 255), (253, 236, 228), (192, 57, 28)
+_SPOILED = (253, 236, 228)
 
 
 def contact_sheet(library: StrokeLibrary, title: str) -> Tensor:
@@ -33,17 +31,16 @@ def contact_sheet(library: StrokeLibrary, title: str) -> Tensor:
     shown = _chosen(flaws)
     shown = shown[np.argsort(library.recorded_index[shown], kind="stable")]
     grid = _Grid.of(len(shown), *library.magnitude.shape[1:])
-    sheet = Image.new("RGB", (_WIDTH, _HEAD + grid.rows * (grid.height + _CAPTION + _GAP) + _MARGIN - _GAP), _PAPER)
-    draw = ImageDraw.Draw(sheet)
-    _head(draw, flaws, len(shown), title)
+    sheet = Sheet(_WIDTH, _HEAD + grid.rows * (grid.height + _CAPTION + _GAP) + _MARGIN - _GAP)
+    _head(sheet, flaws, len(shown), title)
     for place, index in enumerate(shown):
         left, top = grid.corner(place)
         flaw = Flaw(flaws[index])
-        sheet.paste(Image.fromarray(_cell(library.magnitude[index], grid, flaw)), (left, top))
+        sheet.paste(_cell(library.magnitude[index], grid, flaw), (left, top))
         frame = (left - 1, top - 1, left + grid.width, top + grid.height)
-        draw.rectangle(frame, outline=_LINE if flaw is Flaw.NONE else _WARNING, width=1)
-        _caption(draw, library.recorded_index[index], flaw, left, top + grid.height + 3, grid.width)
-    return images.from_uint8(np.asarray(sheet))
+        sheet.draw.rectangle(frame, outline=LINE if flaw is Flaw.NONE else WARNING, width=1)
+        _caption(sheet, library.recorded_index[index], flaw, left, top + grid.height + 3, grid.width)
+    return sheet.tensor()
 
 
 @dataclass(frozen=True)
@@ -81,24 +78,24 @@ def _chosen(flaws: NDArray[np.uint8]) -> NDArray[np.int64]:
     return np.unique(np.concatenate([dirty, some]))
 
 
-def _head(draw: ImageDraw.ImageDraw, flaws: NDArray[np.uint8], shown: int, title: str) -> None:
-    draw.text((_MARGIN, 26), title, fill=_INK, font=_font(34))
+def _head(sheet: Sheet, flaws: NDArray[np.uint8], shown: int, title: str) -> None:
+    sheet.text((_MARGIN, 26), title, 34, INK)
     counts = Counter(Flaw(flaw) for flaw in flaws if flaw)
     dirty = sum(counts.values())
     clean = f"{len(flaws) - dirty} of {len(flaws)} strokes are clean"
     if shown < len(flaws):
         clean += f" ({shown} are shown)"
-    draw.text((_MARGIN, 72), clean + ("." if not dirty else "; left out: "), fill=_SOFT, font=_font(20))
+    sheet.text((_MARGIN, 72), clean + ("." if not dirty else "; left out: "), 20, SOFT)
     if dirty:
         reasons = ", ".join(f"{count} {flaw.words}" for flaw, count in counts.most_common())
-        start = _MARGIN + _font(20).getlength(clean + "; left out: ")
-        draw.text((start, 72), reasons, fill=_WARNING, font=_font(20))
+        start = _MARGIN + font(20).getlength(clean + "; left out: ")
+        sheet.text((start, 72), reasons, 20, WARNING)
 
 
-def _caption(draw: ImageDraw.ImageDraw, number: int, flaw: Flaw, left: int, top: int, width: int) -> None:
-    draw.text((left, top), str(number), fill=_SOFT, font=_font(12))
+def _caption(sheet: Sheet, number: int, flaw: Flaw, left: int, top: int, width: int) -> None:
+    sheet.text((left, top), str(number), 12, SOFT)
     if flaw is not Flaw.NONE:
-        draw.text((left + width, top), flaw.words, fill=_WARNING, font=_font(12), anchor="ra")
+        sheet.text((left + width, top), flaw.words, 12, WARNING, "ra")
 
 
 def _cell(mark: NDArray[np.uint8], grid: _Grid, flaw: Flaw) -> NDArray[np.uint8]:
@@ -106,9 +103,5 @@ def _cell(mark: NDArray[np.uint8], grid: _Grid, flaw: Flaw) -> NDArray[np.uint8]
     smaller = grid.width < mark.shape[1]
     size = (grid.width, grid.height)
     paint = cv2.resize(mark, size, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR)[..., None] / 255.0
-    paper = _PAPER if flaw is Flaw.NONE else _SPOILED
-    return np.rint((1 - paint) * paper + paint * np.array(_INK)).astype(np.uint8)
-
-
-def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    return ImageFont.load_default(size)
+    paper = PAPER if flaw is Flaw.NONE else _SPOILED
+    return np.rint((1 - paint) * paper + paint * np.array(INK)).astype(np.uint8)

@@ -6,16 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 from torch import Tensor
 
 from frida_painter import images
 from frida_painter.frames import CanvasSize
+from frida_painter.sheet import CREAM, INK, LINE, SOFT, font
 
 SHEET_ROWS = 720
 _SHARP = 2  # drawn so many times larger, and made smaller in the end
 _MARGIN, _HEAD = 64, 144
-_INK, _SOFT, _LINE, _PAPER, _MARK = (35, 33, 30), (98, 93, 85), (205, 200, 191), (250, 248, 244), (196, 52, 36)
+_MARK = (196, 52, 36)
 _FADED = 0.4
 _LEVELS = ("barely touching", "lightly", "with some pressure", "pressed well", "pressed hard")
 _Color = tuple[int, int, int]
@@ -84,7 +85,7 @@ def hand_sheet(
     """
     rows, columns = seen.shape[1:]
     size = (columns + 2 * _MARGIN, rows + _HEAD + _MARGIN)
-    sheet = Image.new("RGB", (size[0] * _SHARP, size[1] * _SHARP), _PAPER)
+    sheet = Image.new("RGB", (size[0] * _SHARP, size[1] * _SHARP), CREAM)
     faded = Image.fromarray(images.to_uint8(1 - (1 - seen) * _FADED))
     sheet.paste(
         faded.resize((columns * _SHARP, rows * _SHARP), Image.Resampling.BICUBIC), (_MARGIN * _SHARP, _HEAD * _SHARP)
@@ -125,7 +126,7 @@ class _Pen:
 
     def outline(self, stroke: HandStroke) -> None:
         """A stroke in its colour with a dark edge on a light one, seen on any ground."""
-        for grown, fill in ((2.5, _PAPER), (1.2, _INK)):
+        for grown, fill in ((2.5, CREAM), (1.2, INK)):
             self._line(stroke, grown, fill)
         self.mark(stroke)
 
@@ -145,15 +146,15 @@ class _Pen:
         before = next((point for point in reversed(points) if float(np.linalg.norm(tip - point)) > 8), start)
         along = (tip - before) / max(float(np.linalg.norm(tip - before)), 1e-9)
         aside = np.array([-along[1], along[0]])
-        for reach, color in ((3.0, _PAPER), (0.0, _MARK)):
+        for reach, color in ((3.0, CREAM), (0.0, _MARK)):
             corners = (tip + along * (24 + 1.6 * reach), *(tip + sign * aside * (13 + reach) for sign in (1, -1)))
             back = tip - along * reach
             self.draw.polygon([self._sharp(corner) for corner in (corners[0], corners[1], back, corners[2])], color)
         begin = (float(start[0]), float(start[1]))
-        for radius, color in ((15.0, _PAPER), (13.5, _MARK), (10.5, _PAPER)) if number else ((15.0, _PAPER),):
+        for radius, color in ((15.0, CREAM), (13.5, _MARK), (10.5, CREAM)) if number else ((15.0, CREAM),):
             self._disc(begin, radius, color)
         if number:
-            self._text(begin, number, 14 if len(number) < 3 else 11, _INK, "mm")
+            self._text(begin, number, 14 if len(number) < 3 else 11, INK, "mm")
         else:
             self._disc(begin, 13.5, _MARK)
             self._disc(begin, 9.5, _bytes(stroke.color))
@@ -166,7 +167,7 @@ class _Pen:
             self._dashes(start, end)
         for (left, top), metres in (((x, bottom + 23), stroke.path[0][0]), ((_MARGIN - 31, y), stroke.path[0][1])):
             self._box((left - 24, top - 11, left + 24, top + 11), 5, _MARK)
-            self._text((left, top), f"{100 * metres:.1f}", 15, _PAPER, "mm")
+            self._text((left, top), f"{100 * metres:.1f}", 15, CREAM, "mm")
 
     def gauge(self, stroke: HandStroke) -> None:
         """How hard, in five steps."""
@@ -174,34 +175,34 @@ class _Pen:
         for level in range(len(_LEVELS)):
             radius = 6.0 + 2.6 * level
             middle = (right - 24 - 38.0 * (len(_LEVELS) - 1 - level), 58.0)
-            self._disc(middle, radius, _INK if level <= stroke.level else _LINE)
-        self._text((right - 100, 100), _LEVELS[stroke.level], 16, _SOFT, "mm")
+            self._disc(middle, radius, INK if level <= stroke.level else LINE)
+        self._text((right - 100, 100), _LEVELS[stroke.level], 16, SOFT, "mm")
 
     def head(self, color: tuple[float, float, float], heading: Sequence[str], room: int) -> None:
         """The swatch of the paint, a title and its lines, `room` pixels being left free on the right."""
-        self._box((_MARGIN, 26, _MARGIN + 92, 118), 12, _bytes(color), _LINE)
+        self._box((_MARGIN, 26, _MARGIN + 92, 118), 12, _bytes(color), LINE)
         left = _MARGIN + 108
         most = _MARGIN + self.columns - left - room
-        self._text((left, 20), heading[0], self._fitting(heading[0], most, 30), _INK, "la")
+        self._text((left, 20), heading[0], self._fitting(heading[0], most, 30), INK, "la")
         for row, text in enumerate(heading[1:]):
-            self._text((left, 60 + 23 * row), text, self._fitting(text, most, 17), _SOFT, "la")
+            self._text((left, 60 + 23 * row), text, self._fitting(text, most, 17), SOFT, "la")
 
     def ruler(self) -> None:
         """Centimetres from the left and from the bottom, every fifth with its number."""
         left, top, right, bottom = _MARGIN, _HEAD, _MARGIN + self.columns, _HEAD + self.rows
         for corners in (((left, top), (right, top)), ((right, top), (right, bottom))):
-            self._stroke(*corners, _LINE)
+            self._stroke(*corners, LINE)
         for corners in (((left, top), (left, bottom)), ((left, bottom), (right, bottom))):
-            self._stroke(*corners, _SOFT)
+            self._stroke(*corners, SOFT)
         for length, across in ((self.canvas.width, True), (self.canvas.height, False)):
             for centimetre in range(math.floor(100 * length + 1e-6) + 1):
                 along, fifth = centimetre / 100 * self.scale, centimetre % 5 == 0
                 reach = 10 if fifth else 5
                 x, y = (left + along, bottom) if across else (left, bottom - along)
-                self._stroke((x, y), (x, y + reach) if across else (x - reach, y), _SOFT)
+                self._stroke((x, y), (x, y + reach) if across else (x - reach, y), SOFT)
                 if fifth:
                     place = (x, y + 23) if across else (x - 14, y)
-                    self._text(place, str(centimetre), 15, _SOFT, "mm" if across else "rm")
+                    self._text(place, str(centimetre), 15, SOFT, "mm" if across else "rm")
 
     def _disc(self, middle: tuple[float, float], radius: float, fill: _Color) -> None:
         (x, y), r = self._sharp(middle), radius * _SHARP
@@ -224,11 +225,11 @@ class _Pen:
             self._stroke((float(near[0]), float(near[1])), (float(far[0]), float(far[1])), _MARK)
 
     def _text(self, at: tuple[float, float], text: str, size: float, fill: _Color, anchor: str) -> None:
-        self.draw.text(self._sharp(at), text, fill=fill, font=ImageFont.load_default(size * _SHARP), anchor=anchor)
+        self.draw.text(self._sharp(at), text, fill=fill, font=font(size * _SHARP), anchor=anchor)
 
     def _fitting(self, text: str, width: float, largest: int) -> float:
         """The size, no larger than that, in which a text is no wider than `width`."""
-        return min(largest, largest * width / max(ImageFont.load_default(largest).getlength(text), 1.0))
+        return min(largest, largest * width / max(font(largest).getlength(text), 1.0))
 
     @staticmethod
     def _sharp(point: Sequence[float] | NDArray[np.float64]) -> tuple[float, float]:

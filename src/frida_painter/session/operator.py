@@ -2,17 +2,14 @@
 
 from collections.abc import Callable
 
-import numpy as np
-from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.errors import Interrupted
 from frida_painter.palette import Palette, to_hex
 from frida_painter.session.procedures.dialogue import Answer, Confirm, Question
+from frida_painter.sheet import CREAM, INK, Sheet, to_bytes
 
 _SWATCH = 150  # pixels
-_INK, _PAPER = (35, 33, 30), (250, 248, 244)
 
 
 class PersonAsOperator:
@@ -65,13 +62,11 @@ class AbsentOperator:
 def _swatches(palette: Palette) -> Tensor:
     """The paints with their numbers, from the first on, in rows of eight, [3, 150 rows, 150 columns]."""
     across = min(len(palette), 8)
-    sheet = Image.new("RGB", (_SWATCH * across, _SWATCH * -(-len(palette) // across)), _PAPER)
-    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(24)
+    sheet = Sheet(_SWATCH * across, _SWATCH * -(-len(palette) // across), CREAM)
     for index, color in enumerate(palette.color):
         row, column = divmod(index, across)
         x, y = _SWATCH * column, _SWATCH * row
-        red, green, blue = (color * 255).round().int().tolist()
-        draw.rectangle((x, y, x + _SWATCH - 1, y + _SWATCH - 1), fill=(red, green, blue))
-        draw.ellipse((x + 12, y + 12, x + 52, y + 52), fill=_PAPER)
-        draw.text((x + 32, y + 32), str(index + 1), fill=_INK, font=font, anchor="mm")
-    return images.from_uint8(np.asarray(sheet))
+        sheet.draw.rectangle((x, y, x + _SWATCH - 1, y + _SWATCH - 1), fill=to_bytes(color))
+        sheet.draw.ellipse((x + 12, y + 12, x + 52, y + 52), fill=CREAM)
+        sheet.text((x + 32, y + 32), str(index + 1), 24, INK, "mm")
+    return sheet.tensor()

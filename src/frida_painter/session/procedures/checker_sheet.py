@@ -3,17 +3,16 @@
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.perception.checker import ACROSS, PatchReadings
 from frida_painter.perception.light import to_srgb
+from frida_painter.sheet import CREAM, INK, SOFT, Sheet, to_bytes
 
 _ROWS, _COLUMNS = 650, 1500
 _LEFT, _TOP, _PITCH, _SIDE, _DISC = 612, 56, 144, 110, 29
 _PHOTOGRAPH = (40, 56, 532, 508)  # left, top, width, height
-_INK, _SOFT, _PAPER = (35, 33, 30), (98, 93, 85), (250, 248, 244)
 _FINER = 3
 
 
@@ -25,22 +24,21 @@ def checker_sheet(
     affine [3, 4]: the map; even, true [24, 3]: perceived in even light, and true, linear light; off
     [24]: CIEDE2000, written below each patch.
     """
-    sheet = Image.new("RGB", (_COLUMNS, _ROWS), _PAPER)
-    draw = ImageDraw.Draw(sheet)
-    sheet.paste(Image.fromarray(_excerpt(photograph, readings)), _PHOTOGRAPH[:2])
+    sheet = Sheet(_COLUMNS, _ROWS, CREAM)
+    sheet.paste(_excerpt(photograph, readings), _PHOTOGRAPH[:2])
     seen, known = to_srgb(readings.light), to_srgb(true)
     mapped = to_srgb(even @ affine[:, :3].T + affine[:, 3])
     for number in range(len(seen)):
         row, column = divmod(number, ACROSS)
         left, top = _LEFT + _PITCH * column, _TOP + (_PITCH - 10) * row
-        sheet.paste(_patch(*(_bytes(colors[number]) for colors in (seen, mapped, known))), (left, top))
+        sheet.paste(_patch(*(to_bytes(colors[number]) for colors in (seen, mapped, known))), (left, top))
         text = f"{float(off[number]):.1f}"
-        draw.text((left + _SIDE / 2, top + _SIDE + 3), text, fill=_SOFT, font=_font(16), anchor="ma")
-    draw.text((_PHOTOGRAPH[0], 20), "The checker as it was found", fill=_INK, font=_font(20))
-    draw.text((_LEFT, 20), "Left half: as photographed. Right half: corrected. Disc: true.", fill=_INK, font=_font(20))
+        sheet.text((left + _SIDE / 2, top + _SIDE + 3), text, 16, SOFT, "ma")
+    sheet.text((_PHOTOGRAPH[0], 20), "The checker as it was found", 20, INK)
+    sheet.text((_LEFT, 20), "Left half: as photographed. Right half: corrected. Disc: true.", 20, INK)
     foot = f"Below: CIEDE2000 of patches that the fit did not see, {float(off.mean()):.2f} on average"
-    draw.text((_LEFT, _ROWS - 46), foot, fill=_SOFT, font=_font(18))
-    return images.from_uint8(np.asarray(sheet))
+    sheet.text((_LEFT, _ROWS - 46), foot, 18, SOFT)
+    return sheet.tensor()
 
 
 def _excerpt(photograph: NDArray[np.uint8], readings: PatchReadings) -> NDArray[np.uint8]:
@@ -62,16 +60,7 @@ def _excerpt(photograph: NDArray[np.uint8], readings: PatchReadings) -> NDArray[
 def _patch(seen: tuple[int, ...], mapped: tuple[int, ...], true: tuple[int, ...]) -> Image.Image:
     """One patch: two halves, and a disc over both."""
     side, middle, disc = _FINER * _SIDE, _FINER * _SIDE // 2, _FINER * _DISC
-    patch = Image.new("RGB", (side, side), mapped)
-    draw = ImageDraw.Draw(patch)
-    draw.rectangle((0, 0, middle - 1, side), fill=seen)
-    draw.ellipse((middle - disc, middle - disc, middle + disc, middle + disc), fill=true)
-    return patch.resize((_SIDE, _SIDE), Image.Resampling.LANCZOS)
-
-
-def _bytes(color: Tensor) -> tuple[int, ...]:
-    return tuple((255 * color).round().int().tolist())
-
-
-def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    return ImageFont.load_default(size)
+    patch = Sheet(side, side, mapped)
+    patch.draw.rectangle((0, 0, middle - 1, side), fill=seen)
+    patch.draw.ellipse((middle - disc, middle - disc, middle + disc, middle + disc), fill=true)
+    return patch.image.resize((_SIDE, _SIDE), Image.Resampling.LANCZOS)

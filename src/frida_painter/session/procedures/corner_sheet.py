@@ -3,16 +3,15 @@
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.perception.outline import Outline
+from frida_painter.sheet import CREAM, SOFT, Sheet
 
 _ROWS = 760
 _GLASS = 24  # pixels of the photograph across a magnifying glass
 _SIDE, _GAP, _MARGIN, _HEAD = 300, 24, 40, 56
-_INK, _SOFT, _PAPER, _LINE = (35, 33, 30), (98, 93, 85), (250, 248, 244), (214, 40, 80)
+_FOUND = (214, 40, 80)
 _NAMES = ("top left", "top right", "bottom right", "bottom left")
 _EDGE_POINTS = 33
 
@@ -22,25 +21,23 @@ def corner_sheet(photograph: NDArray[np.uint8], outline: Outline) -> Tensor:
     scale = (_ROWS - _HEAD - _MARGIN) / photograph.shape[0]
     size = (round(photograph.shape[1] * scale), _ROWS - _HEAD - _MARGIN)
     left = _MARGIN + size[0] + _GAP
-    sheet = Image.new("RGB", (left + 2 * _SIDE + _GAP + _MARGIN, _ROWS), _PAPER)
-    draw = ImageDraw.Draw(sheet)
+    sheet = Sheet(left + 2 * _SIDE + _GAP + _MARGIN, _ROWS, CREAM)
     edge = _edge(outline)
     seen = np.asarray(cv2.resize(photograph, size, interpolation=cv2.INTER_AREA), np.uint8)
     _trace(seen, (edge + 0.5) * scale - 0.5, 2)
     for column, row in (np.array(outline.corners) + 0.5) * scale - 0.5:
         _ring(seen, column, row, 9)
-    sheet.paste(Image.fromarray(seen), (_MARGIN, _HEAD))
+    sheet.paste(seen, (_MARGIN, _HEAD))
     # On the sheet the corners stand as they do on the canvas.
     for number, (across, down) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
         place = (left + across * (_SIDE + _GAP), _HEAD + down * (_SIDE + _GAP + 40))
-        sheet.paste(Image.fromarray(_magnified(photograph, outline, edge, number)), place)
+        sheet.paste(_magnified(photograph, outline, edge, number), place)
         column, row = outline.corners[number]
         text = f"{_NAMES[number]}  {column:.1f}, {row:.1f}"
-        draw.text((place[0], place[1] + _SIDE + 6), text, fill=_SOFT, font=ImageFont.load_default(18))
-    head = ImageFont.load_default(20)
-    draw.text((_MARGIN, 20), "The canvas as it was found", fill=_INK, font=head)
-    draw.text((left, 20), f"Its corners, {_SIDE / _GLASS:g} times as large", fill=_INK, font=head)
-    return images.from_uint8(np.asarray(sheet))
+        sheet.text((place[0], place[1] + _SIDE + 6), text, 18, SOFT)
+    sheet.text((_MARGIN, 20), "The canvas as it was found", 20)
+    sheet.text((left, 20), f"Its corners, {_SIDE / _GLASS:g} times as large", 20)
+    return sheet.tensor()
 
 
 def _edge(outline: Outline) -> NDArray[np.float64]:
@@ -61,7 +58,7 @@ def _magnified(
     shift = (_SIDE - 1) / 2 - scale * corner
     view = np.array([[scale, 0, shift[0]], [0, scale, shift[1]]])
     enlarged = cv2.warpAffine(
-        photograph, view, (_SIDE, _SIDE), flags=cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=_PAPER
+        photograph, view, (_SIDE, _SIDE), flags=cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=CREAM
     )
     glass: NDArray[np.uint8] = np.asarray(enlarged, np.uint8)
     _trace(glass, edge * scale + shift, 2)
@@ -69,10 +66,10 @@ def _magnified(
 
 
 def _trace(picture: NDArray[np.uint8], points: NDArray[np.float64], width: int) -> None:
-    cv2.polylines(picture, [(16 * points).round().astype(np.int32)], True, _LINE, width, cv2.LINE_AA, shift=4)
+    cv2.polylines(picture, [(16 * points).round().astype(np.int32)], True, _FOUND, width, cv2.LINE_AA, shift=4)
 
 
 def _ring(picture: NDArray[np.uint8], column: float, row: float, radius: int) -> None:
     center = (round(16 * column), round(16 * row))
     cv2.circle(picture, center, 16 * radius, (255, 255, 255), 4, cv2.LINE_AA, shift=4)
-    cv2.circle(picture, center, 16 * radius, _LINE, 2, cv2.LINE_AA, shift=4)
+    cv2.circle(picture, center, 16 * radius, _FOUND, 2, cv2.LINE_AA, shift=4)

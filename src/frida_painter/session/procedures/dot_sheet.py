@@ -4,17 +4,15 @@ import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.perception.homography import apply
+from frida_painter.sheet import CREAM, INK, Sheet
 
 _COLUMNS = 1100
 _LARGER = 20
 _MARGIN, _HEAD, _FOOT = 40, 24, 64
-_INK, _SOFT, _PAPER = (35, 33, 30), (98, 93, 85), (250, 248, 244)
 _MEANT, _SEEN, _MISSING = (40, 105, 185), (214, 40, 80), (225, 140, 20)
 _RADIUS = 18
 
@@ -52,12 +50,11 @@ def dot_sheet(
                 _stripe(picture, place - offset, place + offset, color, width)
         if lost:
             _circle(picture, place, _MISSING)
-    sheet = Image.new("RGB", (_COLUMNS + 2 * _MARGIN, rows + _HEAD + _FOOT), _PAPER)
-    sheet.paste(Image.fromarray(picture), (_MARGIN, _HEAD))
-    draw = ImageDraw.Draw(sheet)
+    sheet = Sheet(_COLUMNS + 2 * _MARGIN, rows + _HEAD + _FOOT, CREAM)
+    sheet.paste(picture, (_MARGIN, _HEAD))
     text = f"Circles: the dots. Crosses: where they were meant to be. Red lines: what remains, {_LARGER} times as long."
-    draw.text((_MARGIN, rows + _HEAD + 18), text, fill=_INK, font=ImageFont.load_default(20))
-    return images.from_uint8(np.asarray(sheet))
+    sheet.text((_MARGIN, rows + _HEAD + 18), text, 20, INK)
+    return sheet.tensor()
 
 
 def _fine(place: NDArray[np.float64]) -> tuple[int, int]:
