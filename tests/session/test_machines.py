@@ -12,7 +12,8 @@ from frida_painter.hardware.drivers.gcode import GcodeRobot
 from frida_painter.hardware.drivers.ros import RosRobot
 from frida_painter.hardware.drivers.xarm import XarmRobot
 from frida_painter.hardware.workcell import WorkcellConfig, example
-from frida_painter.session.easels import EaselOrder, machine, open_easel
+from frida_painter.session.easel_order import EaselOrder
+from frida_painter.session.easels import machine, open_easel
 from frida_painter.session.machines import camera_named, robot_named
 
 
@@ -74,9 +75,18 @@ def test_names_that_mean_nothing_are_told(stand: WorkcellConfig, name: str, says
         robot_named(name, stand.workspace)
 
 
-@pytest.mark.parametrize("name", ["", "webcam", "folder", "folder:", "gphoto:2"])
-def test_cameras_that_mean_nothing_are_told(name: str) -> None:
-    with pytest.raises(ConfigError, match=r"take one of opencv:NUMBER, gphoto, folder:PATH"):
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("", "take one of opencv:NUMBER, gphoto, folder:PATH"),
+        ("webcam", "no camera 'webcam'; take one of opencv:NUMBER, gphoto, folder:PATH"),
+        ("folder", "without where it is; write folder:PATH"),
+        ("folder:", "without where it is; write folder:PATH"),
+        ("gphoto:2", "given '2', .*; write gphoto"),
+    ],
+)
+def test_cameras_that_mean_nothing_are_told(name: str, says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
         camera_named(name)
 
 

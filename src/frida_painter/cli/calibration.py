@@ -25,8 +25,8 @@ from frida_painter.cli.virtual import PlacementErrorOption, read_placement_error
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
+from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easel_process import EaselProcess, state_folder
-from frida_painter.session.easels import EaselOrder
 from frida_painter.session.opening import limit_threads
 from frida_painter.session.procedures.brush import brush as brush_procedure
 from frida_painter.session.procedures.calibration_status import require_basis

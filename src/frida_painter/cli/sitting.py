@@ -17,11 +17,11 @@ from frida_painter.errors import CameraError, FridaError, Interrupted, PaintingP
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.report.recorder import Occasion
 from frida_painter.runs import goals
+from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easel_process import state_folder
-from frida_painter.session.easels import ARM_FILM, EaselOrder
 from frida_painter.session.events import Notify, Paused, Stopped
 from frida_painter.session.loop import Painting, PaintingSession
-from frida_painter.session.names import TITLES
+from frida_painter.session.names import ARM_FILM, TITLES
 from frida_painter.virtual.table import PlacementError
 
 PAUSE_FILE = "pause"

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from frida_painter.cli.real import Site
 from frida_painter.config import PaintingSettings
+from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easel_process import state_folder
-from frida_painter.session.easels import EaselOrder
 from frida_painter.session.names import SAWYER_SIM
 from frida_painter.web.asking import Asker
 from frida_painter.web.feed import Feed

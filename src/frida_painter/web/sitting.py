@@ -26,12 +26,11 @@ from frida_painter.report.recorder import Occasion, Recorder
 from frida_painter.runs import goals
 from frida_painter.session import resuming
 from frida_painter.session.easel_process import EaselProcess
-from frida_painter.session.easels import ARM_FILM
 from frida_painter.session.events import Event
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import Painting, PaintingSession, ResumeState
-from frida_painter.session.names import HUMAN
+from frida_painter.session.names import ARM_FILM, HUMAN
 from frida_painter.session.opening import on_record, open_planner, open_session
 from frida_painter.session.procedures.dialogue import Confirm
 from frida_painter.session.replan_policy import ReplanPolicy
