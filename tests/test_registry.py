@@ -60,6 +60,16 @@ def test_a_broken_one_is_named_with_its_package_and_leaves_the_others_alone(
     monkeypatch.delitem(sys.modules, "broken_hole", raising=False)
 
 
+@pytest.mark.parametrize("metadata", [b"[frida_painter.cameras]\nno equals sign", b"\xff\xfe[a"])
+def test_a_package_with_damaged_metadata_is_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, metadata: bytes
+) -> None:
+    install(tmp_path / "damaged", monkeypatch, "damaged", {})
+    install(tmp_path / "whole", monkeypatch, "whole", {registry.CAMERAS: {"peep": "peep_hole:KIND"}})
+    (tmp_path / "damaged" / "damaged-1.0.dist-info" / "entry_points.txt").write_bytes(metadata)
+    assert list(registry.parts(registry.CAMERAS)) == ["opencv", "gphoto", "folder", "peep"]
+
+
 def test_a_name_of_ours_stays_ours_and_two_others_that_share_one_are_both_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -78,8 +88,17 @@ def test_names_are_listed_without_anything_that_computes_or_drives(tmp_path: Pat
         "import sys; from frida_painter.session import names\n"
         "assert 'xarm' in names.MACHINES and 'virtual' in names.SIMULATED and 'human' not in names.SIMULATED\n"
         "assert names.require_known('xarm:1.2.3.4') == 'xarm'\n"
+        "assert 'numpy' not in sys.modules\n"
+        "from frida_painter.cli.easel_options import camera_name\n"
+        "assert camera_name('folder:shots') == 'folder:' + sys.argv[1] and camera_name('opencv:0') == 'opencv:0'\n"
         "print(*sys.modules)"
     )
-    said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=tmp_path)
+    said = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "shots")],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+    )
     loaded = set(said.stdout.split())
-    assert not loaded & {"torch", "numpy", "cv2", "pydantic", "frida_painter.hardware.drivers.xarm"}
+    assert not loaded & {"torch", "cv2", "pydantic", "frida_painter.hardware.drivers.xarm"}

@@ -10,8 +10,9 @@ keeps the metadata of the day on which it was made.
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, distributions, entry_points
 from typing import TypeVar
 
 from frida_painter.errors import FridaError, PluginError
@@ -98,14 +99,27 @@ def parts(group: str) -> Mapping[str, Part]:
     """The parts of a group by name: ours in their order, then those of other packages in the order of their names.
 
     Reads metadata and imports nothing. A name of ours always means ours. One that several other packages
-    register is listed, and says so when it is loaded.
+    register is listed, and says so when it is loaded. A package with unreadable metadata registers nothing.
     """
     ours = {name: Part(group, name, target, (OURS,)) for name, target in OUR_PARTS.get(group, {}).items()}
     others: dict[str, Part] = {}
-    for point in entry_points(group=group):
+    for point in _points(group):
         package = point.dist.name if point.dist is not None else "unknown"
         known = others.get(point.name)
         if point.name not in ours:
             before = known.packages if known is not None else ()
             others[point.name] = Part(group, point.name, point.value, (*before, package))
     return ours | dict(sorted(others.items()))
+
+
+def _points(group: str) -> list[EntryPoint]:
+    """The entry points of a group, whatever one package's metadata looks like."""
+    damages = (TypeError, ValueError, OSError)
+    try:
+        return list(entry_points(group=group))
+    except damages:  # of one package, and reading all at once ends there
+        found: dict[str, list[EntryPoint]] = {}
+        for package in distributions():
+            with suppress(*damages):
+                found.setdefault(package.name, list(package.entry_points.select(group=group)))
+        return [point for points in found.values() for point in points]

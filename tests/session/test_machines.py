@@ -2,7 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter.errors import ConfigError
+from frida_painter import registry
+from frida_painter.errors import ConfigError, PluginError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.cameras.folder import FolderCamera
 from frida_painter.hardware.cameras.gphoto import GphotoCamera
@@ -15,6 +16,8 @@ from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easels import machine, open_easel
 from frida_painter.session.machines import camera_named, robot_named
+from frida_painter.session.names import SIMULATED
+from plugins import install
 
 
 @pytest.fixture
@@ -120,3 +123,33 @@ def test_a_real_easel_is_put_together_from_its_workspace(tmp_path: Path) -> None
 def test_a_real_easel_with_something_missing_is_told(tmp_path: Path, values: dict[str, object], says: str) -> None:
     with pytest.raises(ConfigError, match=says):
         open_easel(order(tmp_path, **values))
+
+
+EASELS_OF_OTHERS = """
+from dataclasses import replace
+from frida_painter.session.easel_kind import EaselKind
+from frida_painter.session.easel_kinds.virtual import KIND as VIRTUAL
+
+def _open(order):
+    return VIRTUAL.open(replace(order, seed=order.seed + 1))
+
+ATELIER = EaselKind("atelier", "a studio of somebody else's", _open, simulated=True)
+BROKEN = 3
+"""
+
+
+def test_a_whole_easel_of_another_package_is_opened_and_a_broken_one_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = {registry.EASELS: {"atelier": "atelier:ATELIER", "broken": "atelier:BROKEN"}}
+    install(tmp_path / "installed", monkeypatch, "atelier-easel", points, {"atelier": EASELS_OF_OTHERS})
+    wanted = order(tmp_path, robot="atelier", brush="fine", seed=4, canvas=CanvasSize(0.12, 0.09), camera="")
+    opened = open_easel(wanted)
+    assert opened.easel.simulated and opened.easel.calibration.easel == "virtual studio 5"
+    assert SIMULATED["atelier"] == "a studio of somebody else's" and machine(wanted) is None
+    assert list(SIMULATED) == ["virtual", "sawyer-sim", "atelier"]
+    for look in (open_easel, machine):
+        with pytest.raises(PluginError, match=r"'broken' of frida_painter\.easels, which the package atelier-easel"):
+            look(order(tmp_path, robot="broken"))
+    with pytest.raises(ConfigError, match=r"no robot 'virtual:5'; take human, .*, atelier, broken, or"):
+        open_easel(order(tmp_path, robot="virtual:5"))

@@ -17,7 +17,7 @@ from frida_painter.brush.learn import DEFAULT_MODEL, learn
 from frida_painter.brush.training import FEWEST_STROKES, TrainingProgress
 from frida_painter.calibration import PROCEDURES, Calibration, LearnedFile
 from frida_painter.cli.doctor import examine
-from frida_painter.cli.easel_options import CameraOption, RobotOption, WorkspaceOption
+from frida_painter.cli.easel_options import BrushOption, CameraOption, RobotOption, WorkspaceOption
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.cli.real import VIRTUAL, Site
 from frida_painter.cli.terminal import Terminal
@@ -52,7 +52,6 @@ class What(StrEnum):
     all = "all"
 
 
-BrushOption = Annotated[str, typer.Option(metavar="NAME", help="The brush in it: fine, medium or broad.")]
 CanvasOption = Annotated[
     str | None,
     typer.Option(

@@ -34,6 +34,10 @@ def camera_name(text: str) -> str:
     return f"{name}:{Path(where).expanduser().absolute()}"
 
 
+BrushOption = Annotated[
+    str,
+    ListingOption("--brush", metavar="NAME", groups=(registry.STROKE_MODELS,), says="The brush:"),
+]
 RobotOption = Annotated[
     str,
     ListingOption(

@@ -12,6 +12,7 @@ from frida_painter.brush.flaw import Flaw
 from frida_painter.brush.judge import judge
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.library import StrokeLibrary
+from frida_painter.cli.easel_options import BrushOption
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
 from frida_painter.session.contact_sheet import contact_sheet
@@ -27,7 +28,7 @@ from frida_painter.session.procedures.strokes import (
 
 
 def paint(
-    brush: Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")] = "broad",
+    brush: BrushOption = "broad",
     count: Annotated[
         int,
         typer.Option(
@@ -67,7 +68,7 @@ def paint(
             flaw = f", {progress.flaw.words}" if progress.flaw is not Flaw.NONE else ""
             bar.update(task, completed=progress.done, description=f"painting strokes, paper {progress.sheet}{flaw}")
 
-        easel = open_virtual_easel(brush, seed)
+        easel = open_virtual_easel(kind.in_studio, seed)
         painting = strokes(easel, kind, out, count=count, seed=seed, refill_every=refill_every, notify=hear)
         finding = lead(painting, lambda question: question.proposal or False)
     sheet = out.with_suffix(".png")

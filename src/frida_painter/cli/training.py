@@ -9,12 +9,13 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from frida_painter import storage
+from frida_painter import registry, storage
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.learn import DEFAULT_MODEL, FIELD, MODELS, PARAM2STROKE, Learned, learn
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.measure import MOST_FOLDS, cross_validate
 from frida_painter.brush.training import TrainingProgress
+from frida_painter.cli.easel_options import ListingOption
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
 from frida_painter.report.training_page import training_page
@@ -25,9 +26,11 @@ def train(
     library: Annotated[Path, typer.Argument(metavar="LIBRARY", help="A stroke library (.npz).")],
     brush: Annotated[
         str | None,
-        typer.Option(
+        ListingOption(
+            "--brush",
             metavar="NAME",
-            help="The brush that painted it: fine, medium or broad. Left out, the library says what the brush can do.",
+            groups=(registry.STROKE_MODELS,),
+            says="The brush that painted it. Left out, the library says what the brush can do. There are",
             show_default=False,
         ),
     ] = None,
