@@ -14,8 +14,10 @@ from skimage import data
 
 from frida_painter import cli
 from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.stroke_function import StrokeFunction
 from frida_painter.brush.weights import load_stroke_model
+from frida_painter.calibration import Calibration
 from frida_painter.errors import CameraError, ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.workcell import WorkcellConfig, example
@@ -120,6 +122,7 @@ def test_names_that_make_no_sense_are_told(table: Path, monkeypatch: pytest.Monk
         camera_named("rpicam").connect()
 
 
+@pytest.mark.slow
 def test_a_stroke_model_that_is_a_function_plans_renders_and_paints_in_the_studio(run: Run, table: Path) -> None:
     model = load_stroke_model("marker")
     assert isinstance(model, StrokeFunction)
@@ -135,6 +138,17 @@ def test_a_stroke_model_that_is_a_function_plans_renders_and_paints_in_the_studi
     assert painted.min() < 0.75 * np.median(painted), "the studio's brush has left its marks"
 
 
+def test_its_brush_is_calibrated_and_photographed_in_the_studio(run: Run, table: Path) -> None:
+    status, said = run("calibrate", "canvas", "--brush", "marker", "--canvas", "140x100mm", "--record", "marker.json")
+    assert status == 0, said
+    assert Calibration.load(table / "marker.json").brush == "marker"
+    status, said = run("strokes", "paint", "--brush", "marker", "--count", 2, "--out", "strokes.npz")
+    assert status == 0, said
+    library = StrokeLibrary.load(table / "strokes.npz")
+    assert len(library) == 2 and library.length_m.max() <= 0.05 + 1e-6
+
+
+@pytest.mark.slow
 def test_a_painting_with_all_three_of_them(run: Run, table: Path) -> None:
     stand = WorkcellConfig.load(table / "easel.toml")
     record = stand.calibration("marker", SIZE, "rpicam")

@@ -25,6 +25,7 @@ from frida_painter.cli.virtual import PlacementErrorOption, read_placement_error
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
+from frida_painter.session.easel_kinds.studio import studio_brush, with_brush
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easel_process import EaselProcess, state_folder
 from frida_painter.session.opening import limit_threads
@@ -174,7 +175,8 @@ def _easel(site: Site, canvas: str | None, brush: str, seed: int, error: Placeme
     """The easel there, neither robot nor camera connected; a real one in a process of its own."""
     size = CanvasSize.parse(site.canvas(canvas) or "14x11in")
     if site == VIRTUAL:
-        yield open_studio(size, brush, seed=seed, placement_error=error).easel
+        studio = open_studio(size, studio_brush(brush), seed=seed, placement_error=error)
+        yield with_brush(studio.easel, brush)
         return
     with EaselProcess() as process:
         yield process.open(

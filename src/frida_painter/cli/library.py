@@ -68,7 +68,7 @@ def paint(
             flaw = f", {progress.flaw.words}" if progress.flaw is not Flaw.NONE else ""
             bar.update(task, completed=progress.done, description=f"painting strokes, paper {progress.sheet}{flaw}")
 
-        easel = open_virtual_easel(kind.in_studio, seed)
+        easel = open_virtual_easel(brush, seed)
         painting = strokes(easel, kind, out, count=count, seed=seed, refill_every=refill_every, notify=hear)
         finding = lead(painting, lambda question: question.proposal or False)
     sheet = out.with_suffix(".png")

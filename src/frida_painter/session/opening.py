@@ -22,6 +22,7 @@ from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
+from frida_painter.session.easel_kinds.studio import studio_brush, with_brush
 from frida_painter.session.events import Notify, Paused
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
@@ -138,7 +139,7 @@ def on_record(easel: Easel, record: Path | None, needed: tuple[str, ...] = NEEDE
 
 def open_virtual_easel(brush: str, seed: int) -> Easel:
     """A virtual studio for painting a stroke library: paper, and a calibrated robot that paints where it means to."""
-    studio = open_studio(PAPER, brush, seed=seed, placement_error=PlacementError((0.0, 0.0), 0.0))
+    studio = open_studio(PAPER, studio_brush(brush), seed=seed, placement_error=PlacementError((0.0, 0.0), 0.0))
     studio.easel.robot.connect()
     studio.easel.camera.connect()
-    return studio.easel
+    return with_brush(studio.easel, brush)

@@ -16,8 +16,7 @@ def furnished(order: EaselOrder, arm: str) -> tuple[VirtualStudio, Easel]:
 
     Raises ConfigError where the studio has no such brush, and StorageError.
     """
-    known = registry.parts(registry.STROKE_MODELS).get(order.brush)
-    own = order.brush if known is None else known.load(BrushModel).kind.in_studio
+    own = studio_brush(order.brush)
     load_kernels(own)
     studio = open_studio(
         order.canvas,
@@ -26,4 +25,15 @@ def furnished(order: EaselOrder, arm: str) -> tuple[VirtualStudio, Easel]:
         settings=StudioSettings(arm=arm, placement_error=order.placement_error, pace=order.pace, faults=order.faults),
         state=None if order.folder is None else order.folder / DIARY,
     )
-    return studio, replace(studio.easel, calibration=replace(studio.easel.calibration, brush=order.brush))
+    return studio, with_brush(studio.easel, order.brush)
+
+
+def studio_brush(name: str) -> str:
+    """The brush that paints in the studio for the one of that name. Raises PluginError."""
+    known = registry.parts(registry.STROKE_MODELS).get(name)
+    return name if known is None else known.load(BrushModel).kind.in_studio
+
+
+def with_brush(easel: Easel, name: str) -> Easel:
+    """The same easel, which knows its brush by that name."""
+    return replace(easel, calibration=replace(easel.calibration, brush=name))
