@@ -9,6 +9,10 @@ class ConfigError(FridaError):
     """Settings that are missing, unknown, of the wrong kind or out of range; names all of them at once."""
 
 
+class PluginError(ConfigError):
+    """A part that another package registers and that cannot be used; names the part and the package."""
+
+
 class ImageError(FridaError):
     """A picture that cannot be read as an image in [0, 1], or is too small or too large."""
 

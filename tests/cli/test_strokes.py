@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter import cli
+from frida_painter import cli, registry
 from frida_painter.brush import learn
 from frida_painter.brush.field import StrokeField
 from frida_painter.brush.measure import evaluate
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.weights import load_stroke_model
 from marks import small_library
+from plugins import install
 
 
 @pytest.fixture
@@ -64,6 +65,27 @@ def test_a_brush_is_learned_and_then_tested_on_other_strokes(run, monkeypatch):
     assert found["mean_absolute_error"] == pytest.approx(error.mean())
     assert [stroke["error"] for stroke in found["per_stroke"]] == pytest.approx(error.tolist())
     assert found["mean_absolute_error"] < 0.2 * found["error_of_bare_paper"]
+
+
+def test_an_evaluation_has_a_page_of_any_stroke_model_also_of_one_that_is_only_a_function(run, tmp_path, monkeypatch):
+    text = """
+from frida_painter.brush.kinds import BrushModel
+from frida_painter.brush.stroke_function import StrokeFunction
+from plugins import install
+from marks import SMALL, ribbon
+MODEL = BrushModel(SMALL, lambda: StrokeFunction(SMALL, ribbon(), ribbon().frame))
+"""
+    points = {registry.STROKE_MODELS: {"small": "small_ribbon:MODEL"}}
+    install(tmp_path / "installed", monkeypatch, "small-ribbon", points, {"small_ribbon": text})
+    words = ("--weights", "small", "--library", "library.npz")
+    status, out, _ = run("evaluate", *words, "--page", "marks.html", "--json")
+    assert status == 0 and json.loads(out)["brush"] == "small"
+    page = Path("marks.html").read_text()
+    count = min(24, page.count("<li>"))
+    assert count > 0 and page.count("data:image/png;base64,") == 3 * count and "How it learned" not in page
+    assert f"{json.loads(out)['strokes']} strokes that it had not seen" in page
+    status, _, err = run("evaluate", *words, "--page", "marks.pdf")
+    assert status == 2 and "ends in .html" in err
 
 
 def test_the_page_shows_the_strokes_held_out(run, hasty):

@@ -14,8 +14,9 @@ from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.palette import Palette
+from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easel_process import EaselProcess
-from frida_painter.session.easels import DIARY, EaselOrder
+from frida_painter.session.names import DIARY
 
 PAINTS = Palette(torch.tensor([[0.9, 0.8, 0.2], [0.1, 0.1, 0.3]]))
 

@@ -12,7 +12,8 @@ from frida_painter.hardware.drivers.human import HumanRobot
 from frida_painter.hardware.easel import Easel
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.by_hand import ByHand
-from frida_painter.session.easels import EaselOrder, open_easel
+from frida_painter.session.easel_order import EaselOrder
+from frida_painter.session.easels import open_easel
 from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
 from frida_painter.session.operator import AbsentOperator, PersonAsOperator
 from frida_painter.session.procedures.dialogue import Answer, Confirm, Question

@@ -11,8 +11,10 @@ import pytest
 from frida_painter.errors import ConfigError, RobotBusy, RobotDisconnected, StaleFrame, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Waypoints
+from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easel_process import EaselProcess
-from frida_painter.session.easels import DIARY, EaselOrder, open_easel
+from frida_painter.session.easels import open_easel
+from frida_painter.session.names import DIARY
 from session.easel_errands import PAINTS, easel_of, kill, order_in, paint
 
 

@@ -2,7 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter.errors import ConfigError
+from frida_painter import registry
+from frida_painter.errors import ConfigError, PluginError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.cameras.folder import FolderCamera
 from frida_painter.hardware.cameras.gphoto import GphotoCamera
@@ -12,8 +13,11 @@ from frida_painter.hardware.drivers.gcode import GcodeRobot
 from frida_painter.hardware.drivers.ros import RosRobot
 from frida_painter.hardware.drivers.xarm import XarmRobot
 from frida_painter.hardware.workcell import WorkcellConfig, example
-from frida_painter.session.easels import EaselOrder, machine, open_easel
+from frida_painter.session.easel_order import EaselOrder
+from frida_painter.session.easels import machine, open_easel
 from frida_painter.session.machines import camera_named, robot_named
+from frida_painter.session.names import SIMULATED
+from plugins import install
 
 
 @pytest.fixture
@@ -74,9 +78,18 @@ def test_names_that_mean_nothing_are_told(stand: WorkcellConfig, name: str, says
         robot_named(name, stand.workspace)
 
 
-@pytest.mark.parametrize("name", ["", "webcam", "folder", "folder:", "gphoto:2"])
-def test_cameras_that_mean_nothing_are_told(name: str) -> None:
-    with pytest.raises(ConfigError, match=r"take one of opencv:NUMBER, gphoto, folder:PATH"):
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("", "take one of opencv:NUMBER, gphoto, folder:PATH"),
+        ("webcam", "no camera 'webcam'; take one of opencv:NUMBER, gphoto, folder:PATH"),
+        ("folder", "without where it is; write folder:PATH"),
+        ("folder:", "without where it is; write folder:PATH"),
+        ("gphoto:2", "given '2', .*; write gphoto"),
+    ],
+)
+def test_cameras_that_mean_nothing_are_told(name: str, says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
         camera_named(name)
 
 
@@ -110,3 +123,33 @@ def test_a_real_easel_is_put_together_from_its_workspace(tmp_path: Path) -> None
 def test_a_real_easel_with_something_missing_is_told(tmp_path: Path, values: dict[str, object], says: str) -> None:
     with pytest.raises(ConfigError, match=says):
         open_easel(order(tmp_path, **values))
+
+
+EASELS_OF_OTHERS = """
+from dataclasses import replace
+from frida_painter.session.easel_kind import EaselKind
+from frida_painter.session.easel_kinds.virtual import KIND as VIRTUAL
+
+def _open(order):
+    return VIRTUAL.open(replace(order, seed=order.seed + 1))
+
+ATELIER = EaselKind("atelier", "a studio of somebody else's", _open, simulated=True)
+BROKEN = 3
+"""
+
+
+def test_a_whole_easel_of_another_package_is_opened_and_a_broken_one_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = {registry.EASELS: {"atelier": "atelier:ATELIER", "broken": "atelier:BROKEN"}}
+    install(tmp_path / "installed", monkeypatch, "atelier-easel", points, {"atelier": EASELS_OF_OTHERS})
+    wanted = order(tmp_path, robot="atelier", brush="fine", seed=4, canvas=CanvasSize(0.12, 0.09), camera="")
+    opened = open_easel(wanted)
+    assert opened.easel.simulated and opened.easel.calibration.easel == "virtual studio 5"
+    assert SIMULATED["atelier"] == "a studio of somebody else's" and machine(wanted) is None
+    assert list(SIMULATED) == ["virtual", "sawyer-sim", "atelier"]
+    for look in (open_easel, machine):
+        with pytest.raises(PluginError, match=r"'broken' of frida_painter\.easels, which the package atelier-easel"):
+            look(order(tmp_path, robot="broken"))
+    with pytest.raises(ConfigError, match=r"no robot 'virtual:5'; take human, .*, atelier, broken, or"):
+        open_easel(order(tmp_path, robot="virtual:5"))

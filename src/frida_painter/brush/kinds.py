@@ -1,10 +1,13 @@
-"""The brushes that ship with the project, and the rectangle in which a brush's marks lie."""
+"""Brushes by name, ours and those of other packages, and the rectangle in which a brush's marks lie."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from torch import Tensor
 
+from frida_painter import registry
 from frida_painter.brush.dip import Dip, painted_area
+from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import ConfigError
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits, Strokes
@@ -17,18 +20,25 @@ _DIP_SHARE = 0.6
 class BrushKind:
     """A brush: its name, what it can paint, and the widest mark that it leaves, in metres.
 
-    known_dip: what one dip is good for, where that is known of it better than `dip` reckons.
+    known_dip: what one dip is good for, where that is known of it better than `dip` reckons; studio: the brush
+    that stands for it in the virtual studio, "" where the studio knows it by its own name.
     """
 
     name: str
     limits: StrokeLimits
     width: float
     known_dip: Dip | None = None
+    studio: str = ""
 
     @property
     def dip(self) -> Dip:
         """What one dip is good for: six tenths of the largest mark keep their paint with the project's brushes."""
         return self.known_dip or Dip(_DIP_SHARE * self.limits.length[1] * self.width)
+
+    @property
+    def in_studio(self) -> str:
+        """The name of the brush that paints for it in the virtual studio."""
+        return self.studio or self.name
 
     def area(self, strokes: Strokes) -> Tensor:
         """What each stroke paints, m2, [n]: its length times the width of a mark of its thickness."""
@@ -59,9 +69,28 @@ BROAD = _kind("broad", 0.012, 0.075, 0.022, 0.030)
 KINDS = (FINE, MEDIUM, BROAD)
 
 
+@dataclass(frozen=True)
+class BrushModel:
+    """A brush with a stroke model of it, as both are registered under the brush's name (registry.py).
+
+    load: gives the stroke model, of the same brush and limits; may raise WeightsError.
+    """
+
+    kind: BrushKind
+    load: Callable[[], StrokeModel]
+
+    @property
+    def name(self) -> str:
+        """Name of the brush."""
+        return self.kind.name
+
+
 def brush_kind(name: str) -> BrushKind:
-    """The brush of that name. Raises ConfigError where none of the project's brushes is called so."""
+    """The brush of that name. Raises ConfigError where none is called so, PluginError where it cannot be loaded."""
     for kind in KINDS:
         if kind.name == name:
             return kind
-    raise ConfigError(f"Brush {name!r} is not known; brushes are {', '.join(kind.name for kind in KINDS)}.")
+    known = registry.parts(registry.STROKE_MODELS)
+    if name not in known:
+        raise ConfigError(f"Brush {name!r} is not known; brushes are {', '.join(known)}.")
+    return known[name].load(BrushModel).kind

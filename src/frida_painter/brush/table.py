@@ -86,7 +86,12 @@ class StrokeTable(nn.Module):
         like: a tensor of the precision and on the device of the model (default: float32, CPU).
         """
         detail = detail or TableDetail()
-        samples, grids = _sample(model, detail, torch.zeros(()) if like is None else like)
+        return cls.fitted(model, detail, sample(model, detail, torch.zeros(()) if like is None else like))
+
+    @classmethod
+    def fitted(cls, model: StrokeModel, detail: TableDetail, samples: Tensor) -> Self:
+        """The table of a model from its maps [grid, rows x columns], as `sample` gives them for that detail."""
+        grids = [spline.sample_grid(spans).to(samples) for spans in detail.spans]
         touched = samples.amax(0) > detail.faint
         logits = unsquash(samples[:, touched])
         logits -= _DEEPER * (samples[:, touched] == 0)  # so that small errors of the fit stay below the cut
@@ -156,8 +161,8 @@ def _summed(table: StrokeTable, row: Tensor, first: Tensor, second: Tensor, thir
     return nn.functional.embedding_bag(row, table.coefficients, per_sample_weights=share, mode="sum")
 
 
-def _sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> tuple[Tensor, list[Tensor]]:
-    """The model's maps on a grid of all three parameters, [grid, rows x columns], and the places along each axis."""
+def sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> Tensor:
+    """The model's maps on the table's grid of all three parameters, [grid, rows x columns], precise as `like`."""
     grids = [spline.sample_grid(spans).to(like) for spans in detail.spans]
     (shortest, longest), (least, most) = model.limits.length, model.limits.bend
     thickness, length, bend = (part.flatten() for part in torch.meshgrid(*grids, indexing="ij"))
@@ -168,7 +173,7 @@ def _sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> tuple[Tens
     with torch.no_grad():
         for part in torch.split(order, _BATCH):
             samples[part] = model(thickness[part], length[part], bend[part]).flatten(1)
-    return samples, grids
+    return samples
 
 
 def _fit(coordinates: Tensor, grids: list[Tensor], spans: tuple[int, int, int]) -> Tensor:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from frida_painter.brush.limits import FEWEST_STROKES
-from frida_painter.cli.easel_options import CameraOption, RobotOption, WorkspaceOption
+from frida_painter.cli.easel_options import BrushOption, CameraOption, RobotOption, WorkspaceOption
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.cli.virtual import PlacementErrorOption
 from frida_painter.session.procedures.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
@@ -24,7 +24,6 @@ class What(StrEnum):
     all = "all"
 
 
-BrushOption = Annotated[str, typer.Option(metavar="NAME", help="The brush in it: fine, medium or broad.")]
 CanvasOption = Annotated[
     str | None,
     typer.Option(

@@ -2,6 +2,7 @@
 
 import platform
 import shutil
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 
@@ -9,10 +10,12 @@ import torch
 from rich.console import Console
 from rich.table import Table
 
-from frida_painter.brush.kinds import KINDS
-from frida_painter.brush.weights import load_stroke_model
+from frida_painter import registry
+from frida_painter.brush.kinds import BrushModel
 from frida_painter.calibration import Calibration, previous
-from frida_painter.errors import CalibrationError, WeightsError
+from frida_painter.errors import CalibrationError, PluginError, WeightsError
+from frida_painter.hardware.kinds import CameraKind, Needed, RobotKind
+from frida_painter.session.easel_kind import EaselKind
 from frida_painter.session.opening import planning_device
 from frida_painter.session.procedures.calibration_status import OLD, CalibrationStatus, require, statuses
 
@@ -101,19 +104,55 @@ def _about(path: Path, easel: Calibration, record: Calibration | None) -> Table:
     for name, file in (("stroke library", shown.library), ("weights", shown.weights)):
         if file is not None:
             table.add_row(name, _plain(file.path))
-    table.add_row("stroke models", ", ".join(map(_stroke_model, (kind.name for kind in KINDS))))
+    for name, lines in (("robots", _robots()), ("cameras", _cameras()), ("stroke models", _stroke_models())):
+        for row, line in enumerate(lines):
+            table.add_row(name if row == 0 else "", line)
     table.add_row("machine", f"Python {platform.python_version()}, torch {version('torch')}, {_device()}")
     existing = next(folder for folder in (path.absolute(), *path.absolute().parents) if folder.is_dir())
     table.add_row("free on its disk", f"{shutil.disk_usage(existing).free / 2**30:.1f} GB")
     return table
 
 
-def _stroke_model(brush: str) -> str:
+def _robots() -> Iterator[str]:
+    """How each robot is written after --robot, what it is and what it lacks."""
+    for part in registry.parts(registry.EASELS).values():
+        yield _told(part, EaselKind, lambda kind: _part(kind.name, kind.title, kind.needed))
+    for part in registry.parts(registry.ROBOTS).values():
+        yield _told(part, RobotKind, lambda kind: _part(kind.form, kind.title, kind.needed))
+
+
+def _cameras() -> Iterator[str]:
+    for part in registry.parts(registry.CAMERAS).values():
+        yield _told(part, CameraKind, lambda kind: _part(kind.form, kind.title, kind.needed))
+
+
+def _stroke_models() -> Iterator[str]:
+    """Ours in one line, and the others below, each with its package."""
+
+    def loaded(model: BrushModel) -> str:
+        model.load()
+        return _plain(model.name)
+
+    known = registry.parts(registry.STROKE_MODELS).values()
+    yield ", ".join(_told(part, BrushModel, loaded) for part in known if part.is_ours)
+    for part in known:
+        if not part.is_ours:
+            yield f"{_told(part, BrushModel, loaded)} [dim]of {_plain(', '.join(part.packages))}[/]"
+
+
+def _part(form: str, title: str, needed: Needed | None) -> str:
+    lacks = "" if needed is None or not needed.lacking else f"; [yellow]needs {_plain(needed.install)}[/]"
+    return f"{_plain(form)} [dim]{_plain(title)}[/]{lacks}"
+
+
+def _told(part: registry.Part, kind: type[registry.Kind], tell: Callable[[registry.Kind], str]) -> str:
+    """What is told of a part; of one that cannot be used, why."""
     try:
-        load_stroke_model(brush)
+        return tell(part.load(kind))
     except WeightsError:
-        return f"[red]{brush} is damaged, install anew[/]"
-    return brush
+        return f"[red]{_plain(part.name)} is damaged, install anew[/]"
+    except PluginError as broken:
+        return f"[red]{_plain(str(broken))}[/]"
 
 
 def _device() -> str:

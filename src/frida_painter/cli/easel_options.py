@@ -1,35 +1,61 @@
 """How robots, cameras and workspaces are given on the command line."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.models import OptionInfo
 
+from frida_painter import registry
 from frida_painter.cli.numbers import number
+from frida_painter.hardware.kinds import CameraKind
+
+
+class ListingOption(OptionInfo):
+    """An option for the name of a part; its help ends with what is registered when the command line is built."""
+
+    def __init__(self, *declared: str, groups: tuple[str, ...], says: str, **more: Any) -> None:
+        super().__init__(default=..., param_decls=declared, **more)
+        self._groups, self._says = groups, says
+
+    def __getattribute__(self, name: str) -> Any:
+        if name == "help":
+            known = [part for group in self._groups for part in registry.parts(group)]
+            return f"{self._says} {', '.join(known)}."
+        return super().__getattribute__(name)
 
 
 def camera_name(text: str) -> str:
-    """The name of a camera, the same wherever the program is started: a folder from the root on."""
-    kind, _, where = text.partition(":")
-    return f"{kind}:{Path(where).expanduser().absolute()}" if kind == "folder" and where else text
+    """The name of a camera, the same wherever the program is started: a path from the root on. Raises PluginError."""
+    name, _, where = text.partition(":")
+    known = registry.parts(registry.CAMERAS).get(name)
+    if known is None or not where or not known.load(CameraKind).is_path:
+        return text
+    return f"{name}:{Path(where).expanduser().absolute()}"
 
 
+BrushOption = Annotated[
+    str,
+    ListingOption("--brush", metavar="NAME", groups=(registry.STROKE_MODELS,), says="The brush:"),
+]
 RobotOption = Annotated[
     str,
-    typer.Option(
+    ListingOption(
         "--robot",
         metavar="NAME",
-        help="Who paints: virtual; sawyer-sim, the paper's arm with its weight, its friction and a film of it; human, "
-        "xarm:ADDRESS, gcode:PORT, marlin:PORT, axidraw, ros or rosbridge:HOST.",
+        groups=(registry.EASELS, registry.ROBOTS),
+        says="Who paints, like virtual or xarm:192.168.1.10; doctor tells how each is written. "
+        "sawyer-sim is the paper's arm with its weight, its friction and a film of it. There are",
     ),
 ]
 CameraOption = Annotated[
     str,
-    typer.Option(
+    ListingOption(
         "--camera",
         parser=camera_name,
         metavar="NAME",
-        help="The camera of a real easel: opencv:0, gphoto or folder:PATH.",
+        groups=(registry.CAMERAS,),
+        says="The camera of a real easel, like opencv:0 or folder:PATH; doctor tells how each is written. There are",
     ),
 ]
 WorkspaceOption = Annotated[

@@ -8,6 +8,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from frida_painter import registry, storage
+from frida_painter.cli.easel_options import ListingOption
+from frida_painter.errors import ConfigError
+
 if TYPE_CHECKING:
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.brush.measure import Evaluation
@@ -22,9 +26,18 @@ def register(app: typer.Typer) -> None:
 
 def evaluate_model(
     weights: Annotated[
-        str, typer.Option(metavar="FILE", help="The weights to test (.safetensors), or a brush: fine, medium, broad.")
+        str,
+        ListingOption(
+            "--weights",
+            metavar="FILE",
+            groups=(registry.STROKE_MODELS,),
+            says="The weights to test (.safetensors), or a brush:",
+        ),
     ],
     library: Annotated[Path, typer.Option(metavar="FILE", help="Strokes that the model has not seen (.npz).")],
+    page: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write a page with pictures of the strokes (.html).")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print every figure as JSON.")] = False,
 ) -> None:
     """Compare a stroke model with strokes that were really painted.
@@ -35,12 +48,17 @@ def evaluate_model(
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.brush.measure import evaluate
     from frida_painter.brush.weights import load_stroke_model
+    from frida_painter.report.training_page import evaluation_page
     from frida_painter.session.opening import limit_threads
 
+    if page is not None and page.suffix != ".html":
+        raise ConfigError(f"--page was given {str(page)!r}; a page goes into a file that ends in .html.")
     limit_threads()
     model = load_stroke_model(weights)
     strokes = StrokeLibrary.load(library)
     found = evaluate(model, strokes)
+    if page is not None:
+        storage.write_text(page, evaluation_page(model, weights, strokes, library.name))
     if as_json:
         print(json.dumps(_record(weights, library, model.brush, strokes, found), indent=2))
     else:

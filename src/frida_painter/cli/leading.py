@@ -21,8 +21,8 @@ from frida_painter.runs.folder import PAUSE_FILE
 from frida_painter.runs.opening import replan_policy
 from frida_painter.runs.run import Outcome, PaintingRun
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.easels import ARM_FILM
 from frida_painter.session.events import Paused
+from frida_painter.session.names import ARM_FILM
 from frida_painter.session.procedures.dialogue import Answer, Question
 from frida_painter.virtual.sawyer.opengl import NONE as NO_OPENGL
 from frida_painter.virtual.sawyer.opengl import headless_opengl

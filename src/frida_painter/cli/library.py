@@ -7,6 +7,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from frida_painter.cli.easel_options import BrushOption
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
 from frida_painter.session.procedures.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
@@ -19,7 +20,7 @@ def register(app: typer.Typer) -> None:
 
 
 def paint(
-    brush: Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")] = "broad",
+    brush: BrushOption = "broad",
     count: Annotated[
         int,
         typer.Option(

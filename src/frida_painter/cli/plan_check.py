@@ -20,9 +20,10 @@ from frida_painter.plan import Plan
 from frida_painter.render.plan_picture import render_plan
 from frida_painter.report.offending_strokes import offending_strokes
 from frida_painter.session.choreography import BrushLoad, Choreography
-from frida_painter.session.easels import OPENERS, EaselOrder, open_easel
+from frida_painter.session.easel_order import EaselOrder
+from frida_painter.session.easels import open_easel
 from frida_painter.session.machines import robot_named
-from frida_painter.session.names import MACHINES, SAWYER_SIM, SIMULATED, VIRTUAL, MachineName
+from frida_painter.session.names import MACHINES, SAWYER_SIM, SIMULATED, VIRTUAL, require_known
 from frida_painter.session.opening import limit_threads
 from frida_painter.session.procedures.calibration_status import require
 from frida_painter.session.refilling import refilled
@@ -78,7 +79,7 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
     """Where it is to be painted: in the workspace of that file, or where a robot of that name knows its own."""
     if workspace is not None:
         stand = WorkcellConfig.load(workspace)
-        if robot is not None and robot not in OPENERS:
+        if robot is not None and require_known(robot) in MACHINES:
             robot_named(robot, stand.workspace)  # only to hear what is wrong with it
         reach: Reach | None = stand.reach
         timing: Timing | None = None
@@ -86,7 +87,7 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
             reach, timing = SawyerReach(stand.workspace, stand.canvas), TIMING
         known, simulated = stand.calibration(plan.brush), robot in SIMULATED
         return _Place(stand.workspace, stand.canvas, known, reach, timing, simulated)
-    if robot is not None and MachineName.of(robot).kind in MACHINES:
+    if robot is not None and require_known(robot) in MACHINES:
         raise ConfigError(f"Where things stand around {robot[:60]!r} is not known; say it with --workspace FILE.")
     order = EaselOrder(robot or VIRTUAL, plan.canvas, plan.brush, 0, state_folder(), camera=_SOME_CAMERA)
     easel = open_easel(order).easel

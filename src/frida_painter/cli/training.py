@@ -9,8 +9,9 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from frida_painter import storage
+from frida_painter import registry, storage
 from frida_painter.brush.limits import DEFAULT_MODEL, FIELD, MODELS, MOST_FOLDS, PARAM2STROKE
+from frida_painter.cli.easel_options import ListingOption
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
 
@@ -27,9 +28,11 @@ def train(
     library: Annotated[Path, typer.Argument(metavar="LIBRARY", help="A stroke library (.npz).")],
     brush: Annotated[
         str | None,
-        typer.Option(
+        ListingOption(
+            "--brush",
             metavar="NAME",
-            help="The brush that painted it: fine, medium or broad. Left out, the library says what the brush can do.",
+            groups=(registry.STROKE_MODELS,),
+            says="The brush that painted it. Left out, the library says what the brush can do. There are",
             show_default=False,
         ),
     ] = None,

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Self
 
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.robot import Waypoints
@@ -35,6 +36,12 @@ class Servo:
         if not (min(self.low[1], self.high[1]) >= 0 and self.speed > 0):
             raise ConfigError(f"A servo was given values {self.low[1]} and {self.high[1]} at {self.speed} m/s; "
                               "values are not negative, and the speed is above 0.")  # fmt: skip
+
+    @classmethod
+    def of(cls, text: str) -> Self:
+        """Reads "height/value/height/value", the lower height first. Raises ValueError, ConfigError."""
+        low, at_low, high, at_high = (float(part) for part in text.split("/"))
+        return cls((low, at_low), (high, at_high))
 
     def value(self, height: float) -> float:
         """What the servo is told for a height (m). Raises ConfigError beyond its two heights."""

@@ -25,7 +25,6 @@ from frida_painter.report.page import write_page
 from frida_painter.report.palette_sheet import palette_sheet
 from frida_painter.report.sketchbook import Sketchbook
 from frida_painter.report.story import Comparison, Download, Look, Phase, Story, compare, paints
-from frida_painter.session.easels import ARM_FILM
 from frida_painter.session.events import (
     Dipped,
     Event,
@@ -40,6 +39,7 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.history import History
 from frida_painter.session.loop import Painting
+from frida_painter.session.names import ARM_FILM
 from frida_painter.session.timetable import Timetable
 
 _RESULT = "result.json"

@@ -1,4 +1,4 @@
-"""The page of a training: strokes that the model had not seen beside what it made of them, in one HTML file."""
+"""The page of a training or an evaluation: unseen strokes beside what a model made of them, in one HTML file."""
 
 import base64
 import io
@@ -13,10 +13,13 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.brush.learn import Learned
+from frida_painter.brush.library import StrokeLibrary
+from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.report.chart import Series, chart
 from frida_painter.report.page import template
 
 _MOST_SHOWN = 24
+_BATCH = 32
 _WIDTH = 300
 _BINS = 12
 _INK = torch.tensor([35.0, 33.0, 30.0]) / 255
@@ -42,50 +45,72 @@ def training_page(learned: Learned, model: str, library: str, *, dirty: int) -> 
     model, library: their names; dirty: how many strokes were left out of the training because
     something is wrong with them.
     """
-    report = learned.report
-    wanted = learned.library[report.held_out].maps(learned.model.frame)
-    error = (report.predicted - wanted).abs().mean((1, 2)).double().numpy()
-    limits = learned.model.limits
+    report, held_out = learned.report, learned.library[learned.report.held_out]
     facts = [
         ("Stroke model", model),
         ("Brush", learned.model.brush),
-        ("Strokes to learn from", str(len(learned.library) - len(error))),
-        ("Strokes held out", str(len(error))),
+        ("Strokes to learn from", str(len(learned.library) - len(held_out))),
+        ("Strokes held out", str(len(held_out))),
         ("Dirty strokes left out", str(dirty)),
         ("Best epoch", f"{report.best_epoch} of {len(report.curve)}"),
-        ("Lengths", f"{1000 * limits.length[0]:.1f} to {1000 * limits.length[1]:.1f} mm"),
-        ("Bends", f"{1000 * limits.bend[0]:.1f} to {1000 * limits.bend[1]:.1f} mm"),
     ]
+    return _page(learned.model, held_out, report.predicted, library, facts, report.validation_error, _curve(learned))
+
+
+def evaluation_page(model: StrokeModel, name: str, strokes: StrokeLibrary, library: str) -> str:
+    """The same of any stroke model, be it a network or a function, beside strokes that it has not seen.
+
+    name, library: of the model and of the strokes.
+    """
+    shapes = strokes.shapes()
+    with torch.no_grad():
+        parts = torch.split(torch.arange(len(strokes)), _BATCH)
+        drawn = torch.cat([model(*(values[part] for values in shapes)) for part in parts])
+    facts = [("Stroke model", name), ("Brush", model.brush), ("Strokes", str(len(strokes)))]
+    error = float((drawn - strokes.maps(model.frame)).abs().mean())
+    return _page(model, strokes, drawn, library, facts, error, None)
+
+
+def _page(
+    model: StrokeModel, strokes: StrokeLibrary, drawn: Tensor, library: str, facts: list[tuple[str, str]],
+    mean_error: float, curve: Tensor | None,
+) -> str:  # fmt: skip
+    """drawn [n, rows, columns]: what the model makes of the strokes; curve: how it learned, where it did."""
+    wanted = strokes.maps(model.frame)
+    error = (drawn - wanted).abs().mean((1, 2)).double().numpy()
+    (shortest, longest), (least, most) = model.limits.length, model.limits.bend
     return template("training.html").render(
         library=library,
-        error=report.validation_error,
+        error=mean_error,
         bare=float(wanted.mean()),
         count=len(error),
-        strokes=_strokes(learned, wanted, error),
+        strokes=_strokes(strokes, wanted, drawn, error),
         histogram=Markup(_histogram(error)),
-        curve=_data_uri(_curve(learned)),
-        facts=facts,
+        curve=None if curve is None else _data_uri(curve),
+        facts=[
+            *facts,
+            ("Lengths", f"{1000 * shortest:.1f} to {1000 * longest:.1f} mm"),
+            ("Bends", f"{1000 * least:.1f} to {1000 * most:.1f} mm"),
+        ],
     )
 
 
-def _strokes(learned: Learned, wanted: Tensor, error: NDArray[np.float64]) -> list[_Stroke]:
+def _strokes(library: StrokeLibrary, wanted: Tensor, drawn: Tensor, error: NDArray[np.float64]) -> list[_Stroke]:
     """From the best to the worst, evenly chosen where there are too many."""
     order = error.argsort(kind="stable")
     if len(order) > _MOST_SHOWN:
         order = order[np.linspace(0, len(order) - 1, _MOST_SHOWN).round().astype(int)]
-    rows, columns = _crop(wanted, learned.report.predicted)
+    rows, columns = _crop(wanted, drawn)
     shown = []
     for place in order:
-        real, drawn = wanted[place, rows, columns], learned.report.predicted[place, rows, columns]
-        index = learned.report.held_out[place]
-        strokes = learned.library
+        real, modelled = wanted[place, rows, columns], drawn[place, rows, columns]
         shown.append(
             _Stroke(
                 _data_uri(_inked(real)),
-                _data_uri(_inked(drawn)),
-                _data_uri(_compared(real, drawn)),
-                f"thickness {strokes.thickness[index]:.2f}, length {1000 * strokes.length_m[index]:.0f} mm, "
-                f"bend {1000 * strokes.bend_m[index]:.0f} mm",
+                _data_uri(_inked(modelled)),
+                _data_uri(_compared(real, modelled)),
+                f"thickness {library.thickness[place]:.2f}, length {1000 * library.length_m[place]:.0f} mm, "
+                f"bend {1000 * library.bend_m[place]:.0f} mm",
                 float(error[place]),
             )
         )

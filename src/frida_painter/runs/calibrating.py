@@ -17,6 +17,7 @@ from frida_painter.errors import CalibrationError
 from frida_painter.hardware.easel import Easel
 from frida_painter.runs.easel import order
 from frida_painter.runs.spec import RunSpec
+from frida_painter.session.easel_kinds.studio import studio_brush, with_brush
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.names import VIRTUAL
 from frida_painter.session.procedures.brush import brush as brush_procedure
@@ -38,7 +39,10 @@ def easel_of(spec: RunSpec, folder: Path | None = None, state: Path | None = Non
     """
     wanted = order(spec, spec.brush, folder, state)
     if spec.robot == VIRTUAL and folder is None:
-        yield open_studio(spec.canvas, spec.brush, seed=spec.seed, placement_error=wanted.placement_error).easel
+        studio = open_studio(
+            spec.canvas, studio_brush(spec.brush), seed=spec.seed, placement_error=wanted.placement_error
+        )
+        yield with_brush(studio.easel, spec.brush)
         return
     with EaselProcess() as process:
         yield process.open(wanted)

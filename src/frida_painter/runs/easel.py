@@ -10,7 +10,7 @@ from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.runs.placement_error import millimetres_and_degrees
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.by_hand import ByHand
-from frida_painter.session.easels import EaselOrder
+from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.names import SAWYER_SIM
 from frida_painter.session.operator import PersonAsOperator
 from frida_painter.session.procedures.calibration_status import NEEDED

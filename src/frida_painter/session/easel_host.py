@@ -31,7 +31,8 @@ from frida_painter.hardware.link.wire import Wire
 from frida_painter.hardware.lock import RobotLock
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
-from frida_painter.session.easels import EaselOrder, lock_path, machine, open_easel
+from frida_painter.session.easel_order import EaselOrder
+from frida_painter.session.easels import lock_path, machine, open_easel
 from frida_painter.session.names import SIMULATED, STOP_FILE
 
 _GRACE = 5.0

@@ -1,84 +1,97 @@
 """Names on which processes agree: of robots and cameras, as a person gives them, and of files in a painting's folder.
 
 A real robot is named like "xarm:192.168.1.10" or "gcode:/dev/ttyUSB0,homing=yes", its camera like "opencv:0".
-Whoever only passes names on needs no driver for that.
+Whoever only passes names on loads no driver for that, nor anything that computes.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from frida_painter.errors import ConfigError
+from frida_painter import registry
+from frida_painter.errors import ConfigError, PluginError
+from frida_painter.hardware.kinds import CameraKind, RobotKind
+from frida_painter.hardware.machine_name import MachineName
+from frida_painter.session.easel_kind import EaselKind
 
 JOURNAL = "journal"
 STOP_FILE = "stop"
+DIARY = "studio.diary"
+ARM_FILM = "arm.mp4"
 
 HUMAN, VIRTUAL, SAWYER_SIM = "human", "virtual", "sawyer-sim"
-SIMULATED = frozenset({VIRTUAL, SAWYER_SIM})
-TITLES: Mapping[str, str] = {VIRTUAL: "virtual studio", SAWYER_SIM: "Rethink Sawyer, simulated"}
-"""What pages call a simulated robot."""
-CAMERAS = ("opencv:NUMBER", "gphoto", "folder:PATH")
-MACHINES: Mapping[str, str] = {
-    "xarm": "xarm:ADDRESS[,brush_length=METRES]",
-    "gcode": "gcode:PORT[,baud=N][,homing=yes][,servo=Z/S/Z/S]",
-    "marlin": "marlin:PORT[,baud=N][,homing=yes][,servo=Z/DEGREES/Z/DEGREES]",
-    "axidraw": "axidraw[:PORT][,servo=Z/PULSE/Z/PULSE]",
-    "ros": "ros[:MASTER][,namespace=/NAME][,frame=NAME]",
-    "rosbridge": "rosbridge:HOST[:PORT][,ros=2][,namespace=/NAME][,frame=NAME]",
-}
-"""How each kind of real robot is named."""
+
+
+def _form_of_robot(name: str) -> str:
+    return registry.parts(registry.ROBOTS)[name].load(RobotKind).form
+
+
+def _title_of_simulated(name: str) -> str:
+    kind = registry.parts(registry.EASELS)[name].load(EaselKind)
+    if not kind.simulated:
+        raise KeyError(name)
+    return kind.title
 
 
 @dataclass(frozen=True)
-class MachineName:
-    """A machine as it was named: its kind, where it is, and what else was said of it."""
+class _Registered(Mapping[str, str]):
+    """What is told of parts that are registered, by name; a part is loaded when it is asked for."""
 
-    kind: str
-    where: str
-    options: Mapping[str, str]
+    group: str
+    tell: Callable[[str], str]
 
-    @classmethod
-    def of(cls, text: str) -> "MachineName":
-        """Reads "kind:where,name=value". Raises ConfigError."""
-        named, *parts = text.split(",")
-        kind, _, where = named.partition(":")
-        options = {}
-        for part in parts:
-            name, equals, value = part.partition("=")
-            if not (equals and name.strip() and value.strip()) or name.strip() in options:
-                raise ConfigError(
-                    f"{part[:40]!r} in {text[:80]!r} is not understood; write name=value, each name once."
-                )
-            options[name.strip()] = value.strip()
-        return cls(kind.strip(), where.strip(), options)
+    def __getitem__(self, name: str) -> str:
+        return self.tell(name)
 
-    def choose(self, name: str, read: Callable[[str], object], default: object) -> object:
-        """An option as `read` understands it. Raises ConfigError where it does not."""
-        if name not in self.options:
-            return default
-        try:
-            return read(self.options[name])
-        except (ValueError, KeyError) as error:
-            raise ConfigError(f"{name}={self.options[name][:40]} is not understood; {self._form}.") from error
+    def __iter__(self) -> Iterator[str]:
+        for name in registry.parts(self.group):
+            try:
+                self.tell(name)
+            except (KeyError, PluginError):
+                continue  # whoever asks for it by name hears why
+            yield name
 
-    def require(self, *known: str, where: bool = True) -> None:
-        """Raises ConfigError where something is said that this kind does not know, or not where it is."""
-        strangers = sorted(set(self.options) - set(known))
-        if strangers:
-            raise ConfigError(f"{self.kind} does not know {', '.join(strangers)}; {self._form}.")
-        if where and not self.where:
-            raise ConfigError(f"{self.kind!r} was given without where it is; {self._form}.")
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
 
-    @property
-    def _form(self) -> str:
-        return f"write {MACHINES[self.kind]}"
+
+@dataclass(frozen=True)
+class _Machines(_Registered):
+    """The same, of robots whose names alone tell what they are, so that none is loaded."""
+
+    def __contains__(self, name: object) -> bool:
+        return name in registry.parts(self.group)
+
+
+MACHINES: Mapping[str, str] = _Machines(registry.ROBOTS, _form_of_robot)
+"""How each kind of real robot is named."""
+SIMULATED: Mapping[str, str] = _Registered(registry.EASELS, _title_of_simulated)
+"""The simulated robots, with what pages call them."""
+TITLES = SIMULATED
+
+
+def robot_forms() -> list[str]:
+    """How real robots are named; the bare name of one that cannot be loaded."""
+    return [_told(part, RobotKind, lambda kind: kind.form) for part in registry.parts(registry.ROBOTS).values()]
+
+
+def camera_forms() -> list[str]:
+    """How cameras are named; the bare name of one that cannot be loaded."""
+    return [_told(part, CameraKind, lambda kind: kind.form) for part in registry.parts(registry.CAMERAS).values()]
 
 
 def require_known(robot: str) -> str:
-    """The kind of a robot that is named so. Raises ConfigError where there is none."""
+    """The kind of a robot that is named so; a whole easel has its name alone. Raises ConfigError."""
     kind = MachineName.of(robot).kind
-    if kind not in {HUMAN, *SIMULATED, *MACHINES}:
+    easels = registry.parts(registry.EASELS)
+    if robot not in easels and kind not in MACHINES:
         raise ConfigError(
-            f"There is no robot {robot[:60]!r}; take {HUMAN}, {VIRTUAL}, {SAWYER_SIM}, or a real one: "
-            f"{', '.join(MACHINES.values())}."
+            f"There is no robot {robot[:60]!r}; take {', '.join(easels)}, or a real one: {', '.join(robot_forms())}."
         )
     return kind
+
+
+def _told(part: registry.Part, kind: type[registry.Kind], tell: Callable[[registry.Kind], str]) -> str:
+    try:
+        return tell(part.load(kind))
+    except PluginError:
+        return part.name

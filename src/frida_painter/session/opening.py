@@ -9,6 +9,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
+from frida_painter.session.easel_kinds.studio import studio_brush, with_brush
 from frida_painter.session.procedures.calibration_status import NEEDED, require
 from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.table import PlacementError
@@ -55,7 +56,7 @@ def on_record(easel: Easel, record: Path | None, needed: tuple[str, ...] = NEEDE
 
 def open_virtual_easel(brush: str, seed: int) -> Easel:
     """A virtual studio for painting a stroke library: paper, and a calibrated robot that paints where it means to."""
-    studio = open_studio(PAPER, brush, seed=seed, placement_error=PlacementError((0.0, 0.0), 0.0))
+    studio = open_studio(PAPER, studio_brush(brush), seed=seed, placement_error=PlacementError((0.0, 0.0), 0.0))
     studio.easel.robot.connect()
     studio.easel.camera.connect()
-    return studio.easel
+    return with_brush(studio.easel, brush)

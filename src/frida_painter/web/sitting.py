@@ -10,7 +10,7 @@ from frida_painter.plan import Plan
 from frida_painter.runs.controls import Controls
 from frida_painter.runs.opening import replan_policy
 from frida_painter.runs.run import Outcome, PaintingRun
-from frida_painter.session.easels import ARM_FILM
+from frida_painter.session.names import ARM_FILM
 from frida_painter.session.procedures.dialogue import Confirm
 from frida_painter.web.exports import export
 from frida_painter.web.folder import PlanFolder

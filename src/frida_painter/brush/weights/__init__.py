@@ -1,12 +1,14 @@
-"""The stroke models that ship with the project, by the name of their brush, and those that a person trained."""
+"""Stroke models by the name of their brush, ours and those of other packages, and those that a person trained."""
 
 from pathlib import Path
 
+from frida_painter import registry
 from frida_painter.brush import field, param2stroke
 from frida_painter.brush.field import StrokeField
-from frida_painter.brush.kinds import KINDS
+from frida_painter.brush.kinds import BROAD, FINE, MEDIUM, BrushKind, BrushModel
 from frida_painter.brush.model_file import ModelFile
 from frida_painter.brush.param2stroke import Param2Stroke
+from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import WeightsError
 
 _KINDS_OF_MODEL: dict[str, type[StrokeField] | type[Param2Stroke]] = {
@@ -15,13 +17,18 @@ _KINDS_OF_MODEL: dict[str, type[StrokeField] | type[Param2Stroke]] = {
 }
 
 
-def load_stroke_model(brush: str | Path) -> StrokeField | Param2Stroke:
-    """The trained stroke model of a brush that comes with the project ("broad"), or of a file of weights.
+def load_stroke_model(brush: str | Path) -> StrokeModel:
+    """The stroke model that is registered for a brush ("broad"), or the one in a file of weights.
 
-    Raises WeightsError where the file is missing, damaged or holds something else.
+    Raises WeightsError where the file is missing, damaged or holds something else, and PluginError where the
+    package that registers the brush is broken.
     """
-    names = [kind.name for kind in KINDS]
-    path = Path(__file__).with_name(f"{brush}.safetensors") if brush in names else Path(brush)
+    registered = registry.parts(registry.STROKE_MODELS).get(str(brush))
+    return load_weights(Path(brush)) if registered is None else registered.load(BrushModel).load()
+
+
+def load_weights(path: Path) -> StrokeField | Param2Stroke:
+    """The stroke model in a file of weights. Raises WeightsError where it is missing, damaged or something else."""
     file = ModelFile.read(path)
     if file.format not in _KINDS_OF_MODEL:
         raise WeightsError(
@@ -29,3 +36,10 @@ def load_stroke_model(brush: str | Path) -> StrokeField | Param2Stroke:
             "`frida-painter strokes train` wrote."
         )
     return _KINDS_OF_MODEL[file.format].restored(file)
+
+
+def _shipped(kind: BrushKind) -> BrushModel:
+    return BrushModel(kind, lambda: load_weights(Path(__file__).with_name(f"{kind.name}.safetensors")))
+
+
+FINE_MODEL, MEDIUM_MODEL, BROAD_MODEL = _shipped(FINE), _shipped(MEDIUM), _shipped(BROAD)

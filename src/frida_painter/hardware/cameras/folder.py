@@ -4,10 +4,10 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from frida_painter import images
 from frida_painter.errors import CameraError, ConfigError, ImageError, StaleFrame
 from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.cameras.shutter import Shutter
+from frida_painter.hardware.kinds import CameraKind
 
 _SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp")
 _POLL = 0.05
@@ -99,6 +99,8 @@ class FolderCamera:
 
     def _frame(self, file: _File, captured_at: float, newer_than: float) -> Frame | None:
         """The photograph in a file; None where it is not whole yet, has changed meanwhile, or is the last one again."""
+        from frida_painter import images  # whoever only asks for this camera's name reads no picture
+
         time.sleep(_STILL)
         if _looked_at(file.path) != file:
             return None
@@ -148,3 +150,14 @@ def _looked_at(path: Path) -> _File | None:
     except OSError:
         return None
     return _File(path, facts.st_mtime_ns, facts.st_size) if facts.st_size else None
+
+
+def _open(where: str) -> FolderCamera:
+    if not where:
+        raise ConfigError("'folder' was given without where it is; write folder:PATH.")
+    return FolderCamera(FolderSettings(Path(where).expanduser()))
+
+
+KIND = CameraKind(
+    "folder", "folder:PATH", "a folder into which pictures come from anywhere, or a file", open=_open, is_path=True
+)

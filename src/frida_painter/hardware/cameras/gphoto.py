@@ -6,13 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from frida_painter import images
-from frida_painter.errors import CameraError, ImageError
+from frida_painter.errors import CameraError, ConfigError, ImageError
 from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.cameras.shutter import Shutter
+from frida_painter.hardware.kinds import CameraKind, Needed
 
 Answer = TypeVar("Answer")
 
+_NEEDED = Needed("pip install 'frida-painter[gphoto]'", "gphoto2")
 _OPENING, _EXPOSING = 15.0, 25.0
 
 
@@ -31,7 +32,7 @@ class GphotoCamera:
             import gphoto2
         except ImportError as missing:
             raise CameraError(
-                "Cameras over gphoto2 need the package gphoto2; install it with: pip install 'frida-painter[gphoto]'"
+                f"Cameras over gphoto2 need the package gphoto2; install it with: {_NEEDED.install}"
             ) from missing
         self._library = gphoto2
         camera = gphoto2.Camera()
@@ -55,6 +56,8 @@ class GphotoCamera:
 
     def _taken(self) -> Any:
         """A new picture, upright, in sRGB bytes."""
+        from frida_painter import images  # whoever only asks for this camera's name reads no picture
+
         library, camera = self._library, self._camera
         place = camera.capture(library.GP_CAPTURE_IMAGE)
         picture = camera.file_get(place.folder, place.name, library.GP_FILE_TYPE_NORMAL)
@@ -87,3 +90,12 @@ _ADVICE = {
     -1: "the camera reported an error; set it to manual focus, and switch it off and on",
 }
 """libgphoto2's numbers for what a person can mend."""
+
+
+def _open(where: str) -> GphotoCamera:
+    if where:
+        raise ConfigError(f"'gphoto' was given {where[:40]!r}, and it takes the one camera at USB; write gphoto.")
+    return GphotoCamera()
+
+
+KIND = CameraKind("gphoto", "gphoto", "a camera over USB that libgphoto2 knows", open=_open, needed=_NEEDED)

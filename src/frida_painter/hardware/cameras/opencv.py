@@ -4,11 +4,10 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
-
 from frida_painter.errors import CameraError
 from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.cameras.shutter import Shutter
+from frida_painter.hardware.kinds import CameraKind
 
 _BUFFERED = 5
 """Frames that a driver may hold back, taken before they were asked for; V4L2 holds four."""
@@ -59,6 +58,8 @@ class OpencvCamera:
             self._shutter.asking("close", device.release, _LOOKING)
 
     def _opened(self) -> Any:
+        import cv2
+
         device = cv2.VideoCapture(self.settings.device)
         if not device.isOpened():
             device.release()
@@ -73,9 +74,18 @@ class OpencvCamera:
 
     def _looked(self) -> Any:
         """The first frame behind those that were held back, RGB."""
+        import cv2
+
         for _ in range(_BUFFERED):
             self._device.grab()
         seen, image = self._device.read()
         if not seen or image is None:
             raise CameraError(f"{self._shutter.name} gives no picture any more; look at it and at its cable.")
         return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+
+
+def _open(where: str) -> OpencvCamera:
+    return OpencvCamera(OpencvSettings(int(where) if where.isdigit() else where or 0))
+
+
+KIND = CameraKind("opencv", "opencv:NUMBER", "webcams and whatever OpenCV opens", open=_open)

@@ -15,9 +15,12 @@ from frida_painter.hardware.drivers.ebb_moves import STEPS_PER_MM, Move, moves
 from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_allowed
 from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import Servo
+from frida_painter.hardware.kinds import Needed, RobotKind, require_home
+from frida_painter.hardware.machine_name import MachineName
 from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter.hardware.workspace import Point
+from frida_painter.hardware.workspace import Point, Workspace
 
+_NEEDED = Needed("pip install 'frida-painter[plotter]'", "plotink")
 _SLICE = 0.02
 _SERVO_PIN = 4
 _LEAST_VOLTAGE = 250  # of QC's scale: about 9 V
@@ -136,8 +139,7 @@ class AxidrawRobot:
             from plotink import ebb_serial
         except ImportError as missing:
             raise RobotError(
-                "AxiDraws need the packages plotink and pyserial; install them with: pip install "
-                "'frida-painter[plotter]'"
+                f"AxiDraws need the packages plotink and pyserial; install them with: {_NEEDED.install}"
             ) from missing
         if self.settings.port is None:
             port = ebb_serial.findPort()
@@ -252,3 +254,21 @@ class AxidrawRobot:
             line.write(b"\rES\r")
         except RobotError:
             return
+
+
+def _open(name: MachineName, workspace: Workspace) -> AxidrawRobot:
+    name.require("servo", where=False)
+    home, port, speed = require_home(name, workspace), name.where or None, workspace.travel_speed
+    servo = name.choose("servo", Servo.of, None)
+    if servo is None:
+        return AxidrawRobot(AxidrawSettings(home, port, approach=speed))
+    return AxidrawRobot(AxidrawSettings(home, port, servo, speed))
+
+
+KIND = RobotKind(
+    "axidraw",
+    "axidraw[:PORT][,servo=Z/PULSE/Z/PULSE]",
+    "AxiDraw, NextDraw and other plotters with an EBB",
+    open=_open,
+    needed=_NEEDED,
+)

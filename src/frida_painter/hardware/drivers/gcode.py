@@ -16,9 +16,11 @@ from frida_painter.hardware.drivers.grbl import Grbl
 from frida_painter.hardware.drivers.interlock import Interlock, time_allowed
 from frida_painter.hardware.drivers.marlin import Marlin
 from frida_painter.hardware.drivers.serial_line import SerialLine
-from frida_painter.hardware.gcode import PREAMBLE, Gcode
+from frida_painter.hardware.gcode import PREAMBLE, Gcode, Servo
+from frida_painter.hardware.kinds import Needed, RobotKind, require_home
+from frida_painter.hardware.machine_name import MachineName, yes_or_no
 from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter.hardware.workspace import Point
+from frida_painter.hardware.workspace import Point, Workspace
 
 
 @dataclass(frozen=True)
@@ -184,3 +186,26 @@ class GcodeRobot:
             return 0.0
         heights = np.r_[servo.high[0], waypoints.position[:, 2]]
         return 2 * float(np.abs(np.diff(heights)).sum() + servo.high[0] - servo.low[0]) / servo.speed
+
+
+def _open(name: MachineName, workspace: Workspace) -> GcodeRobot:
+    name.require("baud", "homing", "servo")
+    language = Gcode(
+        "marlin" if name.kind == MARLIN.name else "grbl",
+        workspace.travel_speed,
+        name.choose("servo", Servo.of, None),
+    )
+    return GcodeRobot(
+        GcodeSettings(
+            name.where,
+            require_home(name, workspace),
+            name.choose("baud", int, 115_200),
+            language,
+            name.choose("homing", yes_or_no, False),
+        )
+    )
+
+
+_NEEDED = Needed("pip install 'frida-painter[plotter]'", "serial")
+GRBL = RobotKind("gcode", "gcode:PORT[,baud=N][,homing=yes][,servo=Z/S/Z/S]", "GRBL 1.1", _open, _NEEDED)
+MARLIN = RobotKind("marlin", "marlin:PORT[,baud=N][,homing=yes][,servo=Z/DEGREES/Z/DEGREES]", "Marlin", _open, _NEEDED)

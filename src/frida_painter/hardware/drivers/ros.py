@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_allowed
+from frida_painter.hardware.kinds import require_home
+from frida_painter.hardware.machine_name import MachineName
 from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter.hardware.workspace import Point
+from frida_painter.hardware.workspace import Point, Workspace
 
 Message = Mapping[str, Any]
 """A ROS message as nested mappings, its fields by their names."""
@@ -302,3 +304,10 @@ class RosRobot:
                 return
             except RobotError:
                 continue
+
+
+def behind(name: MachineName, workspace: Workspace, wire: Callable[[], Wire]) -> RosRobot:
+    """The arm of that name, over wires of one kind. Raises ConfigError where the name makes no sense."""
+    told = {part: name.options[part] for part in ("namespace", "frame") if part in name.options}
+    home, version = require_home(name, workspace), name.choose("ros", int, 1)
+    return RosRobot(RosSettings(home, workspace.travel_speed, ros=version, **told), wire(), wire())

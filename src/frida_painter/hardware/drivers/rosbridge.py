@@ -4,10 +4,15 @@ import socket
 from collections.abc import Callable
 from typing import Any
 
-from frida_painter.errors import RobotDisconnected, RobotError
+from frida_painter.errors import ConfigError, RobotDisconnected, RobotError
 from frida_painter.hardware.deadline import one_line
 from frida_painter.hardware.drivers.interlock import PATIENCE
-from frida_painter.hardware.drivers.ros import Message
+from frida_painter.hardware.drivers.ros import Message, RosRobot, behind
+from frida_painter.hardware.kinds import Needed, RobotKind
+from frida_painter.hardware.machine_name import MachineName
+from frida_painter.hardware.workspace import Workspace
+
+_NEEDED = Needed("pip install 'frida-painter[ros]'", "roslibpy")
 
 
 class RosbridgeWire:
@@ -25,7 +30,7 @@ class RosbridgeWire:
             import roslibpy
         except ImportError as missing:
             raise RobotError(
-                "Arms behind rosbridge need the package roslibpy; install it with: pip install 'frida-painter[ros]'"
+                f"Arms behind rosbridge need the package roslibpy; install it with: {_NEEDED.install}"
             ) from missing
         try:
             socket.create_connection((self.host, self.port), timeout=PATIENCE).close()
@@ -78,3 +83,20 @@ class RosbridgeWire:
             f"No rosbridge answers at {self.host}:{self.port} ({why}); start it "
             "(roslaunch rosbridge_server rosbridge_websocket.launch) and look at the address."
         )
+
+
+def _open(name: MachineName, workspace: Workspace) -> RosRobot:
+    name.require("namespace", "frame", "ros")
+    host, _, port = name.where.partition(":")
+    if port and not (port.isascii() and port.isdigit() and 1 <= int(port) <= 65535):
+        raise ConfigError(f"{port[:20]!r} is no port, which is from 1 to 65535; write {name.form}.")
+    return behind(name, workspace, lambda: RosbridgeWire(host, int(port or 9090)))
+
+
+KIND = RobotKind(
+    "rosbridge",
+    "rosbridge:HOST[:PORT][,ros=2][,namespace=/NAME][,frame=NAME]",
+    "any arm behind rosbridge, ROS 1 or 2",
+    open=_open,
+    needed=_NEEDED,
+)

@@ -12,8 +12,12 @@ from urllib.parse import urlsplit
 from frida_painter.errors import RobotDisconnected, RobotError
 from frida_painter.hardware.deadline import one_line, within
 from frida_painter.hardware.drivers.interlock import PATIENCE
-from frida_painter.hardware.drivers.ros import Message
+from frida_painter.hardware.drivers.ros import Message, RosRobot, behind
+from frida_painter.hardware.kinds import Needed, RobotKind
+from frida_painter.hardware.machine_name import MachineName
+from frida_painter.hardware.workspace import Workspace
 
+_NEEDED = Needed("apt install python3-rospy python3-trajectory-msgs python3-actionlib-msgs")
 _PACKAGES = ("/usr/lib/python3/dist-packages", "/opt/ros/noetic/lib/python3/dist-packages")
 _NODE = "frida_painter"
 
@@ -93,8 +97,8 @@ def _rospy() -> Any:
         return importlib.import_module("rospy")
     except ImportError as missing:
         raise RobotError(
-            f"ROS 1 needs rospy ({missing}); install it with: apt install python3-rospy python3-trajectory-msgs "
-            "python3-actionlib-msgs, or speak with any ROS through rosbridge."
+            f"ROS 1 needs rospy ({missing}); install it with: {_NEEDED.install}, or speak with any ROS "
+            "through rosbridge."
         ) from missing
 
 
@@ -117,3 +121,17 @@ def _as_mapping(message: Any) -> Any:
     if isinstance(message, Mapping | str | int | float | bytes):
         return message
     return [_as_mapping(part) for part in message] if isinstance(message, list | tuple) else message
+
+
+def _open(name: MachineName, workspace: Workspace) -> RosRobot:
+    name.require("namespace", "frame", where=False)
+    return behind(name, workspace, lambda: RospyWire(name.where or None))
+
+
+KIND = RobotKind(
+    "ros",
+    "ros[:MASTER][,namespace=/NAME][,frame=NAME]",
+    "any arm behind a ROS 1 master",
+    open=_open,
+    needed=_NEEDED,
+)

@@ -17,11 +17,14 @@ from numpy.typing import NDArray
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import within
 from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_allowed
+from frida_painter.hardware.kinds import Needed, RobotKind, require_home
+from frida_painter.hardware.machine_name import MachineName
 from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter.hardware.workspace import Point
+from frida_painter.hardware.workspace import Point, Workspace
 
 Answer = TypeVar("Answer")
 
+_NEEDED = Needed("pip install 'frida-painter[xarm]'", "xarm")
 _CONTROL_PORT = 502
 _OPENING, _CLOSING = 5.0, 1.0
 _POLL = 0.02
@@ -92,9 +95,7 @@ class XarmRobot:
         try:
             from xarm.wrapper import XArmAPI
         except ImportError as missing:
-            raise RobotError(
-                "xArms need the package xarm-python-sdk; install it with: pip install 'frida-painter[xarm]'"
-            ) from missing
+            raise RobotError(f"xArms need the package xarm-python-sdk; install it with: {_NEEDED.install}") from missing
         self._require_somebody()
         self._interlock.opened()
         try:
@@ -306,3 +307,14 @@ class XarmRobot:
                     return
             except Exception:  # Whatever the library raises, the other connection is tried.
                 continue
+
+
+def _open(name: MachineName, workspace: Workspace) -> XarmRobot:
+    name.require("brush_length")
+    length = name.choose("brush_length", float, 0.0)
+    return XarmRobot(XarmSettings(name.where, require_home(name, workspace), workspace.travel_speed, length))
+
+
+KIND = RobotKind(
+    "xarm", "xarm:ADDRESS[,brush_length=METRES]", "UFACTORY xArm 6 and 7, Lite 6", open=_open, needed=_NEEDED
+)

@@ -1,0 +1,1 @@
+"""The whole easels that ship with the project, one file for each."""

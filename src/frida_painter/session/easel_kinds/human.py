@@ -1,0 +1,39 @@
+"""`human`: a canvas, a camera, and the hand of a person whom the painting process talks with."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from frida_painter.errors import ConfigError
+from frida_painter.session.easel_kind import EaselKind
+from frida_painter.session.names import camera_forms
+
+if TYPE_CHECKING:
+    from frida_painter.session.easel_order import EaselOrder, OpenEasel
+
+
+def _open(order: "EaselOrder") -> "OpenEasel":
+    from frida_painter.hardware.drivers.human import HumanRobot
+    from frida_painter.hardware.easel import Easel
+    from frida_painter.session.easel_order import OpenEasel
+    from frida_painter.session.flatbed_workspace import FlatbedWorkspace
+    from frida_painter.session.machines import camera_named
+    from frida_painter.session.operator import AbsentOperator
+
+    if not order.camera:
+        raise ConfigError(
+            f"To paint by hand, say which camera looks at the canvas (--camera {'|'.join(camera_forms())})."
+        )
+    place = FlatbedWorkspace().motion(order.canvas)
+    known = replace(place.calibration, easel="by hand", brush=order.brush, camera=order.camera, canvas=order.canvas)
+    easel = Easel(
+        robot=HumanRobot(place.workspace.home or place.workspace.upper),
+        camera=camera_named(order.camera),
+        operator=AbsentOperator(),
+        workspace=place.workspace,
+        calibration=known,
+        canvas=order.canvas,
+    )
+    return OpenEasel(easel, lambda: None)
+
+
+KIND = EaselKind("human", "your own hand", _open, simulated=False, person=True)
