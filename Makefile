@@ -3,24 +3,53 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PHOTO ?= examples/photographs/coffee.jpg
+# Each of these files in .venv says that one set of packages is installed: what painting needs, and more beside it.
+PINS := pyproject.toml constraints.txt
+ADD := $(BIN)/python tools/install.py
 
-.PHONY: paint test quick lint benchmarks install browser clean
+.PHONY: paint studio test quick lint docs benchmarks install browser clean
 
-install: $(VENV)/installed
+install: $(VENV)/dev
 
-$(VENV)/installed: pyproject.toml constraints.txt
+$(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed; say e.g. make PYTHON=python3.12 $(MAKECMDGOALS)" if sys.version_info < (3, 11) else 0)'
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@echo "Making a Python environment in $(VENV): some seconds."
+	@$(PYTHON) -m venv $(VENV)
+
+$(VENV)/installed: $(PINS) | $(BIN)/python
+	@echo "Installing what painting needs, PyTorch and 30 smaller packages: one to two minutes with pip, half a minute with uv."
+	@$(ADD) .
 	@touch $@
 
-paint: install
+$(VENV)/web: $(VENV)/installed
+	@echo "Installing what the studio's page needs: usually some seconds."
+	@$(ADD) '.[web]'
+	@touch $@
+
+$(VENV)/dev: $(VENV)/installed
+	@echo "Installing the test tools, all that commands may need, and a physics engine: usually one to two minutes more."
+	@$(ADD) '.[dev]'
+	@touch $@ $(VENV)/web
+
+$(VENV)/docs: $(VENV)/installed
+	@echo "Installing what makes the documentation's site: usually some seconds."
+	@$(ADD) '.[docs]'
+	@touch $@
+
+paint: $(VENV)/installed
+	@echo "Painting $(PHOTO): about two minutes on a laptop."
 	@$(BIN)/frida-painter paint $(PHOTO)
+
+studio: $(VENV)/web
+	@$(BIN)/frida-painter studio
 
 lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(VENV)/docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 # The studio is tested in a real browser where there is one, or where it can be installed; elsewhere those tests skip.
 browser:
@@ -37,4 +66,4 @@ benchmarks: install
 	$(BIN)/python benchmarks/report.py
 
 clean:
-	rm -rf $(VENV) build *.egg-info
+	rm -rf $(VENV) build site *.egg-info

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import torch
+from frida_painter.config import PaintingSettings
 
 from frida_painter import images
-from frida_painter.config import PaintingSettings
 from frida_painter.goal import Goal, ImageTerm
 from frida_painter.objectives.base import ObjectiveContext, ObjectiveTerm, prepare_term
 from frida_painter.session.opening import limit_threads, open_planner

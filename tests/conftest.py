@@ -1,8 +1,11 @@
+import os
 from collections.abc import Callable
 from pathlib import Path
 from uuid import uuid4
 
+import cv2
 import pytest
+import torch
 from hypothesis import settings
 
 from snapshots import Snapshots
@@ -13,6 +16,17 @@ settings.load_profile("suite")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--renew-snapshots", action="store_true", help="write tests/snapshots/*.png anew; look at them!")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """One thread for each test process, and for whatever it starts, as `limit_threads` has it for people.
+
+    Two workers with a pool of threads each wait for one another on two cores: the same tests then take up to
+    six times the processor time, and their sums come in another order on every machine.
+    """
+    os.environ["OMP_NUM_THREADS"] = "1"  # of processes that are started from here, xdist's workers too
+    torch.set_num_threads(1)
+    cv2.setNumThreads(1)
 
 
 @pytest.fixture(autouse=True)

@@ -3,40 +3,32 @@
 import os
 import signal
 import sys
-import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from frida_painter.errors import StorageError
 from frida_painter.session.event_log import EventLog
-
-_PATIENCE = 240
 
 
 def kill_when(journal: Path, moment: Callable[[dict[str, Any]], bool], work: Callable[[], None]) -> None:
-    """Does the work in a process that is killed (SIGKILL) as soon as a record of the journal is the moment."""
+    """Does the work in a process that is killed (SIGKILL) as soon as a record of the journal is the moment.
+
+    The process kills itself, right after the record has been written to the disk: whoever watches from outside
+    comes some strokes late where the machine is busy.
+    """
     child = os.fork()
     if child == 0:
         try:
+            _die_at(journal, moment)
             work()
         except BaseException:
             traceback.print_exc()
         finally:
             sys.stderr.flush()
             os._exit(1)
-    try:
-        deadline = time.monotonic() + _PATIENCE
-        while not any(moment(record) for record in _records(journal)):
-            assert time.monotonic() < deadline, "the moment never came"
-            # Without reaping it: its number must stay its own until it is killed.
-            ended = os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT)
-            assert ended is None, "the work ended before the moment came"
-            time.sleep(0.001)
-    finally:
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == -signal.SIGKILL, "the work ended before the moment came"
 
 
 def began(stroke: int) -> Callable[[dict[str, Any]], bool]:
@@ -49,8 +41,13 @@ def ended(stroke: int) -> Callable[[dict[str, Any]], bool]:
     return lambda record: record["kind"] == "ended" and record.get("stroke") == stroke
 
 
-def _records(journal: Path) -> list[dict[str, Any]]:
-    try:
-        return EventLog.read(journal)
-    except StorageError:  # there is none yet
-        return []
+def _die_at(journal: Path, moment: Callable[[dict[str, Any]], bool]) -> None:
+    """Of this process, which is never used again."""
+    append = EventLog.append
+
+    def append_and_look(self: EventLog, record: Mapping[str, Any]) -> None:
+        append(self, record)
+        if self.path == journal and any(moment(one) for one in EventLog.read(journal)):
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    EventLog.append = append_and_look  # type: ignore[method-assign]

@@ -26,9 +26,9 @@ def declared() -> set[str]:
 
 
 def extras() -> set[str]:
-    """What is installed for one robot or camera only, and imported when that is connected."""
+    """What is installed for one robot, camera, page or kind of goal only, and imported when that is used."""
     optional = tomllib.loads(PYPROJECT.read_text())["project"]["optional-dependencies"]
-    return {plain(name) for extra, names in optional.items() if extra != "dev" for name in names}
+    return {plain(name) for extra, names in optional.items() if extra not in ("dev", "docs") for name in names}
 
 
 @functools.cache
@@ -48,7 +48,7 @@ def imports(*, inside_functions: bool) -> dict[str, list[str]]:
             if isinstance(node, ast.Import):
                 names += [alias.name for alias in node.names]
             elif isinstance(node, ast.ImportFrom):
-                names += [node.module or ""]
+                names += [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
         parts = ("frida_painter", *path.relative_to(ROOT).with_suffix("").parts)
         found[".".join(part for part in parts if part != "__init__")] = names
     return found

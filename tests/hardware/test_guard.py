@@ -22,7 +22,7 @@ from frida_painter.errors import (
     WorkspaceViolation,
 )
 from frida_painter.frames import CanvasSize
-from frida_painter.hardware import patience
+from frida_painter.hardware import deadline
 from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.guard import GuardedRobot
 from frida_painter.hardware.guarded_camera import GuardedCamera
@@ -201,12 +201,12 @@ def test_f31_a_computer_that_slept_in_the_middle_of_a_motion_gives_it_up(
     guard = in_state("connected", robot, tmp_path)
     guard._patience = guard._grace = 100.0
     slept = threading.Event()
-    really = patience.steady
+    really = deadline.steady
 
     def after_sleep() -> float:
         return really() + (600.0 if slept.is_set() else 0.0)
 
-    monkeypatch.setattr(patience, "steady", after_sleep)
+    monkeypatch.setattr(deadline, "steady", after_sleep)
     monkeypatch.setattr("frida_painter.hardware.guard.steady", after_sleep)
     monkeypatch.setattr(time, "time", lambda: 0.0)
     threading.Timer(0.1, slept.set).start()

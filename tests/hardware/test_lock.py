@@ -1,3 +1,5 @@
+import errno
+import fcntl
 import os
 import subprocess
 import sys
@@ -56,3 +58,27 @@ def test_a_place_where_no_file_can_be_is_a_storage_error(tmp_path: Path) -> None
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError):
         RobotLock(tmp_path / "file" / "robot.lock", "the arm")
+
+
+def test_a_disk_that_knows_no_locks_is_refused_rather_than_trusted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A marker file in place of a lock would stay when its process dies."""
+
+    def unknown(file: int, operation: int) -> None:
+        raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
+
+    monkeypatch.setattr(fcntl, "flock", unknown)
+    with pytest.raises(StorageError, match="cannot be written"):
+        RobotLock(tmp_path / "robot.lock", "the arm")
+
+
+def test_who_loses_leaves_the_holder_s_number_alone(tmp_path: Path) -> None:
+    path = tmp_path / "robot.lock"
+    path.write_text("a longer text than any number of a process")
+    held = RobotLock(path, "the arm")
+    for _ in range(2):
+        with pytest.raises(RobotBusy):
+            RobotLock(path, "the arm")
+    assert path.read_text() == str(os.getpid())
+    held.release()

@@ -50,11 +50,8 @@ def stopped(photo: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     with PaintingRun(spec, folder, listeners=[hear], controls=Controls(stop_asked=stop.is_set)) as run:
         outcome = run.start()
     assert outcome.painting is not None and outcome.painting.painted == 3 and outcome.trouble is None
-    assert outcome.page == folder / "index.html" and [it.done for it in heard if isinstance(it, StrokePainted)] == [
-        1,
-        2,
-        3,
-    ]
+    assert outcome.page == folder / "index.html"
+    assert [it.done for it in heard if isinstance(it, StrokePainted)] == [1, 2, 3]
     return folder
 
 

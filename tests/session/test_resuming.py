@@ -185,9 +185,8 @@ def test_without_the_stroke_in_doubt_the_rest_is_planned_otherwise_and_comes_as_
 
 def test_killed_twice_it_is_still_the_same_painting(world: World, undisturbed: Undisturbed, tmp_path: Path) -> None:
     killed(world, tmp_path, ended(3))
-    # Where the signal comes a moment late, the stroke after is in doubt, and painted again.
-    kill_when(tmp_path / "journal", ended(9), lambda: world.resume(tmp_path, repaint=True))
-    canvas = resumed(world, tmp_path, repaint=True)
+    kill_when(tmp_path / "journal", ended(9), lambda: world.resume(tmp_path))
+    canvas = resumed(world, tmp_path)
     assert off(canvas, undisturbed) < CLEANED
     assert History.of(EventLog.read(tmp_path / "journal"), tmp_path).sittings == 3
 

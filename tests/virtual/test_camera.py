@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import CameraError, StaleFrame
+from frida_painter.virtual import camera
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.paint import to_linear, to_srgb
 
@@ -100,3 +101,32 @@ def test_the_arm_hides_the_canvas_until_it_is_sent_home():
     again = hand.easel.camera.capture(0.0).image.astype(int)
     assert (np.abs(with_arm - bare).mean(2) > 60).mean() > 0.02
     assert (np.abs(again - bare).mean(2) > 60).mean() == 0
+
+
+def laid(looks, shape, view, to_cell, scene):
+    """What `_lay` is to do, written down plainly: every product and sum in the same order and precision."""
+    high, wide = looks.shape[:2]
+    x, y = (row[0] * view[..., 0] + row[1] * view[..., 1] + row[2] for row in to_cell)  # float32
+    inside = (x >= -0.5) & (x <= shape[1] - 0.5) & (y >= -0.5) & (y <= shape[0] - 0.5)
+    x = np.minimum(np.maximum(x[inside].astype(np.float64), 0.0), wide - 1.0)
+    y = np.minimum(np.maximum(y[inside].astype(np.float64), 0.0), high - 1.0)
+    left, above = np.minimum(x.astype(int), wide - 2), np.minimum(y.astype(int), high - 2)
+    u, v = x - left, y - above
+    corners = [((1 - u) * (1 - v), 0, 0), (u * (1 - v), 0, 1), ((1 - u) * v, 1, 0), (u * v, 1, 1)]
+    p, q, s, t = (share[:, None] * looks[above + down, left + right] for share, down, right in corners)
+    scene[inside] = p + q + s + t
+    return scene
+
+
+@pytest.mark.parametrize("shape", [(30.0, 40.0), (29.4, 39.7)])
+def test_what_lies_flat_comes_into_the_picture_bit_for_bit_as_written_down_plainly(shape):
+    random = np.random.default_rng(0)
+    looks = random.uniform(0, 1, (30, 40, 3)).astype(np.float32)
+    down, across = np.meshgrid(np.linspace(-3, 34, 211), np.linspace(-3, 45, 307), indexing="ij")
+    view = np.stack((across, down), -1).astype(np.float32)
+    to_cell = np.array([[0.996, 0.02, -0.31], [-0.02, 0.996, 0.17]], np.float32)
+    scene = np.full((*view.shape[:2], 3), 0.25, np.float32)
+    wanted = laid(looks, shape, view, to_cell, scene.copy())
+    camera._lay(looks, shape, view, to_cell, scene)
+    assert np.array_equal(scene, wanted)
+    assert 0.2 < (wanted == 0.25).all(-1).mean() < 0.8, "there is canvas, and something around it"

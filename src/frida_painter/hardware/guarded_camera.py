@@ -6,9 +6,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from frida_painter.errors import CameraError, FridaError
+from frida_painter.errors import CameraError
 from frida_painter.hardware.camera import Camera, Frame
-from frida_painter.hardware.patience import Caller, Overdue, steady
+from frida_painter.hardware.deadline import Caller, in_our_errors, steady
 
 T = TypeVar("T")
 
@@ -44,19 +44,14 @@ class GuardedCamera:
 
     def _call(self, act: Callable[[], T]) -> T:
         until = steady() + self._patience
-        try:
-            return self._caller.call(act, lambda: until)
-        except Overdue as error:
-            raise CameraError(
+        return in_our_errors(
+            lambda: self._caller.call(act, lambda: until),
+            late=lambda: CameraError(
                 f"The camera did not answer within {self._patience:g} s; look at it and at its cable, then take "
                 "another photograph."
-            ) from error
-        except FridaError:
-            raise
-        except Exception as error:
-            raise CameraError(
-                f"The camera's driver failed ({type(error).__name__}: {error}); look whether it is still connected."
-            ) from error
+            ),
+            failed=lambda why: CameraError(f"The camera's driver failed ({why}); look whether it is still connected."),
+        )
 
 
 def _is_photograph(frame: object) -> bool:

@@ -17,6 +17,7 @@ import torch
 from PIL import Image
 from torch import Tensor
 
+from frida_painter import extras
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
@@ -40,10 +41,12 @@ class Pictogram:
 class Pictograms:
     """The drawings of an archive, found by what they are called.
 
-    keep: a folder in which the names' meanings are kept. Raises WeightsError where the archive cannot be read.
+    keep: a folder in which the names' meanings are kept. Raises WeightsError where the archive cannot be read,
+    ConfigError where the package that draws them is not installed.
     """
 
     def __init__(self, archive: Path, sentences: SentenceEncoder, keep: Path) -> None:
+        extras.require("words", "resvg_py", "Beginning a painting from a pictogram")
         self._archive = archive
         self._sentences = sentences
         try:
@@ -103,7 +106,7 @@ def _without_outlines(svg: str) -> str:
 
 
 def _rasterized(svg: str) -> Tensor:
-    import resvg_py  # only who draws a pictogram needs it
+    import resvg_py
 
     content = resvg_py.svg_to_bytes(svg_string=svg, width=_SIDE, height=_SIDE, skip_system_fonts=True)
     pixels = np.asarray(Image.open(io.BytesIO(bytes(content))).convert("RGBA"))

@@ -30,15 +30,12 @@ def rectify(photograph: NDArray[np.uint8], calibration: Calibration, grid: Pixel
     light, so that nothing aliases. Raises FrameRejected where the photograph is not one of the
     calibrated camera, or is dark.
     """
-    _check(photograph, calibration)
+    require_photograph(photograph, calibration)
     fineness = _fineness(calibration, grid)
     rows, columns = grid.rows * fineness, grid.columns * fineness
-    corners = _outline(rows, columns)
-    seen = _straightened(np.array(calibration.corners), calibration)
-    to_photograph = cv2.getPerspectiveTransform(corners, seen.astype(np.float32))
+    to_photograph = _to_photograph(calibration, rows, columns)
     photographed = light_of_bytes(photograph)
-    if not float(np.quantile(photographed[::_APART, ::_APART], _BRIGHTEST)) >= _DARKEST:
-        raise FrameRejected("The photograph of the canvas is dark; switch the light on and take the camera's cap off.")
+    require_some_light(photographed)
     if calibration.lens is None:
         light = cv2.warpPerspective(
             photographed,
@@ -48,13 +45,40 @@ def rectify(photograph: NDArray[np.uint8], calibration: Calibration, grid: Pixel
             borderMode=cv2.BORDER_REPLICATE,
         )
     else:
-        column, row = _bent(calibration.lens, np.asarray(to_photograph, np.float64), rows, columns)
+        column, row = _bent(calibration.lens, to_photograph, rows, columns)
         light = cv2.remap(photographed, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     light = _without_rim(np.asarray(light, np.float32), calibration)
     if fineness > 1:
         light = cv2.resize(light, (grid.columns, grid.rows), interpolation=cv2.INTER_AREA)
     picture = torch.from_numpy(np.ascontiguousarray(light.transpose(2, 0, 1)))
     return to_srgb(picture)
+
+
+def sampling_places(calibration: Calibration, grid: PixelGrid) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The column and the row of the photograph at which each sample is taken: [f rows, f columns] each.
+
+    Each pixel of the grid is the mean, in linear light, of its f x f samples; f is as in `rectify`, and the
+    outermost samples are taken where the next ones further in are.
+    """
+    fineness = _fineness(calibration, grid)
+    rows, columns = grid.rows * fineness, grid.columns * fineness
+    across, down = _rim(calibration, rows, columns)
+    to_photograph = _to_photograph(calibration, rows, columns)
+    if calibration.lens is None:
+        place = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).astype(np.float64)
+        column, row = np.asarray(cv2.perspectiveTransform(place, to_photograph), np.float32).transpose(2, 0, 1)
+    else:
+        column, row = _bent(calibration.lens, to_photograph, rows, columns)
+    inside = np.ix_(
+        np.clip(np.arange(rows), down, rows - 1 - down), np.clip(np.arange(columns), across, columns - 1 - across)
+    )
+    return np.ascontiguousarray(column[inside]), np.ascontiguousarray(row[inside])
+
+
+def require_some_light(light: NDArray[np.float32]) -> None:
+    """Raises FrameRejected where a photograph, in linear light [H, W, 3], is dark."""
+    if not float(np.quantile(light[::_APART, ::_APART], _BRIGHTEST)) >= _DARKEST:
+        raise FrameRejected("The photograph of the canvas is dark; switch the light on and take the camera's cap off.")
 
 
 def rectified_pixels(place: NDArray[np.float64], calibration: Calibration, grid: PixelGrid) -> NDArray[np.float64]:
@@ -72,6 +96,12 @@ def _outline(rows: int, columns: int) -> NDArray[np.float32]:
     """The corners of a picture, clockwise from the top left: the outer corners of its corner pixels."""
     right, lower = columns - 0.5, rows - 0.5
     return np.array([(-0.5, -0.5), (right, -0.5), (right, lower), (-0.5, lower)], np.float32)
+
+
+def _to_photograph(calibration: Calibration, rows: int, columns: int) -> NDArray[np.float64]:
+    """The homography [3, 3] from a picture of rows x columns samples to the photograph, without its lens."""
+    seen = _straightened(np.array(calibration.corners), calibration)
+    return np.asarray(cv2.getPerspectiveTransform(_outline(rows, columns), seen.astype(np.float32)), np.float64)
 
 
 def _straightened(seen: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:
@@ -94,7 +124,7 @@ def _bent(
     return np.ascontiguousarray(cut[..., 0]), np.ascontiguousarray(cut[..., 1])
 
 
-def _check(photograph: NDArray[np.uint8], calibration: Calibration) -> None:
+def require_photograph(photograph: NDArray[np.uint8], calibration: Calibration) -> None:
     """Raises FrameRejected where the photograph cannot be one of the calibrated camera."""
     wanted = (*calibration.photograph, 3)
     if photograph.shape != wanted or photograph.dtype != np.uint8:
@@ -119,10 +149,15 @@ def _without_rim(light: NDArray[np.float32], calibration: Calibration) -> NDArra
     that for a dark line along the canvas's edge.
     """
     rows, columns = light.shape[:2]
-    top, right, bottom, left = _sides(calibration)
-    across, down = math.ceil(_RIM * columns / min(top, bottom)), math.ceil(_RIM * rows / min(left, right))
+    across, down = _rim(calibration, rows, columns)
     inner = light[down : rows - down, across : columns - across]
     return np.asarray(cv2.copyMakeBorder(inner, down, down, across, across, cv2.BORDER_REPLICATE), np.float32)
+
+
+def _rim(calibration: Calibration, rows: int, columns: int) -> tuple[int, int]:
+    """How many samples of rows x columns the rim is wide: at the left and the right, and at the top and the bottom."""
+    top, right, bottom, left = _sides(calibration)
+    return math.ceil(_RIM * columns / min(top, bottom)), math.ceil(_RIM * rows / min(left, right))
 
 
 def _sides(calibration: Calibration) -> tuple[float, float, float, float]:

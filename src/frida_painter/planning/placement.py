@@ -35,7 +35,7 @@ class Placement:
     """By how much strokes land beside where the robot was sent.
 
     error: metres along the canvas's x and y, and radians counter-clockwise about its centre;
-    information [3][3]: the inverse of its covariance, in the same units.
+    information [3, 3]: the inverse of its covariance, in the same units.
     """
 
     error: tuple[float, float, float]

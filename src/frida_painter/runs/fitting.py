@@ -35,9 +35,10 @@ def fitted(spec: RunSpec, goal: Wanted, *, canvas_is_fixed: bool = False) -> Fit
     """
     picture, canvas = goal.picture, spec.canvas
     fixed = canvas_is_fixed or not spec.simulated or spec.calibration is not None  # then it lies on an easel
-    if picture is not None and not canvas_is_fixed and ("canvas" not in spec.model_fields_set or not fixed):
+    shaped = picture is not None and spec.fit == "canvas" and not fixed
+    if picture is not None and (shaped or not (canvas_is_fixed or "canvas" in spec.model_fields_set)):
         canvas = canvas.turned_like(*picture.shape[1:])
-    if picture is not None and spec.fit == "canvas" and not fixed:
+    if picture is not None and shaped:
         canvas = canvas.shaped_like(*picture.shape[1:])
     spec = spec.model_copy(update={"canvas": canvas}).as_kept
     grid = PixelGrid.of_height(spec.canvas, max(PHOTOGRAPH_ROWS, spec.render_height))

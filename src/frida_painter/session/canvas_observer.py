@@ -7,14 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter.errors import CameraError, FrameRejected, StaleFrame
+from frida_painter.errors import FrameRejected, StaleFrame
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.easel import Easel
 from frida_painter.perception.color import true_color
+from frida_painter.perception.film_view import FilmView
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify
+from frida_painter.session.photographer import Photographer
 
 _ATTEMPTS = 3
 _BETWEEN = 0.5  # seconds before a frame that was refused is taken again: a hand goes away
@@ -40,8 +42,9 @@ class CanvasObserver:
         self.light = light
         self.good: FrameCheck | None = None
         self._wait = wait
-        self._last_sequence = -1
+        self._photographer = Photographer(easel.camera)
         self._last_image: NDArray[np.uint8] | None = None
+        self._film_view: FilmView | None = None
 
     def look(self, last_motion: float, rows: int) -> Tensor:
         """The canvas [3, rows, columns] in sRGB as it is after `last_motion` (s of the robot's clock), to be shown.
@@ -49,6 +52,19 @@ class CanvasObserver:
         Raises CameraError where the camera gives no photograph newer than that, or none of the canvas.
         """
         return self.see(self.photograph(last_motion).image, rows)
+
+    def film(self, last_motion: float, rows: int) -> Tensor:
+        """A look for the film, by which nothing may be decided: within 1/255 of `look`, in a part of its time.
+
+        Raises CameraError as `look` does.
+        """
+        photograph, calibration = self.photograph(last_motion).image, self.easel.calibration
+        if self.light is None:  # `see` learns it
+            return self.see(photograph, rows)
+        grid = PixelGrid.of_height(self.easel.canvas, rows)
+        if self._film_view is None or not self._film_view.fits(calibration, self.light, grid):
+            self._film_view = FilmView(calibration, self.light, grid)
+        return self._film_view.picture(photograph)
 
     def examine(self, last_motion: float, rows: int, expected: Expected | None = None) -> tuple[Frame, Tensor]:
         """A look by which something is decided: the photograph is taken again until it may be trusted.
@@ -87,24 +103,7 @@ class CanvasObserver:
 
         Raises StaleFrame, or whatever else the camera complained of last.
         """
-        trouble: CameraError | None = None
-        for _ in range(_ATTEMPTS):
-            try:
-                frame = self.easel.camera.capture(last_motion)
-            except StaleFrame:
-                trouble = None
-                continue
-            except CameraError as complaint:
-                trouble = complaint
-                continue
-            if frame.captured_at > last_motion and frame.sequence > self._last_sequence:
-                self._last_sequence = frame.sequence
-                return frame
-            trouble = None
-        raise trouble or StaleFrame(
-            f"The camera was asked {_ATTEMPTS} times and gave no new photograph taken after the arm's last motion "
-            f"(at {last_motion:.1f} s). Look whether the camera is still connected, and start again."
-        )
+        return self._photographer.photograph(last_motion)
 
     def _require_good(self, photograph: NDArray[np.uint8], canvas: Tensor, expected: Expected | None) -> None:
         if self.good is None:

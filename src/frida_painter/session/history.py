@@ -29,7 +29,7 @@ class History:
 
     settings, rests_on: as it was begun; plannings: the plans that were made, in order; painted: strokes
     that are done or were given up; in_doubt: the number of the stroke that was begun and not ended;
-    light: of the last look, [3][terms]; looks, dips, cleanings, sittings: how many there were; given_up:
+    light: of the last look, [3, terms]; looks, dips, cleanings, sittings: how many there were; given_up:
     numbers of strokes in doubt that were skipped, and of those that a person left out; region: the file of
     what a person drew over the canvas, and whether only there it may be painted, None where nothing is
     protected; goal: the folder of the goal that it is painted towards since it was changed, "" before;

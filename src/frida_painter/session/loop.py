@@ -316,7 +316,7 @@ class PaintingSession:
         if isinstance(painted, StrokePainted) and self.rhythm.wants_timelapse_frame(painted.done, painted.of):
             self._retry_after_pause(self._step_aside)
             with contextlib.suppress(CameraError):
-                picture = self.observer.look(self.brushwork.last_motion, TIMELAPSE_ROWS)
+                picture = self.observer.film(self.brushwork.last_motion, TIMELAPSE_ROWS)
                 self._notify(TimelapseFrame(picture, painted.done, painted.of, painted.color))
 
     def _step_aside(self) -> None:

@@ -26,7 +26,7 @@ from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.light import to_linear, to_srgb
 from frida_painter.perception.paper_edge import PaperEdge
 from frida_painter.perception.rectify import rectify
-from frida_painter.session.procedures.at_the_easel import perform, photograph
+from frida_painter.session.procedures.at_the_easel import EaselAccess
 from frida_painter.strokes import Strokes
 
 BLACK = 0.04
@@ -122,8 +122,9 @@ class Paper:
     lies elsewhere than the canvas was calibrated, FrameRejected where the camera cannot see it well.
     """
 
-    def __init__(self, easel: Easel, kind: BrushKind) -> None:
-        self._easel = easel
+    def __init__(self, access: EaselAccess, kind: BrushKind) -> None:
+        self._access, self._easel = access, access.easel
+        easel = access.easel
         self._motion = Motion(easel.workspace, easel.calibration)
         self.crop = Crop.covering(kind.frame)
         self._grid = _grid(easel.canvas, self.crop.pitch)
@@ -158,7 +159,7 @@ class Paper:
             position, torch.zeros(1), shape.length, shape.bend, shape.thickness, torch.full((1, 3), BLACK)
         )  # fmt: skip
         stroking = self._motion.stroke(stroke, 0, "stroke for the library")
-        perform(self._easel, (self._motion.dip(0), stroking) if refill else (stroking,))
+        self._access.perform((self._motion.dip(0), stroking) if refill else (stroking,))
         before = self._magnitude(here)
         flaw = self._look_again(here)
         # What is covered now, as a share of what was bare before.
@@ -170,7 +171,7 @@ class Paper:
 
     def _begin(self) -> None:
         """The first photograph: of a bare sheet, in its place, in focus."""
-        frame = photograph(self._easel)
+        frame = self._access.photograph()
         self._edge = self._read_edge(frame.image)
         if self._edge.visible:
             self._require_place(self._edge.beside / self._pixels)
@@ -190,7 +191,7 @@ class Paper:
         """Photographs the sheet after a stroke at `here`; what is wrong with that, when tried again and again."""
         for attempt in range(_ATTEMPTS):
             last = attempt == _ATTEMPTS - 1
-            frame = photograph(self._easel)
+            frame = self._access.photograph()
             edge = self._read_edge(frame.image)
             if edge.softness > self._softest:
                 if last:

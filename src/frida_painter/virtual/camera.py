@@ -74,6 +74,8 @@ class VirtualCamera:
         self._mix = (np.eye(3) * (1 - 3 * spec.bleed) + spec.bleed) * np.array(spec.cast)[:, None]
         self._tones = np.rint(255 * to_srgb(np.linspace(0, 1, _TONES))).astype(np.uint8)
         self._noise = (spec.noise * random.standard_normal(_NOISE_BANK)).astype(np.float32)
+        self._pixels = np.empty((*spec.photograph, 3), np.float32)
+        self._bare_row = np.tile(to_linear(np.array(_TABLE_SRGB)).astype(np.float32), (spec.photograph[1], 1))
         self._last: Frame | None = None
         self._connected = False
 
@@ -136,10 +138,10 @@ class VirtualCamera:
         return int(self._random.integers(_NOISE_BANK))
 
     def _scene(self) -> NDArray[np.float32]:
-        """What reflects the light towards each pixel: linear reflectance [rows, columns, 3]."""
+        """What reflects the light towards each pixel: linear reflectance [rows, columns, 3], until the next one."""
         canvas, knock, checker = self._table.canvas, self._table.knock, self._table.checker
-        scene = np.empty((*self._spec.photograph, 3), np.float32)
-        scene[:] = to_linear(np.array(_TABLE_SRGB))
+        scene = self._pixels
+        scene[:] = self._bare_row
         # Where the canvas lies now: table (mm) -> cells.
         cos, sin = math.cos(knock.turn), math.sin(knock.turn)
         center = np.array([canvas.width, canvas.height]) / 2
@@ -244,10 +246,14 @@ def _lay(looks, shape, view, to_cell, scene):  # type: ignore[no-untyped-def]
                 left, above = min(int(x), wide - 2), min(int(y), high - 2)
                 u, v = x - left, y - above
                 p, q, s, t = (1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v
-                a, b = looks[above, left], looks[above, left + 1]
-                d, e = looks[above + 1, left], looks[above + 1, left + 1]
+                # Without a sign nothing counts from the end, and without slices nothing counts references: five
+                # times as fast.
+                i, j = numba.uint64(above), numba.uint64(left)
+                k, m = i + numba.uint64(1), j + numba.uint64(1)
                 for band in range(3):
-                    scene[r, c, band] = p * a[band] + q * b[band] + s * d[band] + t * e[band]
+                    scene[r, c, band] = (
+                        p * looks[i, j, band] + q * looks[i, m, band] + s * looks[k, j, band] + t * looks[k, m, band]
+                    )
 
 
 @numba.njit(cache=True, nogil=True)

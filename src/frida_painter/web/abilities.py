@@ -1,5 +1,6 @@
 """What this studio can be asked for: which kinds of goals there are, and what is missing for the others."""
 
+from frida_painter import extras
 from frida_painter.model_folder import are_here
 from frida_painter.web.wish import Kind
 
@@ -11,14 +12,21 @@ _NEEDED: dict[Kind, tuple[tuple[str, ...], ...]] = {
     "sketch": (("hed",),),
     "text": (("minilm",), ("efficientnet-lite0",)),
 }
+# Which extra each needs beside them, and a package of it.
+_EXTRAS: dict[Kind, tuple[str, str]] = {"text": ("words", "transformers")}
 
 
 def abilities() -> dict[str, dict[str, object]]:
     """For each kind of goal: whether it is ready, which weights are missing, and a sentence on how to get them."""
-    return {kind: _ability(groups) for kind, groups in _NEEDED.items()}
+    return {kind: _ability(kind, groups) for kind, groups in _NEEDED.items()}
 
 
-def _ability(groups: tuple[tuple[str, ...], ...]) -> dict[str, object]:
+def _ability(kind: Kind, groups: tuple[tuple[str, ...], ...]) -> dict[str, object]:
     missing = [group[-1] for group in groups if not any(map(are_here, group))]
-    advice = f"This needs a network that is not here yet; fetch it with: frida-painter models fetch {' '.join(missing)}"
-    return {"ready": not missing, "missing": missing, "advice": advice if missing else ""}
+    said = []
+    if kind in _EXTRAS and not extras.is_installed(_EXTRAS[kind][1]):
+        said.append(extras.advice(_EXTRAS[kind][0], "This"))
+    if missing:
+        names = " ".join(missing)
+        said.append(f"This needs a network that is not here yet; fetch it with: frida-painter models fetch {names}")
+    return {"ready": not said, "missing": missing, "advice": ". ".join(said)}

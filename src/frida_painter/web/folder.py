@@ -3,13 +3,13 @@
 The page writes wishes, commands and the stop file; the worker everything else. All names are ours.
 """
 
-import fcntl
 import os
 import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
+from filelock import lock_descriptor
 from pydantic import ValidationError
 
 from frida_painter import storage
@@ -181,6 +181,8 @@ class WorkerLock:
     """Held by the one process that works on a painting; free as soon as it ends, however it ends.
 
     Whoever starts that process takes the lock and hands it on, so that there is no moment in between.
+    That takes a lock on a descriptor, which the child inherits: one on a path (filelock.FileLock) belongs
+    to the process that took it.
     """
 
     def __init__(self, folder: PaintingFolder) -> None:
@@ -188,19 +190,15 @@ class WorkerLock:
 
     def take(self) -> bool:
         """Whether it was free, and is held from now on."""
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        return True
+        return lock_descriptor(self._file, blocking=False)
 
     def fileno(self) -> int:
         """What a child process needs to hold it too."""
         return self._file
 
     def release(self) -> None:
-        """Lets others have it."""
-        os.close(self._file)
+        """Lets others have it, once a child that holds it has ended, too."""
+        os.close(self._file)  # not unlocked: that would take it from the child as well
 
 
 def working(folder: PaintingFolder) -> bool:

@@ -12,10 +12,9 @@ from frida_painter.web.access import Keys, Role
 from frida_painter.web.app import application, guarded
 from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.presence import Presence
-from frida_painter.web.station import Station
+from frida_painter.web.station import LOCAL, Station
 from frida_painter.web.watch import Watch
 
-LOCAL = "127.0.0.1"
 _BACKLOG = 256
 
 

@@ -9,6 +9,9 @@ from frida_painter.errors import ConfigError
 from frida_painter.session.names import HUMAN, MACHINES, SIMULATED, require_known
 from frida_painter.web.surveying import survey
 
+LOCAL = "127.0.0.1"
+"""The address at which a studio can be reached from its own machine only."""
+
 
 @dataclass(frozen=True)
 class Station:

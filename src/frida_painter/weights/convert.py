@@ -11,11 +11,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from frida_painter import extras
 from frida_painter.errors import WeightsError
 
 # Positions of the convolutions of VGG16's five blocks among its layers, as torchvision counts them.
 _VGG_BLOCKS = ((0, 2), (5, 7), (10, 12, 14), (17, 19, 21), (24, 26, 28))
 _HED_SIDES = ("dsn1", "dsn2", "dsn3", "dsn4", "dsn5", "fuse")
+HDF5 = ("sketch", "h5py")
+"""The extra and the package that read HDF5."""
 
 
 def state_dict(path: Path) -> dict[str, Tensor]:
@@ -45,14 +48,17 @@ def holistic_edges(path: Path) -> dict[str, Tensor]:
     """HED from Keras's HDF5 layout: the trunk as `features.N`, the side outputs `dsn1` ... `dsn5`, and `fuse`.
 
     Kernels turn from [height, width, in, out] to PyTorch's [out, in, height, width]. Xie & Tu,
-    "Holistically-Nested Edge Detection", ICCV 2015. Raises WeightsError where a layer is missing.
+    "Holistically-Nested Edge Detection", ICCV 2015. Raises WeightsError where a layer is missing, or
+    h5py is not installed.
     """
+    extras.require(*HDF5, "Reading the edge detector HED", WeightsError)
+    import h5py
+
     layers = {
         f"features.{position}": f"block{block}/layers/conv2d{f'_{index}' if index else ''}"
         for block, positions in enumerate(_VGG_BLOCKS, start=1)
         for index, position in enumerate(positions)
     } | {side: side for side in _HED_SIDES}
-    import h5py  # only who fetches HED needs it
 
     tensors = {}
     try:

@@ -60,7 +60,7 @@ def test_the_carriage_makes_the_steps_of_the_stroke_and_the_servo_its_heights() 
 def test_what_goes_wrong_is_told_and_nothing_moves_after(
     fault: str, error: type[RobotError], says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("frida_painter.hardware.drivers.guard.PATIENCE", 0.2)
+    monkeypatch.setattr("frida_painter.hardware.drivers.interlock.PATIENCE", 0.2)
     with FakeEbb(misbehave={150: fault}) as board:
         robot = connected(board)
         with pytest.raises(error, match=says):

@@ -104,7 +104,7 @@ def test_a_machine_that_acknowledges_too_much_is_waited_for_until_it_stands() ->
 
 
 def test_a_machine_that_falls_silent_is_given_up_at_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter.hardware.drivers.guard.PATIENCE", 0.3)
+    monkeypatch.setattr("frida_painter.hardware.drivers.interlock.PATIENCE", 0.3)
     monkeypatch.setattr("frida_painter.hardware.drivers.grbl.PATIENCE", 0.3)
     with FakeGrbl(misbehave={5: "mute"}) as machine:
         robot = robot_at(machine)
@@ -264,7 +264,7 @@ def test_a_line_that_marlin_got_damaged_is_sent_again() -> None:
 
 
 def test_a_line_that_never_reached_marlin_ends_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter.hardware.drivers.guard.PATIENCE", 0.2)
+    monkeypatch.setattr("frida_painter.hardware.drivers.interlock.PATIENCE", 0.2)
     with FakeMarlin(misbehave={12: "lose"}) as machine:
         robot = robot_at(machine)
         robot.connect()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.drivers import guard
+from frida_painter.hardware.drivers import interlock
 from frida_painter.hardware.drivers.xarm import XarmRobot, XarmSettings
 from frida_painter.hardware.robot import Waypoints
 from machines.fake_xarm import ControlBox, FakeApi
@@ -102,7 +102,7 @@ def test_a_protective_stop_is_a_stop(box: ControlBox) -> None:
 
 
 def test_an_arm_that_is_paused_is_given_up_at_the_deadline(box: ControlBox, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(guard, "PATIENCE", 0.1)
+    monkeypatch.setattr(interlock, "PATIENCE", 0.1)
     robot = connected()
     box.place[:3] = a_stroke().position[0] * 1000
     box.paused_at = 5
@@ -135,7 +135,7 @@ def test_whatever_a_call_does_in_a_stroke_becomes_a_robot_error_and_nothing_move
     robot = connected()
     box.misbehave[call] = fault
     box.after[call] = {"set_position": 12, "get_cmdnum": 0}.get(call, 2)
-    monkeypatch.setattr(guard.Guard.asking, "__defaults__", (0.3,))
+    monkeypatch.setattr(interlock.Interlock.asking, "__defaults__", (0.3,))
     box.pace = 1
     with pytest.raises(RobotError) as told:
         robot.follow(a_stroke(speed=1.0))
@@ -162,7 +162,7 @@ OPENING += [
 def test_a_connection_that_fails_halfway_leaves_nothing_open_and_can_be_repeated(
     box: ControlBox, monkeypatch: pytest.MonkeyPatch, call: str, fault: str
 ) -> None:
-    monkeypatch.setattr(guard.Guard.asking, "__defaults__", (0.3,))
+    monkeypatch.setattr(interlock.Interlock.asking, "__defaults__", (0.3,))
     monkeypatch.setattr("frida_painter.hardware.drivers.xarm._OPENING", 0.3)
     box.misbehave[call] = fault
     if call == "connect":

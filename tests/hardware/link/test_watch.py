@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter.hardware import patience
+from frida_painter.hardware import deadline
 from frida_painter.hardware.link import watch
 from frida_painter.hardware.link.watch import BEAT, STOP, Pulse, StopFile, Watch
 
@@ -162,7 +162,7 @@ def test_f31_a_computer_that_slept_stops_the_robot_on_waking_whatever_was_sent_b
 ) -> None:
     stops = Stops()
     slept = [0.0]
-    monkeypatch.setattr(watch, "asleep", lambda: patience.asleep() + slept[0])
+    monkeypatch.setattr(watch, "asleep", lambda: deadline.asleep() + slept[0])
     keeping(stops, moving=False)
     Pulse(line[0])
     time.sleep(0.1)

@@ -8,9 +8,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.errors import CameraError, FridaError, StaleFrame
+from frida_painter.errors import CameraError, StaleFrame
 from frida_painter.hardware.camera import Frame
-from frida_painter.hardware.deadline import one_line, within
+from frida_painter.hardware.deadline import in_our_errors, within
 
 Answer = TypeVar("Answer")
 
@@ -46,17 +46,18 @@ class Shutter:
 
     def asking(self, what: str, call: Callable[[], Answer], seconds: float) -> Answer:
         """What a call into a library returns, if it does so within `seconds`. Raises CameraError for all else."""
-        try:
-            return within(seconds, f"{self.name}: {what}", call)
-        except FridaError:
-            raise
-        except TimeoutError as silence:
+
+        def silent() -> CameraError:
             self._stuck = True
-            raise CameraError(
+            return CameraError(
                 f"{what}: {self.name} did not answer within {seconds:.0f} s; look at it and at its cable."
-            ) from silence
-        except BaseException as failure:  # whatever a library raises is told in one sentence
-            raise CameraError(f"{what}: {self.name} failed ({one_line(failure)}); look at it.") from failure
+            )
+
+        return in_our_errors(
+            lambda: within(seconds, f"{self.name}: {what}", call),
+            late=silent,
+            failed=lambda why: CameraError(f"{what}: {self.name} failed ({why}); look at it."),
+        )
 
     def is_last(self, image: NDArray[np.uint8]) -> bool:
         """Whether these are byte for byte the pixels of the last photograph, which no real camera takes twice."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.drivers.ebb_moves import STEPS_PER_MM, Move, moves
-from frida_painter.hardware.drivers.guard import PATIENCE, Guard, time_allowed
+from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_allowed
 from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import Servo
 from frida_painter.hardware.robot import MotionReport, Waypoints
@@ -52,7 +52,7 @@ class AxidrawRobot:
 
     def __init__(self, settings: AxidrawSettings) -> None:
         self.settings = settings
-        self._guard = Guard("the AxiDraw")
+        self._interlock = Interlock("the AxiDraw")
         self._line: SerialLine | None = None
         self._height = settings.servo.high[0]
 
@@ -63,7 +63,7 @@ class AxidrawRobot:
         """
         self.close()
         line = SerialLine.open(self._port(), 9600)
-        self._guard.opened()
+        self._interlock.opened()
         try:
             version = self._ask(line, "V", ends=False)
             if not version.startswith("EBB"):
@@ -75,7 +75,7 @@ class AxidrawRobot:
             self._do(line, "CS", "connect", None, time.monotonic() + PATIENCE)
             self._lift(line, self.settings.servo.high[0], 0.0, "connect", None, time.monotonic() + PATIENCE)
         except FridaError:
-            self._guard.closed()
+            self._interlock.closed()
             line.close()
             raise
         self._line = line
@@ -92,7 +92,7 @@ class AxidrawRobot:
         try:
             return self._place(line)
         except FridaError as error:
-            raise self._guard.fault(error) from None
+            raise self._interlock.fault(error) from None
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Moves along the waypoints, speeding up and slowing down, and returns when the motors stand.
@@ -101,7 +101,7 @@ class AxidrawRobot:
         reach a height, before anything moves.
         """
         line = self._ready(waypoints.label)
-        self._guard.require_path(waypoints)
+        self._interlock.require_path(waypoints)
         started = time.monotonic()
         here = self.pose()
         todo = list(moves(here, waypoints, self.settings.approach, self.settings.acceleration))
@@ -113,21 +113,21 @@ class AxidrawRobot:
             self._settle(line, waypoints.label, until)
             reached = self._place(line)
         except FridaError as error:
-            self._guard.fault(error)
+            self._interlock.fault(error)
             self._halt(line)
             raise
         return MotionReport(waypoints.label, started, time.monotonic(), reached)
 
     def stop(self) -> None:
         """ES: the board drops what it does and what waits. The pen stays as it is, and the motors hold."""
-        self._guard.stop()
+        self._interlock.stop()
         if self._line is not None:
             self._halt(self._line)
 
     def close(self) -> None:
         """Lets go of the board."""
         line, self._line = self._line, None
-        self._guard.closed()
+        self._interlock.closed()
         if line is not None:
             line.close()
 
@@ -148,9 +148,9 @@ class AxidrawRobot:
         return str(port)
 
     def _ready(self, label: str) -> SerialLine:
-        self._guard.require_ready(label)
+        self._interlock.require_ready(label)
         if self._line is None:
-            raise RobotError(f"{label}: {self._guard.name} is not connected; call connect() first.")
+            raise RobotError(f"{label}: {self._interlock.name} is not connected; call connect() first.")
         return self._line
 
     def _make(self, line: SerialLine, move: Move, pulse: int, label: str, until: float) -> None:
@@ -181,12 +181,14 @@ class AxidrawRobot:
             answer = self._ask(line, "QM", ends=False)
             parts = answer.split(",")
             if parts[0] != "QM" or len(parts) < 4:
-                raise RobotDisconnected(f"{label}: {self._guard.name} said {answer[:60]!r}; look at its cable.")
+                raise RobotDisconnected(f"{label}: {self._interlock.name} said {answer[:60]!r}; look at its cable.")
             if all(part == "0" for part in parts[1:]):
                 return
             self._heed_stop(label)
             if time.monotonic() > until:
-                raise MotionFailed(f"{label}: {self._guard.name} did not arrive in time, and is stopped; look at it.")
+                raise MotionFailed(
+                    f"{label}: {self._interlock.name} did not arrive in time, and is stopped; look at it."
+                )
 
     def _place(self, line: SerialLine) -> NDArray[np.float64]:
         answer = self._ask(line, "QS")
@@ -194,7 +196,7 @@ class AxidrawRobot:
             first, second = (int(part) for part in answer.split(","))
         except ValueError:
             raise RobotDisconnected(
-                f"{self._guard.name} said {answer[:60]!r} when asked where it is; look at its cable."
+                f"{self._interlock.name} said {answer[:60]!r} when asked where it is; look at its cable."
             ) from None
         right, down = (first + second) / 2, (first - second) / 2
         return np.array([right / STEPS_PER_MM / 1000, -down / STEPS_PER_MM / 1000, self._height])
@@ -211,14 +213,15 @@ class AxidrawRobot:
             if answer:
                 where = "" if waypoint is None else f" at waypoint {waypoint}"
                 raise MotionFailed(
-                    f"{label}: {self._guard.name} answered {answer[:60]!r} to {command!r}{where}, and is stopped; look "
-                    "at it, then connect anew.",
+                    f"{label}: {self._interlock.name} answered {answer[:60]!r} to {command!r}{where}, and is stopped; "
+                    "look at it, then connect anew.",
                     answer[:60],
                     waypoint,
                 )
             if time.monotonic() > until:
                 raise RobotDisconnected(
-                    f"{label}: {self._guard.name} did not acknowledge {command!r} in time; look at it and its cable."
+                    f"{label}: {self._interlock.name} did not acknowledge {command!r} in time; look at it and its "
+                    "cable."
                 )
 
     def _ask(self, line: SerialLine, question: str, *, ends: bool = True) -> str:
@@ -232,15 +235,16 @@ class AxidrawRobot:
                 answers.append(answer)
             elif time.monotonic() > until:
                 raise RobotDisconnected(
-                    f"{self._guard.name} did not answer {question} in {PATIENCE:.0f} s; look at it and at its cable."
+                    f"{self._interlock.name} did not answer {question} in {PATIENCE:.0f} s; look at it and at its "
+                    "cable."
                 )
         if answers[0].startswith("!") or (ends and answers[1] != "OK"):
-            raise RobotError(f"{self._guard.name} answered {', '.join(answers)[:80]!r} to {question}; look at it.")
+            raise RobotError(f"{self._interlock.name} answered {', '.join(answers)[:80]!r} to {question}; look at it.")
         return answers[0]
 
     def _heed_stop(self, label: str) -> None:
-        if self._guard.stopped:
-            raise RobotStopped(f"{label}: {self._guard.name} was stopped; look at it before it is connected anew.")
+        if self._interlock.stopped:
+            raise RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
 
     def _halt(self, line: SerialLine) -> None:
         """On a line of its own, whatever was being written. A line that is gone cannot be told."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import FridaError, RobotError
 from frida_painter.hardware.drivers.grbl import Grbl
-from frida_painter.hardware.drivers.guard import Guard, time_allowed
+from frida_painter.hardware.drivers.interlock import Interlock, time_allowed
 from frida_painter.hardware.drivers.marlin import Marlin
 from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import PREAMBLE, Gcode
@@ -66,7 +66,7 @@ class GcodeRobot:
 
     def __init__(self, settings: GcodeSettings) -> None:
         self.settings = settings
-        self._guard = Guard(f"the {settings.gcode.flavour} machine on {settings.port}")
+        self._interlock = Interlock(f"the {settings.gcode.flavour} machine on {settings.port}")
         self._line: SerialLine | None = None
         self._firmware: Firmware | None = None
         self._tip: NDArray[np.float64] | None = None
@@ -80,15 +80,15 @@ class GcodeRobot:
         self.close()
         line = SerialLine.open(self.settings.port, self.settings.baud)
         kind = Grbl if self.settings.gcode.flavour == "grbl" else Marlin
-        firmware: Firmware = kind(line, self._guard)
-        self._guard.opened()
+        firmware: Firmware = kind(line, self._interlock)
+        self._interlock.opened()
         try:
             firmware.greet(self.settings.homing)
             for command in PREAMBLE[: 3 if kind is Grbl else 2]:  # Marlin's feeds are always per minute.
                 firmware.send(command, "connect", None, time.monotonic() + 5)
             firmware.position()
         except FridaError:
-            self._guard.closed()
+            self._interlock.closed()
             line.close()
             raise
         self._line, self._firmware = line, firmware
@@ -106,7 +106,7 @@ class GcodeRobot:
         try:
             return self._metres(firmware.position())
         except FridaError as error:
-            raise self._guard.fault(error) from None
+            raise self._interlock.fault(error) from None
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Moves along the waypoints; returns when the machine stands still and says where.
@@ -115,7 +115,7 @@ class GcodeRobot:
         held then.
         """
         firmware = self._ready(waypoints.label)
-        self._guard.require_path(waypoints)
+        self._interlock.require_path(waypoints)
         lines = list(self.settings.gcode.lines(waypoints))
         started = time.monotonic()
         try:
@@ -129,14 +129,14 @@ class GcodeRobot:
             self._tip = waypoints.position[-1]
             reached = self._metres(firmware.position())
         except FridaError as error:
-            self._guard.fault(error)
+            self._interlock.fault(error)
             self._halt(firmware)
             raise
         return MotionReport(waypoints.label, started, time.monotonic(), reached)
 
     def stop(self) -> None:
         """Holds the machine by its own command for that, which overtakes everything that waits."""
-        self._guard.stop()
+        self._interlock.stop()
         firmware = self._firmware
         if firmware is not None:
             firmware.hold()
@@ -145,16 +145,16 @@ class GcodeRobot:
         """Lets go of the line; a machine that was stopped forgets what it still had to do."""
         line, firmware = self._line, self._firmware
         self._line = self._firmware = None
-        self._guard.closed()
+        self._interlock.closed()
         if line is not None and firmware is not None:
-            if self._guard.stopped:
+            if self._interlock.stopped:
                 self._forget(firmware)
             line.close()
 
     def _ready(self, label: str) -> Firmware:
-        self._guard.require_ready(label)
+        self._interlock.require_ready(label)
         if self._firmware is None:
-            raise RobotError(f"{label}: {self._guard.name} is not connected; call connect() first.")
+            raise RobotError(f"{label}: {self._interlock.name} is not connected; call connect() first.")
         return self._firmware
 
     def _halt(self, firmware: Firmware) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.drivers.guard import PATIENCE, Guard
+from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock
 from frida_painter.hardware.drivers.serial_line import SerialLine
 
 _HOLD, _RESET, _STATUS = b"!", b"\x18", b"?"
@@ -42,8 +42,8 @@ class _Report:
 class Grbl:
     """Implements drivers.gcode.Firmware over an open line."""
 
-    def __init__(self, line: SerialLine, guard: Guard) -> None:
-        self._line, self._guard = line, guard
+    def __init__(self, line: SerialLine, interlock: Interlock) -> None:
+        self._line, self._interlock = line, interlock
         self._offset: NDArray[np.float64] | None = None
 
     def greet(self, homing: bool) -> None:
@@ -54,7 +54,7 @@ class Grbl:
             state = self._ask().state
         if not state.startswith("Idle"):
             raise RobotError(
-                f"{self._guard.name} is not ready: it says {state!r}. Look at it, home or release it with its own "
+                f"{self._interlock.name} is not ready: it says {state!r}. Look at it, home or release it with its own "
                 "controls (or allow homing in its settings), then connect anew; this program never clears an alarm."
             )
 
@@ -74,7 +74,7 @@ class Grbl:
             if idle > 2 or now > until:
                 how = "it is idle and has not acknowledged" if idle > 2 else "it did not acknowledge in time"
                 raise RobotDisconnected(
-                    f"{label}: {self._guard.name}: {how} {line!r}. A line was lost; look at the cable."
+                    f"{label}: {self._interlock.name}: {how} {line!r}. A line was lost; look at the cable."
                 )
             if now > ask_at:
                 self._line.write(_STATUS)
@@ -85,10 +85,10 @@ class Grbl:
         self.send("G4 P0.01", label, None, until)
         while not (state := self._ask().state).startswith("Idle"):
             self._require_no_alarm(state, label, None)
-            if self._guard.stopped or not time.monotonic() <= until:
+            if self._interlock.stopped or not time.monotonic() <= until:
                 raise RobotStopped(
-                    f"{label}: {self._guard.name} acknowledged the end of its motion, and says {state!r}; it is held. "
-                    "Look at it before it is connected anew."
+                    f"{label}: {self._interlock.name} acknowledged the end of its motion, and says {state!r}; it is "
+                    "held. Look at it before it is connected anew."
                 )
             time.sleep(_SLICE)
 
@@ -100,7 +100,9 @@ class Grbl:
                 return numbers["WPos"]
             if "MPos" in numbers and self._offset is not None:
                 return numbers["MPos"] - self._offset
-        raise RobotError(f"{self._guard.name} does not say where it is in work coordinates; set $10=1 or $10=0 on it.")
+        raise RobotError(
+            f"{self._interlock.name} does not say where it is in work coordinates; set $10=1 or $10=0 on it."
+        )
 
     def hold(self) -> None:
         """Feed hold: a byte that GRBL heeds wherever it finds it, and that keeps the machine's position."""
@@ -127,7 +129,8 @@ class Grbl:
                 if answer is not None and answer.startswith("<"):
                     return self._parsed(answer)
         raise RobotDisconnected(
-            f"{self._guard.name} gave no report of its state in {PATIENCE:.0f} s; is this GRBL, and at this baud rate?"
+            f"{self._interlock.name} gave no report of its state in {PATIENCE:.0f} s; is this GRBL, and at this baud "
+            "rate?"
         )
 
     def _require_no_alarm(self, state: str, label: str, waypoint: int | None) -> None:
@@ -135,8 +138,8 @@ class Grbl:
         if state.startswith("Alarm"):
             where = "" if waypoint is None else f" at waypoint {waypoint}"
             raise MotionFailed(
-                f"{label}: {self._guard.name} is in an alarm{where} ({state!r}). Look at it and clear the alarm with "
-                "its own controls; this program never does.",
+                f"{label}: {self._interlock.name} is in an alarm{where} ({state!r}). Look at it and clear the alarm "
+                "with its own controls; this program never does.",
                 state,
                 waypoint,
             )
@@ -144,8 +147,8 @@ class Grbl:
     def _read(self, label: str, waypoint: int | None) -> str | None:
         """One line of the machine's while a line of ours waits; what is no good news is raised."""
         answer = self._line.read(_SLICE)
-        if self._guard.stopped:
-            raise RobotStopped(f"{label}: {self._guard.name} was stopped; look at it before it is connected anew.")
+        if self._interlock.stopped:
+            raise RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
         if answer is None or answer in ("", "ok") or answer.startswith(("<", "[", "$")):
             return answer
         where = "" if waypoint is None else f" at waypoint {waypoint}"
@@ -153,7 +156,7 @@ class Grbl:
             code = answer.removeprefix("error:").strip()
             meaning = f" ({_ERRORS[code]})" if code in _ERRORS else ""
             raise MotionFailed(
-                f"{label}: {self._guard.name} refused a line{where} with error {code}{meaning}; it is held. "
+                f"{label}: {self._interlock.name} refused a line{where} with error {code}{meaning}; it is held. "
                 "Look at it, then connect anew.",
                 code,
                 waypoint,
@@ -162,20 +165,20 @@ class Grbl:
             code = answer.removeprefix("ALARM:").strip()
             meaning = f" ({_ALARMS[code]})" if code in _ALARMS else ""
             raise MotionFailed(
-                f"{label}: {self._guard.name} stopped{where} with alarm {code}{meaning}. Look at it and clear the "
+                f"{label}: {self._interlock.name} stopped{where} with alarm {code}{meaning}. Look at it and clear the "
                 "alarm with its own controls; this program never does.",
                 code,
                 waypoint,
             )
         if answer.startswith("Grbl "):
             raise MotionFailed(
-                f"{label}: {self._guard.name} was reset{where}; it has forgotten what it had to do, and perhaps where "
-                "it is. Look at it, then connect anew.",
+                f"{label}: {self._interlock.name} was reset{where}; it has forgotten what it had to do, and perhaps "
+                "where it is. Look at it, then connect anew.",
                 "reset",
                 waypoint,
             )
         raise RobotDisconnected(
-            f"{label}: {self._guard.name} said {answer[:60]!r}, which is not GRBL's; look at its line."
+            f"{label}: {self._interlock.name} said {answer[:60]!r}, which is not GRBL's; look at its line."
         )
 
     def _parsed(self, report: str) -> _Report:
@@ -189,7 +192,7 @@ class Grbl:
                 place = np.empty(0)
             if place.shape != (3,) or not np.isfinite(place).all():
                 raise RobotDisconnected(
-                    f"{self._guard.name} reported {report[:80]!r}, which is no place; look at its line."
+                    f"{self._interlock.name} reported {report[:80]!r}, which is no place; look at its line."
                 )
             numbers[name] = place
         self._offset = numbers.get("WCO", self._offset)

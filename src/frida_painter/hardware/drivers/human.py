@@ -9,7 +9,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.hardware.drivers.guard import Guard
+from frida_painter.hardware.drivers.interlock import Interlock
 from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.hardware.workspace import Point
 
@@ -20,12 +20,12 @@ class HumanRobot:
     def __init__(self, home: Point) -> None:
         self._home = np.array(home)
         self._tip = self._home
-        self._guard = Guard("the person")
+        self._interlock = Interlock("the person")
 
     def connect(self) -> None:
         """Begins with the hand aside."""
         self._tip = self._home
-        self._guard.opened()
+        self._interlock.opened()
 
     def home(self) -> MotionReport:
         """The hand is out of the camera's sight."""
@@ -33,21 +33,21 @@ class HumanRobot:
 
     def pose(self) -> NDArray[np.float64]:
         """Where the hand was last, [3] metres."""
-        self._guard.require_ready("pose")
+        self._interlock.require_ready("pose")
         return self._tip.copy()
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Takes note that the person has done it. Raises RobotStopped, MotionFailed where it is no path."""
-        self._guard.require_ready(waypoints.label)
-        self._guard.require_path(waypoints)
+        self._interlock.require_ready(waypoints.label)
+        self._interlock.require_path(waypoints)
         self._tip = waypoints.position[-1].copy()
         now = time.monotonic()
         return MotionReport(waypoints.label, now, now, self._tip.copy())
 
     def stop(self) -> None:
         """Nothing more is taken note of; what stops a hand is the person."""
-        self._guard.stop()
+        self._interlock.stop()
 
     def close(self) -> None:
         """Lets go."""
-        self._guard.closed()
+        self._interlock.closed()

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.drivers.guard import PATIENCE, Guard
+from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock
 from frida_painter.hardware.drivers.serial_line import SerialLine
 
 _SLICE = 0.05
@@ -18,8 +18,8 @@ _PLACE = re.compile(r"X:\s*(-?[\d.]+)\s+Y:\s*(-?[\d.]+)\s+Z:\s*(-?[\d.]+)")
 class Marlin:
     """Implements drivers.gcode.Firmware over an open line."""
 
-    def __init__(self, line: SerialLine, guard: Guard) -> None:
-        self._line, self._guard = line, guard
+    def __init__(self, line: SerialLine, interlock: Interlock) -> None:
+        self._line, self._interlock = line, interlock
         self._number = 0
         self._said = ""
 
@@ -30,7 +30,7 @@ class Marlin:
         while answer != "ok":
             if time.monotonic() > until:
                 raise RobotDisconnected(
-                    f"{self._guard.name} did not answer in {PATIENCE:.0f} s; is this Marlin, and at this baud rate?"
+                    f"{self._interlock.name} did not answer in {PATIENCE:.0f} s; is this Marlin, and at this baud rate?"
                 )
             self._line.write(b"\nM110 N0\n")
             heard = time.monotonic() + 1
@@ -52,7 +52,7 @@ class Marlin:
             if self._acknowledged(line, label, waypoint, until):
                 return
         raise RobotDisconnected(
-            f"{label}: {self._guard.name} got {line!r} damaged {_MOST_RESENDS} times; look at the cable."
+            f"{label}: {self._interlock.name} got {line!r} damaged {_MOST_RESENDS} times; look at the cable."
         )
 
     def settle(self, label: str, until: float) -> None:
@@ -70,7 +70,7 @@ class Marlin:
         except ValueError:
             pass
         raise RobotDisconnected(
-            f"{self._guard.name} said {self._said[:80]!r} when asked for its place; look at its line."
+            f"{self._interlock.name} said {self._said[:80]!r} when asked for its place; look at its line."
         )
 
     def hold(self) -> None:
@@ -85,8 +85,10 @@ class Marlin:
         again = False
         while time.monotonic() <= until:
             answer = self._line.read(_SLICE)
-            if self._guard.stopped:
-                raise RobotStopped(f"{label}: {self._guard.name} was stopped; look at it before it is connected anew.")
+            if self._interlock.stopped:
+                raise RobotStopped(
+                    f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew."
+                )
             if answer is None or not answer:
                 continue
             if answer.startswith("ok"):
@@ -95,7 +97,7 @@ class Marlin:
                 wanted = answer.removeprefix("Resend:").strip()
                 if wanted != str(self._number):
                     raise RobotDisconnected(
-                        f"{label}: {self._guard.name} wants line {wanted[:20]} and not {self._number}; lines were "
+                        f"{label}: {self._interlock.name} wants line {wanted[:20]} and not {self._number}; lines were "
                         "lost. Look at the cable."
                     )
                 again = True
@@ -104,7 +106,7 @@ class Marlin:
             elif _PLACE.search(answer):
                 self._said = answer
         raise RobotDisconnected(
-            f"{label}: {self._guard.name} did not acknowledge {line!r} in time; a line was lost, or this is no "
+            f"{label}: {self._interlock.name} did not acknowledge {line!r} in time; a line was lost, or this is no "
             "Marlin. Look at the cable and the baud rate."
         )
 
@@ -112,14 +114,14 @@ class Marlin:
         where = "" if waypoint is None else f" at waypoint {waypoint}"
         if answer == "start":
             return MotionFailed(
-                f"{label}: {self._guard.name} was reset{where}; it has forgotten where it is. Look at it, home it, "
+                f"{label}: {self._interlock.name} was reset{where}; it has forgotten where it is. Look at it, home it, "
                 "then connect anew.",
                 "reset",
                 waypoint,
             )
         told = answer.removeprefix("Error:")[:80]
         return MotionFailed(
-            f"{label}: {self._guard.name} failed{where}: {told!r}. Look at it, then connect anew.", told, waypoint
+            f"{label}: {self._interlock.name} failed{where}: {told!r}. Look at it, then connect anew.", told, waypoint
         )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.drivers.guard import PATIENCE, Guard, time_allowed
+from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_allowed
 from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.hardware.workspace import Point
 
@@ -85,7 +85,7 @@ class RosRobot:
     def __init__(self, settings: RosSettings, wire: Wire, stopper: Wire) -> None:
         self.settings = settings
         self._wire, self._stopper = wire, stopper
-        self._guard = Guard(f"the arm behind ROS at {settings.namespace}")
+        self._interlock = Interlock(f"the arm behind ROS at {settings.namespace}")
         self._news = threading.Condition()
         self._tip: NDArray[np.float64] | None = None
         self._heard_at = float("-inf")
@@ -111,7 +111,7 @@ class RosRobot:
         except FridaError:
             self.close()
             raise
-        self._guard.opened()
+        self._interlock.opened()
 
     def home(self) -> MotionReport:
         """Goes aside, by way of the height of its place there."""
@@ -121,11 +121,11 @@ class RosRobot:
 
     def pose(self) -> NDArray[np.float64]:
         """Where the arm said last that its tip is, [3] metres. Raises RobotDisconnected where that was long ago."""
-        self._guard.require_ready("pose")
+        self._interlock.require_ready("pose")
         try:
             return self._place("pose")
         except RobotError as error:
-            raise self._guard.fault(error) from None
+            raise self._interlock.fault(error) from None
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Sends the waypoints with the times at which to be there, and returns when the arm says that it is.
@@ -133,8 +133,8 @@ class RosRobot:
         Raises MotionFailed, RobotDisconnected, and RobotStopped where it was stopped here or at the arm;
         the arm is told to stop then.
         """
-        self._guard.require_ready(waypoints.label)
-        self._guard.require_path(waypoints)
+        self._interlock.require_ready(waypoints.label)
+        self._interlock.require_path(waypoints)
         started = time.monotonic()
         try:
             here = self._place(waypoints.label)
@@ -145,21 +145,21 @@ class RosRobot:
             self._await_end(waypoints.label, started + time_allowed(float(seconds[-1]), 1.0))
             reached = self._place_after(waypoints.label, time.monotonic())
         except FridaError as error:
-            self._guard.fault(error)
+            self._interlock.fault(error)
             self._halt()
             raise
         return MotionReport(waypoints.label, started, time.monotonic(), reached)
 
     def stop(self) -> None:
         """Tells the arm to stop, over the wire for that; what waits in `follow` returns."""
-        self._guard.stop()
+        self._interlock.stop()
         self._halt()
         with self._news:
             self._news.notify_all()
 
     def close(self) -> None:
         """Lets go of both wires."""
-        self._guard.closed()
+        self._interlock.closed()
         for wire in (self._wire, self._stopper):
             with suppress(RobotError):  # What does not even let go is left behind.
                 wire.close()
@@ -198,7 +198,7 @@ class RosRobot:
             for place, at in zip(waypoints.position.tolist(), seconds.tolist(), strict=True)
         ]
         header = {"stamp": self._time(*self._goal), "frame_id": self.settings.frame}
-        if self._guard.stopped:
+        if self._interlock.stopped:
             raise self._stopped_here(waypoints.label)
         self._wire.publish(self._topic(FOLLOW), {"header": header, "joint_names": [TIP], "points": points})
 
@@ -214,39 +214,39 @@ class RosRobot:
                 self._news.wait(_POLL)
                 status = self._status
             self._place(label)
-            if self._guard.stopped:
+            if self._interlock.stopped:
                 raise self._stopped_here(label)
             if status is None:
                 if time.monotonic() > taken:
                     raise RobotDisconnected(
-                        f"{label}: {self._guard.name} did not say on {self._topic(STATUS)} that it took the motion, "
-                        "and is told to stop; look at its node."
+                        f"{label}: {self._interlock.name} did not say on {self._topic(STATUS)} that it took the "
+                        "motion, and is told to stop; look at its node."
                     )
                 continue
             code, text = status
             if code == _SUCCEEDED:
                 return
             if code == _PREEMPTED:
-                raise RobotStopped(f"{label}: {self._guard.name} was stopped there ({text}); look at it.")
+                raise RobotStopped(f"{label}: {self._interlock.name} was stopped there ({text}); look at it.")
             if code in (_ABORTED, _REJECTED):
                 how = "gave up" if code == _ABORTED else "refused the motion"
-                raise MotionFailed(f"{label}: {self._guard.name} {how} ({text}); look at it.", text or code)
+                raise MotionFailed(f"{label}: {self._interlock.name} {how} ({text}); look at it.", text or code)
             if code != _ACTIVE:
-                raise RobotError(f"{label}: {self._guard.name} has the status {code}, which means nothing here.")
+                raise RobotError(f"{label}: {self._interlock.name} has the status {code}, which means nothing here.")
             if time.monotonic() > until:
-                raise MotionFailed(f"{label}: {self._guard.name} did not arrive in time, and is told to stop.")
+                raise MotionFailed(f"{label}: {self._interlock.name} did not arrive in time, and is told to stop.")
 
     def _place(self, label: str) -> NDArray[np.float64]:
         with self._news:
             tip, age, nonsense = self._tip, time.monotonic() - self._heard_at, self._nonsense
         if nonsense:
             raise RobotError(
-                f"{label}: {self._guard.name} said {nonsense}, which cannot be understood; look at its node."
+                f"{label}: {self._interlock.name} said {nonsense}, which cannot be understood; look at its node."
             )
         if tip is None or not age < _SILENCE:
             raise RobotDisconnected(
-                f"{label}: {self._guard.name} has not said for {min(age, 999):.0f} s where it is; look at it and at "
-                "its network."
+                f"{label}: {self._interlock.name} has not said for {min(age, 999):.0f} s where it is; look at it and "
+                "at its network."
             )
         return tip.copy()
 
@@ -292,7 +292,7 @@ class RosRobot:
             self._news.notify_all()
 
     def _stopped_here(self, label: str) -> RobotStopped:
-        return RobotStopped(f"{label}: {self._guard.name} was stopped; look at it before it is connected anew.")
+        return RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
 
     def _halt(self) -> None:
         """Says stop over one wire, or over the other where that fails."""

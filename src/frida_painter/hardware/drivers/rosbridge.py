@@ -6,7 +6,7 @@ from typing import Any
 
 from frida_painter.errors import RobotDisconnected, RobotError
 from frida_painter.hardware.deadline import one_line
-from frida_painter.hardware.drivers.guard import PATIENCE
+from frida_painter.hardware.drivers.interlock import PATIENCE
 from frida_painter.hardware.drivers.ros import Message
 
 

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 from frida_painter.errors import RobotDisconnected, RobotError
 from frida_painter.hardware.deadline import one_line, within
-from frida_painter.hardware.drivers.guard import PATIENCE
+from frida_painter.hardware.drivers.interlock import PATIENCE
 from frida_painter.hardware.drivers.ros import Message
 
 _PACKAGES = ("/usr/lib/python3/dist-packages", "/opt/ros/noetic/lib/python3/dist-packages")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import within
-from frida_painter.hardware.drivers.guard import PATIENCE, Guard, time_allowed
+from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_allowed
 from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.hardware.workspace import Point
 
@@ -78,7 +78,7 @@ class XarmRobot:
 
     def __init__(self, settings: XarmSettings) -> None:
         self.settings = settings
-        self._guard = Guard(f"the xArm at {settings.address}")
+        self._interlock = Interlock(f"the xArm at {settings.address}")
         self._arm: Any = None
         self._stopper: Any = None
 
@@ -96,7 +96,7 @@ class XarmRobot:
                 "xArms need the package xarm-python-sdk; install it with: pip install 'frida-painter[xarm]'"
             ) from missing
         self._require_somebody()
-        self._guard.opened()
+        self._interlock.opened()
         try:
             self._stopper = self._connected(XArmAPI)
             self._arm = self._connected(XArmAPI)
@@ -106,7 +106,7 @@ class XarmRobot:
                 ("set_mode", lambda: self._arm.set_mode(0)),
                 ("set_state", lambda: self._arm.set_state(0)),
             ):
-                self._require_done(what, self._guard.asking(what, call))
+                self._require_done(what, self._interlock.asking(what, call))
             self.pose()
         except FridaError:
             self.close()
@@ -120,16 +120,16 @@ class XarmRobot:
 
     def pose(self) -> NDArray[np.float64]:
         """Where the tip is, [3] metres."""
-        self._guard.require_ready("pose")
-        answer = self._guard.asking("pose", lambda: self._arm.get_position(is_radian=False))
+        self._interlock.require_ready("pose")
+        answer = self._interlock.asking("pose", lambda: self._arm.get_position(is_radian=False))
         try:
             code, place = answer
             position = np.array(place, dtype=np.float64)[:3]
         except (TypeError, ValueError):
             code, position = None, np.empty(0)
         if code != 0 or position.shape != (3,) or not np.isfinite(position).all():
-            raise self._guard.fault(
-                RobotError(f"{self._guard.name} said {str(answer)[:80]} when asked where it is; look at it.")
+            raise self._interlock.fault(
+                RobotError(f"{self._interlock.name} said {str(answer)[:80]} when asked where it is; look at it.")
             )
         return position / 1000 - (0, 0, self.settings.brush_length)
 
@@ -139,8 +139,8 @@ class XarmRobot:
         Raises MotionFailed with UFACTORY's code, RobotDisconnected, and RobotStopped where it was stopped
         here or at the arm; the arm is stopped then.
         """
-        self._guard.require_ready(waypoints.label)
-        self._guard.require_path(waypoints)
+        self._interlock.require_ready(waypoints.label)
+        self._interlock.require_path(waypoints)
         started = time.monotonic()
         try:
             away = float(np.linalg.norm(waypoints.position[0] - self.pose()))
@@ -151,24 +151,24 @@ class XarmRobot:
             self._wait(waypoints, until)
             reached = self.pose()
         except FridaError as error:
-            self._guard.fault(error)
+            self._interlock.fault(error)
             self._halt()
             raise
         return MotionReport(waypoints.label, started, time.monotonic(), reached)
 
     def stop(self) -> None:
         """State 4 over the connection for stops: the arm stands and forgets what it had to do."""
-        self._guard.stop()
+        self._interlock.stop()
         self._halt()
 
     def close(self) -> None:
         """Lets go of both connections; an arm that moves is stopped."""
         arm, stopper, self._arm, self._stopper = self._arm, self._stopper, None, None
-        self._guard.closed()
+        self._interlock.closed()
         for connection in (arm, stopper):
             if connection is not None:
                 with suppress(RobotError):  # What does not even let go is left behind.
-                    self._guard.asking("close", connection.disconnect)
+                    self._interlock.asking("close", connection.disconnect)
 
     def _require_somebody(self) -> None:
         """The SDK would wait for long where nobody answers."""
@@ -182,13 +182,13 @@ class XarmRobot:
 
     def _connected(self, kind: Callable[..., Any]) -> Any:
         """A connection that is open."""
-        made = self._guard.asking("connect", lambda: kind(self.settings.address, is_radian=False, do_not_open=True))
+        made = self._interlock.asking("connect", lambda: kind(self.settings.address, is_radian=False, do_not_open=True))
         try:
-            self._guard.asking("connect", made.connect, _OPENING)
+            self._interlock.asking("connect", made.connect, _OPENING)
         except RobotError:
-            self._guard.closed()
+            self._interlock.closed()
             with suppress(RobotError):
-                self._guard.asking("close", made.disconnect, _CLOSING)
+                self._interlock.asking("close", made.disconnect, _CLOSING)
             raise
         return made
 
@@ -215,14 +215,14 @@ class XarmRobot:
                 wait=False,
             )
 
-        code = self._guard.asking(waypoints.label, move)
+        code = self._interlock.asking(waypoints.label, move)
         if code != 0:
             self._heed_stop(waypoints.label)
             self._require_no_error(waypoints.label, index)
             self._state(waypoints.label)
             raise MotionFailed(
-                f"{waypoints.label}: {self._guard.name} did not take waypoint {index} (the SDK's code {code}); it is "
-                "stopped. Look at it, then connect anew.",
+                f"{waypoints.label}: {self._interlock.name} did not take waypoint {index} (the SDK's code {code}); it "
+                "is stopped. Look at it, then connect anew.",
                 code if isinstance(code, int) else None,
                 index,
             )
@@ -241,34 +241,35 @@ class XarmRobot:
             if time.monotonic() > until:
                 how = "is paused" if state == _PAUSED else "did not arrive in time"
                 raise MotionFailed(
-                    f"{waypoints.label}: {self._guard.name} {how}, and is stopped now; look at it, then connect anew."
+                    f"{waypoints.label}: {self._interlock.name} {how}, and is stopped now; look at it, then connect "
+                    "anew."
                 )
             time.sleep(_POLL)
 
     def _heed_stop(self, label: str) -> None:
-        if self._guard.stopped:
-            raise RobotStopped(f"{label}: {self._guard.name} was stopped; look at it before it is connected anew.")
+        if self._interlock.stopped:
+            raise RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
 
     def _state(self, label: str) -> int:
         """The arm's state. Raises RobotStopped where it was stopped, and not from here."""
         state = self._number(label, "get_state")
         if state in _STOPPED:
             raise RobotStopped(
-                f"{label}: {self._guard.name} was stopped, by its switch or to protect somebody; look at it before it "
-                "is connected anew."
+                f"{label}: {self._interlock.name} was stopped, by its switch or to protect somebody; look at it before "
+                "it is connected anew."
             )
         return state
 
     def _number(self, label: str, call: str) -> int:
         """The answer of one of the SDK's questions whose answers are (code, number)."""
-        answer = self._guard.asking(label, getattr(self._arm, call))
+        answer = self._interlock.asking(label, getattr(self._arm, call))
         if isinstance(answer, tuple | list) and len(answer) == 2 and answer[0] == 0 and isinstance(answer[1], int):
             return answer[1]
-        raise RobotError(f"{label}: {self._guard.name} answered {str(answer)[:80]} to {call}; look at it.")
+        raise RobotError(f"{label}: {self._interlock.name} answered {str(answer)[:80]} to {call}; look at it.")
 
     def _require_no_error(self, label: str, waypoint: int | None) -> None:
         """Raises MotionFailed where the control box has an error."""
-        answer = self._guard.asking(label, self._arm.get_err_warn_code)
+        answer = self._interlock.asking(label, self._arm.get_err_warn_code)
         try:
             code, (error, _) = answer
         except (TypeError, ValueError):
@@ -279,17 +280,19 @@ class XarmRobot:
             meaning = f": {_ERRORS[error]}" if error in _ERRORS else ""
             where = "" if waypoint is None else f" at waypoint {waypoint}"
             raise MotionFailed(
-                f"{label}: {self._guard.name} has error {error}{meaning}{where}. Look at it and clear the error at the "
-                "arm; this program never does.",
+                f"{label}: {self._interlock.name} has error {error}{meaning}{where}. Look at it and clear the error at "
+                "the arm; this program never does.",
                 error,
                 waypoint,
             )
-        raise RobotError(f"{label}: {self._guard.name} answered {str(answer)[:80]} when asked for errors; look at it.")
+        raise RobotError(
+            f"{label}: {self._interlock.name} answered {str(answer)[:80]} when asked for errors; look at it."
+        )
 
     def _require_done(self, what: str, code: Any) -> None:
         if code != 0:
             raise RobotError(
-                f"connect: {self._guard.name} refused {what} with the SDK's code {str(code)[:40]}; look at it, and "
+                f"connect: {self._interlock.name} refused {what} with the SDK's code {str(code)[:40]}; look at it, and "
                 "whether another program uses it."
             )
 
@@ -299,7 +302,7 @@ class XarmRobot:
             if connection is None:
                 continue
             try:
-                if within(1.0, f"{self._guard.name}: stop", partial(connection.set_state, 4)) == 0:
+                if within(1.0, f"{self._interlock.name}: stop", partial(connection.set_state, 4)) == 0:
                     return
             except Exception:  # Whatever the library raises, the other connection is tried.
                 continue

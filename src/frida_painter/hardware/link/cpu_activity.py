@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from frida_painter.hardware.patience import steady
+from frida_painter.hardware.deadline import steady
 
 _LOOK_EVERY = 0.5  # seconds
 _BUSY = 0.02  # of that time on a processor; a process that was stopped, or hangs, takes none

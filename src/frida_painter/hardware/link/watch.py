@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from frida_painter.hardware.patience import asleep, steady
+from frida_painter.hardware.deadline import asleep, steady
 
 # What comes over the line, one byte each: a heartbeat, a stop, or the number of a signal, which the
 # system's own handler writes there (signal.set_wakeup_fd) whatever the painting process is doing.

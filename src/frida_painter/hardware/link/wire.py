@@ -41,23 +41,25 @@ class Wire:
         parts = {name: np.asarray(array, order="C") for name, array in (arrays or {}).items()}
         kinds = {name: [array.dtype.str, list(array.shape)] for name, array in parts.items()}
         head = json.dumps({**words, "arrays": kinds}).encode()
-        body = b"".join(array.tobytes() for array in parts.values())
+        size = sum(array.nbytes for array in parts.values())
         try:
             with self._sending:
                 self._socket.settimeout(None)
-                self._socket.sendall(_LENGTHS.pack(len(head), len(body)) + head + body)
+                self._socket.sendall(_LENGTHS.pack(len(head), size) + head)
+                for array in parts.values():  # as they lie in memory: a photograph is millions of bytes
+                    self._socket.sendall(array.reshape(-1).view(np.uint8).data)
         except OSError as error:
             raise RobotDisconnected(f"The other end of the easel's link is gone ({error}).") from error
 
     def receive(self, within: float | None = None) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """The next message: its object and its arrays; within: seconds to wait for all of it, None for ever."""
         until = None if within is None else time.monotonic() + within
-        words, size = _LENGTHS.unpack(self._exactly(_LENGTHS.size, until))
+        words, size = _LENGTHS.unpack(self._exactly(_LENGTHS.size, until).data)
         if words > _MOST_WORDS or size > _MOST_BYTES:
             raise RobotDisconnected(
                 f"A message of {words} + {size} bytes came over the easel's link; that is no message."
             )
-        head, body = self._exactly(words, until), self._exactly(size, until)
+        head, body = bytes(self._exactly(words, until)), self._exactly(size, until)
         try:
             said = json.loads(head)
             return said, _unpacked(said.pop("arrays"), body)
@@ -68,26 +70,28 @@ class Wire:
         """Closes this end; the other one hears of it."""
         self._socket.close()
 
-    def _exactly(self, count: int, until: float | None) -> bytes:
-        parts = bytearray()
-        while len(parts) < count:
+    def _exactly(self, count: int, until: float | None) -> NDArray[np.uint8]:
+        """The next so many bytes [count]."""
+        content = np.empty(count, np.uint8)
+        room, got = content.data, 0
+        while got < count:
             left = None if until is None else until - time.monotonic()
             if left is not None and left <= 0:
                 raise RobotDisconnected("The other end of the easel's link did not answer in time.")
             try:
                 self._socket.settimeout(left)
-                part = self._socket.recv(min(count - len(parts), 2**20))
+                part = self._socket.recv_into(room[got:])
             except TimeoutError:
                 continue  # the next round says so
             except OSError as error:
                 raise RobotDisconnected(f"The other end of the easel's link is gone ({error}).") from error
             if not part:
                 raise RobotDisconnected("The other end of the easel's link is gone.")
-            parts += part
-        return bytes(parts)
+            got += part
+        return content
 
 
-def _unpacked(kinds: Mapping[str, Any], body: bytes) -> dict[str, NDArray[Any]]:
+def _unpacked(kinds: Mapping[str, Any], body: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
     """The arrays of a message. Raises ValueError, KeyError or TypeError where their bytes are others than announced."""
     arrays, start = {}, 0
     for name, (kind, shape) in kinds.items():
@@ -95,7 +99,9 @@ def _unpacked(kinds: Mapping[str, Any], body: bytes) -> dict[str, NDArray[Any]]:
             raise ValueError(f"array {name} of shape {shape}")
         dtype = _KINDS[kind]
         end = start + math.prod(shape) * dtype.itemsize
-        arrays[name] = np.frombuffer(body[start:end], dtype).reshape(shape).copy()
+        part = body[start:end]
+        aligned = start % dtype.itemsize == 0
+        arrays[name] = (part if aligned else part.copy()).view(dtype).reshape(shape)
         start = end
     if start != len(body):
         raise ValueError(f"{len(body)} bytes of arrays, {start} announced")

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import storage
+from frida_painter import extras, storage
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.clip_resnet import MEAN, SPREAD
 from frida_painter.weights.sources import Hub
@@ -43,8 +43,9 @@ class Clip:
         """The CLIP in a folder of this machine, or of that name on the hub that `transformers` uses.
 
         Weights are opened as safetensors only and no code that comes with them is run. Raises
-        WeightsError where that is not possible.
+        WeightsError where that is not possible, ConfigError where transformers is not installed.
         """
+        extras.require("words", "transformers", "Seeing through CLIP")
         from safetensors import SafetensorError
         from transformers import AutoConfig, AutoTokenizer, CLIPModel
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from frida_painter import tensor_file, weights
+from frida_painter import extras, tensor_file, weights
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.base import Reader, Seer
 
@@ -147,6 +147,7 @@ class EncoderRegistry:
             self._readers = (clip,)
             self.choices.append(Choice("words", clip.name))
         if not self._readers:
+            extras.require("words", "transformers", "Painting towards words")
             missing = [name for name in ("minilm", "efficientnet-lite0") if not self._has(name)]
             if missing:
                 raise WeightsError(

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import tensor_file, weights
+from frida_painter import extras, tensor_file, weights
 from frida_painter.errors import StorageError, WeightsError
 
 if TYPE_CHECKING:
@@ -34,7 +34,12 @@ class SentenceEncoder:
 
     @classmethod
     def load(cls, cache: Path | None = None) -> SentenceEncoder:
-        """The fetched MiniLM. Raises WeightsError where it is missing, altered, or not that network."""
+        """The fetched MiniLM.
+
+        Raises WeightsError where it is missing, altered, or not that network, ConfigError where
+        transformers is not installed.
+        """
+        extras.require("words", "transformers", "Painting towards words")
         from transformers import AutoTokenizer, BertConfig, BertModel
 
         folder, tensors = weights.require("minilm", cache), weights.tensors("minilm", cache)

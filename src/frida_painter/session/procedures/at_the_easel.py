@@ -1,47 +1,41 @@
-"""What procedures do at an easel: photograph it with the arm aside, and move, never out of the workspace."""
+"""What procedures do at an easel: move the robot, and photograph with the arm aside."""
 
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
-from frida_painter.errors import PoseMismatch, StaleFrame
-from frida_painter.hardware import limits
 from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.robot import Waypoints
-
-_ATTEMPTS = 3
-_ARRIVED = 0.002
+from frida_painter.session.photographer import Photographer
 
 
-def photograph(easel: Easel) -> Frame:
-    """A photograph taken after the arm has gone aside. Raises StaleFrame where the camera gives none in three tries."""
-    since = easel.robot.home().finished_at
-    for _ in range(_ATTEMPTS):
-        try:
-            frame = easel.camera.capture(since)
-        except StaleFrame:
-            continue
-        if frame.captured_at > since:
-            return frame
-    raise StaleFrame(
-        f"The camera was asked {_ATTEMPTS} times and gave no photograph newer than the arm's last motion; "
-        "look whether it is still connected, and repeat this calibration."
-    )
+class EaselAccess:
+    """One procedure's access to an easel: one gateway to its robot, and one memory of what its camera gave.
 
-
-def perform(easel: Easel, motions: Iterable[Waypoints]) -> None:
-    """Makes the motions one after another, once all of them are known to lie in the workspace.
-
-    Raises WorkspaceViolation before anything moves, RobotError and PoseMismatch.
+    lowest: see RobotGateway; only the brush procedure gives it.
     """
-    batch = list(motions)
-    limits.check(batch, easel.workspace)
-    for motion in batch:
-        report = easel.robot.follow(motion)
-        away = float(np.linalg.norm(report.reached - motion.position[-1]))
-        if not away <= _ARRIVED:
-            raise PoseMismatch(
-                f"{motion.label}: the robot says it is done, but its tip is {away * 1000:.1f} mm from where it was "
-                f"sent; allowed are {_ARRIVED * 1000:g} mm. Look at the robot, then repeat this calibration."
-            )
+
+    def __init__(self, easel: Easel, *, lowest: float | None = None) -> None:
+        self.easel = easel
+        self._gateway = RobotGateway(easel, lowest=lowest)
+        self._photographer = Photographer(easel.camera)
+
+    def photograph(self) -> Frame:
+        """A photograph taken after the arm has gone aside. Raises RobotError, CameraError and their kinds."""
+        self._gateway.step_aside()
+        return self._photographer.photograph(self._gateway.last_motion)
+
+    def perform(self, motions: Iterable[Waypoints]) -> None:
+        """Makes the motions, checked as one batch. Raises WorkspaceViolation before anything moves, RobotError."""
+        self._gateway.perform(motions)
+
+    def step_aside(self) -> None:
+        """Moves the arm out of the camera's sight. Raises RobotError."""
+        self._gateway.step_aside()
+
+    def pose(self) -> NDArray[np.float64]:
+        """Where the tip is, [3] metres. Raises RobotError."""
+        return self._gateway.pose()

@@ -14,7 +14,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.errors import CalibrationError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.session.procedures.at_the_easel import perform
+from frida_painter.session.procedures.at_the_easel import EaselAccess
 from frida_painter.session.procedures.brush_sheet import brush_sheet
 from frida_painter.session.procedures.dialogue import Answer, Confirm, Jog, JogMove, Measure, Procedure, Question
 from frida_painter.session.procedures.trial_strokes import Trial, TrialPaper, ceiling
@@ -101,21 +101,23 @@ def brush(
         "The heights can be found by looking: the brush is dipped in black paint in well 1 and lowered in small steps "
         "until it marks the paper. Shall the painter do that? (If not, you lower it with the jog keys.)"
     )
-    found = (yield from _by_looking(easel, deepest, ground)) if looking is True else _Found()
+    # The hardest press is what is to be found here: not the record's, but the workspace's floor is the limit.
+    access = EaselAccess(easel, lowest=easel.workspace.lower[2])
+    found = (yield from _by_looking(access, deepest, ground)) if looking is True else _Found()
     paper = easel.canvas.width / 2, easel.canvas.height / 2
     place = found.place or paper
     touch = yield from _jogged(
-        easel, place, found, found.touch, ceiling(easel), "the lightest touch: the tip only just meets the paper"
+        access, place, found, found.touch, ceiling(easel), "the lightest touch: the tip only just meets the paper"
     )
     press = yield from _jogged(
-        easel,
+        access,
         place,
         found,
         found.press,
         touch,
         "the hardest press: the bristles are spread, and nothing bends for good",
     )
-    easel.robot.home()
+    access.step_aside()
     by_hand = found.touch != touch or found.press != press
     return BrushFinding(
         brush=name or record.brush,
@@ -149,8 +151,8 @@ class _Found:
 class _Trials:
     """Trial strokes, one after the other, on as many papers as it takes."""
 
-    def __init__(self, easel: Easel, ground: tuple[float, float, float]) -> None:
-        self._easel, self._ground = easel, ground
+    def __init__(self, access: EaselAccess, ground: tuple[float, float, float]) -> None:
+        self._access, self._ground = access, ground
         self._paper: TrialPaper | None = None
         self._cell = _SMALL_CELL
         self.done: list[Trial] = []
@@ -166,21 +168,21 @@ class _Trials:
     def at(self, height: float) -> Generator[Question, Answer, Trial]:
         """Paints one; a person is asked for paper where the operator cannot lay it."""
         if self._paper is None or self._paper.is_full:
-            if not self._easel.operator.lay_paper():
+            if not self._access.easel.operator.lay_paper():
                 ready = yield Confirm("Lay a bare sheet of paper on the canvas's place. Does it lie there?")
                 if ready is not True:
                     raise CalibrationError("Without paper no mark can be seen; repeat the brush calibration.")
-            self._paper = TrialPaper(self._easel, self._cell, self._ground)
+            self._paper = TrialPaper(self._access, self._cell, self._ground)
         trial = self._paper.stroke(height)
         self.done.append(trial)
         return trial
 
 
 def _by_looking(
-    easel: Easel, deepest: float | None, ground: tuple[float, float, float]
+    access: EaselAccess, deepest: float | None, ground: tuple[float, float, float]
 ) -> Generator[Question, Answer, _Found]:
     """Lowers the brush and looks."""
-    trials = _Trials(easel, ground)
+    easel, trials = access.easel, _Trials(access, ground)
     floor = easel.workspace.lower[2] + ABOVE_FLOOR
     touch, exactness = yield from _touch(trials, ceiling(easel), easel.workspace.canvas_origin[2], floor)
     bottom, ended = floor, "where the workspace ends"
@@ -257,10 +259,10 @@ def _press(trials: _Trials, touch: float, bottom: float) -> Generator[Question, 
 
 
 def _jogged(
-    easel: Easel, place: tuple[float, float], found: _Found, height: float | None, highest: float, wanted: str
+    access: EaselAccess, place: tuple[float, float], found: _Found, height: float | None, highest: float, wanted: str
 ) -> Generator[Question, Answer, float]:
     """The height that a person settles on, moving the brush with jog keys; what was found is proposed."""
-    lowest = easel.workspace.lower[2]
+    lowest = access.easel.workspace.lower[2]
     text = f"Lower or raise the brush until it is at {wanted}."
     question = Jog(
         text,
@@ -278,19 +280,20 @@ def _jogged(
             return question.height
         wanted_height = question.height + move.step
         if lowest <= wanted_height <= highest:
-            perform(easel, [_hold(easel, place, wanted_height)])
+            access.perform([_hold(access, place, wanted_height)])
             question = replace(question, text=text, height=wanted_height, proposal=None)
         else:
             allowed = f"{1000 * lowest:.1f} to {1000 * highest:.1f} mm"
             question = replace(question, text=f"No further than {allowed}. {text}")
 
 
-def _hold(easel: Easel, place: tuple[float, float], height: float) -> Waypoints:
+def _hold(access: EaselAccess, place: tuple[float, float], height: float) -> Waypoints:
     """The brush stands over a place of the canvas (metres) at that height, and comes there from above."""
+    easel = access.easel
     here = easel.workspace.to_robot(easel.calibration.place(np.array([place])), np.array([height]))
     above = here.copy()
     above[:, 2] = max(height, ceiling(easel))
-    there = np.linalg.norm(easel.robot.pose()[:2] - here[0, :2]) < _THERE
+    there = np.linalg.norm(access.pose()[:2] - here[0, :2]) < _THERE
     position = here if there else np.concatenate([above, here])
     return Waypoints(f"jog to {1000 * height:.1f} mm", position, easel.workspace.painting_speed)
 

@@ -14,7 +14,7 @@ from frida_painter.images import from_uint8
 from frida_painter.lens import Lens
 from frida_painter.perception.corners import find_canvas
 from frida_painter.perception.outline import Outline, trace_outline
-from frida_painter.session.procedures.at_the_easel import photograph
+from frida_painter.session.procedures.at_the_easel import EaselAccess
 from frida_painter.session.procedures.corner_sheet import corner_sheet
 from frida_painter.session.procedures.dialogue import PointCorners, Procedure
 
@@ -76,7 +76,7 @@ def canvas(easel: Easel) -> Procedure[CanvasFinding]:
     Raises CalibrationError where no corners are found nor pointed at, or those pointed at cannot be
     a canvas's; CameraError.
     """
-    frame = photograph(easel).image
+    frame = EaselAccess(easel).photograph().image
     found: Outline | None = None
     unseen = ""
     try:

@@ -27,7 +27,7 @@ from frida_painter.perception.difference import difference
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.light import to_linear, to_srgb
 from frida_painter.perception.rectify import rectified_pixels, rectify
-from frida_painter.session.procedures.at_the_easel import photograph
+from frida_painter.session.procedures.at_the_easel import EaselAccess
 from frida_painter.session.procedures.checker_sheet import checker_sheet
 from frida_painter.session.procedures.dialogue import Confirm, PointCorners, Procedure
 
@@ -89,8 +89,8 @@ def color(easel: Easel, *, ground: tuple[float, float, float] = WHITE) -> Proced
     """
     if not easel.operator.take_checker_away():
         yield Confirm("Is the canvas bare, with nothing lying on it?")
-    grid = PixelGrid.of_height(easel.canvas, _ROWS)
-    field = FlatField.learn(rectify(photograph(easel).image, easel.calibration, grid), ground)
+    access, grid = EaselAccess(easel), PixelGrid.of_height(easel.canvas, _ROWS)
+    field = FlatField.learn(rectify(access.photograph().image, easel.calibration, grid), ground)
     if not easel.operator.lay_checker():
         there = yield Confirm(
             "Lay the colour checker (24 patches) flat on the canvas, in any direction, so that some bare canvas "
@@ -98,7 +98,7 @@ def color(easel: Easel, *, ground: tuple[float, float, float] = WHITE) -> Proced
         )
         if there is not True:
             raise CalibrationError("Without a colour checker colours stay as the camera sees them; repeat with one.")
-    frame = photograph(easel).image
+    frame = access.photograph().image
     gone = easel.operator.take_checker_away()
     corners = yield PointCorners(
         "Are these the middles of the dark brown, turquoise, black and white corner patches?",

@@ -19,7 +19,7 @@ from frida_painter.palette import Palette
 from frida_painter.perception.dots import Match, find_dots, match_dots
 from frida_painter.perception.homography import Fit, fit_homography
 from frida_painter.perception.rectify import rectify
-from frida_painter.session.procedures.at_the_easel import perform, photograph
+from frida_painter.session.procedures.at_the_easel import EaselAccess
 from frida_painter.session.procedures.dialogue import Confirm, Procedure
 from frida_painter.session.procedures.dot_sheet import dot_sheet
 
@@ -113,9 +113,10 @@ def robot(easel: Easel) -> Procedure[RobotFinding]:
             raise CalibrationError("The robot was not calibrated; repeat it when canvas and paint are there.")
     grid = _grid(easel.canvas)
     meant = dot_places(easel.canvas)
-    before = rectify(photograph(easel).image, easel.calibration, grid)
-    perform(easel, _motions(easel, meant))
-    after = rectify(photograph(easel).image, easel.calibration, grid)
+    access = EaselAccess(easel)
+    before = rectify(access.photograph().image, easel.calibration, grid)
+    access.perform(_motions(easel, meant))
+    after = rectify(access.photograph().image, easel.calibration, grid)
     spots = find_dots(before, after, grid)
     match = _matched(meant, spots, easel.canvas)
     fit = fit_homography(meant[match.meant], spots[match.seen])

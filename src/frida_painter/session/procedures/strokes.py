@@ -28,7 +28,7 @@ from frida_painter.hardware.motion import Motion
 from frida_painter.palette import Palette
 from frida_painter.session.contact_sheet import contact_sheet
 from frida_painter.session.paper import BLACK, Crop, Paper, Print, Shapes
-from frida_painter.session.procedures.at_the_easel import perform
+from frida_painter.session.procedures.at_the_easel import EaselAccess
 from frida_painter.session.procedures.dialogue import Confirm, Procedure
 from frida_painter.session.procedures.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
 from frida_painter.session.recording import Order, Recording
@@ -117,6 +117,7 @@ def strokes(
     crop = Crop.covering(kind.frame)
     order = Order(easel.calibration.easel, kind, count, seed, refill_every)
     recording = Recording(unfinished(out) if out else None, order, crop.shape)
+    access = EaselAccess(easel)
     paper: Paper | None = None
     sheets, on_brush, since_dip = 0, 0, 0.0
     running: list[int] = []  # the last strokes, as far as they are dirty
@@ -124,7 +125,7 @@ def strokes(
         if paper is None:
             easel.operator.fill_wells(Palette(torch.full((1, 3), BLACK)))
         if paper is None or paper.is_used_up:
-            paper = yield from _fresh_paper(easel, kind, paper, len(recording.prints))
+            paper = yield from _fresh_paper(access, kind, paper, len(recording.prints))
             sheets, on_brush = sheets + 1, 0
         since_dip = 0.0 if on_brush == 0 else since_dip
         stroke = replace(paper.paint(shapes[number], refill=on_brush == 0), since_dip=since_dip)
@@ -143,7 +144,7 @@ def strokes(
             )
     if paper is not None:
         motion = Motion(easel.workspace, easel.calibration)
-        perform(easel, (motion.rinse(), motion.wipe()))  # paint must not dry in the brush
+        access.perform((motion.rinse(), motion.wipe()))  # paint must not dry in the brush
     return _finding(kind, shapes, crop, recording, out)
 
 
@@ -164,8 +165,9 @@ def _check(count: int, refill_every: int) -> None:
         )
 
 
-def _fresh_paper(easel: Easel, kind: BrushKind, last: Paper | None, kept: int) -> Procedure[Paper]:
+def _fresh_paper(access: EaselAccess, kind: BrushKind, last: Paper | None, kept: int) -> Procedure[Paper]:
     """Asks for a bare sheet until one lies in its place."""
+    easel = access.easel
     moved = last.moved * 1000 if last is not None else 0.0
     why = f"The paper moved by {moved:.1f} mm, so it is given up. " if moved else ""
     for attempt in range(_TRIES):
@@ -180,7 +182,7 @@ def _fresh_paper(easel: Easel, kind: BrushKind, last: Paper | None, kept: int) -
                     "when it is repeated."
                 )
         try:
-            return Paper(easel, kind)
+            return Paper(access, kind)
         except (CalibrationError, FrameRejected) as trouble:
             if attempt == _TRIES - 1:
                 raise

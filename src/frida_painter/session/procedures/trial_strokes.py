@@ -17,7 +17,7 @@ from frida_painter.palette import Palette
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.rectify import rectify
-from frida_painter.session.procedures.at_the_easel import perform, photograph
+from frida_painter.session.procedures.at_the_easel import EaselAccess
 
 LENGTH = 0.012
 """Of a trial stroke, metres."""
@@ -53,12 +53,13 @@ class TrialPaper:
     The well is filled with black first. Raises FrameRejected where the paper is not bare.
     """
 
-    def __init__(self, easel: Easel, cell: tuple[float, float], ground: tuple[float, float, float]) -> None:
+    def __init__(self, access: EaselAccess, cell: tuple[float, float], ground: tuple[float, float, float]) -> None:
+        easel = access.easel
         easel.operator.fill_wells(Palette(torch.full((1, 3), _BLACK)))
-        self._easel, self._cell = easel, cell
+        self._access, self._easel, self._cell = access, easel, cell
         pitch = max(_PITCH, _metres_per_pixel(easel.calibration, easel.canvas.width))
         self._grid = PixelGrid.of_height(easel.canvas, max(8, round(easel.canvas.height / pitch)))
-        bare = rectify(photograph(easel).image, easel.calibration, self._grid)
+        bare = rectify(self._access.photograph().image, easel.calibration, self._grid)
         self._light = FlatField.learn(bare, ground)
         self._seen = self._in_true_colors(bare)
         self._places = self._cells()
@@ -83,8 +84,9 @@ class TrialPaper:
         easel, (x, y) = self._easel, self._here
         along = np.arange(-LENGTH / 2, LENGTH / 2 + _STEP / 2, _STEP)
         path = np.c_[x + along, np.full_like(along, y)]
-        perform(easel, [Motion(easel.workspace, easel.calibration).dip(0), at_height(easel, path, height)])
-        after = self._in_true_colors(rectify(photograph(easel).image, easel.calibration, self._grid))
+        dip, trial = Motion(easel.workspace, easel.calibration).dip(0), at_height(easel, path, height)
+        self._access.perform([dip, trial])
+        after = self._in_true_colors(rectify(self._access.photograph().image, easel.calibration, self._grid))
         cell = self._pixels(x, y)
         width = self._width(self._seen[:, *cell], after[:, *cell])
         self._seen = after

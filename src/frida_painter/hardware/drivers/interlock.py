@@ -1,4 +1,12 @@
-"""What every driver owes whoever drives it: deadlines, one tree of errors, and no motion after a fault or a stop."""
+"""The interlock inside every driver: it lets a motion through only while nothing stands against it.
+
+There are two such layers, and they are two ideas. This one is part of one driver: it stands between
+the driver and the library of its maker, and knows whether that one connection is open, at fault or
+stopped; it forgets all of that when the driver connects anew. The guard (hardware/guard.py) stands
+around a whole robot in the easel's process and trusts no driver: it checks motions against the
+workspace, gives the driver itself a deadline, and latches a stop over restarts until a person re-arms.
+What both need, deadlines and errors with a name, is in hardware/deadline.py.
+"""
 
 import math
 import threading
@@ -8,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from frida_painter.errors import FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.deadline import one_line, within
+from frida_painter.hardware.deadline import in_our_errors, one_line, within
 from frida_painter.hardware.robot import Waypoints
 
 Answer = TypeVar("Answer")
@@ -16,11 +24,11 @@ PATIENCE = 5.0
 """Seconds within which any machine answers any question that moves nothing."""
 
 
-class Guard:
-    """Stands between a driver and the library of its maker.
+class Interlock:
+    """Closed while the robot is connected, has no fault and was not stopped; otherwise it lets nothing through.
 
-    name: of the robot, in messages. After a fault or a stop it lets nothing through any more until the
-    driver is closed and connected anew, which is for the person who has looked.
+    name: of the robot, in messages. After a fault or a stop the driver has to be closed and connected
+    anew, which is for the person who has looked.
     """
 
     def __init__(self, name: str) -> None:
@@ -88,19 +96,16 @@ class Guard:
         errors of our own tree pass. Either way nothing more is let through.
         """
         try:
-            return within(seconds, f"{self.name}: {what}", call)
-        except FridaError as error:
-            raise self.fault(error) from None
-        except TimeoutError as silence:
-            raise self.fault(
-                RobotDisconnected(
+            return in_our_errors(
+                lambda: within(seconds, f"{self.name}: {what}", call),
+                late=lambda: RobotDisconnected(
                     f"{what}: {self.name} did not answer within {seconds:.0f} s; look at it and at its cable."
-                )
-            ) from silence
-        except BaseException as failure:  # whatever a library raises is told in one sentence
-            raise self.fault(
-                RobotError(f"{what}: {self.name} failed ({one_line(failure)}); look at it before going on.")
-            ) from failure
+                ),
+                failed=lambda why: RobotError(f"{what}: {self.name} failed ({why}); look at it before going on."),
+            )
+        except BaseException as error:  # a person who interrupts the wait leaves the machine in some unknown state, too
+            self._fault = self._fault or (str(error) if isinstance(error, FridaError) else one_line(error))
+            raise
 
 
 def time_allowed(path: float, speed: float) -> float:

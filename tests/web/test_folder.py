@@ -1,0 +1,30 @@
+import subprocess
+import sys
+from pathlib import Path
+
+from frida_painter.web.folder import PaintingFolder, WorkerLock, working
+
+
+def test_a_painting_that_nobody_works_on_is_free(tmp_path: Path) -> None:
+    folder = PaintingFolder(tmp_path)
+    assert not working(folder)
+    lock, other = WorkerLock(folder), WorkerLock(folder)
+    assert lock.take() and not other.take() and working(folder)
+    lock.release()
+    assert other.take()
+    other.release()
+    assert not working(folder)
+
+
+def test_a_lock_that_was_handed_to_a_child_is_the_child_s_until_it_ends(tmp_path: Path) -> None:
+    folder = PaintingFolder(tmp_path)
+    lock = WorkerLock(folder)
+    assert lock.take()
+    child = subprocess.Popen(
+        [sys.executable, "-c", "import sys; sys.stdin.read()"], stdin=subprocess.PIPE, pass_fds=[lock.fileno()]
+    )
+    with child:
+        lock.release()
+        assert working(folder), "the page lets go, or dies, and the worker goes on"
+        child.kill()
+    assert not working(folder)
