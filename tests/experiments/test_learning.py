@@ -9,6 +9,8 @@ from frida_painter.experiments import real_strokes, stroke_model, strokes_needed
 from frida_painter.experiments.rivals import BEZIER, LEARNED, RIVALS
 from marks import small_library as library
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def strokes():

@@ -6,6 +6,8 @@ from frida_painter.experiments.targets import shipped
 from frida_painter.frames import CanvasSize
 from marks import coarse_table
 
+pytestmark = pytest.mark.slow
+
 SCALE = Scale(strokes=12, colors=3, rows=64, looks=3, effort=0.1)
 
 
