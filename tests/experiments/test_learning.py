@@ -10,6 +10,8 @@ from frida_painter.experiments.rivals import BEZIER, LEARNED, RIVALS
 from frida_painter.experiments.scale import LearningScale
 from marks import small_library as library
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def strokes():

@@ -2,10 +2,11 @@ import pytest
 
 from frida_painter.experiments import replanning
 from frida_painter.experiments.replanning import BLIND, LOOKING
-from frida_painter.experiments.scale import PlanningScale
 from frida_painter.experiments.targets import shipped
 from frida_painter.frames import CanvasSize
 from marks import coarse_table
+
+pytestmark = pytest.mark.slow
 
 SCALE = PlanningScale(strokes=12, colors=3, rows=64, looks=3, effort=0.1)
 

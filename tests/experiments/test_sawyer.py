@@ -6,6 +6,8 @@ from frida_painter.experiments import sawyer
 from frida_painter.experiments.targets import shipped
 from marks import coarse_table
 
+pytestmark = pytest.mark.slow
+
 
 def step(edge: float) -> torch.Tensor:
     """A picture [3, 40, 60] that is dark left of `edge` (columns) and light right of it, as a lens draws it."""

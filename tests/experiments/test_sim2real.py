@@ -9,6 +9,8 @@ from frida_painter.experiments.targets import SHIPPED, given, shipped
 from frida_painter.frames import CanvasSize
 from marks import coarse_table
 
+pytestmark = pytest.mark.slow
+
 CANVAS = CanvasSize(0.12, 0.09)
 
 

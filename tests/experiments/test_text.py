@@ -11,6 +11,8 @@ from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from marks import coarse_table
 from networks import QuickEncoders, random_lite_tensors
 
+pytestmark = pytest.mark.slow
+
 CANVAS = CanvasSize(0.12, 0.09)
 
 

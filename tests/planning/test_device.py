@@ -69,6 +69,7 @@ def alike(one: Plan, other: Plan) -> None:
     torch.testing.assert_close(other.palette.color, one.palette.color, rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_everything_is_planned_on_the_device_and_comes_back_the_same(without_compiler) -> None:
     plan, bound, again, picture_after, loss, known = everything(planner(goal(), None))
     with elsewhere() as device:
@@ -81,6 +82,7 @@ def test_everything_is_planned_on_the_device_and_comes_back_the_same(without_com
     assert theirs[5].error == pytest.approx(known.error, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_every_kind_of_goal_is_seen_on_the_device() -> None:
     seen = ImageTerm(picture()), StyleTerm(1 - picture()), SemanticTerm(picture())
     said = SketchTerm(LINES), TextTerm("a lemon", 0.5)

@@ -8,12 +8,14 @@ import torch
 from torch import Tensor
 
 from frida_painter.errors import PlanningDiverged
+from frida_painter.planning.adam import Adam
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints, Variables
 from frida_painter.strokes import Strokes
 
 _MOST_FAILURES = 3
 _WARMING = 6
+_BETAS = (0.9, 0.98)
 _BETWEEN_JUDGEMENTS = 10  # iterations
 
 
@@ -53,7 +55,7 @@ def optimize(
     if len(strokes) == 0:
         return strokes, paints
     variables = Variables(strokes, paints, vary_colors=vary_colors, light_to_dark=light_to_dark)
-    adam = torch.optim.Adam(variables.leaves, lr=pace, betas=(0.9, 0.98), foreach=True)
+    adam = Adam(variables.leaves, _BETAS)
     best = _Best()
     failures = 0
     for iteration in range(iterations + 1):
@@ -68,7 +70,7 @@ def optimize(
                 best.consider(scene.judge(picture).item(), variables)
         if iteration == iterations:
             break
-        adam.zero_grad()
+        adam.forget_gradients()
         torch.autograd.backward(loss)
         if not math.isfinite(value) or not _finite(variables.leaves):
             failures += 1
@@ -78,11 +80,9 @@ def optimize(
                     f"(the loss was {value:g}); try another seed (--seed), or another picture."
                 )
             best.restore(variables)
-            adam = torch.optim.Adam(variables.leaves, lr=pace * 0.5**failures, betas=(0.9, 0.98), foreach=True)
+            adam = Adam(variables.leaves, _BETAS)
             continue
-        for group in adam.param_groups:
-            group["lr"] = pace * 0.5**failures * _rhythm(iteration, iterations)
-        adam.step()
+        adam.step(pace * 0.5**failures * _rhythm(iteration, iterations))
         variables.set_(variables.strokes().detach().project(scene.limits, scene.size))
         notify(Step(iteration + 1, iterations, value, current.detach()))
     best.restore(variables)

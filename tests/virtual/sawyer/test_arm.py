@@ -33,6 +33,7 @@ def moving(hand):
     hand.studio.table.move = move
 
 
+@pytest.mark.slow
 def test_it_paints_with_its_own_small_errors(hand, moving):
     hand.dip(0)
     hand.stroke(0.06, 0.08, 0.08, bend=0.01)

@@ -67,6 +67,7 @@ def test_the_arm_moves_in_the_picture(drawn):
     assert (np.abs(drawn(255).astype(int) - drawn(255, other)).max(-1) > 30).mean() > 0.03
 
 
+@pytest.mark.slow
 def test_a_film_shows_every_motion_and_the_arm_does_not_feel_it(drawn, hand, tmp_path):
     path = tmp_path / "arm.mp4"
     plain = Hand([0.05, 0.1, 0.7], canvas=CANVAS, arm="sawyer", noise=None)

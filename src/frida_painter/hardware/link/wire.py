@@ -54,7 +54,7 @@ class Wire:
     def receive(self, within: float | None = None) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """The next message: its object and its arrays; within: seconds to wait for all of it, None for ever."""
         until = None if within is None else time.monotonic() + within
-        words, size = _LENGTHS.unpack(self._exactly(_LENGTHS.size, until).data)
+        words, size = _LENGTHS.unpack(bytes(self._exactly(_LENGTHS.size, until)))
         if words > _MOST_WORDS or size > _MOST_BYTES:
             raise RobotDisconnected(
                 f"A message of {words} + {size} bytes came over the easel's link; that is no message."
