@@ -15,14 +15,13 @@ LAYERS = (
         "strokes",
         "palette",
         "drawing",
-        "goal",
         "plan",
         "lens",
         "calibration",
         "config",
     ),  # settings speak in these nouns
     ("brush", "render", "perception", "mixing"),
-    ("objectives",),
+    ("objectives", "goal"),  # terms say what they are judged by
     ("planning", "hardware", "virtual"),
     ("session",),
     ("report", "export"),

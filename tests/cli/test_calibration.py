@@ -12,7 +12,8 @@ from frida_painter.calibration import Calibration
 from frida_painter.cli.calibration import default_record
 from frida_painter.config import PaintingSettings
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.session.opening import open_planner
 from frida_painter.virtual.studio import open_studio
 

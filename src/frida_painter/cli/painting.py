@@ -119,28 +119,13 @@ CalibrationFile = Annotated[
 
 def register(app: typer.Typer) -> None:
     """Adds the commands."""
-    app.command("paint")(paint)
-    app.command("plan")(plan)
+    app.command("paint")(goal_options.taking_goals(paint))
+    app.command("plan")(goal_options.taking_goals(plan))
     app.command("render")(render)
 
 
 def paint(
     photo: Photo = None,
-    image: goal_options.Image = None,
-    image_weight: goal_options.ImageWeight = None,
-    semantic: goal_options.Semantic = None,
-    semantic_weight: goal_options.SemanticWeight = None,
-    sketch: goal_options.Sketch = None,
-    sketch_weight: goal_options.SketchWeight = None,
-    text: goal_options.Text = None,
-    text_weight: goal_options.TextWeight = None,
-    style: goal_options.Style = None,
-    style_weight: goal_options.StyleWeight = None,
-    init_text: goal_options.InitText = None,
-    init_image: goal_options.InitImage = None,
-    init_style: goal_options.InitStyle = None,
-    goal: goal_options.GoalFile = None,
-    clip: goal_options.ClipSource = None,
     strokes: Strokes = None,
     colors: Colors = None,
     canvas: Canvas = None,
@@ -162,6 +147,7 @@ def paint(
     film: Annotated[bool, typer.Option("--film/--no-film", help="Film how the painting comes into being.")] = True,
     arm_meshes: ArmMeshesOption = None,
     out: Out = None,
+    **goals_given: Any,
 ) -> None:
     """Paint a photograph, or words: plan, paint some strokes, look, plan the rest again.
 
@@ -178,7 +164,7 @@ def paint(
     site = Site(robot, camera, workspace)
     measured = read_palette(palette, colors) if palette else None
     colors = len(measured) if measured else colors
-    wanted, target, chosen = _prepare(photo, settings, {**locals(), "canvas": site.canvas(canvas)})
+    wanted, target, chosen = _prepare(photo, settings, {**locals(), **goals_given, "canvas": site.canvas(canvas)})
     site.require_somebody(asked=not yes)
     console = Console(stderr=True, highlight=False)
     require_meshes(arm_meshes, site)
@@ -243,21 +229,6 @@ def paint(
 
 def plan(
     photo: Photo = None,
-    image: goal_options.Image = None,
-    image_weight: goal_options.ImageWeight = None,
-    semantic: goal_options.Semantic = None,
-    semantic_weight: goal_options.SemanticWeight = None,
-    sketch: goal_options.Sketch = None,
-    sketch_weight: goal_options.SketchWeight = None,
-    text: goal_options.Text = None,
-    text_weight: goal_options.TextWeight = None,
-    style: goal_options.Style = None,
-    style_weight: goal_options.StyleWeight = None,
-    init_text: goal_options.InitText = None,
-    init_image: goal_options.InitImage = None,
-    init_style: goal_options.InitStyle = None,
-    goal: goal_options.GoalFile = None,
-    clip: goal_options.ClipSource = None,
     strokes: Strokes = None,
     colors: Colors = None,
     canvas: Canvas = None,
@@ -268,11 +239,12 @@ def plan(
     settings: SettingsFile = None,
     palette: PaletteOption = None,
     out: Out = None,
+    **goals_given: Any,
 ) -> None:
     """Plan the strokes for a photograph, or for words, without painting: plan, picture of it, palette to mix."""
     measured = read_palette(palette, colors) if palette else None
     colors = len(measured) if measured else colors
-    wanted, _, chosen = _prepare(photo, settings, {**locals(), "replans": 0})
+    wanted, _, chosen = _prepare(photo, settings, {**locals(), **goals_given, "replans": 0})
     with ExitStack() as stack:
         stop = stack.enter_context(stopping())
         limit_threads()

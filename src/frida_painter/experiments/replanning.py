@@ -20,7 +20,8 @@ from frida_painter.experiments.execution import open_easel
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
@@ -169,7 +170,7 @@ def _paint(planner: Planner, seed: int, scale: Scale, words: str, notify: Notify
     painting = session.run(scale.strokes, scale.colors)
     first = expected[0]
     points = tuple(
-        _Point(done, float((picture - first).square().mean()), planner.judge(picture))
+        _Point(done, float((picture - first).square().mean()), planner.validation_loss(picture))
         for done, picture in sorted(expected.items())
     )
     return _Course(points, first, images.fit(painting.photograph, fit.rows, fit.columns))

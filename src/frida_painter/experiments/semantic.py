@@ -19,10 +19,12 @@ from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Ta
 from frida_painter.experiments.result_cache import Finding
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.semantic import SemanticTerm
 from frida_painter.report.figure_sheet import Cell, Line, page
 from frida_painter.session.opening import planning_device
 

@@ -22,11 +22,13 @@ from frida_painter.experiments.execution import open_easel
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Row, Table, silent, within
 from frida_painter.experiments.result_cache import Finding, ResultCache
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm, TextTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.class_names import class_names
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.planning.initialize import uniform
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.render import render

@@ -1,21 +1,12 @@
 """What this studio can be asked for: which kinds of goals there are, and what is missing for the others."""
 
 from frida_painter.model_folder import are_here
-from frida_painter.web.wish import Kind
-
-# Which weights each kind of goal needs: one of each group.
-_NEEDED: dict[Kind, tuple[tuple[str, ...], ...]] = {
-    "image": (),
-    "style": (("vgg16", "hed"),),
-    "semantic": (("efficientnet-lite0",),),
-    "sketch": (("hed",),),
-    "text": (("minilm",), ("efficientnet-lite0",)),
-}
+from frida_painter.objectives.registry import goal_kinds
 
 
 def abilities() -> dict[str, dict[str, object]]:
     """For each kind of goal: whether it is ready, which weights are missing, and a sentence on how to get them."""
-    return {kind: _ability(groups) for kind, groups in _NEEDED.items()}
+    return {name: _ability(kind.networks) for name, kind in goal_kinds().by_name.items()}
 
 
 def _ability(groups: tuple[tuple[str, ...], ...]) -> dict[str, object]:

@@ -3,12 +3,24 @@
 import json
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+from frida_painter.objectives.kind import Gives
+from frida_painter.objectives.registry import goal_kinds
 
 Identifier = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
 Words = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=300)]
-Kind = Literal["image", "style", "semantic", "sketch", "text"]
 _LARGEST, _SMALLEST = 2000.0, 60.0  # mm
+
+
+def _known(kind: str) -> str:
+    known = goal_kinds().by_name
+    if kind not in known:
+        raise ValueError(f"There is no such kind of goal; there are {', '.join(known)}.")
+    return kind
+
+
+Kind = Annotated[str, AfterValidator(_known)]
 
 
 class _Checked(BaseModel):
@@ -16,7 +28,7 @@ class _Checked(BaseModel):
 
 
 class Term(_Checked):
-    """One goal: words where kind is "text", the id of an uploaded picture elsewhere; weight: how much it matters."""
+    """One goal: words or the id of an uploaded picture, as its kind asks for; weight: how much it matters."""
 
     kind: Kind
     picture: Identifier | None = None
@@ -25,7 +37,7 @@ class Term(_Checked):
 
     @model_validator(mode="after")
     def _is_one_thing(self) -> Self:
-        given, other = (self.words, self.picture) if self.kind == "text" else (self.picture, self.words)
+        given, other = (self.words, self.picture) if self._is_of_words else (self.picture, self.words)
         if given is None or other is not None:
             raise ValueError("A goal is either words or a picture; say which words, or choose a picture.")
         if self.words is not None and not self.words.isprintable():
@@ -33,9 +45,13 @@ class Term(_Checked):
         return self
 
     @property
+    def _is_of_words(self) -> bool:
+        return goal_kinds()[self.kind].gives is Gives.WORDS
+
+    @property
     def toml(self) -> str:
         """The lines of a goal file's table for this term; pictures lie beside it under their id."""
-        value = self.words if self.kind == "text" else f"{self.picture}.png"
+        value = self.words if self._is_of_words else f"{self.picture}.png"
         return f"{self.kind} = {json.dumps(value, ensure_ascii=False)}\nweight = {self.weight}\n"
 
 
