@@ -164,7 +164,7 @@ def paint(
     site = Site(robot, camera, workspace)
     measured = read_palette(palette, colors) if palette else None
     colors = len(measured) if measured else colors
-    wanted, target, chosen = _prepare(photo, settings, {**locals(), **goals_given, "canvas": site.canvas(canvas)})
+    wanted, target, chosen = _prepare(photo, settings, goals_given, {**locals(), "canvas": site.canvas(canvas)})
     site.require_somebody(asked=not yes)
     console = Console(stderr=True, highlight=False)
     require_meshes(arm_meshes, site)
@@ -244,7 +244,7 @@ def plan(
     """Plan the strokes for a photograph, or for words, without painting: plan, picture of it, palette to mix."""
     measured = read_palette(palette, colors) if palette else None
     colors = len(measured) if measured else colors
-    wanted, _, chosen = _prepare(photo, settings, {**locals(), **goals_given, "replans": 0})
+    wanted, _, chosen = _prepare(photo, settings, goals_given, {**locals(), "replans": 0})
     with ExitStack() as stack:
         stop = stack.enter_context(stopping())
         limit_threads()
@@ -297,13 +297,14 @@ def render(
 
 
 def _prepare(
-    photo: Path | None, settings: Path | None, given: dict[str, Any]
+    photo: Path | None, settings: Path | None, goals_given: dict[str, Any], given: dict[str, Any]
 ) -> tuple[goals.Wanted, torch.Tensor | None, PaintingSettings]:
     """The goal, its first picture, if any, as it will fill the canvas, and the settings: options over the file."""
     names = set(PaintingSettings.model_fields)
+    given = {**given, "clip": goals_given["clip"]}
     overrides = {name: value for name, value in given.items() if name in names and value is not None}
     chosen = PaintingSettings.from_toml(settings, **overrides) if settings else PaintingSettings.of(**overrides)
-    wanted = goals.read_goal(photo, given)
+    wanted = goals.read_goal(photo, goals_given)
     picture = wanted.picture
     if picture is not None and "canvas" not in chosen.model_fields_set:
         chosen = chosen.model_copy(update={"canvas": chosen.canvas.turned_like(*picture.shape[1:])})

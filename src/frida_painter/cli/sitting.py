@@ -50,7 +50,7 @@ def occasion(
         ("Robot", TITLES.get(site.robot, site.robot)),
     )
     record = {
-        **({"photo": first.name} if kind == "image" else {}),
+        **({"photo": first.name} if kind == "image" and isinstance(first, Path) else {}),
         "goal": [list(fact) for fact in wanted.facts],
         "encoders": [asdict(choice) for choice in encoders.choices],
         "remarks": list(encoders.remarks),

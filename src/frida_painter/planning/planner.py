@@ -19,7 +19,7 @@ from frida_painter.objectives.interpretation import interpreted
 from frida_painter.objectives.replication import spread
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.planning.initialize import Growth, progressive, uniform
+from frida_painter.planning.initialize import Growth, descended, progressive
 from frida_painter.planning.memory import is_lack_of_memory
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement, locate
@@ -111,28 +111,24 @@ class Planner:
         generator = torch.Generator().manual_seed(self.seed)
         colors = min(colors, strokes)
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
-        target = self._guide(coarse)
         opening = self._scene(canvas, self.coarse, self._opening)
+        guide = self._guide(coarse)
+        target = descended(opening) if guide is None else guide
         steps = _Progress(notify, self.iterations(strokes))
-        growing = steps.begin(self._growing(strokes))
-        if target is None:  # as in the paper: at random, and then by the objective alone
-            found = uniform(strokes, self.model.limits, self.size, generator).to(self.device)
-            found, _ = optimize(found, opening, iterations=self._growing(strokes), notify=growing)
-        else:
-            found, _ = progressive(
-                strokes,
-                opening,
-                target,
-                paints=None,
-                light_to_dark=True,
-                growth=self.effort.growth,
-                generator=generator,
-                notify=growing,
-            )
+        found, _ = progressive(
+            strokes,
+            opening,
+            target,
+            paints=None,
+            light_to_dark=True,
+            growth=self.effort.growth,
+            generator=generator,
+            notify=steps.begin(self._growing(strokes)),
+        )
         for _ in range(self.effort.relocations):
-            if target is not None:
+            if guide is not None:  # a picture that is only one of many good ones must not pull strokes back to it
                 found, _ = relocate(
-                    found, None, opening, target, share=_MOVED, proposals=_PROPOSALS, generator=generator
+                    found, None, opening, guide, share=_MOVED, proposals=_PROPOSALS, generator=generator
                 )
             found, _ = optimize(
                 found, opening, iterations=self.effort.refining, notify=steps.begin(self.effort.refining)
@@ -258,7 +254,7 @@ class Planner:
             return self._scene(canvas, self.fine).render(plan.strokes.to(self.device)).cpu()
 
     def validation_loss(self, picture: Tensor) -> float:
-        """The distance of a picture [3, H, W] of the canvas to the goal, by the validation objective if there is one."""
+        """The distance of a picture [3, H, W] of the canvas to the goal, by the validation objective if any."""
         with torch.no_grad():
             aim = self._aims[self.fine]
             loss = (aim.validation or aim)(images.fit(picture.to(self.device), self.fine.rows, self.fine.columns))
