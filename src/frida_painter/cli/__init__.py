@@ -6,6 +6,7 @@ from typing import Any
 import typer
 from rich.console import Console
 
+from frida_painter.cli.goal_options import tell_left_out
 from frida_painter.errors import FridaError, PaintingPaused
 
 _PAUSED = 3
@@ -30,6 +31,7 @@ def build(command: str = "") -> typer.Typer:
     else:
         from frida_painter.cli.commands import register
     register(app)
+    tell_left_out()
     return app
 
 

@@ -43,23 +43,26 @@ def goal_options() -> list[inspect.Parameter]:
     return [*options, _parameter("goal", GoalFile), _parameter("clip", ClipSource)]
 
 
+def tell_left_out() -> None:
+    """Says on stderr which kinds of goals of other packages cannot be used, and why."""
+    for complaint in goal_kinds().complaints:
+        print(complaint, file=sys.stderr)
+
+
 def taking_goals(command: Callable[..., None]) -> Callable[..., None]:
     """The command whose `**goals` are the goal options: they stand behind its first parameter, and go to `goals`.
 
-    A kind of goal whose option the command has already can only be given in a file. That is said on stderr, and so is
-    which kinds could not be loaded.
+    A kind of goal whose option the command has already can only be given in a file, which is said on stderr.
     """
     own = list(inspect.signature(command, eval_str=True).parameters.values())[:-1]
     taken = {parameter.name for parameter in own}
     every = goal_options()
     options = [option for option in every if option.name not in taken]
-    complaints = [
-        f"--{option.name} is an option of {command.__name__} already; give that kind of goal in a file, with --goal."
-        for option in every
-        if option.name in taken
-    ]
-    for complaint in (*goal_kinds().complaints, *complaints):
-        print(complaint, file=sys.stderr)
+    for option in every:
+        if option.name in taken:
+            name = f"--{option.name}"
+            said = f"{name} is an option of {command.__name__} already; give that kind of goal in a file, with --goal."
+            print(said, file=sys.stderr)
     first, *rest = own
     parameters = [first, *options, *(one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in rest)]
 

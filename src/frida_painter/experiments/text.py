@@ -159,7 +159,7 @@ class _Bench:
     def paint(self, prompt: Prompt, seed: int, notify: Notify) -> Finding:
         """One prompt: its painting and its floors, with the judge's log probability of every class for each."""
         planner = self._planner(Goal((TextTerm(prompt.words),)), seed)
-        begun = next(term.image for term in planner.goal.initial if isinstance(term, ImageTerm))
+        begun = next(term.picture for term in planner.goal.initial if term.picture is not None)
         bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
         plan, photograph = self._session(planner, seed, prompt.words, notify)
         by_pixels = self._planner(Goal((ImageTerm(begun),)), seed)
