@@ -12,7 +12,12 @@ import torch
 
 from frida_painter.errors import WeightsError
 from frida_painter.experiments.targets import shipped
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, TextTerm
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.semantic import SemanticTerm
+from frida_painter.objectives.kinds.sketch import SketchTerm
+from frida_painter.objectives.kinds.style import StyleTerm
+from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.opening import limit_threads
 from measure import Table, arguments, broad_brush, canvas_like, cpu_seconds, photograph, publish

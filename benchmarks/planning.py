@@ -24,7 +24,8 @@ import torch
 from torch import Tensor
 
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.planning.initialize import Growth, progressive, uniform
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.planner import Effort, Planner

@@ -11,7 +11,8 @@ from functools import partial
 
 import torch
 
-from frida_painter.goal import Goal, ImageTerm
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.plan import Plan
 from frida_painter.planning.initialize import Growth
 from frida_painter.planning.planner import Effort, Planner

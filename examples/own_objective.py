@@ -1,9 +1,13 @@
-"""An objective of your own: one class for the term, one function that prepares it.
+"""A kind of goal of your own, in one file: a painting that is its own mirror image.
 
-Here a painting shall be a mirror image of itself, left to right, as well as it can while it comes
-near to a photograph:
+    python examples/own_objective.py mirrored.png                                     # nothing else is asked for
+    python examples/own_objective.py mirrored.png examples/photographs/cat.jpg        # a cat as well
 
-    python examples/own_objective.py examples/photographs/cat.jpg mirrored.png
+In a package of yours, these lines of its pyproject.toml are all that it takes for `frida-painter paint --mirror
+left-right`, for goal files, and for the page to know it:
+
+    [project.entry-points."frida_painter.objectives"]
+    mirror = "your_package.mirror:KIND"
 """
 
 import sys
@@ -11,39 +15,60 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import torch
-from frida_painter.config import PaintingSettings
 
 from frida_painter import images
-from frida_painter.goal import Goal, ImageTerm
-from frida_painter.objectives.base import ObjectiveContext, ObjectiveTerm, prepare_term
-from frida_painter.session.opening import limit_threads, open_planner
+from frida_painter.errors import ConfigError
+from frida_painter.goal import Goal, Term, require_weight
+from frida_painter.objectives.kind import Gives, GoalKind
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.objective import ObjectiveContext, ObjectiveTerm
+from frida_painter.planning.planner import Planner
+from frida_painter.session.opening import limit_threads
+
+AXES = {"left-right": 2, "top-bottom": 1}
 
 
 @dataclass(frozen=True)
-class MirrorTerm:
+class MirrorTerm(Term):
+    axis: str = "left-right"
     weight: float = 1.0
 
+    def __post_init__(self) -> None:
+        require_weight(self.weight, "a mirror")
+        if self.axis not in AXES:
+            raise ConfigError(f"A mirror {self.axis[:40]!r} was asked for; it is one of {', '.join(AXES)}.")
 
-@prepare_term.register
-def mirror(term: MirrorTerm, setting: ObjectiveContext) -> ObjectiveTerm:
-    # What can be computed once is computed here; the inner function is called at every step.
-    def judge(picture: torch.Tensor) -> torch.Tensor:
-        return (picture - picture.flip(2)).square().mean()
+    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
+        # What can be computed once is computed here; the inner function is called at every step.
+        axis = AXES[self.axis]
 
-    return ObjectiveTerm(judge)
+        def apart(picture: torch.Tensor) -> torch.Tensor:
+            return (picture - picture.flip(axis)).square().mean()
+
+        return ObjectiveTerm(apart)
 
 
-def main(photo: Path, out: Path, strokes: int = 100, effort: float = 0.3, mirroring: float = 0.5) -> float:
+KIND = GoalKind(
+    name="mirror",
+    gives=Gives.WORDS,
+    help="Let the painting be its own mirror image: left-right or top-bottom.",
+    label="Mirror image",
+    open=MirrorTerm,
+)
+
+
+def main(
+    out: Path, photo: Path | None = None, strokes: int = 100, effort: float = 0.3, mirroring: float = 0.5
+) -> float:
     limit_threads()
-    settings = PaintingSettings.of(strokes=strokes, effort=effort)
-    goal = Goal((ImageTerm(images.load(photo)), MirrorTerm(mirroring)))
-    planner = open_planner(settings, goal)
-    bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
-    picture = planner.expected(planner.plan(bare, strokes, settings.colors, lambda step: None), bare)
+    mirror = MirrorTerm(weight=mirroring)
+    goal = Goal((mirror,) if photo is None else (ImageTerm(images.load(photo)), mirror))
+    planner = Planner(goal, effort=effort)
+    picture = planner.expected(planner.plan(strokes=strokes))
     images.save(picture, out)
     return float((picture - picture.flip(2)).square().mean())
 
 
 if __name__ == "__main__":
-    apart = main(Path(sys.argv[1]), Path(sys.argv[2]))
+    apart = main(*map(Path, sys.argv[1:3]))
     print(f"The halves are {apart:.4f} apart (mean squared difference).")

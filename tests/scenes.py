@@ -8,8 +8,9 @@ from torch import Tensor
 from frida_painter import images
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal, ImageTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.base import prepare
+from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.palette import to_lab
 from frida_painter.planning.scene import Scene
 from frida_painter.strokes import Strokes

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from frida_painter.hardware.robot import Robot
     from frida_painter.images import load as load_picture
     from frida_painter.images import save as save_picture
-    from frida_painter.objectives.base import Objective
+    from frida_painter.objectives.objective import Objective
     from frida_painter.palette import Palette
     from frida_painter.plan import Plan
     from frida_painter.planning.planner import Planner

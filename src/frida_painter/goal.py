@@ -1,99 +1,107 @@
 """The goal: what a person wants to see on the canvas, as weighted terms."""
 
+from __future__ import annotations
+
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-import torch
-from torch import Tensor
-
-from frida_painter.drawing import broadened, cleaned, colored, ink
 from frida_painter.errors import ConfigError
 
-_FLAT = 0.01  # standard deviation under which a picture is of one colour
-_FEWEST = 2e-4  # of a drawing's pixels that are a line; fewer are a speck
-_BROAD = 1 / 40  # of a canvas's shorter side: about as fine as brushes paint
+if TYPE_CHECKING:  # kinds of goals are known, and asked for, where nothing is planned
+    import torch
+    from torch import Tensor
+
+    from frida_painter.objectives.objective import ObjectiveContext, ObjectiveTerm
 
 
-@dataclass(frozen=True)
-class ImageTerm:
-    """Paint this picture: `image` [3, H, W] in [0, 1], mattering by `weight` > 0. Raises ConfigError.
+class Term(ABC):
+    """One thing that is wanted, and how much it matters: `weight` > 0. Pictures are [3, H, W] in [0, 1].
 
-    importance [h, w]: how much each of its places matters, 1 in the mean; None: all the same.
+    Every kind of goal has its own, a frozen dataclass that says all of itself (objectives/kinds/). Terms of
+    different kinds know of each other only what the properties below say. Only `prepare` has to be written:
+    the rest says, if nothing else is said, that the term has neither picture nor words.
+
+    opening_order: a plan begins with the terms whose number is least; None: only where no term has a number.
+    interpretation_order: the terms' `interpret` are called by this number, the least first.
     """
 
-    image: Tensor
-    weight: float = 1.0
-    importance: Tensor | None = None
+    weight: float
+    opening_order: ClassVar[int | None] = None
+    interpretation_order: ClassVar[int] = 100
 
-    def __post_init__(self) -> None:
-        _require_weight(self.weight, "a picture")
-
-
-@dataclass(frozen=True)
-class StyleTerm:
-    """Paint in the style of this picture: `image` [3, H, W] in [0, 1], more than one colour. Raises ConfigError."""
-
-    image: Tensor
-    weight: float = 1.0
-
-    def __post_init__(self) -> None:
-        _require_weight(self.weight, "a style")
-        if not float(self.image.flatten(1).std(1).max()) >= _FLAT:
-            raise ConfigError("A style picture of a single colour was given, which has no style; give another picture.")
-
-
-@dataclass(frozen=True)
-class SemanticTerm:
-    """Paint what this picture shows rather than its pixels: `image` [3, H, W] in [0, 1]. Raises ConfigError."""
-
-    image: Tensor
-    weight: float = 1.0
-
-    def __post_init__(self) -> None:
-        _require_weight(self.weight, "a picture to be painted by its meaning")
-
-
-@dataclass(frozen=True)
-class SketchTerm:
-    """Paint along the lines of this drawing: `image` [3, H, W] in [0, 1], with at least one line. Raises ConfigError.
-
-    Dark lines on light paper, scanned or photographed, or chalk on a dark board. shown [3, h, w]: the
-    drawing on a photograph that is painted with it; None: on white paper.
-    """
-
-    image: Tensor
-    weight: float = 1.0
-    shown: Tensor | None = None
-
-    def __post_init__(self) -> None:
-        _require_weight(self.weight, "a sketch")
-        if not float(ink(cleaned(self.image)).float().mean()) >= _FEWEST:
-            raise ConfigError(
-                "A sketch without a single line was given; give a drawing of dark lines on light paper, or of chalk."
-            )
+    @abstractmethod
+    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
+        """The objective of this term. What can be computed once is computed here. Raises WeightsError."""
 
     @property
-    def drawing(self) -> Tensor:
-        """The lines on white paper, no finer than brushes paint, [3, H, W] in [0, 1]."""
-        return broadened(cleaned(self.image), _BROAD)
+    def picture(self) -> Tensor | None:
+        """The picture to paint: it says what is where, and in which colours."""
+        return None
 
+    @property
+    def is_pixelwise(self) -> bool:
+        """Whether the picture to paint is compared pixel by pixel: drawings beside it are drawn on it then."""
+        return False
 
-@dataclass(frozen=True)
-class TextTerm:
-    """Paint what these words say: `prompt`, one line of them. Raises ConfigError."""
+    @property
+    def drawing(self) -> Tensor | None:
+        """Dark lines on white paper that say what is where, and nothing of colours."""
+        return None
 
-    prompt: str
-    weight: float = 1.0
+    @property
+    def colors(self) -> Tensor | None:
+        """A picture that says which colours are wanted, and nothing of what is where."""
+        return None
 
-    def __post_init__(self) -> None:
-        _require_weight(self.weight, "words")
-        if not self.prompt.strip():
-            raise ConfigError("Words to paint were given that are empty; say what shall be painted.")
+    @property
+    def words(self) -> str | None:
+        """Words that say what is wanted."""
+        return None
 
+    @property
+    def guide(self) -> Tensor | None:
+        """The picture towards which strokes are placed where a plan begins with this term: the picture to paint."""
+        return self.picture
 
-Term = ImageTerm | StyleTerm | SemanticTerm | SketchTerm | TextTerm
+    @property
+    def importance(self) -> Tensor | None:
+        """How much each place of the guide matters, [h, w], 1 in the mean; None: all the same."""
+        return None
+
+    def begun(self, goal: Goal) -> Term:
+        """What a plan of that goal begins with where it begins with this term."""
+        return self
+
+    def with_picture(self, picture: Tensor) -> Term:
+        """The term with another picture to paint."""
+        return self
+
+    def on_picture(self, picture: Tensor) -> Term:
+        """The term, whose drawing was drawn on that picture."""
+        return self
+
+    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Term:
+        """The term with each picture that is to fill the canvas as it fills so many rows and columns.
+
+        pad: whether all of a picture of other proportions is shown, on white; else its middle is.
+        """
+        return self
+
+    def to(self, device: torch.device) -> Self:
+        """The term with its pictures on that device."""
+        from torch import Tensor
+
+        this: Any = self
+        pictures = {name: part.to(device) for name, part in vars(self).items() if isinstance(part, Tensor)}
+        return replace(this, **pictures) if pictures else this
+
+    @classmethod
+    def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
+        """The goal as it is pursued, where terms of this kind are in it and change what others ask for."""
+        return goal
 
 
 @dataclass(frozen=True)
@@ -115,42 +123,35 @@ class Goal:
         """The goal with its pictures on that device."""
         return replace(
             self,
-            terms=tuple(_moved(term, device) for term in self.terms),
-            initial=tuple(_moved(term, device) for term in self.initial),
+            terms=tuple(term.to(device) for term in self.terms),
+            initial=tuple(term.to(device) for term in self.initial),
+        )
+
+    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
+        """The goal with the pictures that are to fill the canvas as they fill so many rows and columns."""
+        return replace(
+            self,
+            terms=tuple(term.fitted(rows, columns, pad=pad) for term in self.terms),
+            initial=tuple(term.fitted(rows, columns, pad=pad) for term in self.initial),
         )
 
     @cached_property
     def opening(self) -> tuple[Term, ...]:
-        """What a plan begins with: the initial terms, or the pictures to paint, the sketches, or whatever there is.
+        """What a plan begins with: the initial terms, or those of least `opening_order`, or else all.
 
-        These are the goal's own terms, and the same tuple, where it has nothing but pictures.
+        These are the goal's own terms, and the same tuple, where it has nothing but pictures to come near to.
         """
-        if not self.initial and all(isinstance(term, ImageTerm) for term in self.terms):
+        if self.initial:
+            return tuple(term.begun(self) for term in self.initial)
+        orders = [term.opening_order for term in self.terms if term.opening_order is not None]
+        if not orders:
             return self.terms
-        pictures = tuple(term for term in self.terms if isinstance(term, ImageTerm))
-        meanings = tuple(ImageTerm(term.image, term.weight) for term in self.terms if isinstance(term, SemanticTerm))
-        styles = tuple(ImageTerm(term.image, term.weight) for term in self.terms if isinstance(term, StyleTerm))
-        begun = tuple(
-            ImageTerm(term.image, term.weight) if isinstance(term, StyleTerm) else term for term in self.initial
-        )
-        return begun or pictures or self._sketched() or meanings or styles or self.terms
-
-    def _sketched(self) -> tuple[ImageTerm, ...]:
-        """The sketches as pictures: filled with the colours of the first style, where there is one."""
-        style = next((term for term in self.terms if isinstance(term, StyleTerm)), None)
-        sketches = [term for term in self.terms if isinstance(term, SketchTerm)]
-        return tuple(
-            ImageTerm(term.drawing if style is None else colored(term.drawing, style.image), term.weight)
-            for term in sketches
-        )
+        begun = tuple(term.begun(self) for term in self.terms if term.opening_order == min(orders))
+        same = len(begun) == len(self.terms) and all(map(lambda one, other: one is other, begun, self.terms))
+        return self.terms if same else begun
 
 
-def _moved(term: Term, device: torch.device) -> Term:
-    """A term, of these or of one's own kind, with its pictures on that device."""
-    pictures: dict[str, Any] = {name: part.to(device) for name, part in vars(term).items() if isinstance(part, Tensor)}
-    return replace(term, **pictures) if pictures else term
-
-
-def _require_weight(weight: float, what: str) -> None:
+def require_weight(weight: float, what: str) -> None:
+    """Raises ConfigError unless the weight, which was given to `what`, is above 0 and finite."""
     if not 0 < weight < math.inf:
         raise ConfigError(f"A weight of {weight} was given to {what}; weights are above 0 and finite.")

@@ -1,4 +1,5 @@
-"""What can be put in by other packages, found through entry points: robots, easels, cameras and stroke models.
+"""What can be put in by other packages, found through entry points: robots, easels, cameras, stroke
+models and kinds of goals.
 
 A package registers a part with one line of its own pyproject.toml, under the name by which a person asks for it:
 
@@ -23,6 +24,7 @@ ROBOTS = "frida_painter.robots"
 EASELS = "frida_painter.easels"
 CAMERAS = "frida_painter.cameras"
 STROKE_MODELS = "frida_painter.stroke_models"
+OBJECTIVES = "frida_painter.objectives"
 
 OURS = "frida-painter"
 OUR_PARTS: Mapping[str, Mapping[str, str]] = {
@@ -48,6 +50,13 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
         "fine": "frida_painter.brush.weights:FINE_MODEL",
         "medium": "frida_painter.brush.weights:MEDIUM_MODEL",
         "broad": "frida_painter.brush.weights:BROAD_MODEL",
+    },
+    OBJECTIVES: {
+        "image": "frida_painter.objectives.kinds.image:KIND",
+        "semantic": "frida_painter.objectives.kinds.semantic:KIND",
+        "sketch": "frida_painter.objectives.kinds.sketch:KIND",
+        "text": "frida_painter.objectives.kinds.text:KIND",
+        "style": "frida_painter.objectives.kinds.style:KIND",
     },
 }
 """What ships with the project: "module:object" by group and name, as pyproject.toml registers it."""

@@ -10,7 +10,8 @@ from frida_painter import cli
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.runs.calibrating import default_record
 from frida_painter.runs.opening import open_planner
 from frida_painter.runs.spec import RunSpec

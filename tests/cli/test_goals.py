@@ -10,8 +10,12 @@ from PIL import Image
 
 from frida_painter import cli, images
 from frida_painter.errors import ConfigError, FridaError, WeightsError
-from frida_painter.goal import ImageTerm, SemanticTerm, SketchTerm, StyleTerm, TextTerm
 from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.semantic import SemanticTerm
+from frida_painter.objectives.kinds.sketch import SketchTerm
+from frida_painter.objectives.kinds.style import StyleTerm
+from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.runs.goals import read_goal
 from networks import QuickEncoders
 from scenes import picture

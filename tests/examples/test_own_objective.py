@@ -1,17 +1,79 @@
 """The example that readers are told to start from works as it stands."""
 
 import runpy
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
+import torch
+
+from frida_painter import cli
+from frida_painter.errors import ConfigError
+from frida_painter.objectives import registry
+from frida_painter.objectives.kind import GoalKind
+from frida_painter.planning.planner import Effort, Planner
+from frida_painter.runs.goals import GoalItem, read_goal
+from marks import coarse_table
+from scenes import CANVAS, small_table
 
 ROOT = Path(__file__).parents[2]
+EXAMPLE = runpy.run_path(str(ROOT / "examples" / "own_objective.py"))
+
+
+class FromExample(EntryPoint):
+    def load(self) -> GoalKind:
+        kind: GoalKind = EXAMPLE["KIND"]
+        return kind
+
+
+@pytest.fixture
+def mirror(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The example's kind of goal, as if a package that brings it were installed."""
+    point = FromExample("mirror", "example:KIND", registry.GROUP)
+    monkeypatch.setattr(registry, "entry_points", lambda group: (point,) if group == registry.GROUP else ())
+    registry.goal_kinds.cache_clear()
+    yield
+    monkeypatch.undo()
+    registry.goal_kinds.cache_clear()
 
 
 @pytest.mark.slow
 def test_an_objective_of_ones_own_shapes_the_painting(tmp_path: Path) -> None:
-    example = runpy.run_path(str(ROOT / "examples" / "own_objective.py"))
     photo = ROOT / "examples" / "photographs" / "cat.jpg"
-    plain, mirrored = (example["main"](photo, tmp_path / "out.png", 20, 0.1, weight) for weight in (0.001, 1.0))
+    plain, mirrored = (EXAMPLE["main"](tmp_path / "out.png", photo, 20, 0.1, weight) for weight in (0.001, 1.0))
     assert (tmp_path / "out.png").exists()
     assert mirrored < 0.8 * plain
+
+
+def test_it_is_planned_for_alone_from_a_goal_file(mirror: None, tmp_path: Path) -> None:
+    path = tmp_path / "goal.toml"
+    path.write_text('[[goal]]\nmirror = "left-right"\nweight = 2\n')
+    wanted = read_goal(None, {"goal": path})
+    assert wanted.wishes == (GoalItem("mirror", "left-right", 2.0),) and wanted.picture is None
+    assert wanted.facts == (("Mirror image", "“Left-right” (weight 2)"),)
+    by = Planner(wanted.goal, CANVAS, small_table(), rows=64, effort=Effort().scaled(0.1), seed=0)
+    bare = torch.ones(3, 64, 85)
+    bare[:, :, :40] = 0.4
+    plan = by.plan(bare, 12, 3, lambda step: None)
+    assert len(plan) == 12
+    assert by.validation_loss(by.expected(plan, bare)) < 0.8 * by.validation_loss(bare)
+    rest, half = plan.part(slice(6, None)), by.expected(plan.part(slice(6)), bare)
+    again = by.replan(rest, half, lambda step: None)
+    assert len(again) == 6
+    assert by.validation_loss(by.expected(again, half)) <= by.validation_loss(by.expected(rest, half))
+    with pytest.raises(ConfigError, match=r"--mirror diagonal: .*one of left-right, top-bottom"):
+        read_goal(None, {"mirror": ["diagonal"]})
+
+
+def test_the_command_line_paints_it(
+    mirror: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("frida_painter.session.opening.cached_table", coarse_table)
+    words = ["plan", "--mirror", "top-bottom", "--mirror-weight", "0.5", "--strokes", "5", "--colors", "2"]
+    words += ["--effort", "0.05", "--render-height", "64", "--out", str(tmp_path / "out")]
+    monkeypatch.setattr("sys.argv", ["frida-painter", *words])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert not end.value.code, capsys.readouterr().err
+    assert (tmp_path / "out" / "plan.json").exists() and (tmp_path / "out" / "plan.png").exists()

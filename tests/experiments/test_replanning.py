@@ -2,6 +2,7 @@ import pytest
 
 from frida_painter.experiments import replanning
 from frida_painter.experiments.replanning import BLIND, LOOKING
+from frida_painter.experiments.scale import PlanningScale
 from frida_painter.experiments.targets import shipped
 from frida_painter.frames import CanvasSize
 from marks import coarse_table

@@ -1,7 +1,10 @@
 import torch
 
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.attention import attended, importance
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.semantic import SemanticTerm
+from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.objectives.replication import spread
 from networks import NoEncoderRegistry, QuickEncoders, QuickHed
 from scenes import picture

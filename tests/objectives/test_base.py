@@ -3,8 +3,9 @@ import torch
 
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.base import prepare
+from frida_painter.objectives.kinds.image import ImageTerm
 from scenes import CANVAS
 
 GRID = PixelGrid.of_height(CANVAS, 24)

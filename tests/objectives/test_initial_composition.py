@@ -4,9 +4,13 @@ import pytest
 import torch
 
 from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal, ImageTerm, SketchTerm, StyleTerm, TextTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.grounds import ground_of
 from frida_painter.objectives.initial_composition import initial_composition
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.sketch import SketchTerm
+from frida_painter.objectives.kinds.style import StyleTerm
+from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.objectives.pictograms import Pictograms
 from networks import NoEncoderRegistry, QuickEncoders, WordBag, write_pictograms
 from scenes import CANVAS, picture

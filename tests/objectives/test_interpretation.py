@@ -1,8 +1,13 @@
 import torch
 
 from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, TextTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.interpretation import interpreted
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.semantic import SemanticTerm
+from frida_painter.objectives.kinds.sketch import SketchTerm
+from frida_painter.objectives.kinds.style import StyleTerm
+from frida_painter.objectives.kinds.text import TextTerm
 from networks import QuickEncoders
 from scenes import picture
 

@@ -2,8 +2,11 @@ import torch
 
 from frida_painter import images
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm, SketchTerm, TextTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.base import prepare
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.sketch import SketchTerm
+from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.objectives.overlay import drawn_on, overlaid
 from networks import QuickEncoders
 from scenes import CANVAS, picture

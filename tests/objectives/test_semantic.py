@@ -40,7 +40,7 @@ def test_the_picture_itself_is_perfect_in_every_view(trunk: Vgg16 | None) -> Non
     objective = semantic(trunk=trunk)
     with torch.no_grad():
         assert all(float(objective(picture())) < 1e-6 for _ in range(8))
-        assert float(objective.judge(picture())) < 1e-6
+        assert float(objective.validation(picture())) < 1e-6
         assert float(objective(1 - picture())) > 1e-3
 
 
@@ -51,7 +51,7 @@ def test_views_change_from_call_to_call_and_the_judge_stays() -> None:
         values = [float(one(other)) for _ in range(4)]
         assert values == [float(same(other)) for _ in range(4)]
         assert len(set(values)) > 1
-        assert float(one.judge(other)) == float(one.judge(other))
+        assert float(one.validation(other)) == float(one.validation(other))
 
 
 def test_paint_that_is_stronger_all_over_means_the_same() -> None:
@@ -59,11 +59,11 @@ def test_paint_that_is_stronger_all_over_means_the_same() -> None:
     seer = ScaledSeer()
     image, other = picture(), (0.5 * picture())
     with torch.no_grad():
-        assert float(Semantic(image, seer, 0).judge(other)) < 1e-6
+        assert float(Semantic(image, seer, 0).validation(other)) < 1e-6
         held = Semantic(image, seer, 0, QuickVgg())
-        assert float(held.judge(other)) > 0.05
+        assert float(held.validation(other)) > 0.05
         grain = 0.02 * torch.randn(image.shape, generator=torch.Generator().manual_seed(0))
-        assert float(held.judge(image + grain)) < 0.1 * float(held.judge(image + 0.1))
+        assert float(held.validation(image + grain)) < 0.1 * float(held.validation(image + 0.1))
 
 
 class ScaledSeer:

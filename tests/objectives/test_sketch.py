@@ -2,8 +2,9 @@ import pytest
 import torch
 
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, SketchTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.base import prepare
+from frida_painter.objectives.kinds.sketch import SketchTerm
 from frida_painter.objectives.sketch import Sketch
 from networks import QuickEncoders, QuickHed
 from scenes import CANVAS
@@ -56,6 +57,6 @@ def test_a_sketch_in_a_goal_is_judged_the_same_way_every_time() -> None:
     grid = PixelGrid.of_height(CANVAS, 48)
     aim = prepare(Goal((SketchTerm(drawing()),)), grid, QuickEncoders(), seed=1)
     picture = torch.rand(3, grid.rows, grid.columns, generator=torch.Generator().manual_seed(0))
-    assert aim.judge is not None
+    assert aim.validation is not None
     with torch.no_grad():
-        assert float(aim.judge(picture)) == float(aim.judge(picture)) > 0
+        assert float(aim.validation(picture)) == float(aim.validation(picture)) > 0

@@ -2,7 +2,11 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm, TextTerm
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.semantic import SemanticTerm
+from frida_painter.objectives.kinds.style import StyleTerm
+from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.objectives.style_colors import in_style_colors
 from frida_painter.palette import from_lab, to_lab
 

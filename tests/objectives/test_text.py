@@ -1,8 +1,9 @@
 import torch
 
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, TextTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.base import prepare
+from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.objectives.text import Text, distance_to
 from networks import QuickEncoders, random_reader
 from scenes import CANVAS
@@ -34,7 +35,7 @@ def test_distance_is_the_cosine_distance_of_the_meanings() -> None:
 
 def test_the_nearer_to_the_words_the_less() -> None:
     red = Text("red", [Toy()], seed=0)
-    assert float(red.judge(flat(0.9, 0.1, 0.1))) < float(red.judge(flat(0.5, 0.5, 0.5)))
+    assert float(red.validation(flat(0.9, 0.1, 0.1))) < float(red.validation(flat(0.5, 0.5, 0.5)))
     assert float(red(flat(0.9, 0.1, 0.1))) < float(red(flat(0.1, 0.1, 0.9)))
 
 
@@ -43,7 +44,7 @@ def test_views_come_from_the_seed_and_the_judge_is_steady() -> None:
     one, two, other = (Text("red", [Toy()], seed=seed) for seed in (3, 3, 4))
     assert [float(one(picture)) for _ in range(3)] == [float(two(picture)) for _ in range(3)]
     assert float(one(picture)) != float(other(picture))
-    assert float(one.judge(picture)) == float(one.judge(picture))
+    assert float(one.validation(picture)) == float(one.validation(picture))
 
 
 def test_readers_take_turns() -> None:
@@ -86,4 +87,4 @@ def test_what_is_seen_is_square_and_not_squeezed() -> None:
     disc = ((x.square() + y.square()).sqrt() > 20).float().expand(3, -1, -1)
     words = Text("red", [Circle()], seed=0)
     words._views[0]._maps = torch.eye(3).expand(24, 3, 3)
-    words.judge(disc)
+    words.validation(disc)

@@ -6,12 +6,17 @@ import pytest
 import torch
 
 from elsewhere import elsewhere
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, TextTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.base import ObjectiveTerm, WeightedObjective
 from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.clip_resnet import ClipResNet
 from frida_painter.objectives.encoders.hed import Hed
 from frida_painter.objectives.encoders.vgg import Vgg16
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.semantic import SemanticTerm
+from frida_painter.objectives.kinds.sketch import SketchTerm
+from frida_painter.objectives.kinds.style import StyleTerm
+from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.objectives.text import distance_to
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
@@ -58,7 +63,7 @@ def everything(by: Planner) -> tuple[Plan, Plan, Plan, torch.Tensor, float, Plac
     forbidden[40:, 60:] = True
     by.region = Region(forbidden)
     again = by.towards(Goal((ImageTerm(1 - picture()),))).replan(plan.part(slice(4, 8)), after, unheard)
-    return plan, bound, again, by.expected(plan, BARE), by.judge(after), known
+    return plan, bound, again, by.expected(plan, BARE), by.validation_loss(after), known
 
 
 def alike(one: Plan, other: Plan) -> None:

@@ -132,7 +132,9 @@ def test_where_there_is_a_judge_it_says_which_strokes_were_best() -> None:
     start = some_strokes(10)
     before = SCENE.render(start)
     eager = replace(SCENE, objective=lambda picture: picture.mean())
-    found, _ = optimize(start, replace(eager, judge=lambda picture: (picture - before).square().mean()), iterations=20)
+    found, _ = optimize(
+        start, replace(eager, validation=lambda picture: (picture - before).square().mean()), iterations=20
+    )
     torch.testing.assert_close(SCENE.render(found), before)
     unjudged, _ = optimize(start, eager, iterations=20)
     assert float(SCENE.render(unjudged).mean()) < float(before.mean())

@@ -6,7 +6,10 @@ import torch
 
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.semantic import SemanticTerm
+from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.palette import Palette, to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step, optimize
@@ -30,7 +33,7 @@ def planned(count: int = 24, colors: int = 4, seed: int = 0, effort: Effort = QU
 def test_a_plan_comes_near_its_goal_under_everything_that_it_was_asked_to_keep() -> None:
     plan = planned()
     by = planner()
-    assert by.judge(by.expected(plan, BARE)) < 0.4 * by.judge(BARE)
+    assert by.validation_loss(by.expected(plan, BARE)) < 0.4 * by.validation_loss(BARE)
     assert len(plan) == 24 and len(plan.palette) == 4
     assert torch.equal(plan.strokes.color, plan.palette.color[plan.paint])
     assert bool((plan.paint.diff() >= 0).all()), "from the lightest paint to the darkest"
@@ -80,7 +83,7 @@ def test_planning_again_keeps_the_palette_and_the_count_and_helps() -> None:
     assert len(again) == 12 and torch.equal(again.palette.color, plan.palette.color)
     assert torch.equal(again.strokes.color, plan.palette.color[again.paint])
     assert bool((again.paint.diff() >= 0).all())
-    assert by.judge(by.expected(again, canvas)) < 0.98 * by.judge(by.expected(rest, canvas))
+    assert by.validation_loss(by.expected(again, canvas)) < 0.98 * by.validation_loss(by.expected(rest, canvas))
     again.strokes.check(plan.limits, CANVAS)
 
 
@@ -97,14 +100,14 @@ def test_a_plan_is_bound_to_what_was_really_mixed_and_polished() -> None:
     blind = Plan.of(
         plan.strokes, mixed, mixed.nearest(plan.strokes.color), canvas=CANVAS, brush=plan.brush, limits=plan.limits
     )
-    assert by.judge(by.expected(bound, BARE)) < by.judge(by.expected(blind, BARE))
+    assert by.validation_loss(by.expected(bound, BARE)) < by.validation_loss(by.expected(blind, BARE))
 
 
 def test_planning_again_is_never_worse_and_takes_photographs_of_any_size() -> None:
     by, plan = planner(), planned(12)
     photograph = torch.rand(3, 200, 266, generator=torch.Generator().manual_seed(0))
     again = by.replan(plan, photograph, lambda step: None)
-    assert by.judge(by.expected(again, photograph)) <= by.judge(by.expected(plan, photograph))
+    assert by.validation_loss(by.expected(again, photograph)) <= by.validation_loss(by.expected(plan, photograph))
     assert len(by.replan(plan.part(slice(0, 0)), photograph, lambda step: None)) == 0
 
 
@@ -166,7 +169,7 @@ def test_a_style_changes_the_plan_and_is_come_nearer_to() -> None:
     by = Planner(wanted, CANVAS, small_table(), rows=64, effort=effort, seed=0, encoders=QuickEncoders())
     plain = planned(16, 4, effort=effort)
     styled = by.plan(BARE, 16, 4, lambda step: None)
-    assert by.judge(by.expected(styled, BARE)) < by.judge(by.expected(plain, BARE))
+    assert by.validation_loss(by.expected(styled, BARE)) < by.validation_loss(by.expected(plain, BARE))
     again = by.replan(styled.part(slice(8, None)), by.expected(styled.part(slice(8)), BARE), lambda step: None)
     assert len(again) == 8
 
@@ -181,10 +184,10 @@ def test_meaning_is_come_nearer_to_and_planning_again_never_leads_away() -> None
     by = meaning(picture(120, 160))
     plan = by.plan(BARE, 12, 3, lambda step: None)
     assert plan.digest == meaning(picture(120, 160)).plan(BARE, 12, 3, lambda step: None).digest
-    assert by.judge(by.expected(plan, BARE)) < 0.6 * by.judge(BARE)
+    assert by.validation_loss(by.expected(plan, BARE)) < 0.6 * by.validation_loss(BARE)
     rest, half = plan.part(slice(6, None)), by.expected(plan.part(slice(6)), BARE)
     again = by.replan(rest, half, lambda step: None)
-    assert by.judge(by.expected(again, half)) <= by.judge(by.expected(rest, half))
+    assert by.validation_loss(by.expected(again, half)) <= by.validation_loss(by.expected(rest, half))
 
 
 @pytest.mark.parametrize(
@@ -215,7 +218,7 @@ def test_f28_without_memory_enough_it_is_planned_again_with_less_and_else_the_pl
     again = by.replan(plan, photograph, lambda step: None)
     assert sizes == [by.coarse.rows, by.fine.rows, by.coarse.rows, by.coarse.rows]
     assert again is not plan
-    assert by.judge(by.expected(again, photograph)) < by.judge(by.expected(plan, photograph))
+    assert by.validation_loss(by.expected(again, photograph)) < by.validation_loss(by.expected(plan, photograph))
     starving(0)
     assert by.replan(plan, photograph, lambda step: None) is plan
 

@@ -7,7 +7,9 @@ import torch
 
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm, StyleTerm
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.runs.spec import RunSpec
 from marks import coarse_table

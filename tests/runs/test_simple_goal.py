@@ -5,7 +5,11 @@ import torch
 
 from frida_painter import images
 from frida_painter.errors import ConfigError, ImageError
-from frida_painter.goal import ImageTerm, SemanticTerm, SketchTerm, StyleTerm, TextTerm
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.semantic import SemanticTerm
+from frida_painter.objectives.kinds.sketch import SketchTerm
+from frida_painter.objectives.kinds.style import StyleTerm
+from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.runs.simple_goal import make_goal
 from scenes import picture
 

@@ -13,7 +13,8 @@ from frida_painter.brush.table import StrokeTable
 from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
@@ -115,4 +116,4 @@ def test_a_painting_from_end_to_end_shows_what_was_wanted_and_survives_faults() 
     assert painting.rest is not None and len(painting.rest) == 0
     bare = float((1 - images.fit(coffee(), planner.fine.rows, planner.fine.columns)).square().mean())
     assert error(studio, planner) < 0.25 * bare
-    assert planner.judge(painting.photograph) == pytest.approx(error(studio, planner), rel=0.15)
+    assert planner.validation_loss(painting.photograph) == pytest.approx(error(studio, planner), rel=0.15)

@@ -46,7 +46,7 @@ class Undisturbed:
 def undisturbed(world: World, tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
     folder = tmp_path_factory.mktemp("undisturbed") / "painting"
     truth = world.paint(folder).truth(180)
-    return Undisturbed(Plan.load(folder), truth, world.planner.judge(truth))
+    return Undisturbed(Plan.load(folder), truth, world.planner.validation_loss(truth))
 
 
 def strokes_of(folder: Path) -> list[int]:
@@ -180,7 +180,7 @@ def test_without_the_stroke_in_doubt_the_rest_is_planned_otherwise_and_comes_as_
     world: World, undisturbed: Undisturbed, moments: Path, tmp_path: Path, stroke: int
 ) -> None:
     shutil.copytree(moments / f"began stroke {stroke}", tmp_path / "it")
-    assert world.planner.judge(resumed(world, tmp_path / "it")) < 1.35 * undisturbed.loss
+    assert world.planner.validation_loss(resumed(world, tmp_path / "it")) < 1.35 * undisturbed.loss
 
 
 def test_killed_twice_it_is_still_the_same_painting(world: World, undisturbed: Undisturbed, tmp_path: Path) -> None:
@@ -196,7 +196,7 @@ def test_killed_while_planning_nothing_is_lost_but_the_planning(
 ) -> None:
     before = killed(world, tmp_path, lambda record: record["kind"] == "looked")
     assert before.plannings == [] and before.painted == 0
-    assert world.planner.judge(resumed(world, tmp_path)) < 1.35 * undisturbed.loss, "another plan, as good"
+    assert world.planner.validation_loss(resumed(world, tmp_path)) < 1.35 * undisturbed.loss, "another plan, as good"
 
 
 def test_killed_before_a_new_plan_was_written_the_old_one_holds(
@@ -228,7 +228,7 @@ def test_without_the_photograph_of_its_batch_a_painting_goes_on_as_well(
     killed(world, tmp_path, ended(6))
     for photograph in (tmp_path / "photographs").iterdir():
         photograph.write_bytes(photograph.read_bytes()[:1000])
-    assert world.planner.judge(resumed(world, tmp_path)) < 1.35 * undisturbed.loss
+    assert world.planner.validation_loss(resumed(world, tmp_path)) < 1.35 * undisturbed.loss
 
 
 def test_f33_another_plan_is_noticed(world: World, undisturbed: Undisturbed, tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Effort, Planner

@@ -1,45 +1,18 @@
-"""How goals are given on the command line."""
+"""How goals are given on the command line: an option for each kind of goal that there is."""
 
-from inspect import Parameter
+import inspect
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from frida_painter.cli.numbers import number
+from frida_painter.objectives.kind import Gives, GoalKind
+from frida_painter.objectives.registry import goal_kinds
 
-_Files = list[Path] | None
-_Words = list[str] | None
-_Weights = list[float] | None
 _PANEL = "What to paint"
 
-
-def _file(text: str) -> Any:
-    return typer.Option(metavar="FILE", help=f"{text} May be repeated.", rich_help_panel=_PANEL)
-
-
-def _words(text: str) -> Any:
-    return typer.Option(metavar="WORDS", help=f"{text} May be repeated.", rich_help_panel=_PANEL)
-
-
-def _weight(kind: str) -> Any:
-    text = f"How much each --{kind} matters, in their order. [dim]1[/]"
-    return typer.Option(parser=number, metavar="X", help=text, rich_help_panel=_PANEL)
-
-
-Text = Annotated[_Words, _words('What to paint, in words, such as "a sailing ship".')]
-TextWeight = Annotated[_Weights, _weight("text")]
-Image = Annotated[_Files, _file("A further picture to come near to, pixel by pixel.")]
-ImageWeight = Annotated[_Weights, _weight("image")]
-Style = Annotated[_Files, _file("A picture whose colours, textures and marks the painting shall have.")]
-StyleWeight = Annotated[_Weights, _weight("style")]
-Semantic = Annotated[_Files, _file("A picture to paint by what it shows, rather than pixel by pixel.")]
-SemanticWeight = Annotated[_Weights, _weight("semantic")]
-Sketch = Annotated[_Files, _file("A drawing whose lines the painting shall follow: lines on paper, or on nothing.")]
-SketchWeight = Annotated[_Weights, _weight("sketch")]
-InitImage = Annotated[_Files, _file("A picture to begin with, whose composition shall stay.")]
-InitStyle = Annotated[_Files, _file("A style picture to begin with: its composition is kept as well.")]
-InitText = Annotated[_Words, _words("Words to begin with, whose composition shall stay.")]
 GoalFile = Annotated[
     Path | None,
     typer.Option("--goal", metavar="FILE", help="A TOML file with goals and weights.", rich_help_panel=_PANEL),
@@ -56,26 +29,41 @@ ClipSource = Annotated[
 ]
 
 
-def parameters() -> list[Parameter]:
-    """The options of all kinds of goals, in the order in which help shows them."""
-    options = {
-        "image": Image,
-        "image_weight": ImageWeight,
-        "semantic": Semantic,
-        "semantic_weight": SemanticWeight,
-        "sketch": Sketch,
-        "sketch_weight": SketchWeight,
-        "text": Text,
-        "text_weight": TextWeight,
-        "style": Style,
-        "style_weight": StyleWeight,
-        "init_text": InitText,
-        "init_image": InitImage,
-        "init_style": InitStyle,
-        "goal": GoalFile,
-        "clip": ClipSource,
-    }
+def goal_options() -> list[inspect.Parameter]:
+    """The options by which a command takes goals, as keyword parameters for Typer, in the order of its help.
+
+    For every kind NAME its values and weights, NAME and NAME_weight; what is begun with, init_NAME; then goal, a
+    file, and clip. `runs.goals.read_goal` reads what they were given.
+    """
+    kinds = list(goal_kinds().by_name.values())
+    options = [parameter for kind in kinds for parameter in _options(kind)]
+    options += [_repeated(f"init_{kind.name}", kind, kind.initial_help) for kind in kinds if kind.initial_help]
+    return [*options, _parameter("goal", GoalFile), _parameter("clip", ClipSource)]
+
+
+def tell_left_out() -> None:
+    """Says on stderr which kinds of goals of other packages cannot be used, and why."""
+    for complaint in goal_kinds().complaints:
+        print(complaint, file=sys.stderr)
+
+
+def _options(kind: GoalKind) -> list[inspect.Parameter]:
+    """The option of a kind's values, and that of their weights."""
+    text = f"How much each {kind.option} matters, in their order. [dim]1[/]"
+    weight = typer.Option(parser=number, metavar="X", help=text, rich_help_panel=_PANEL)
     return [
-        Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
-        for name, annotation in options.items()
+        _repeated(kind.name, kind, kind.help),
+        _parameter(f"{kind.name}_weight", Annotated[list[float] | None, weight]),
     ]
+
+
+def _repeated(name: str, kind: GoalKind, text: str) -> inspect.Parameter:
+    """An option that may be given more than once."""
+    option = typer.Option(metavar=kind.gives.value, help=f"{text} May be repeated.", rich_help_panel=_PANEL)
+    if kind.gives is Gives.WORDS:
+        return _parameter(name, Annotated[list[str] | None, option])
+    return _parameter(name, Annotated[list[Path] | None, option])
+
+
+def _parameter(name: str, annotation: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from frida_painter.cli.goal_options import tell_left_out
 from frida_painter.cli.numbers import whole_number
 from frida_painter.cli.run_options import painting_options, planning_options, spec_of, taking
 from frida_painter.cli.wells import AskOption, FilledOption
@@ -18,7 +19,8 @@ PlanFile = Annotated[
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the commands."""
+    """Adds the commands; says which kinds of goals of other packages cannot be used."""
+    tell_left_out()
     app.command("paint")(paint)
     app.command("plan")(plan)
     app.command("render")(render)

@@ -62,7 +62,7 @@ def planning_options() -> list[Parameter]:
     """What a plan can be asked for."""
     return [
         _keyword("photo", Photo),
-        *goal_options.parameters(),
+        *_goal_options(),
         *(_keyword(name, _option(RunSpec.model_fields[name])) for name in _PLAN),
         _keyword("palette", PaletteOption),
         _keyword("settings", SettingsFile),
@@ -109,6 +109,12 @@ def spec_of(given: Mapping[str, Any]) -> RunSpec:
     if goal or given["settings"] is None:
         said |= {"goal": goal, "initial": initial}
     return RunSpec.from_toml(given["settings"], **said) if given["settings"] else RunSpec.of(**said)
+
+
+def _goal_options() -> list[Parameter]:
+    """The options of all kinds of goals; one that is called as another option can only be given in a file."""
+    taken = {*RunSpec.model_fields, "photo", "settings", "out", "ask", "yes"} - {"goal", "initial", "clip"}
+    return [option for option in goal_options.goal_options() if option.name not in taken]
 
 
 def _keyword(name: str, annotation: Any, default: Any = None) -> Parameter:

@@ -21,9 +21,11 @@ from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.experiments.text import PROMPTS, Prompt, log_probabilities, rank_of
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, StyleTerm, TextTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.kinds.style import StyleTerm
+from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.report.figure_sheet import Cell, FigureRow, page
 
 NAME = "composition"

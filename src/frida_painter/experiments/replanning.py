@@ -21,7 +21,8 @@ from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultT
 from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
@@ -156,7 +157,7 @@ def _paint(planner: Planner, seed: int, scale: PlanningScale, words: str, notify
     painting = session.run(scale.strokes, scale.colors)
     first = expected[0]
     points = tuple(
-        _Point(done, float((picture - first).square().mean()), planner.judge(picture))
+        _Point(done, float((picture - first).square().mean()), planner.validation_loss(picture))
         for done, picture in sorted(expected.items())
     )
     return _Course(points, first, images.fit(painting.photograph, fit.rows, fit.columns))

@@ -28,7 +28,8 @@ from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultT
 from frida_painter.experiments.scale import CANVAS, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal, ImageTerm
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step

@@ -20,10 +20,12 @@ from frida_painter.experiments.result_cache import Measurement
 from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.semantic import SemanticTerm
 from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.session.opening import planning_device
 

@@ -28,7 +28,8 @@ from frida_painter.experiments.soft_planner import SoftEffort
 from frida_painter.experiments.soft_strokes import Freedom
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal, ImageTerm
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.report.figure_sheet import Cell, FigureRow, page

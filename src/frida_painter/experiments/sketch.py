@@ -21,8 +21,11 @@ from frida_painter.experiments.result_cache import Measurement
 from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm, SketchTerm, TextTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.sketch import SketchTerm
+from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.session.opening import planning_device
 

@@ -21,11 +21,13 @@ from frida_painter.experiments.result_cache import Measurement
 from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
 from frida_painter.experiments.targets import Target
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm, StyleTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.encoders.vgg import Vgg16
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.objectives.style import LAYERS as SEEN
 from frida_painter.objectives.transport import cosine_cost, euclidean_cost, relaxed_emd
 from frida_painter.report.figure_sheet import Cell, FigureRow, page

@@ -24,11 +24,13 @@ from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultT
 from frida_painter.experiments.result_cache import Measurement, ResultCache
 from frida_painter.experiments.scale import CANVAS, PlanningScale
 from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal, ImageTerm, TextTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.class_names import class_names
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.planning.initialize import uniform
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.render import render
@@ -143,7 +145,7 @@ class _Bench:
     def paint(self, prompt: Prompt, seed: int, notify: Notify) -> Measurement:
         """One prompt: its painting and its floors, with the judge's log probability of every class for each."""
         planner = self._planner(Goal((TextTerm(prompt.words),)), seed)
-        begun = next(term.image for term in planner.goal.initial if isinstance(term, ImageTerm))
+        begun = next(term.picture for term in planner.goal.initial if term.picture is not None)
         bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
         plan, photograph = self._session(planner, seed, prompt.words, notify)
         by_pixels = self._planner(Goal((ImageTerm(begun),)), seed)

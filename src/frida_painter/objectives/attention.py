@@ -7,10 +7,11 @@ from torch import Tensor
 from torch.nn import functional
 
 from frida_painter import images
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.hed import Hed
 from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.kinds.image import ImageTerm
 
 _ROWS = 112  # of the picture that is looked at
 _AROUND = 9  # pixels of it over which an edge matters
@@ -25,12 +26,12 @@ def attended(goal: Goal, encoders: EncoderRegistry) -> Goal:
     A goal that begins with anything else stays as it is. Raises WeightsError where a network is missing.
     """
     begins = goal.opening
-    meant = [term.image for term in goal.terms if isinstance(term, SemanticTerm)]
-    if goal.initial or not meant or not any(term.image is meant[0] for term in begins if isinstance(term, ImageTerm)):
+    meant = [term.picture for term in goal.terms if term.picture is not None and not term.is_pixelwise]
+    if goal.initial or not meant or not any(term.picture is meant[0] for term in begins):
         return goal
     seer, hed = encoders.meaning(), encoders.edges_if_any()
     initial = tuple(
-        replace(term, importance=importance(term.image, seer, hed)) if isinstance(term, ImageTerm) else term
+        term if term.picture is None else ImageTerm(term.picture, term.weight, importance(term.picture, seer, hed))
         for term in begins
     )
     return replace(goal, initial=initial)

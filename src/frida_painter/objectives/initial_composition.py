@@ -9,12 +9,13 @@ from torch import Tensor
 from frida_painter import images
 from frida_painter.drawing import colored
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, TextTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.compositing import lay, resized, side_by_side
 from frida_painter.objectives.encoders.class_names import synonyms
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.grounds import Ground, ground_of
+from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.objectives.phrase import COLORS, Phrase, paint_of
 from frida_painter.objectives.pictograms import CREDIT, Pictogram, Pictograms
 from frida_painter.objectives.recoloring import recolored
@@ -50,54 +51,50 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     picture is begun with, what the words name is laid into it. A goal without words, and one with another
     picture of its own to begin with, stays as it is.
     """
-    words = [term for term in goal.terms if isinstance(term, TextTerm)]
+    said = [(term.words, term.weight) for term in goal.terms if term.words is not None]
+    words, weight = max(said, key=lambda pair: pair[1]) if said else ("", 0.0)
     if goal.initial:
-        first = [term for term in goal.initial if isinstance(term, TextTerm)]
-        styles = [term for term in goal.initial if isinstance(term, StyleTerm)]
-        if any(isinstance(term, ImageTerm) for term in goal.initial):
+        first = [term.words for term in goal.initial if term.words is not None]
+        styles = [term.colors for term in goal.initial if term.colors is not None]
+        if any(term.picture is not None for term in goal.initial):
             return goal
         if styles:
-            return _begun_with_style(goal, styles[0], max(words, key=_weight), grid, encoders, seed) if words else goal
+            return _begun_with_style(goal, styles[0], words, weight, grid, encoders, seed) if words else goal
         if not first:
             return goal
-        begun = ImageTerm(_composed(first[0].prompt, grid, encoders, seed))
+        begun = ImageTerm(_composed(first[0], grid, encoders, seed))
         return replace(goal, initial=(begun, *goal.initial))
-    sketch = next((term for term in goal.terms if isinstance(term, SketchTerm)), None)
-    if not words or any(isinstance(term, ImageTerm | SemanticTerm) for term in goal.terms):
+    drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
+    if not words or any(term.picture is not None for term in goal.terms):
         return goal
-    if sketch is not None and any(isinstance(term, StyleTerm) for term in goal.terms):
+    if drawing is not None and any(term.colors is not None for term in goal.terms):
         return goal
-    main = max(words, key=_weight)
-    if sketch is None:
-        picture = _composed(main.prompt, grid, encoders, seed)
+    if drawing is None:
+        picture = _composed(words, grid, encoders, seed)
     else:
-        drawing = images.fit(sketch.drawing, grid.rows, grid.columns)
-        picture = colored(drawing, _composed(main.prompt, grid, encoders, seed, "coloured like"))
-    begun = ImageTerm(picture, _KEPT * main.weight)
+        drawing = images.fit(drawing, grid.rows, grid.columns)
+        picture = colored(drawing, _composed(words, grid, encoders, seed, "coloured like"))
+    begun = ImageTerm(picture, _KEPT * weight)
     return Goal((*goal.terms, begun), (replace(begun, weight=1.0),))
-
-
-def _weight(term: TextTerm) -> float:
-    return term.weight
 
 
 @torch.no_grad()
 def _begun_with_style(
-    goal: Goal, style: StyleTerm, words: TextTerm, grid: PixelGrid, encoders: EncoderRegistry, seed: int
+    goal: Goal, style: Tensor, words: str, weight: float, grid: PixelGrid, encoders: EncoderRegistry, seed: int
 ) -> Goal:
     """The goal, which begins with the style picture in which the pictogram of the words is seen, and keeps to it."""
-    pictograms, phrase = encoders.pictograms(), Phrase.of(words.prompt)
+    pictograms, phrase = encoders.pictograms(), Phrase.of(words)
     found = _found(replace(phrase, place=""), pictograms) if pictograms else None
     if pictograms is None or found is None:
         encoders.remark(f"No pictogram was found for {phrase.thing[:60]!r}; begun with the style picture alone.")
         return goal
-    scene, paint = images.fit(style.image, grid.rows, grid.columns), paint_of(phrase.color)
+    scene, paint = images.fit(style, grid.rows, grid.columns), paint_of(phrase.color)
     tinted = [one if paint is None else recolored(one, paint) for one in pictograms.drawings(found)]
-    said = Text(words.prompt, encoders.readers(), seed)
+    said = Text(words, encoders.readers(), seed)
     every = [composited_into_style(drawing, scene, keeps_colors=paint is not None) for drawing in tinted]
-    shown = min(every, key=lambda one: float(said.judge(one.picture)))
+    shown = min(every, key=lambda one: float(said.validation(one.picture)))
     matters = 1 + (_MATTERS - 1) * shown.where
-    kept = ImageTerm(shown.picture, _STAGED * words.weight, matters / matters.mean())
+    kept = ImageTerm(shown.picture, _STAGED * weight, matters / matters.mean())
     encoders.remark(f"Begun with the pictogram {found.name!r} laid into the style picture; it is of {CREDIT}.")
     return Goal((*goal.terms, kept), (replace(kept, weight=1.0),))
 
@@ -164,9 +161,9 @@ def _painted(phrase: Phrase, found: Pictogram, drawings: list[Tensor], bare: Ten
     named = called & set(COLORS)
     wanted = "" if called.issuperset(phrase.color.split()) else phrase.color
     if wanted or named:
-        return nearest(wanted, words.judge)[1], wanted
+        return nearest(wanted, words.validation)[1], wanted
     likely = min(_TRIED, key=lambda color: nearest(color, words.glance)[0])
-    (own, drawing), (other, instead) = nearest("", words.judge), nearest(likely, words.judge)
+    (own, drawing), (other, instead) = nearest("", words.validation), nearest(likely, words.validation)
     return (instead, likely) if other < own - _MUCH else (drawing, "")
 
 

@@ -1,12 +1,10 @@
 """A drawing beside a photograph is drawn on it: the photograph stays, and the lines are seen on top."""
 
-from dataclasses import replace
-
 import torch
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.goal import Goal, ImageTerm, SketchTerm, Term
+from frida_painter.goal import Goal, Term
 
 _DARK = 0.4  # lightness of a photograph under a drawing below which its lines are light
 
@@ -17,22 +15,22 @@ def overlaid(goal: Goal) -> Goal:
     The pictures show them then, and the sketch asks for the edges of lines and picture together: asking for
     the lines' alone, it would fight all that the picture has. A goal without both stays as it is.
     """
-    sketches = [term for term in goal.terms if isinstance(term, SketchTerm)]
-    picture = next((term.image for term in goal.terms if isinstance(term, ImageTerm)), None)
-    if picture is None or not sketches:
+    drawings = [term.drawing for term in goal.terms if term.drawing is not None]
+    picture = next((term.picture for term in goal.terms if term.is_pixelwise), None)
+    if picture is None or not drawings:
         return goal
 
     def drawn(image: Tensor) -> Tensor:
-        for term in sketches:
-            image = drawn_on(image, images.fit(term.drawing, *image.shape[1:]))
+        for drawing in drawings:
+            image = drawn_on(image, images.fit(drawing, *image.shape[1:]))
         return image
 
     together = drawn(picture)
 
     def shown(term: Term) -> Term:
-        if isinstance(term, ImageTerm):
-            return replace(term, image=together if term.image is picture else drawn(term.image))
-        return replace(term, shown=together) if isinstance(term, SketchTerm) else term
+        if term.is_pixelwise and term.picture is not None:
+            return term.with_picture(together if term.picture is picture else drawn(term.picture))
+        return term.on_picture(together)
 
     return Goal(tuple(shown(term) for term in goal.terms), goal.initial)
 

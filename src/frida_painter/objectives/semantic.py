@@ -44,7 +44,7 @@ class Semantic:
         """picture [3, H, W] in [0, 1] -> its distance in two random views; differentiable."""
         return self._distance(picture, torch.randperm(_VIEWS, generator=self._generator)[:_AT_A_TIME])
 
-    def judge(self, picture: Tensor) -> Tensor:
+    def validation(self, picture: Tensor) -> Tensor:
         """The same for all of the picture at once, always the same."""
         return self._distance(picture, torch.zeros(1, dtype=torch.long))
 

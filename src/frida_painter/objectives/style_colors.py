@@ -6,12 +6,11 @@ transfer"), in CIE L*a*b*.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import torch
 from torch import Tensor
 
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, StyleTerm, Term
+from frida_painter.goal import Goal, Term
 from frida_painter.images import sized
 from frida_painter.palette import from_lab, to_lab
 
@@ -27,24 +26,23 @@ def in_style_colors(goal: Goal) -> Goal:
     With the weight of a picture, or more, of a style, all of the way; with less, so much of it. A picture to begin
     with that is not painted afterwards stays as it is, and so does a goal without a style.
     """
-    styles = [term for term in goal.terms if isinstance(term, StyleTerm)]
+    styles = [(term.colors, term.weight) for term in goal.terms if term.colors is not None]
     if not styles:
         return goal
-    wanted = _moments([_lab(term.image) for term in styles], [term.weight for term in styles])
+    wanted = _moments([_lab(colors) for colors, _ in styles], [weight for _, weight in styles])
     moved: dict[int, Tensor] = {}
 
     def recolored(term: Term) -> Term:
-        if not isinstance(term, ImageTerm | SemanticTerm):
+        picture = term.picture
+        if picture is None:
             return term
-        if id(term.image) not in moved:
-            share = min(1.0, sum(style.weight for style in styles) / term.weight)
-            moved[id(term.image)] = torch.lerp(term.image, _carried(term.image, wanted), share)
-        return replace(term, image=moved[id(term.image)])
+        if id(picture) not in moved:
+            share = min(1.0, sum(weight for _, weight in styles) / term.weight)
+            moved[id(picture)] = torch.lerp(picture, _carried(picture, wanted), share)
+        return term.with_picture(moved[id(picture)])
 
     terms = tuple(recolored(term) for term in goal.terms)
-    initial = tuple(
-        recolored(term) if isinstance(term, ImageTerm) and id(term.image) in moved else term for term in goal.initial
-    )
+    initial = tuple(recolored(term) if id(term.picture) in moved else term for term in goal.initial)
     return Goal(terms, initial)
 
 

@@ -41,7 +41,7 @@ class Text:
         noise = torch.randn(seen.shape, generator=self._generator).to(seen)
         return _BALANCE * self._distances[reader](seen + _NOISE * noise).mean()
 
-    def judge(self, picture: Tensor) -> Tensor:
+    def validation(self, picture: Tensor) -> Tensor:
         """The distance by all readers in the same few views of the middle every time."""
         return self._steadily(picture, _STEADY)
 

@@ -16,7 +16,7 @@ from frida_painter.strokes import Strokes
 _MOST_FAILURES = 3
 _WARMING = 6
 _BETAS = (0.9, 0.98)
-_BETWEEN_JUDGEMENTS = 10  # iterations
+_BETWEEN_VALIDATIONS = 10  # iterations
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def optimize(
     With `paints` every colour is one of the palette's, throughout; `vary_colors` says whether the
     palette (or, without one, each stroke's colour) may change. `pace` scales the steps. The best
     strokes seen are returned, never worse than those given: by the objective or, where the scene has
-    one, by the judge, who is asked every ten iterations. A step that is not finite is
+    one, by its validation objective, asked every ten iterations. A step that is not finite is
     discarded, and steps are halved from then on; the third raises PlanningDiverged, and so does a
     loss that was never finite.
     """
@@ -62,12 +62,12 @@ def optimize(
         current = variables.strokes()[variables.order()]
         loss = scene.objective(scene.render(current))
         value = loss.item()
-        if scene.judge is None:
+        if scene.validation is None:
             best.consider(value, variables)
-        elif iteration % _BETWEEN_JUDGEMENTS == 0 or iteration == iterations:
+        elif iteration % _BETWEEN_VALIDATIONS == 0 or iteration == iterations:
             with torch.no_grad():
                 picture = scene.render(current)
-                best.consider(scene.judge(picture).item(), variables)
+                best.consider(scene.validation(picture).item(), variables)
         if iteration == iterations:
             break
         adam.forget_gradients()

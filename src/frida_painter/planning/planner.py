@@ -14,14 +14,14 @@ from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import ConfigError, PlanningDiverged
 from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal, ImageTerm, TextTerm
+from frida_painter.goal import Goal
 from frida_painter.objectives.base import WeightedObjective, prepare
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.interpretation import interpreted
 from frida_painter.objectives.replication import spread
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.planning.initialize import Growth, progressive
+from frida_painter.planning.initialize import Growth, descended, progressive
 from frida_painter.planning.memory import is_lack_of_memory
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement, locate
@@ -135,8 +135,9 @@ class Planner:
         generator = torch.Generator().manual_seed(self.seed)
         colors = min(colors, strokes)
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
-        target = self._guide(coarse)
         opening = self._scene(canvas, self.coarse, self._opening)
+        guide = self._guide(coarse)
+        target = descended(opening) if guide is None else guide
         steps = _Progress(notify or _unheard, self.iterations(strokes))
         found, _ = progressive(
             strokes,
@@ -149,7 +150,10 @@ class Planner:
             notify=steps.begin(self._growing(strokes)),
         )
         for _ in range(self.effort.relocations):
-            found, _ = relocate(found, None, opening, target, share=_MOVED, proposals=_PROPOSALS, generator=generator)
+            if guide is not None:  # a picture that is only one of many good ones must not pull strokes back to it
+                found, _ = relocate(
+                    found, None, opening, guide, share=_MOVED, proposals=_PROPOSALS, generator=generator
+                )
             found, _ = optimize(
                 found, opening, iterations=self.effort.refining, notify=steps.begin(self.effort.refining)
             )
@@ -212,7 +216,7 @@ class Planner:
                 for number in range(rounds):
                     told = _part(notify or _unheard, number, rounds)
                     again = self._again(again, canvas, told, sparing=sparing) if len(again) else again
-                return min((rest, again), key=lambda plan: self.judge(self.expected(plan, canvas)))
+                return min((rest, again), key=lambda plan: self.validation_loss(self.expected(plan, canvas)))
             except PlanningDiverged:
                 return rest
             except (MemoryError, RuntimeError) as failure:
@@ -230,12 +234,13 @@ class Planner:
         found = rest.strokes.to(self.device)
         # Elsewhere than with pictures and what they mean, the guide is only what the plan began with.
         guided = self.goal.opening is self.goal.terms or coarse.importance is not None
-        if guided and not sparing:
+        guide = self._guide(coarse) if guided and not sparing else None
+        if guide is not None:
             found, paints = relocate(
                 found,
                 paints,
                 coarse,
-                self._guide(coarse),
+                guide,
                 share=_MOVED,
                 proposals=_PROPOSALS,
                 generator=generator,
@@ -275,11 +280,12 @@ class Planner:
         with torch.no_grad():
             return self._scene(canvas, self.fine).render(plan.strokes.to(self.device)).cpu()
 
-    def judge(self, picture: Tensor) -> float:
-        """The objective of a picture [3, H, W] of the canvas: the less, the nearer to the goal."""
+    def validation_loss(self, picture: Tensor) -> float:
+        """The distance of a picture [3, H, W] of the canvas to the goal, by the validation objective if any."""
         with torch.no_grad():
             aim = self._aims[self.fine]
-            return float((aim.judge or aim)(images.fit(picture.to(self.device), self.fine.rows, self.fine.columns)))
+            loss = (aim.validation or aim)(images.fit(picture.to(self.device), self.fine.rows, self.fine.columns))
+            return float(loss)
 
     def _as_plan(self, strokes: Strokes, palette: Palette, paint: Tensor) -> Plan:
         limits = self.model.limits.within(self.size)
@@ -299,19 +305,20 @@ class Planner:
     def _scene(self, canvas: Tensor, grid: PixelGrid, aim: WeightedObjective | None = None) -> Scene:
         aim = aim or self._aims[grid]
         bare = images.fit(canvas.to(self.device), grid.rows, grid.columns)
-        scene = Scene(bare, self.size, self._model, aim, aim.judge, self._importance(grid))
+        scene = Scene(bare, self.size, self._model, aim, aim.validation, self._importance(grid))
         return scene if self.region is None else self.region.guarded(scene)
 
-    def _guide(self, scene: Scene) -> Tensor:
-        """The picture, of the scene's resolution, that says where strokes are needed."""
-        pictures = [term.image for term in self.goal.opening if not isinstance(term, TextTerm)]
-        guide = images.fit(pictures[0].to(self.device), *scene.canvas.shape[1:])
+    def _guide(self, scene: Scene) -> Tensor | None:
+        """The picture, of the scene's resolution, that says where strokes are needed; None: only the objective does."""
+        picture = next((term.guide for term in self.goal.opening if term.guide is not None), None)
+        if picture is None:
+            return None
+        guide = images.fit(picture.to(self.device), *scene.canvas.shape[1:])
         return guide if self.region is None else self.region.spared(guide, scene.canvas, self.size)
 
     def _importance(self, grid: PixelGrid) -> Tensor | None:
         """How much errors matter where, while strokes are placed."""
-        first = self.goal.opening[0]
-        matters = first.importance if isinstance(first, ImageTerm) else None
+        matters = self.goal.opening[0].importance
         return None if matters is None else spread(matters.to(self.device), grid.rows, grid.columns)
 
     def _growing(self, strokes: int) -> int:
@@ -331,7 +338,7 @@ class Planner:
 def _usual_size(goal: Goal) -> CanvasSize:
     """The largest canvas in the proportions of the goal's first picture within 14 x 11 inches, or within 11 x 14."""
     size = CanvasSize.parse("14x11in")
-    pictures = [term.image for term in goal.opening if not isinstance(term, TextTerm)]
+    pictures = [term.guide for term in goal.opening if term.guide is not None]
     if not pictures:
         return size
     shape = pictures[0].shape[1:]

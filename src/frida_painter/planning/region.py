@@ -10,7 +10,7 @@ from frida_painter import images
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.objectives.base import Objective
+from frida_painter.objectives.objective import Objective
 from frida_painter.planning.scene import Scene
 from frida_painter.render import render
 from frida_painter.strokes import Strokes
@@ -66,8 +66,8 @@ class Region:
 
             return guarded
 
-        judge = None if scene.judge is None else guard(scene.judge)
-        return replace(scene, objective=guard(scene.objective), judge=judge)
+        validation = None if scene.validation is None else guard(scene.validation)
+        return replace(scene, objective=guard(scene.objective), validation=validation)
 
     def touched_by(self, strokes: Strokes, model: StrokeModel, size: CanvasSize, rows: int) -> Tensor:
         """Which strokes have a rendered pixel in it, [n] bool, each drawn alone in a picture of so many rows."""

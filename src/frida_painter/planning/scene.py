@@ -6,7 +6,7 @@ from torch import Tensor
 
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.frames import CanvasSize
-from frida_painter.objectives.base import Objective
+from frida_painter.objectives.objective import Objective
 from frida_painter.render import render
 from frida_painter.strokes import StrokeLimits, Strokes
 
@@ -15,7 +15,7 @@ from frida_painter.strokes import StrokeLimits, Strokes
 class Scene:
     """A canvas picture [3, H, W] (blank, or a photograph of the real one) of `size`, a brush and an objective.
 
-    judge: says which of several plans is best where the objective cannot: where it looks at a picture
+    validation: says which of several plans is best where the objective cannot: where it looks at a picture
     in another way every time, or could be fooled. importance [H, W]: how much an error matters at each
     place when strokes are placed, 1 in the mean; None: everywhere the same.
     """
@@ -24,7 +24,7 @@ class Scene:
     size: CanvasSize
     model: StrokeModel
     objective: Objective
-    judge: Objective | None = None
+    validation: Objective | None = None
     importance: Tensor | None = None
 
     @property

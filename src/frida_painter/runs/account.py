@@ -1,6 +1,7 @@
 """What page and record of a painting tell of it before it begins."""
 
 from dataclasses import asdict
+from pathlib import Path
 
 from torch import Tensor
 
@@ -34,7 +35,7 @@ def account(spec: RunSpec, goal: Wanted, target: Tensor | None, encoders: Encode
         ("Robot", TITLES.get(spec.robot, spec.robot)),
     )
     record = {
-        **({"photo": first.name} if kind == "image" else {}),
+        **({"photo": first.name} if kind == "image" and isinstance(first, Path) else {}),
         "goal": [list(fact) for fact in goal.facts],
         "encoders": [asdict(choice) for choice in encoders.choices],
         "remarks": list(encoders.remarks),

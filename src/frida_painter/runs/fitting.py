@@ -43,7 +43,7 @@ def fitted(spec: RunSpec, goal: Wanted, *, canvas_is_fixed: bool = False) -> Fit
     spec = spec.model_copy(update={"canvas": canvas}).as_kept
     grid = PixelGrid.of_height(spec.canvas, max(PHOTOGRAPH_ROWS, spec.render_height))
     place = images.pad if spec.fit == "pad" else images.fit
-    shown = replace(goal.fitted(grid, place))
+    shown = replace(goal.fitted(grid, pad=spec.fit == "pad"))
     target = None if picture is None else place(picture, grid.rows, grid.columns)
     return Fitted(spec, shown, target, "" if picture is None or spec.fit == "pad" else _lost(picture, spec.canvas))
 

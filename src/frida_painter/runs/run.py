@@ -42,7 +42,7 @@ from frida_painter.runs.folder import NOW, SETTINGS, keep_goal, keep_spec, new_f
 from frida_painter.runs.folder import rests_on as hashes
 from frida_painter.runs.opening import open_planner, open_session
 from frida_painter.runs.palette_file import read_palette
-from frida_painter.runs.spec import SETTLED, GoalItem, RunSpec, upgraded
+from frida_painter.runs.spec import SETTLED, RunSpec, upgraded
 from frida_painter.session import resuming
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.events import Event, Looked, Notify, Stopped, TimelapseFrame
@@ -105,7 +105,9 @@ class PaintingRun:
         self.mixed = None if spec.palette is None or _begun else _measured(spec, spec.palette)
         if self.mixed is not None:
             spec = spec.changed(colors=len(self.mixed))
-        wanted = goal or goals.open_goal([_wish(item) for item in spec.goal], [_wish(item) for item in spec.initial])
+        wanted = goal or goals.open_goal(
+            [goals.input_of(item) for item in spec.goal], [goals.input_of(item) for item in spec.initial]
+        )
         self._take(fitted(spec, wanted, canvas_is_fixed=_begun is not None))
         self._folder = None if folder is None else Path(folder)
         self.listeners: list[Notify] = list(listeners)
@@ -358,10 +360,6 @@ def history_of(folder: Path) -> History:
     journal, history = Journal.reopen(folder)
     journal.close()
     return history
-
-
-def _wish(item: GoalItem) -> goals.Wish:
-    return item.kind, item.value if item.kind == "text" else Path(item.value), item.weight
 
 
 def _measured(spec: RunSpec, path: Path) -> Palette:

@@ -6,9 +6,13 @@ from typing import cast
 
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.errors import ConfigError
-from frida_painter.goal import Goal, ImageTerm, SemanticTerm, SketchTerm, StyleTerm, Term, TextTerm
+from frida_painter.goal import Goal, Term
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.semantic import SemanticTerm
+from frida_painter.objectives.kinds.sketch import SketchTerm
+from frida_painter.objectives.kinds.style import StyleTerm
+from frida_painter.objectives.registry import goal_kinds
 
 Picture = str | Path | Tensor
 """A picture file, or sRGB [3, H, W] in [0, 1]."""
@@ -46,10 +50,9 @@ def _each(some: Picture | Sequence[Picture]) -> Sequence[Picture]:
 
 
 def _term(kind: str, one: Picture, weight: float) -> Term:
-    if kind == "text":
-        return TextTerm(cast(str, one), weight)
-    kinds = {"image": ImageTerm, "semantic": SemanticTerm, "sketch": SketchTerm, "style": StyleTerm}
-    picture = one if isinstance(one, Tensor) else images.load(one)
-    if picture.dim() != 3 or picture.shape[0] != 3:
-        raise ConfigError(f"A picture of shape {tuple(picture.shape)} was given to {kind}; it is [3, height, width].")
-    return cast(Term, kinds[kind](picture, weight))
+    if not isinstance(one, Tensor):
+        return goal_kinds()[kind].opened(one if kind == "text" else Path(one), weight, beginning=False)
+    if one.dim() != 3 or one.shape[0] != 3:
+        raise ConfigError(f"A picture of shape {tuple(one.shape)} was given to {kind}; it is [3, height, width].")
+    terms = {"image": ImageTerm, "semantic": SemanticTerm, "sketch": SketchTerm, "style": StyleTerm}
+    return cast(Term, terms[kind](one, weight))

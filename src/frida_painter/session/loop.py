@@ -158,10 +158,10 @@ class PaintingSession:
     def paint_instead(self, rest: Plan) -> None:
         """Takes the place of what was still to be painted, palette and canvas being the same; in a pause as well."""
         assert self._plan is not None and self._before is not None
-        before = self.planner.judge(self.planner.expected(self.rest, self._before))
+        before = self.planner.validation_loss(self.planner.expected(self.rest, self._before))
         self._adopt(self._plan.part(slice(self._painted)).followed_by(rest))
         expected = self.planner.expected(rest, self._before)
-        self._notify(Planned(rest, self._painted, expected, before, self.planner.judge(expected)))
+        self._notify(Planned(rest, self._painted, expected, before, self.planner.validation_loss(expected)))
 
     def _to_the_end(self, begin: Callable[[], None]) -> Painting:
         end = "finished"
@@ -189,7 +189,8 @@ class PaintingSession:
         plan = plan or self._arranged(self.planner.plan(canvas, strokes, colors, self._checking_interrupts("plan")))
         self._adopt(plan)
         expected = self.planner.expected(plan, canvas)
-        self._notify(Planned(plan, 0, expected, self.planner.judge(canvas), self.planner.judge(expected)))
+        before, after = self.planner.validation_loss(canvas), self.planner.validation_loss(expected)
+        self._notify(Planned(plan, 0, expected, before, after))
         self._mix(plan)
         self._take_what_was_mixed(plan, canvas)
 
@@ -198,11 +199,11 @@ class PaintingSession:
         mixed = self._mixed(plan.palette)
         if mixed is None:
             return
-        before = self.planner.judge(self.planner.expected(plan, canvas))
+        before = self.planner.validation_loss(self.planner.expected(plan, canvas))
         again = self._arranged(self.planner.bind_to_palette(plan, canvas, mixed, self._checking_interrupts("plan")))
         self._adopt(again)
         expected = self.planner.expected(again, canvas)
-        self._notify(Planned(again, 0, expected, before, self.planner.judge(expected)))
+        self._notify(Planned(again, 0, expected, before, self.planner.validation_loss(expected)))
         self.brushwork.easel.operator.fill_wells(mixed)
 
     def _begin_again(self, where: ResumeState) -> None:
@@ -257,14 +258,14 @@ class PaintingSession:
             self.brushwork.placement = self.planner.locate(batch, known, self._before, canvas)
         self._before, self._seen = canvas, self._painted
         if len(rest):
-            before = self.planner.judge(self.planner.expected(rest, canvas))
+            before = self.planner.validation_loss(self.planner.expected(rest, canvas))
             try:
                 again = self._arranged(self.planner.replan(rest, canvas, self._checking_interrupts("replan"), rounds))
             except _Overtaken:
                 return
             self._adopt(self._plan.part(slice(self._painted)).followed_by(again))
             expected = self.planner.expected(again, canvas)
-            self._notify(Planned(again, self._painted, expected, before, self.planner.judge(expected)))
+            self._notify(Planned(again, self._painted, expected, before, self.planner.validation_loss(expected)))
         self._planned_at = self._painted
 
     def _arranged(self, rest: Plan) -> Plan:

@@ -2,26 +2,18 @@
 
 from frida_painter import extras
 from frida_painter.model_folder import are_here
-from frida_painter.web.wish import Kind
+from frida_painter.objectives.registry import goal_kinds
 
-# Which weights each kind of goal needs: one of each group.
-_NEEDED: dict[Kind, tuple[tuple[str, ...], ...]] = {
-    "image": (),
-    "style": (("vgg16", "hed"),),
-    "semantic": (("efficientnet-lite0",),),
-    "sketch": (("hed",),),
-    "text": (("minilm",), ("efficientnet-lite0",)),
-}
-# Which extra each needs beside them, and a package of it.
-_EXTRAS: dict[Kind, tuple[str, str]] = {"text": ("words", "transformers")}
+# Which extra a kind of goal needs beside its networks, and a package of it.
+_EXTRAS = {"text": ("words", "transformers")}
 
 
 def abilities() -> dict[str, dict[str, object]]:
     """For each kind of goal: whether it is ready, which weights are missing, and a sentence on how to get them."""
-    return {kind: _ability(kind, groups) for kind, groups in _NEEDED.items()}
+    return {name: _ability(name, kind.networks) for name, kind in goal_kinds().by_name.items()}
 
 
-def _ability(kind: Kind, groups: tuple[tuple[str, ...], ...]) -> dict[str, object]:
+def _ability(kind: str, groups: tuple[tuple[str, ...], ...]) -> dict[str, object]:
     missing = [group[-1] for group in groups if not any(map(are_here, group))]
     said = []
     if kind in _EXTRAS and not extras.is_installed(_EXTRAS[kind][1]):

@@ -3,14 +3,15 @@
 import json
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from frida_painter.canvas_size import CanvasSize
+from frida_painter.objectives.kind import Gives
+from frida_painter.objectives.registry import goal_kinds
 from frida_painter.runs.spec import RunSpec
 
 Identifier = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
 Words = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=300)]
-Kind = Literal["image", "style", "semantic", "sketch", "text"]
 _CANVAS: CanvasSize = RunSpec.model_fields["canvas"].default
 _LARGEST, _SMALLEST = 2000.0, 60.0  # mm
 
@@ -22,12 +23,22 @@ def _as_described(name: str) -> Any:
     return Field(field.default, allow_inf_nan=False, **bounds)
 
 
+def _known(kind: str) -> str:
+    known = goal_kinds().by_name
+    if kind not in known:
+        raise ValueError(f"There is no such kind of goal; there are {', '.join(known)}.")
+    return kind
+
+
+Kind = Annotated[str, AfterValidator(_known)]
+
+
 class _Checked(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Term(_Checked):
-    """One goal: words where kind is "text", the id of an uploaded picture elsewhere; weight: how much it matters."""
+    """One goal: words or the id of an uploaded picture, as its kind asks for; weight: how much it matters."""
 
     kind: Kind
     picture: Identifier | None = None
@@ -36,7 +47,7 @@ class Term(_Checked):
 
     @model_validator(mode="after")
     def _is_one_thing(self) -> Self:
-        given, other = (self.words, self.picture) if self.kind == "text" else (self.picture, self.words)
+        given, other = (self.words, self.picture) if self._is_of_words else (self.picture, self.words)
         if given is None or other is not None:
             raise ValueError("A goal is either words or a picture; say which words, or choose a picture.")
         if self.words is not None and not self.words.isprintable():
@@ -44,9 +55,13 @@ class Term(_Checked):
         return self
 
     @property
+    def _is_of_words(self) -> bool:
+        return goal_kinds()[self.kind].gives is Gives.WORDS
+
+    @property
     def toml(self) -> str:
         """The lines of a goal file's table for this term; pictures lie beside it under their id."""
-        value = self.words if self.kind == "text" else f"{self.picture}.png"
+        value = self.words if self._is_of_words else f"{self.picture}.png"
         return f"{self.kind} = {json.dumps(value, ensure_ascii=False)}\nweight = {self.weight}\n"
 
 

@@ -100,7 +100,7 @@ def make_plan(job: Job, place: PlanFolder) -> None:
         made.save(place.plan)
         export(made, planner.model, place.path)
         expected = planner.expected(made, bare)
-        nearer = 1 - planner.judge(expected) / max(planner.judge(bare), 1e-9)
+        nearer = 1 - planner.validation_loss(expected) / max(planner.validation_loss(bare), 1e-9)
         told = illustrate(made, planner.model, bare, place.path)
         told["mixtures"] = mixtures(made)
     seconds = round(time.monotonic() - started, 1)

@@ -1,10 +1,11 @@
 """What an encoder of words and pictures is."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from torch import Tensor
 
 
+@runtime_checkable
 class Reader(Protocol):
     """Reads words and looks at pictures, and puts both into one space: what lies near means the same.
 
@@ -31,9 +32,22 @@ class Reader(Protocol):
         ...
 
 
+@runtime_checkable
 class Seer(Protocol):
     """Sees what is shown where in a picture, layer by layer."""
 
     def features(self, views: Tensor) -> tuple[Tensor, ...]:
         """What is seen where in views [n, 3, h, w], sRGB in [0, 1]: maps [n, c, h', w'], shallow ones first."""
         ...
+
+
+@runtime_checkable
+class Encoder(Seer, Protocol):
+    """A network that sees meaning and has a name, as a person is told it; where it is a Reader as well, it reads words.
+
+    A package brings encoders as entry points of the group `frida_painter.encoders`, each a callable that is given a
+    torch.device and returns one; `--clip NAME` asks for it.
+    """
+
+    @property
+    def name(self) -> str: ...  # noqa: D102

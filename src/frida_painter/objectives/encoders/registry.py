@@ -1,6 +1,7 @@
 """Which network sees what: the best that is at hand for each purpose, loaded when it is first asked for."""
 
 from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,18 +9,18 @@ import torch
 from torch import Tensor
 
 from frida_painter import extras, tensor_file, weights
-from frida_painter.errors import WeightsError
-from frida_painter.objectives.encoders.base import Reader, Seer
+from frida_painter.errors import FridaError, WeightsError
+from frida_painter.objectives.encoders.base import Encoder, Reader, Seer
 
 if TYPE_CHECKING:  # each is imported where it is first asked for: most paintings need none of them
-    from frida_painter.objectives.encoders.clip import Clip
-    from frida_painter.objectives.encoders.clip_resnet import ClipResNet
     from frida_painter.objectives.encoders.conse import ConSE
     from frida_painter.objectives.encoders.hed import Hed
     from frida_painter.objectives.encoders.sentence import SentenceEncoder
     from frida_painter.objectives.encoders.vgg import Vgg16
     from frida_painter.objectives.pictograms import Pictograms
 
+GROUP = "frida_painter.encoders"
+"""The group of entry points in which a package names its encoders."""
 _CLIP = "clip-vit-b-32"
 CLIP_MISSING = f"CLIP: frida-painter models fetch {_CLIP}"
 """What is said where CLIP would see better and is not at hand."""
@@ -41,7 +42,8 @@ class EncoderRegistry:
     """The networks of one painting.
 
     cache: the folder of fetched weights, by default the usual one; clip: a CLIP to be used in place of
-    what was fetched: a folder, a name on the hub, or a file of CLIP's ResNet kind; device: where
+    what was fetched: an encoder that an installed package brings, a folder, a name on the hub, or a file of CLIP's
+    ResNet kind; device: where
     those that see are held (pictures of any device are seen, but best of that one); choices: those
     used so far; remarks: what else a person is to be told of how the goal was understood.
     Everything that loads raises WeightsError, with the command that mends it, where weights are
@@ -52,7 +54,7 @@ class EncoderRegistry:
         self._cache = cache
         self._device = device or torch.device("cpu")
         self._clip_source = clip
-        self._clip: Clip | ClipResNet | None = None
+        self._clip: Encoder | None = None
         self._vgg: Vgg16 | None = None
         self._meaning: Seer | None = None
         self._aside: Seer | None = None
@@ -92,7 +94,7 @@ class EncoderRegistry:
                 self.choices.append(Choice("meaning", "EfficientNet-Lite0", CLIP_MISSING))
         return self._meaning
 
-    def clip(self) -> "Clip | ClipResNet | None":
+    def clip(self) -> Encoder | None:
         """The CLIP that was asked for, or that was fetched; None where there is none."""
         from frida_painter.objectives.encoders.clip import Clip
 
@@ -140,10 +142,9 @@ class EncoderRegistry:
 
     def readers(self) -> tuple[Reader, ...]:
         """What reads words and sees whether a picture shows them: CLIP, or classifiers whose classes have names."""
-        from frida_painter.objectives.encoders.clip import Clip
 
         clip = self.clip()
-        if not self._readers and isinstance(clip, Clip):
+        if not self._readers and clip is not None and isinstance(clip, Reader):
             self._readers = (clip,)
             self.choices.append(Choice("words", clip.name))
         if not self._readers:
@@ -219,13 +220,38 @@ class EncoderRegistry:
         return ConSE(classifier, names, meanings, self.sentences(), f"EfficientNet-Lite{number}")
 
 
-def _given_clip(source: str, device: torch.device) -> "Clip | ClipResNet":
-    """The CLIP of a folder, of a name on the hub, or of a safetensors file with OpenAI's names. Raises WeightsError."""
+def _given_clip(source: str, device: torch.device) -> Encoder:
+    """The encoder of an installed package, or the CLIP of a folder, a name on the hub, or a safetensors file.
+
+    Raises WeightsError.
+    """
     from frida_painter.objectives.encoders.clip import Clip
     from frida_painter.objectives.encoders.clip_resnet import ClipResNet
 
+    for point in entry_points(group=GROUP, name=source):
+        return _brought(point, device)
     path = Path(source)
     if path.is_file():
         tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)
         return ClipResNet({name: tensor.to(device) for name, tensor in tensors.items()}, f"CLIP {path.stem}")
     return Clip.load(source)
+
+
+def _brought(point: EntryPoint, device: torch.device) -> Encoder:
+    """An encoder that another package brings. Raises WeightsError where it cannot be used."""
+    package = f" of {point.dist.name}" if point.dist is not None else ""
+    try:
+        encoder = point.load()(device)
+    except FridaError:
+        raise
+    except Exception as error:  # whatever code of others raises
+        raise WeightsError(
+            f"The encoder {point.name!r}{package} cannot be used ({type(error).__name__}: {error}); "
+            "mend that package, or paint without --clip."
+        ) from error
+    if not isinstance(encoder, Encoder):
+        raise WeightsError(
+            f"The encoder {point.name!r}{package} is a {type(encoder).__name__}, which sees nothing; it needs a name "
+            "and the method features."
+        )
+    return encoder

@@ -1,0 +1,84 @@
+"""A picture to be painted by what it shows, rather than pixel by pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from frida_painter.goal import Goal, Term, require_weight
+from frida_painter.objectives.kind import Gives, GoalKind
+from frida_painter.objectives.kinds.image import ImageTerm, open_image
+from frida_painter.objectives.objective import ObjectiveContext, ObjectiveTerm
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from torch import Tensor
+
+
+@dataclass(frozen=True)
+class SemanticTerm(Term):
+    """Paint what this picture shows rather than its pixels: `image` [3, H, W] in [0, 1]. Raises ConfigError."""
+
+    image: Tensor
+    weight: float = 1.0
+    opening_order = 2
+    interpretation_order = 4
+
+    def __post_init__(self) -> None:
+        require_weight(self.weight, "a picture to be painted by its meaning")
+
+    @property
+    def picture(self) -> Tensor:
+        """The picture itself."""
+        return self.image
+
+    def begun(self, goal: Goal) -> ImageTerm:
+        """The pixels of the picture."""
+        return ImageTerm(self.image, self.weight)
+
+    def with_picture(self, picture: Tensor) -> SemanticTerm:
+        """The same for another picture."""
+        return replace(self, image=picture)
+
+    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> SemanticTerm:
+        """The picture as it fills so many rows and columns."""
+        from frida_painter import images
+
+        return replace(self, image=(images.pad if pad else images.fit)(self.image, rows, columns))
+
+    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
+        """The difference as networks see it; it is validated by a network that the optimiser never asks."""
+        from frida_painter import images
+        from frida_painter.objectives.semantic import Semantic
+
+        # What will fill the canvas is what is shown.
+        shown = images.fit(self.image, context.grid.rows, context.grid.columns)
+        trunk = context.encoders.shapes()
+        aside = Semantic(shown, context.encoders.aside(), context.seed, trunk)
+        seen = Semantic(shown, context.encoders.meaning(), context.seed, trunk)
+        return ObjectiveTerm(seen, aside.validation)
+
+    @classmethod
+    def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
+        """The plan begins with the picture's pixels, attended to where its meaning is."""
+        from frida_painter.objectives.attention import attended
+
+        return attended(goal, context.encoders)
+
+
+def _open(path: Path, weight: float) -> SemanticTerm:
+    from frida_painter import images
+
+    return SemanticTerm(images.load(path), weight)
+
+
+KIND = GoalKind(
+    name="semantic",
+    gives=Gives.PICTURE,
+    help="A picture to paint by what it shows, rather than pixel by pixel.",
+    label="What is shown in",
+    open=_open,
+    begin=open_image,
+    networks=(("efficientnet-lite0",),),
+)

@@ -1,0 +1,109 @@
+"""A drawing whose lines the painting follows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from frida_painter.errors import ConfigError
+from frida_painter.goal import Goal, Term, require_weight
+from frida_painter.objectives.kind import Gives, GoalKind
+from frida_painter.objectives.kinds.image import ImageTerm, open_image
+from frida_painter.objectives.objective import ObjectiveContext, ObjectiveTerm
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from torch import Tensor
+
+_FEWEST = 2e-4  # of a drawing's pixels that are a line; fewer are a speck
+_BROAD = 1 / 40  # of a canvas's shorter side: about as fine as brushes paint
+
+
+@dataclass(frozen=True)
+class SketchTerm(Term):
+    """Paint along the lines of this drawing: `image` [3, H, W] in [0, 1], with at least one line. Raises ConfigError.
+
+    Dark lines on light paper, scanned or photographed, or chalk on a dark board. shown [3, h, w]: the
+    drawing on a photograph that is painted with it; None: on white paper.
+    """
+
+    image: Tensor
+    weight: float = 1.0
+    shown: Tensor | None = None
+    opening_order = 1
+    interpretation_order = 1
+
+    def __post_init__(self) -> None:
+        from frida_painter.drawing import cleaned, ink
+
+        require_weight(self.weight, "a sketch")
+        if not float(ink(cleaned(self.image)).float().mean()) >= _FEWEST:
+            raise ConfigError(
+                "A sketch without a single line was given; give a drawing of dark lines on light paper, or of chalk."
+            )
+
+    @property
+    def drawing(self) -> Tensor:
+        """The lines on white paper, no finer than brushes paint, [3, H, W] in [0, 1]."""
+        from frida_painter.drawing import broadened, cleaned
+
+        return broadened(cleaned(self.image), _BROAD)
+
+    @property
+    def guide(self) -> Tensor:
+        """The sheet as it was given."""
+        return self.image
+
+    def begun(self, goal: Goal) -> ImageTerm:
+        """The drawing as a picture: filled with the colours of the goal's first style, where there is one."""
+        from frida_painter.drawing import colored
+
+        style = next((term.colors for term in goal.terms if term.colors is not None), None)
+        return ImageTerm(self.drawing if style is None else colored(self.drawing, style), self.weight)
+
+    def on_picture(self, picture: Tensor) -> SketchTerm:
+        """The lines are looked for together with the edges of the picture on which they are drawn."""
+        return replace(self, shown=picture)
+
+    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> SketchTerm:
+        """The sheet as it fills so many rows and columns."""
+        from frida_painter import images
+
+        return replace(self, image=(images.pad if pad else images.fit)(self.image, rows, columns))
+
+    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
+        """The difference of edges as HED sees them, and a little of meaning."""
+        from frida_painter import images
+        from frida_painter.objectives.semantic import Semantic
+        from frida_painter.objectives.sketch import Sketch
+
+        lines = self.drawing if self.shown is None else self.shown
+        drawing = images.fit(lines, context.grid.rows, context.grid.columns)
+        shown = Semantic(drawing, context.encoders.meaning(), context.seed)
+        hed = context.encoders.edges()
+        return ObjectiveTerm(Sketch(drawing, hed, shown), Sketch(drawing, hed, shown.validation))
+
+    @classmethod
+    def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
+        """Sketches are drawn on the pictures that they came with."""
+        from frida_painter.objectives.overlay import overlaid
+
+        return overlaid(goal)
+
+
+def _open(path: Path, weight: float) -> SketchTerm:
+    from frida_painter import images
+
+    return SketchTerm(images.load(path), weight)
+
+
+KIND = GoalKind(
+    name="sketch",
+    gives=Gives.PICTURE,
+    help="A drawing whose lines the painting shall follow: lines on paper, or on nothing.",
+    label="Sketch",
+    open=_open,
+    begin=open_image,
+    networks=(("hed",),),
+)

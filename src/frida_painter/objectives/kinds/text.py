@@ -1,0 +1,61 @@
+"""Words that say what to paint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from frida_painter.errors import ConfigError
+from frida_painter.goal import Goal, Term, require_weight
+from frida_painter.objectives.kind import Gives, GoalKind
+from frida_painter.objectives.objective import ObjectiveContext, ObjectiveTerm
+
+
+@dataclass(frozen=True)
+class TextTerm(Term):
+    """Paint what these words say: `prompt`, one line of them. Raises ConfigError."""
+
+    prompt: str
+    weight: float = 1.0
+    interpretation_order = 2
+
+    def __post_init__(self) -> None:
+        require_weight(self.weight, "words")
+        if not self.prompt.strip():
+            raise ConfigError("Words to paint were given that are empty; say what shall be painted.")
+
+    @property
+    def words(self) -> str:
+        """The words themselves."""
+        return self.prompt
+
+    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
+        """The distance of meanings; it is validated by a reader that the optimiser never asks, where there is one."""
+        from frida_painter.objectives.text import Text
+
+        readers = context.encoders.readers()
+        if not all(reader.reads_all(self.prompt) for reader in readers):
+            context.encoders.remark(
+                f"The words {self.prompt[:40]!r}... are too many to be read; the last were cut off."
+            )
+        words = Text(self.prompt, readers, context.seed)
+        aside = context.encoders.reader_aside()
+        steady = words if aside is None else Text(self.prompt, [aside], context.seed)
+        return ObjectiveTerm(words, steady.validation)
+
+    @classmethod
+    def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
+        """Words that come without a picture get one to begin with."""
+        from frida_painter.objectives.initial_composition import initial_composition
+
+        return initial_composition(goal, context.grid, context.encoders, context.seed)
+
+
+KIND = GoalKind(
+    name="text",
+    gives=Gives.WORDS,
+    help='What to paint, in words, such as "a sailing ship".',
+    label="Words",
+    open=TextTerm,
+    initial_help="Words to begin with, whose composition shall stay.",
+    networks=(("minilm",), ("efficientnet-lite0",)),
+)

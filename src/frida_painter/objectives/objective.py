@@ -1,0 +1,41 @@
+"""What an objective is, and what the objectives of a painting are prepared for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:  # kinds of goals are known, and asked for, where nothing is planned
+    from torch import Tensor
+
+    from frida_painter.frames import PixelGrid
+    from frida_painter.objectives.encoders.registry import EncoderRegistry
+
+
+class Objective(Protocol):
+    """Judges a picture of the canvas: the less, the nearer to the goal. Differentiable."""
+
+    def __call__(self, picture: Tensor) -> Tensor:
+        """picture [3, H, W] in [0, 1] -> a number."""
+
+
+@dataclass(frozen=True)
+class ObjectiveContext:
+    """What objectives are prepared for: the pictures' grid, the networks at hand, the run's seed."""
+
+    grid: PixelGrid
+    encoders: EncoderRegistry
+    seed: int
+
+
+@dataclass(frozen=True)
+class ObjectiveTerm:
+    """One term, ready to judge pictures.
+
+    validation: where the objective looks at a picture in another way every time, or could be fooled,
+    what says in the end whether a picture is good: steady, and best by a network kept aside.
+    """
+
+    objective: Callable[[Tensor], Tensor]
+    validation: Callable[[Tensor], Tensor] | None = None

@@ -1,0 +1,116 @@
+"""Kinds of goals are found by name, ours and those of others, and what is broken there breaks nothing here."""
+
+import inspect
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable, Iterator
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from frida_painter import cli
+from frida_painter.cli.goal_options import goal_options, taking_goals
+from frida_painter.errors import ConfigError
+from frida_painter.objectives import registry
+from frida_painter.objectives.kind import Gives, GoalKind
+from frida_painter.objectives.kinds.text import TextTerm
+from frida_painter.web.abilities import abilities
+from frida_painter.web.wish import Term
+
+OURS = ["image", "semantic", "sketch", "text", "style"]
+Install = Callable[..., registry.KnownKinds]
+
+
+def kind(name: str = "mood", **more: Any) -> GoalKind:
+    return GoalKind(name, Gives.WORDS, "A mood.", "Mood", TextTerm, **more)
+
+
+@pytest.fixture
+def install(monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
+    """install(name=object, ...): the kinds there are once a package is installed that names these entry points."""
+    module = ModuleType("of_somebody")
+    monkeypatch.setitem(sys.modules, "of_somebody", module)
+
+    def installed(**named: Any) -> registry.KnownKinds:
+        vars(module).update(named)
+        points = [EntryPoint(name, f"of_somebody:{name}", registry.GROUP) for name in (*named, "absent")]
+        monkeypatch.setattr(registry, "entry_points", lambda group: points if group == registry.GROUP else [])
+        registry.goal_kinds.cache_clear()
+        return registry.goal_kinds()
+
+    yield installed
+    registry.goal_kinds.cache_clear()
+
+
+def test_ours_are_there_whatever_was_installed_and_are_entry_points_too(install: Install) -> None:
+    assert list(install().by_name) == OURS
+    record = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))
+    named = record["project"]["entry-points"][registry.GROUP]
+    assert list(named) == OURS
+    for name, value in named.items():
+        assert EntryPoint(name, value, registry.GROUP).load() is registry.goal_kinds()[name]
+        assert registry.goal_kinds()[name].name == name
+
+
+def test_they_are_known_without_loading_what_plans() -> None:
+    program = (
+        "import sys; from frida_painter.objectives.registry import goal_kinds; assert len(goal_kinds().by_name) >= 5; "
+        "print(sorted({'torch', 'cv2', 'numba', 'transformers'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_what_cannot_be_used_is_left_out_with_a_sentence_and_the_rest_stays(install: Install) -> None:
+    known = install(mood=kind(), text=kind("text"), other="no kind at all")
+    assert list(known.by_name) == [*OURS, "mood"] and known["text"].label == "Words"
+    absent, other, text = known.complaints
+    assert "'absent'" in absent and "AttributeError" in absent
+    assert "'other'" in other and "is a str; it must be a GoalKind" in other
+    assert "'text'" in text and "another of that name" in text
+    with pytest.raises(ConfigError, match=r"no kind of goal called 'sound'; there are image, .*mood"):
+        known["sound"]
+
+
+@pytest.mark.parametrize("name", ["", "Mood", "my-mood", "weight", "goal", "init_mood", "mood_weight", "a" * 31])
+def test_names_that_no_kind_can_have(name: str) -> None:
+    with pytest.raises(ConfigError, match="A kind of goal was called"):
+        kind(name)
+
+
+def test_every_kind_has_its_options_and_a_name_that_is_taken_has_none(
+    install: Install, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install(my_mood=kind("my_mood", initial_help="A first mood."), out=kind("out"))
+    names = [option.name for option in goal_options()]
+    assert names[: 2 * len(OURS)] == [name for one in OURS for name in (one, f"{one}_weight")]
+    assert {"my_mood", "my_mood_weight", "init_my_mood", "init_text"} < set(names) and "init_sketch" not in names
+    assert names[-2:] == ["goal", "clip"]
+    heard: dict[str, Any] = {}
+
+    def command(photo: str | None = None, out: str = "", **goals: Any) -> None:
+        heard.update(goals, photo=photo, out=out)
+
+    taking = taking_goals(command)
+    assert [*inspect.signature(taking).parameters][-2:] == ["clip", "out"]
+    assert "--out is an option of command already" in capsys.readouterr().err
+    cli.build("studio")
+    assert capsys.readouterr().err.count("'absent' is left out") == 1
+    taking(photo="a", out="b", my_mood=["calm"])
+    assert heard == {"photo": "a", "out": "b", "my_mood": ["calm"]}
+
+
+def test_the_page_knows_them_too(install: Install, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FRIDA_PAINTER_MODELS", str(tmp_path))
+    with pytest.raises(ValidationError, match="no such kind of goal; there are image"):
+        Term(kind="mood", words="calm")
+    install(mood=kind(networks=(("large-net", "small-net"),)))
+    assert tomllib.loads(Term(kind="mood", words="calm").toml) == {"mood": "calm", "weight": 1.0}
+    with pytest.raises(ValidationError, match="either words or a picture"):
+        Term(kind="mood", picture="0" * 32)
+    assert abilities()["mood"]["missing"] == ["small-net"] and abilities()["image"]["ready"]
