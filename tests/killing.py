@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from frida_painter.errors import StorageError
-from frida_painter.session.event_log import EventLog
+from frida_painter.event_log import EventLog
 
 _PATIENCE = 240
 

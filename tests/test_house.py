@@ -9,7 +9,7 @@ import frida_painter
 
 ROOT = Path(frida_painter.__file__).parent
 LAYERS = (
-    ("errors", "storage", "tensor_file", "picture_file", "images", "video", "model_folder", "weights"),
+    ("errors", "storage", "event_log", "tensor_file", "picture_file", "images", "video", "model_folder", "weights"),
     (
         "frames",
         "strokes",

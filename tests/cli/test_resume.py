@@ -13,7 +13,7 @@ from skimage import data
 
 from frida_painter import cli
 from frida_painter.plan import Plan
-from frida_painter.session.event_log import EventLog
+from frida_painter.event_log import EventLog
 from frida_painter.session.history import History
 from killing import began, kill_when
 from marks import coarse_table

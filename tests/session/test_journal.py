@@ -9,7 +9,7 @@ import torch
 from frida_painter import images
 from frida_painter.errors import StorageError
 from frida_painter.plan import Plan
-from frida_painter.session.event_log import EventLog
+from frida_painter.event_log import EventLog
 from frida_painter.session.events import StrokePainted
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
@@ -79,12 +79,12 @@ def test_what_is_seen_and_learned_is_kept(tmp_path: Path) -> None:
     evening.run()
     told = read(tmp_path)
     assert told.plannings[-1].placement == evening.placements[-2], "the last batch was not planned after"
-    assert told.light == evening.eye.light.logarithm.tolist()
+    assert told.light == evening.observer.light.logarithm.tolist()
     assert told.looks == 5, "the bare canvas, three looks, the last photograph"
     kept = [images.load_exactly(tmp_path / str(planning.photograph)) for planning in told.plannings]
     assert all((photograph == 240).all() for photograph in kept)
-    seen = evening.eye.see(kept[0], 45)
-    assert torch.equal(seen, evening.eye.look(1e9, 45)), "the photograph as it was kept shows the same"
+    seen = evening.observer.see(kept[0], 45)
+    assert torch.equal(seen, evening.observer.look(1e9, 45)), "the photograph as it was kept shows the same"
     assert told.finished and told.painted == 6 and told.sittings == 1 and told.seconds >= 0
 
 

@@ -14,7 +14,7 @@ from frida_painter.errors import PlanError
 from frida_painter.plan import Plan
 from frida_painter.session import resuming
 from frida_painter.session.choreography import Action
-from frida_painter.session.event_log import EventLog
+from frida_painter.event_log import EventLog
 from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal

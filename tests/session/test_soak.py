@@ -19,7 +19,7 @@ from frida_painter.plan import Plan
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
-from frida_painter.session.event_log import EventLog
+from frida_painter.event_log import EventLog
 from frida_painter.session.events import Event, Planned, StrokePainted
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal

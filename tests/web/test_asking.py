@@ -22,7 +22,7 @@ from frida_painter.web.asking import Asker, described
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.lead import GOOD_FOR
-from frida_painter.web.lines import LineReader
+from frida_painter.event_log import LogReader
 from frida_painter.web.stop_file import Stop, StopPressed
 
 PICTURE = torch.zeros(3, 20, 30)
@@ -46,7 +46,7 @@ def asked(folder: PaintingFolder) -> dict[str, Any]:
     """The question that stands in the feed, once it does."""
     deadline = time.monotonic() + 20
     while time.monotonic() < deadline:
-        for line in LineReader(folder.feed).read():
+        for line in LogReader(folder.feed).read():
             if line["kind"] == "asked":
                 question: dict[str, Any] = line["question"]
                 return question
@@ -70,13 +70,13 @@ def test_a_question_waits_for_its_answer_and_no_other(
     reply(folder, Reply.model_validate({"question": shown["id"], **says}), "browser")
     waiting.join(20)
     assert found == [means]
-    assert LineReader(folder.feed).read()[-1]["kind"] == "answered"
+    assert LogReader(folder.feed).read()[-1]["kind"] == "answered"
 
 
 def test_an_answer_that_comes_too_late_is_none(folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     shown = {"id": "0" * 16, **described(Confirm("Is it so?"))}
     reply(folder, Reply(question="0" * 16, yes=True), "browser")
-    line = LineReader(folder.replies).read()[0]
+    line = LogReader(folder.replies).read()[0]
     assert understood(line, "0" * 16, shown) is True
     now = time.time()
     monkeypatch.setattr(answers.time, "time", lambda: now + GOOD_FOR + 1)

@@ -16,7 +16,7 @@ from frida_painter.session.journal import Journal
 from frida_painter.web.commands import tell_painter
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.lines import LineReader
+from frida_painter.event_log import LogReader
 from frida_painter.web.pause_controller import PauseController
 from frida_painter.web.stop_file import Stop, StopPressed
 from frida_painter.web.wish import Wish
@@ -49,7 +49,7 @@ class Table:
         deadline.start()
 
     def told(self, kind: str) -> list[dict[str, Any]]:
-        return [line for line in LineReader(self.folder.feed).read() if line["kind"] == kind]
+        return [line for line in LogReader(self.folder.feed).read() if line["kind"] == kind]
 
     def _pauses(self, after: int) -> Any:
         def pause_at(event: Event) -> bool:
@@ -102,7 +102,7 @@ def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> Non
     together = PauseController(folder, feed, Stop(folder.stop))
     tell_painter(folder, "go on", "browser")
     assert together.go_on(Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
-    reasons = [line["reason"] for line in LineReader(folder.feed).read() if line["kind"] == "paused"]
+    reasons = [line["reason"] for line in LogReader(folder.feed).read() if line["kind"] == "paused"]
     assert reasons == ["its folder/painting/journal cannot be written; make room."]
 
 

@@ -1,10 +1,10 @@
-import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from frida_painter import calibration
+from frida_painter.event_log import FEED, EventLog
 from frida_painter.web import calibrate
 from frida_painter.web.calibrate import Calibrate
 from frida_painter.web.calibration_state import CalibrationState
@@ -46,7 +46,7 @@ def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, start
     assert visitor.post("/api/calibration/answer", json={**answer, "question": "0" * 16}).status_code == 409
     assert visitor.post("/api/calibration/answer", json={"question": QUESTION["id"]}).status_code == 422
     assert visitor.post("/api/calibration/answer", json=answer).status_code == 200
-    assert json.loads(folder.replies.read_text())["reply"]["yes"] is True
+    assert EventLog.read(folder.replies, FEED)[0]["reply"]["yes"] is True
     assert visitor.post("/api/calibration/start", json={"what": ["canvas"]}).status_code == 409
     assert visitor.post("/api/stop").json() == {"stopped": 1} and folder.stop.exists()
     lock.release()

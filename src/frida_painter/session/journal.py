@@ -22,7 +22,7 @@ from frida_painter.perception.flatfield import FlatField
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.session.choreography import Action
-from frida_painter.session.event_log import EventLog
+from frida_painter.event_log import EventLog
 from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
 from frida_painter.session.history import FORMAT, VERSION, History
 from frida_painter.session.names import JOURNAL

@@ -12,7 +12,7 @@ from frida_painter.session.procedures.dialogue import Answer, Confirm, Jog, Meas
 from frida_painter.web.answers import understood
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.lines import LineReader
+from frida_painter.event_log import LogReader
 from frida_painter.web.stop_file import Stop
 
 _BETWEEN_GLANCES = 0.04
@@ -34,7 +34,7 @@ class Asker:
         picture = None if isinstance(question, Measure) else question.picture
         if picture is not None:
             asked |= {"picture": self._show(picture), "rows": picture.shape[1], "columns": picture.shape[2]}
-        reader = LineReader(self.folder.replies)
+        reader = LogReader(self.folder.replies)
         reader.read()  # what was said before does not count
         self.feed.tell("asked", question={"id": number, **asked})
         while True:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.lead import GOOD_FOR
-from frida_painter.web.lines import LineReader, LineWriter
+from frida_painter.event_log import FEED, EventLog, LogReader
 
 Kind = Literal["pause", "go on", "look", "leave out", "turns", "spare", "only", "free", "goal"]
 
@@ -39,9 +39,9 @@ def tell_painter(folder: PaintingFolder, kind: Kind, by: str, *, count: int = 0,
     """Tells the painter. Raises StorageError."""
     nonce, until = secrets.token_hex(16), time.time() + GOOD_FOR
     command = Command(kind=kind, nonce=nonce, until=until, by=by, count=count, record=record)
-    writer = LineWriter(folder.commands)
+    writer = EventLog(folder.commands, FEED)
     try:
-        writer.add(command.model_dump())
+        writer.append(command.model_dump())
     finally:
         writer.close()
 
@@ -50,7 +50,7 @@ class CommandReader:
     """The painter's end: hears each command that is still good, once."""
 
     def __init__(self, folder: PaintingFolder) -> None:
-        self._reader = LineReader(folder.commands)
+        self._reader = LogReader(folder.commands)
         self._heard: set[str] = set()
 
     def listen(self) -> list[Command]:

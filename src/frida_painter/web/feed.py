@@ -6,7 +6,7 @@ from typing import Any
 
 from frida_painter.errors import StorageError
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.lines import LineWriter
+from frida_painter.event_log import FEED, EventLog
 
 _BETWEEN_STEPS = 0.25  # seconds; nobody sees more of a plan's progress
 
@@ -16,16 +16,16 @@ class Feed:
     """Tells the page what happens. A full disk is the journal's concern: what cannot be told is left out."""
 
     folder: PaintingFolder
-    _writer: LineWriter = field(init=False)
+    _writer: EventLog = field(init=False)
     _told: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
-        self._writer = LineWriter(self.folder.feed)
+        self._writer = EventLog(self.folder.feed, FEED)
 
     def tell(self, kind: str, **facts: Any) -> None:
         """Something happened; facts are plain, finite values."""
         try:
-            self._writer.add({"kind": kind, "at": round(time.time(), 3), **facts})
+            self._writer.append({"kind": kind, "at": round(time.time(), 3), **facts})
         except StorageError:
             return
 

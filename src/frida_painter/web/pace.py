@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from frida_painter.web.lines import LineReader
+from frida_painter.event_log import LogReader
 from frida_painter.web.painting_store import PaintingStore
 
 _LAST = 6  # paintings that are looked at
@@ -24,7 +24,7 @@ def pace(store: PaintingStore, *, real_time: bool) -> Pace:
     """The pace to expect. real_time: whether the robot takes its time, rather than the computer's."""
     found = Pace(_LOADING, 0.1, 6.0 if real_time else 0.2)
     for entry in reversed(store.all()[:_LAST]):
-        lines = LineReader(entry.folder.feed).read()
+        lines = LogReader(entry.folder.feed).read()
         try:
             found.planning = _planning(lines) or found.planning
             found.painting = _painting(lines) or found.painting

@@ -12,7 +12,7 @@ from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from frida_painter.web.folder import PaintingFolder, working
-from frida_painter.web.lines import LineReader
+from frida_painter.event_log import LogReader
 
 MOST_WATCHERS = 40
 _BETWEEN_READS = 0.06  # seconds
@@ -34,7 +34,7 @@ class Shown(Protocol):
 def current(folder: PaintingFolder, fresh: Callable[[], Shown]) -> dict[str, Any]:
     """The state of a painting or a calibration now, read from its folder; `fresh` gives one that heard nothing yet."""
     state = fresh()
-    for told in LineReader(folder.feed).read():
+    for told in LogReader(folder.feed).read():
         state.hear(told)
     return state.shown(working(folder))
 
@@ -52,7 +52,7 @@ class _Watched:
     over: bool = False
 
     async def follow(self) -> None:
-        reader = LineReader(self.folder.feed)
+        reader = LogReader(self.folder.feed)
         while True:
             for told in await asyncio.to_thread(reader.read):
                 self.state.hear(told)
