@@ -41,12 +41,12 @@ def kill_when(journal: Path, moment: Callable[[dict[str, Any]], bool], work: Cal
 
 def began(stroke: int) -> Callable[[dict[str, Any]], bool]:
     """The moment in which a stroke is begun."""
-    return lambda record: record["kind"] == "began" and record.get("stroke") == stroke
+    return lambda record: record["kind"] == "motion_began" and record.get("stroke") == stroke
 
 
 def ended(stroke: int) -> Callable[[dict[str, Any]], bool]:
     """The moment in which a stroke is done."""
-    return lambda record: record["kind"] == "ended" and record.get("stroke") == stroke
+    return lambda record: record["kind"] == "stroke_painted" and record["done"] == stroke
 
 
 def _records(journal: Path) -> list[dict[str, Any]]:

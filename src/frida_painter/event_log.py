@@ -85,9 +85,7 @@ class EventLog:
     def begin(cls, path: Path, record: Mapping[str, Any], policy: LogPolicy = JOURNAL) -> Self:
         """A new log with one record; the file appears with the record in it. Raises StorageError."""
         if path.exists():
-            raise StorageError(
-                f"{path} exists already, and {policy.what} is never overwritten; choose a new folder."
-            )
+            raise StorageError(f"{path} exists already, and {policy.what} is never overwritten; choose a new folder.")
         cls.write(path, [record])
         return cls(path, policy)
 

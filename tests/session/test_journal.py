@@ -8,9 +8,9 @@ import torch
 
 from frida_painter import images
 from frida_painter.errors import StorageError
-from frida_painter.plan import Plan
 from frida_painter.event_log import EventLog
-from frida_painter.session.events import StrokePainted
+from frida_painter.plan import Plan
+from frida_painter.session.events import MotionBegan, StrokePainted
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from sittings import Evening
@@ -53,7 +53,7 @@ def test_every_motion_is_noted_with_who_and_when(tmp_path: Path) -> None:
     evening = Evening(6, replans=1, colors=2, timelapse_frames=3, journal=begun(tmp_path))
     evening.run()
     records = EventLog.read(tmp_path / "journal")
-    told = [label for record in records if record["kind"] == "began" for label in record["what"]]
+    told = [label for record in records if record["kind"] == "motion_began" for label in record["what"]]
     assert told == evening.robot.labels()
     assert records[0]["by"] and records[0]["process"] and records[0]["program"]
     times = [record["at"] for record in records]
@@ -99,20 +99,20 @@ def test_a_stop_is_noted_and_is_not_the_end(tmp_path: Path, painted: int) -> Non
 
 def test_a_stroke_in_doubt_that_is_painted_again_is_in_doubt_again(tmp_path: Path) -> None:
     journal = begun(tmp_path)
-    journal.note("began", what=["stroke 1"], stroke=1)
+    journal.tell(MotionBegan(("stroke 1",), 1))
     journal.close()
     again, told = Journal.reopen(tmp_path)
     assert (told.painted, told.in_doubt) == (0, 1)
     again.resumed(told, repaint=True)
     assert (told.painted, told.in_doubt) == (0, None)
     assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (0, None)
-    again.note("began", what=["stroke 1"], stroke=1)
+    again.tell(MotionBegan(("stroke 1",), 1))
     assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (0, 1)
 
 
 def test_the_one_in_doubt_is_given_up_where_it_is_skipped(tmp_path: Path) -> None:
     journal = begun(tmp_path)
-    journal.note("began", what=["stroke 1"], stroke=1)
+    journal.tell(MotionBegan(("stroke 1",), 1))
     before = read(tmp_path)
     journal.resumed(before, repaint=False)
     told = read(tmp_path)
@@ -130,7 +130,7 @@ def test_a_folder_without_a_journal_is_no_painting(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"version": 2}, "version 2; this program reads version 1"),
+        ({"version": 3}, "version 3; this program reads versions up to 2"),
         ({"format": "a diary"}, "not a painting's"),
         ({"settings": None, "rests_on": 3, "at": "yesterday"}, "undamaged copy"),
     ],

@@ -12,6 +12,7 @@ import torch
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.brush.weights import load_stroke_model
+from frida_painter.event_log import EventLog
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal, ImageTerm
 from frida_painter.palette import Palette
@@ -19,7 +20,6 @@ from frida_painter.plan import Plan
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
-from frida_painter.event_log import EventLog
 from frida_painter.session.events import Event, Planned, StrokePainted
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal

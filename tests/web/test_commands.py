@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from frida_painter.event_log import FEED, EventLog
+from frida_painter.session.commands import Pause, TakeTurns
 from frida_painter.web import commands
 from frida_painter.web.commands import Command, CommandReader, tell_painter
 from frida_painter.web.folder import PaintingFolder
@@ -16,7 +17,7 @@ def test_each_command_is_heard_once(tmp_path: Path) -> None:
     ear = CommandReader(folder)
     tell_painter(folder, "pause", "browser")
     tell_painter(folder, "turns", "browser", count=5)
-    assert [(command.kind, command.count) for command in ear.listen()] == [("pause", 0), ("turns", 5)]
+    assert ear.listen() == [Pause(), TakeTurns(5)]
     assert ear.listen() == []
     with EventLog(folder.commands, FEED) as log:
         for record in log.found:

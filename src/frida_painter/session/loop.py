@@ -24,7 +24,10 @@ from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import (
     Dipped,
+    Failed,
+    Finished,
     Looked,
+    MotionBegan,
     Notify,
     PaintsWanted,
     Paused,
@@ -164,22 +167,22 @@ class PaintingSession:
         self._notify(Planned(rest, self._painted, expected, before, self.planner.judge(expected)))
 
     def _to_the_end(self, begin: Callable[[], None]) -> Painting:
-        end = "finished"
+        end: type[Finished | Stopped] = Finished
         try:
             begin()
             self._paint()
         except _StopAsked:
             self._notify(Stopped(self._painted))
-            end = "stopped"
+            end = Stopped
         except FridaError as trouble:
             with contextlib.suppress(StorageError):
-                self.journal.note("broken off", reason=str(trouble))
+                self.journal.tell(Failed(str(trouble)))
             raise
         took = self.brushwork.last_motion - self._began_at
         if self.brushwork.load.paint is not None:
             self._clean()
         photograph = self.look()
-        self._retry_after_pause(partial(self.journal.note, end, painted=self._painted))
+        self._retry_after_pause(partial(self.journal.tell, end(self._painted)))
         rest = None if self._plan is None else self._plan.part(slice(self._painted, None))
         return Painting(photograph, self._painted, rest, took)
 
@@ -320,12 +323,12 @@ class PaintingSession:
                 self._notify(TimelapseFrame(picture, painted.done, painted.of, painted.color))
 
     def _step_aside(self) -> None:
-        self.journal.note("began", what=["home"])
+        self.journal.tell(MotionBegan(("home",)))
         self.brushwork.step_aside()
 
     def _clean(self) -> None:
-        what = [motion.label for motion in self.brushwork.cleaning()]
-        self._retry_after_pause(partial(self.journal.note, "began", what=what))
+        what = tuple(motion.label for motion in self.brushwork.cleaning())
+        self._retry_after_pause(partial(self.journal.tell, MotionBegan(what)))
         self.brushwork.clean()
 
     def _checking_interrupts(self, phase: str) -> Callable[[Step], None]:
@@ -357,7 +360,7 @@ class PaintingSession:
     def _pause(self, reason: str, cause: FridaError | None = None) -> None:
         """Lifts the brush, cleans it, moves the arm aside and waits until a person has the painting go on."""
         with contextlib.suppress(StorageError):
-            self.journal.note("paused", reason=reason, painted=self._painted)
+            self.journal.tell(Paused(reason, self._painted))
         if self.brushwork.load.paint is not None:
             self.brushwork.clean()
         self.brushwork.step_aside()

@@ -27,12 +27,13 @@ from frida_painter.runs import goals
 from frida_painter.session import resuming
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.easels import ARM_FILM
-from frida_painter.session.events import Event
+from frida_painter.session.events import Event, Stopped
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import Painting, PaintingSession, ResumeState
 from frida_painter.session.names import HUMAN
 from frida_painter.session.opening import on_record, open_planner, open_session
+from frida_painter.session.page_events import Finishing, PaintingKept, TakenUp
 from frida_painter.session.procedures.dialogue import Confirm
 from frida_painter.session.replan_policy import ReplanPolicy
 from frida_painter.session.resuming import KeptPlan
@@ -73,7 +74,7 @@ def resume(job: Job, place: PlanFolder) -> None:
         begun = Begun.read(folder, history, accept_changes=False)
         storage.clear_leftovers(folder)
         how, plan = begun.how, begun.plan
-        job.feed.tell("taken up", done=history.painted)
+        job.feed.tell(TakenUp(history.painted))
         process = stack.enter_context(EaselProcess())
         planner, easel, _ = _at_the_easel(process, job, how.settings, begun.wanted.goal, how.calibration)
         planner.region = resuming.region(folder, history)
@@ -191,8 +192,8 @@ class _Sitting:
                 raise
             so_far = self.session.so_far
             made = Painting(self._reporter.seen, self._reporter.done, so_far.rest if so_far else None)
-            self._job.feed.tell("stopped", done=self._reporter.done)
-        self._job.feed.tell("finishing")
+            self._job.feed.tell(Stopped(self._reporter.done))
+        self._job.feed.tell(Finishing())
         with suppress(FridaError):  # whatever is wrong with it was told before
             self.session.brushwork.easel.robot.close()  # a film of the arm ends here
         self._recorder.finish(made)
@@ -200,7 +201,7 @@ class _Sitting:
         export(whole, self._planner.model, self._job.folder.painting)
         films = {"film": "film.mp4", "arm": ARM_FILM}
         there = {name: (self._job.folder.painting / file).exists() for name, file in films.items()}
-        self._job.feed.tell("finished", **there)
+        self._job.feed.tell(PaintingKept(**there))
 
     def is_as_left(self, begun: Begun, history: History, before: Tensor, now: Tensor) -> bool:
         """Whether the canvas is as it was left; where it is not, a person has to want it painted on all the same."""
