@@ -24,7 +24,7 @@ from frida_painter.session.events import Event, Planned, StrokePainted
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
@@ -94,7 +94,7 @@ def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(
         planner,
         Brushwork(easel, brush_kind("fine")),
         CanvasObserver(easel, (1.0, 1.0, 1.0)),
-        ReplanPolicy(REPLANS, 0),
+        EvenlySpaced(REPLANS),
         stop_asked=lambda: False,
         notify=gauge.hear,
         journal=Journal.begin(tmp_path, {}, {}),

@@ -42,7 +42,7 @@ class Table:
         self.stop = Stop(folder.stop)
         self.together = PauseController(folder, self.feed, self.stop)
         self.evening = Evening(strokes, replans=0, pause_at=self._pauses(pause_after), go_on=self._go_on)
-        self.evening.session._pause_asked = self._pause_asked
+        self.evening.session.interruptions.pause_asked = self._pause_asked
         self.together.session = self.evening.session
         self.says: list[tuple[str, dict[str, int]]] = []
         deadline = threading.Timer(30, folder.stop.touch)  # a pause that nobody ends is not waited for

@@ -1,5 +1,6 @@
 """What the page shows of a painting is a fold of its feed: replayed to any event, it is what was shown then."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -7,13 +8,14 @@ from typing import Any
 import torch
 
 from frida_painter.cli.progress import Forecast
+from frida_painter.hardware.camera import Frame
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.events import Event, Paused, Stopped, StrokePainted
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import ResumeState
 from frida_painter.session.page_events import Finishing, PaintingKept, PaintingStarted, PlanWished, TakenUp
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.resuming import kept_plan
 from frida_painter.web.commands import tell_painter
 from frida_painter.web.feed import Feed, FeedReader
@@ -51,7 +53,7 @@ class Sitting(Evening):
     def lead(self, folder: PaintingFolder, planner: Planner, page: Page, feed: Feed) -> None:
         self.page = page
         self.controller = PauseController(folder, feed, Stop(folder.stop))
-        forecast = Forecast(STROKES, ReplanPolicy(self.replans, 0), 0.0, planning=4, replanning=4)
+        forecast = Forecast(STROKES, EvenlySpaced(self.replans), 0.0, planning=4, replanning=4)
         self.reporter = Reporter(feed, folder, planner.model, CANVAS, forecast)
         self.controller.session = self.session
         self.session.planner = planner
@@ -67,6 +69,17 @@ class Sitting(Evening):
         for kind in ("look", "go on"):
             tell_painter(self.controller.folder, kind, "browser")  # type: ignore[arg-type]
         return self.controller.go_on(paused)
+
+
+def differing(capture: Callable[[float], Frame]) -> Callable[[float], Frame]:
+    """Photographs of which no two are alike to the byte, as of a real camera."""
+
+    def noisy(newer_than: float) -> Frame:
+        frame = capture(newer_than)
+        frame.image[0, 0] = frame.sequence
+        return frame
+
+    return noisy
 
 
 def after(stroke: int) -> Any:
@@ -86,6 +99,7 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     journal = Journal.begin(folder.painting, {}, {})
     first = Sitting(STROKES, replans=1, pause_at=after(PAUSE_AFTER), stop_at=after(STOP_AFTER), journal=journal)
     first.lead(folder, planner, page, feed)
+    first.camera.capture = differing(first.camera.capture)  # type: ignore[method-assign]
     first.session.run(STROKES, 1, made)
     journal.close()
     page.look()
@@ -98,6 +112,7 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     journal.resumed(history, repaint=False)
     second = Sitting(STROKES, replans=1, journal=journal)
     second.lead(folder, planner, page, feed)
+    second.camera.capture = differing(second.camera.capture)  # type: ignore[method-assign]
     now = second.session.look()
     where = ResumeState(kept.plan, history.painted, kept.planning.done, None, now)
     assert second.session.resume(where).painted == STROKES

@@ -38,7 +38,7 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PHOTOGRAPH_ROWS
 from frida_painter.session.names import SAWYER_SIM
 from frida_painter.session.opening import limit_threads, on_record, open_planner, open_session
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.sawyer.opengl import NONE as NO_OPENGL
 from frida_painter.virtual.sawyer.opengl import headless_opengl
 
@@ -205,10 +205,10 @@ def paint(
             easel.camera.connect()
         journal = _begin_journal(folder, wanted, how)
         stack.callback(journal.close)
-        rhythm = ReplanPolicy(chosen.replans, timelapse_frames)
+        policy = EvenlySpaced(chosen.replans)
         effort_per_replan = planner.effort.refining + planner.effort.replanning
         forecast = Forecast(
-            chosen.strokes, rhythm, started, planning=planner.iterations(chosen.strokes), replanning=effort_per_replan
+            chosen.strokes, policy, started, planning=planner.iterations(chosen.strokes), replanning=effort_per_replan
         )
         bar = stack.enter_context(PaintingProgress(console, forecast))
         easel = attended(easel, site, console, folder, bar.aside, asked=not yes)

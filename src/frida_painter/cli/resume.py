@@ -32,7 +32,7 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.loop import ResumeState
 from frida_painter.session.names import HUMAN, SAWYER_SIM
 from frida_painter.session.opening import limit_threads, on_record, open_planner, open_session
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy
 from frida_painter.session.resuming import KeptPlan
 
 NOW = "now.png"
@@ -99,9 +99,7 @@ def resume(
         easel.robot.connect()
         easel.camera.connect()
         console = Console(stderr=True, highlight=False)
-        forecast = _forecast(
-            how.settings.strokes, ReplanPolicy(how.settings.replans, how.timelapse_frames), planner, started
-        )
+        forecast = _forecast(how.settings.strokes, EvenlySpaced(how.settings.replans), planner, started)
         bar = PaintingProgress(console, forecast)
         easel = attended(easel, how.site, console, folder, bar.aside, asked=not yes)
         telling = occasion(begun.wanted, begun.target, how.settings, planner.encoders, how.site)
@@ -230,6 +228,6 @@ def _repaint(
     return confirm(f"Look at {folder / NOW}: paint stroke {number} again?", default=False)
 
 
-def _forecast(strokes: int, rhythm: ReplanPolicy, planner: Planner, started: float) -> Forecast:
+def _forecast(strokes: int, policy: ReplanPolicy, planner: Planner, started: float) -> Forecast:
     replanning = planner.effort.refining + planner.effort.replanning
-    return Forecast(strokes, rhythm, started, planning=planner.iterations(strokes), replanning=replanning)
+    return Forecast(strokes, policy, started, planning=planner.iterations(strokes), replanning=replanning)

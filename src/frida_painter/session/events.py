@@ -321,9 +321,7 @@ def events_of(written: Mapping[str, Any]) -> list[Written]:
     Raises ValueError where it lacks something, or has it of another type.
     """
     return [
-        _adapter(each["kind"]).validate_python(dict(each))
-        for each in renewed(written)
-        if each.get("kind") in KINDS
+        _adapter(each["kind"]).validate_python(dict(each)) for each in renewed(written) if each.get("kind") in KINDS
     ]
 
 

@@ -1,19 +1,19 @@
 """The closed loop: plan, paint some strokes, look, plan the rest again (paper, Algorithm 1, `paint`).
 
-Start reading here. Whatever moves is in `brushwork`, whatever sees in `eye`, whatever thinks in
-`planning`, and what must outlast a crash goes into the `journal`; this file only says what follows
-what, and tells it to whoever listens.
+Start reading here. Whatever moves is in `brushwork`, whatever sees in `canvas_observer`, whatever thinks in
+`planning`, whatever interrupts in `interruptions`, and when to look and plan again in `replan_policy`. What must
+be on the disk before the robot moves is put into the `journal` by direct calls, for it can fail, and then nothing
+moves; everything else is told to whoever listens, the journal among them. This file only says what follows what.
 """
 
-import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
 
 from torch import Tensor
 
-from frida_painter.errors import CameraError, FridaError, PaintingPaused, PlanError, StorageError
+from frida_painter import images
+from frida_painter.errors import FridaError, PlanError, StorageError
 from frida_painter.palette import Palette
 from frida_painter.perception.frame_check import Expected
 from frida_painter.plan import Plan
@@ -24,6 +24,7 @@ from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import (
     Dipped,
+    Event,
     Failed,
     Finished,
     Looked,
@@ -38,15 +39,13 @@ from frida_painter.session.events import (
     Stopped,
     StrokeLeftOut,
     StrokePainted,
-    TimelapseFrame,
 )
+from frida_painter.session.interruptions import Interruptions, StopAsked
 from frida_painter.session.journal import Journal
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
+from frida_painter.session.timelapse import Timelapse
 
 PHOTOGRAPH_ROWS = 864
-TIMELAPSE_ROWS = 540
-
-_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ class PaintingSession:
         planner: Planner,
         brushwork: Brushwork,
         observer: CanvasObserver,
-        rhythm: ReplanPolicy,
+        policy: ReplanPolicy,
         *,
         stop_asked: Callable[[], bool],
         notify: Notify,
@@ -103,24 +102,30 @@ class PaintingSession:
         pause_asked: Callable[[], bool] = lambda: False,
         go_on: Callable[[Paused], bool] = lambda paused: False,
         mixed: Callable[[Palette], Palette | None] = lambda wanted: None,
+        timelapse: Timelapse | None = None,
     ) -> None:
         self.planner = planner
         self.brushwork = brushwork
         self.observer = observer
-        self.rhythm = rhythm
+        self.policy = policy
         self.journal = journal or Journal.nowhere()
-        self._stop_asked = stop_asked
-        self._pause_asked = pause_asked
-        self._go_on = go_on
+        self.timelapse = timelapse or Timelapse()
+        self.interruptions = Interruptions(
+            brushwork,
+            self._tell,
+            stop_asked=stop_asked,
+            pause_asked=pause_asked,
+            go_on=go_on,
+            painted=lambda: self._painted,
+        )
         self._mixed = mixed
         self._notify = notify
         self._plan: Plan | None = None
         self._painted = 0
-        self._planned_at = 0
+        self._planned_at = 0  # strokes painted when it was last decided how the rest is painted
         self._began_at = 0.0  # s of the robot's clock
         self._before: Tensor | None = None  # the canvas as it was last seen
         self._seen = 0  # strokes that were on it
-        self._touched = False
         self._left_out: set[int] = set()  # strokes, by index, by whoever paints by hand
 
     def run(self, strokes: int, colors: int, plan: Plan | None = None) -> Painting:
@@ -136,7 +141,7 @@ class PaintingSession:
 
     def look(self) -> Tensor:
         """The canvas as it is now, seen without the arm, never from a photograph older than the last motion."""
-        return self._retry_after_pause(self._look)
+        return self.interruptions.retry(self._look)
 
     @property
     def rest(self) -> Plan:
@@ -156,7 +161,7 @@ class PaintingSession:
 
         rounds: of planning; more than one where the goal has changed.
         """
-        self._look_and_plan_again(rounds)
+        self._look_and_plan_again(rounds, asked=True)
 
     def paint_instead(self, rest: Plan) -> None:
         """Takes the place of what was still to be painted, palette and canvas being the same; in a pause as well."""
@@ -164,25 +169,24 @@ class PaintingSession:
         before = self.planner.judge(self.planner.expected(self.rest, self._before))
         self._adopt(self._plan.part(slice(self._painted)).followed_by(rest))
         expected = self.planner.expected(rest, self._before)
-        self._notify(Planned(rest, self._painted, expected, before, self.planner.judge(expected)))
+        self._tell(Planned(rest, self._painted, expected, before, self.planner.judge(expected)))
 
     def _to_the_end(self, begin: Callable[[], None]) -> Painting:
         end: type[Finished | Stopped] = Finished
         try:
             begin()
             self._paint()
-        except _StopAsked:
-            self._notify(Stopped(self._painted))
+        except StopAsked:
+            self._tell(Stopped(self._painted))
             end = Stopped
         except FridaError as trouble:
-            with contextlib.suppress(StorageError):
-                self.journal.tell(Failed(str(trouble)))
+            self.journal.hear(Failed(str(trouble)))
             raise
         took = self.brushwork.last_motion - self._began_at
         if self.brushwork.load.paint is not None:
             self._clean()
         photograph = self.look()
-        self._retry_after_pause(partial(self.journal.tell, end(self._painted)))
+        self.interruptions.retry(partial(self.journal.tell, end(self._painted)))
         rest = None if self._plan is None else self._plan.part(slice(self._painted, None))
         return Painting(photograph, self._painted, rest, took)
 
@@ -192,7 +196,7 @@ class PaintingSession:
         plan = plan or self._arranged(self.planner.plan(canvas, strokes, colors, self._checking_interrupts("plan")))
         self._adopt(plan)
         expected = self.planner.expected(plan, canvas)
-        self._notify(Planned(plan, 0, expected, self.planner.judge(canvas), self.planner.judge(expected)))
+        self._tell(Planned(plan, 0, expected, self.planner.judge(canvas), self.planner.judge(expected)))
         self._mix(plan)
         self._take_what_was_mixed(plan, canvas)
 
@@ -205,7 +209,7 @@ class PaintingSession:
         again = self._arranged(self.planner.bind_to_palette(plan, canvas, mixed, self._checking_interrupts("plan")))
         self._adopt(again)
         expected = self.planner.expected(again, canvas)
-        self._notify(Planned(again, 0, expected, before, self.planner.judge(expected)))
+        self._tell(Planned(again, 0, expected, before, self.planner.judge(expected)))
         self.brushwork.easel.operator.fill_wells(mixed)
 
     def _begin_again(self, where: ResumeState) -> None:
@@ -214,14 +218,14 @@ class PaintingSession:
         self._before, self._seen = (where.before, where.planned_at) if known else (where.now, where.painted)
         rest = where.plan.part(slice(where.painted, None))
         self._began_at = self.brushwork.last_motion
-        self._notify(Resumed(where.plan, where.painted, self.planner.expected(rest, where.now)))
+        self._tell(Resumed(where.plan, where.painted, self.planner.expected(rest, where.now)))
         self._schedule()
         self._clean()
         self._mix(where.plan)
 
     def _paint(self) -> None:
         while self._plan is not None and self._planned_at < len(self._plan):
-            self._paint_until(self.rhythm.next_look(self._planned_at, len(self._plan)))
+            self._paint_until(self.policy.next_look(self._planned_at, len(self._plan)))
             self._look_and_plan_again()
 
     def _paint_until(self, end: int) -> None:
@@ -237,29 +241,30 @@ class PaintingSession:
         try:
             self.journal.begins(action, plan)
         except StorageError as trouble:
-            self._pause(str(trouble), trouble)
+            self.interruptions.pause(str(trouble), trouble)
             return False
         done = self.brushwork.perform(action)
-        self._retry_after_pause(partial(self.journal.ends, done))
-        self._notify(done)
+        self.interruptions.retry(partial(self.journal.ends, done))
+        self._tell(done)
         if isinstance(done, StrokeLeftOut):
             self._left_out.add(done.done - 1)
         if not isinstance(done, Dipped):
             self._painted = done.done
             self._timelapse_frame(done)
-            self._check_interrupts()
+            self.interruptions.check()
         return True
 
-    def _look_and_plan_again(self, rounds: int = 1) -> None:
+    def _look_and_plan_again(self, rounds: int = 1, *, asked: bool = False) -> None:
         assert self._plan is not None and self._before is not None
         canvas = self.look()
         batch, rest = self._batch(self._plan), self._plan.part(slice(self._painted, None))
-        self._notify(Looked(canvas, self.planner.expected(batch, self._before), self._painted))
+        expected = self.planner.expected(batch, self._before)
+        self._tell(Looked(canvas, expected, self._painted))
         if len(batch):  # where strokes landed tells where the robot is to be sent
             known = self.brushwork.placement
             self.brushwork.placement = self.planner.locate(batch, known, self._before, canvas)
         self._before, self._seen = canvas, self._painted
-        if len(rest):
+        if len(rest) and (asked or self.policy.wants_replan(self._seen_against(canvas, expected))):
             before = self.planner.judge(self.planner.expected(rest, canvas))
             try:
                 again = self._arranged(self.planner.replan(rest, canvas, self._checking_interrupts("replan"), rounds))
@@ -267,45 +272,47 @@ class PaintingSession:
                 return
             self._adopt(self._plan.part(slice(self._painted)).followed_by(again))
             expected = self.planner.expected(again, canvas)
-            self._notify(Planned(again, self._painted, expected, before, self.planner.judge(expected)))
+            self._tell(Planned(again, self._painted, expected, before, self.planner.judge(expected)))
         self._planned_at = self._painted
 
     def _arranged(self, rest: Plan) -> Plan:
         """The strokes that are left, those of the next batch in the order in which they are quickest to paint."""
         if len(rest) == 0:  # all that was left would have touched what is protected
             return rest
-        until = self.rhythm.next_look(self._painted, self._painted + len(rest))
+        until = self.policy.next_look(self._painted, self._painted + len(rest))
         return self.brushwork.arranged(rest, until - self._painted)
 
     def _adopt(self, plan: Plan) -> None:
         """From now on, and whatever happens, painting goes by this plan of all strokes."""
-        self._retry_after_pause(partial(self.journal.planned, plan, self._painted, self.brushwork.placement))
+        self.interruptions.retry(partial(self.journal.planned, plan, self._painted, self.brushwork.placement))
         self._plan, self._planned_at = plan, self._painted
         self._schedule()
 
     def _schedule(self) -> None:
         """Tells how long the robot will take for what is left, with all looks on the way."""
-        done, of, looks = self._painted, len(self.rest) + self._painted, self.rhythm.looks
+        done, of = self._painted, len(self.rest) + self._painted
 
         def after(painted: int) -> int:
-            return looks(done + painted, of)
+            number = done + painted
+            looks = self.policy.next_look(number - 1, of) == number
+            return int(self.timelapse.wants_frame(number, of)) + int(looks)
 
-        self._notify(Scheduled(self.brushwork.timetable(self.rest, after), done))
+        self._tell(Scheduled(self.brushwork.timetable(self.rest, after), done))
 
     def _mix(self, plan: Plan) -> None:
-        self._notify(PaintsWanted(plan.palette))
+        self._tell(PaintsWanted(plan.palette))
         self.brushwork.easel.operator.fill_wells(plan.palette)
 
     def _look(self) -> Tensor:
         self._step_aside()
         frame, canvas = self.observer.examine(self.brushwork.last_motion, PHOTOGRAPH_ROWS, self._expectation())
         self.journal.looked(frame, self.observer.light)
-        self._touched = False
+        self.interruptions.touched = False
         return canvas
 
     def _expectation(self) -> Expected | None:
         """What should be seen; None where there is no plan yet, or a person may have touched the canvas."""
-        if self._plan is None or self._before is None or self._touched:
+        if self._plan is None or self._before is None or self.interruptions.touched:
             return None
         batch = self._batch(self._plan)
         return Expected(self._before, self.planner.expected(batch, self._before) if len(batch) else self._before)
@@ -315,12 +322,22 @@ class PaintingSession:
         return plan.part([index for index in range(self._seen, self._painted) if index not in self._left_out])
 
     def _timelapse_frame(self, painted: StrokePainted | StrokeLeftOut) -> None:
-        """A picture for the film, which nothing is decided by, and without which the painting goes on."""
-        if isinstance(painted, StrokePainted) and self.rhythm.wants_timelapse_frame(painted.done, painted.of):
-            self._retry_after_pause(self._step_aside)
-            with contextlib.suppress(CameraError):
-                picture = self.observer.look(self.brushwork.last_motion, TIMELAPSE_ROWS)
-                self._notify(TimelapseFrame(picture, painted.done, painted.of, painted.color))
+        if isinstance(painted, StrokePainted) and self.timelapse.wants_frame(painted.done, painted.of):
+            self.interruptions.retry(self._step_aside)
+            frame = self.timelapse.frame(painted, self.brushwork, self.observer)
+            if frame is not None:
+                self._tell(frame)
+
+    def _seen_against(self, canvas: Tensor, expected: Tensor) -> CanvasSeen:
+        """What is known after a look, for whoever decides whether the rest is planned again."""
+        assert self._plan is not None
+        seen = images.fit(canvas, *expected.shape[1:])
+        error = float((seen - expected.to(seen.device)).abs().mean())
+        return CanvasSeen(self._painted, len(self._plan) - self._painted, error)
+
+    def _tell(self, event: Event) -> None:
+        self.journal.hear(event)
+        self._notify(event)
 
     def _step_aside(self) -> None:
         self.journal.tell(MotionBegan(("home",)))
@@ -328,53 +345,21 @@ class PaintingSession:
 
     def _clean(self) -> None:
         what = tuple(motion.label for motion in self.brushwork.cleaning())
-        self._retry_after_pause(partial(self.journal.tell, MotionBegan(what)))
+        self.interruptions.retry(partial(self.journal.tell, MotionBegan(what)))
         self.brushwork.clean()
 
     def _checking_interrupts(self, phase: str) -> Callable[[Step], None]:
         """Passes planning steps on, and stops the planner when a person has asked for it."""
 
         def tell(step: Step) -> None:
-            self._notify(PlanningStep(phase, step.iteration, step.of, step.loss, step.strokes))
+            self._tell(PlanningStep(phase, step.iteration, step.of, step.loss, step.strokes))
             plan = self._plan
-            self._check_interrupts()
+            self.interruptions.check()
             if self._plan is not plan:
                 raise _Overtaken
 
         return tell
 
-    def _check_interrupts(self) -> None:
-        if self._stop_asked():
-            raise _StopAsked
-        if self._pause_asked():
-            self._pause("You asked for a pause.")
-
-    def _retry_after_pause(self, work: Callable[[], _T]) -> _T:
-        """Does what needs the disk or the camera; where they fail, pauses and, when told to go on, tries again."""
-        while True:
-            try:
-                return work()
-            except (StorageError, CameraError) as trouble:
-                self._pause(str(trouble), trouble)
-
-    def _pause(self, reason: str, cause: FridaError | None = None) -> None:
-        """Lifts the brush, cleans it, moves the arm aside and waits until a person has the painting go on."""
-        with contextlib.suppress(StorageError):
-            self.journal.tell(Paused(reason, self._painted))
-        if self.brushwork.load.paint is not None:
-            self.brushwork.clean()
-        self.brushwork.step_aside()
-        self._touched = True  # whoever is asked may paint along, now or while answering
-        paused = Paused(reason, self._painted)
-        self._notify(paused)
-        if not self._go_on(paused):
-            raise PaintingPaused(f"{reason} The painting has paused after {self._painted} strokes.") from cause
-        self._touched = True
-
 
 class _Overtaken(Exception):
     """In a pause a person had something else planned than what was being planned; never leaves this file."""
-
-
-class _StopAsked(Exception):
-    """A person has asked to stop; never leaves this file."""

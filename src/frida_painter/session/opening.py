@@ -27,7 +27,8 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.procedures.calibration_status import NEEDED, require
 from frida_painter.session.refilling import refilled
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced
+from frida_painter.session.timelapse import Timelapse
 from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.table import PlacementError
 
@@ -100,18 +101,18 @@ def open_session(
     kind = refilled(brush_kind(planner.model.brush), easel.calibration, simulated=easel.simulated)
     brushwork = Brushwork(easel, kind, placement or Placement.unknown())
     observer = CanvasObserver(easel, (1.0, 1.0, 1.0), light)
-    rhythm = ReplanPolicy(settings.replans, timelapse_frames)
     return PaintingSession(
         planner,
         brushwork,
         observer,
-        rhythm,
+        EvenlySpaced(settings.replans),
         stop_asked=stop_asked,
         notify=notify,
         journal=journal,
         pause_asked=pause_asked,
         go_on=go_on,
         mixed=mixed,
+        timelapse=Timelapse(timelapse_frames),
     )
 
 

@@ -35,7 +35,7 @@ from frida_painter.session.names import HUMAN
 from frida_painter.session.opening import on_record, open_planner, open_session
 from frida_painter.session.page_events import Finishing, PaintingKept, TakenUp
 from frida_painter.session.procedures.dialogue import Confirm
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.resuming import KeptPlan
 from frida_painter.web.exports import export
 from frida_painter.web.folder import PlanFolder
@@ -157,7 +157,7 @@ class _Sitting:
         """Connects robot and camera, and opens the session, whose events are recorded and told."""
         job, planner = self._job, self._planner
         easel = attended_by(easel, job.site, job.asker.answer)
-        forecast = _forecast(planner, how.settings, self._timelapse_frames)
+        forecast = _forecast(planner, how.settings)
         self._reporter = Reporter(job.feed, job.folder, planner.model, planner.size, forecast)
         together = PauseController(job.folder, job.feed, job.stop)
         easel.robot.connect()
@@ -224,10 +224,10 @@ class _Sitting:
         return self._job.asker.answer(Confirm(question, doubt(plan, number - 1, now, painted), proposal=False)) is True
 
 
-def _forecast(planner: Planner, settings: PaintingSettings, timelapse_frames: int) -> Forecast:
+def _forecast(planner: Planner, settings: PaintingSettings) -> Forecast:
     again = planner.effort.refining + planner.effort.replanning
-    rhythm = ReplanPolicy(settings.replans, timelapse_frames)
-    return Forecast(settings.strokes, rhythm, time.monotonic(), planning=0, replanning=again)
+    policy = EvenlySpaced(settings.replans)
+    return Forecast(settings.strokes, policy, time.monotonic(), planning=0, replanning=again)
 
 
 def _begin_journal(folder: Path, wanted: goals.Wanted, how: kept.Kept) -> Journal:

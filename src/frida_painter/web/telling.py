@@ -24,8 +24,8 @@ from frida_painter.session.events import (
     StrokePainted,
     TimelapseFrame,
 )
-from frida_painter.session.loop import TIMELAPSE_ROWS
 from frida_painter.session.page_events import LookShown, Mixing, PhotographShown, PlanPreview, RestReplanned, TimeLeft
+from frida_painter.session.timelapse import TIMELAPSE_ROWS
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.illustrations import Growing, illustrate
