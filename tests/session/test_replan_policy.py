@@ -1,6 +1,7 @@
 """When the painter looks and plans again, and how a policy is named."""
 
 import importlib.metadata
+import itertools
 
 import pytest
 import torch
@@ -8,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
+from easels import PatientCamera
 from frida_painter.errors import ConfigError
 from frida_painter.plan import Plan
 from frida_painter.session import replan_policy
@@ -56,15 +58,17 @@ def test_a_plugin_is_found_and_does_not_take_the_place_of_ours(monkeypatch: pyte
 
 
 policies = st.one_of(
-    st.integers(0, 60).map(EvenlySpaced), st.integers(1, 60).map(EveryNth), st.integers(1, 60).map(lambda n: WhenOffBy(0.1, n))
-)  # fmt: skip
+    st.integers(0, 60).map(EvenlySpaced),
+    st.integers(1, 60).map(EveryNth),
+    st.integers(1, 60).map(lambda strokes: WhenOffBy(0.1, strokes)),
+)
 
 
 @given(policies, st.integers(1, 200))
 def test_looks_come_one_after_another_and_the_last_stroke_is_looked_at(policy: ReplanPolicy, strokes: int) -> None:
     looks = [0, *looks_on_the_way(policy, strokes), strokes]
-    assert all(one < other for one, other in zip(looks, looks[1:], strict=False))
-    for begin, end in zip(looks, looks[1:], strict=False):
+    assert all(one < other for one, other in itertools.pairwise(looks))
+    for begin, end in itertools.pairwise(looks):
         assert all(policy.next_look(done, strokes) == end for done in range(begin, end))
 
 
@@ -96,7 +100,7 @@ class OftenWrong(NotingPlanner):
 
 
 def test_a_painting_looks_often_and_plans_again_only_where_the_canvas_is_off() -> None:
-    evening = Evening(8, planner=OftenWrong())
+    evening = Evening(8, planner=OftenWrong(), camera=PatientCamera(noisy=True))
     evening.session.policy = WhenOffBy(0.1, strokes=2)
     assert evening.run().painted == 8 and evening.painted() == list(range(1, 9))
     assert [event.done for event in evening.heard if isinstance(event, Looked)] == [2, 4, 6, 8]

@@ -1,14 +1,13 @@
 """What the page shows of a painting is a fold of its feed: replayed to any event, it is what was shown then."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import torch
 
+from easels import PatientCamera
 from frida_painter.cli.progress import Forecast
-from frida_painter.hardware.camera import Frame
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.events import Event, Paused, Stopped, StrokePainted
 from frida_painter.session.history import History
@@ -71,17 +70,6 @@ class Sitting(Evening):
         return self.controller.go_on(paused)
 
 
-def differing(capture: Callable[[float], Frame]) -> Callable[[float], Frame]:
-    """Photographs of which no two are alike to the byte, as of a real camera."""
-
-    def noisy(newer_than: float) -> Frame:
-        frame = capture(newer_than)
-        frame.image[0, 0] = frame.sequence
-        return frame
-
-    return noisy
-
-
 def after(stroke: int) -> Any:
     return lambda event: isinstance(event, StrokePainted) and event.done == stroke
 
@@ -97,9 +85,15 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     feed.tell(PlanWished(1, {"strokes": STROKES}))
     feed.tell(PaintingStarted(1, STROKES))
     journal = Journal.begin(folder.painting, {}, {})
-    first = Sitting(STROKES, replans=1, pause_at=after(PAUSE_AFTER), stop_at=after(STOP_AFTER), journal=journal)
+    first = Sitting(
+        STROKES,
+        replans=1,
+        pause_at=after(PAUSE_AFTER),
+        stop_at=after(STOP_AFTER),
+        journal=journal,
+        camera=PatientCamera(noisy=True),
+    )
     first.lead(folder, planner, page, feed)
-    first.camera.capture = differing(first.camera.capture)  # type: ignore[method-assign]
     first.session.run(STROKES, 1, made)
     journal.close()
     page.look()
@@ -110,9 +104,8 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     kept = kept_plan(folder.painting, history)
     assert kept is not None and history.painted == STOP_AFTER
     journal.resumed(history, repaint=False)
-    second = Sitting(STROKES, replans=1, journal=journal)
+    second = Sitting(STROKES, replans=1, journal=journal, camera=PatientCamera(noisy=True))
     second.lead(folder, planner, page, feed)
-    second.camera.capture = differing(second.camera.capture)  # type: ignore[method-assign]
     now = second.session.look()
     where = ResumeState(kept.plan, history.painted, kept.planning.done, None, now)
     assert second.session.resume(where).painted == STROKES
