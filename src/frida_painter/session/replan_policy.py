@@ -112,9 +112,7 @@ class WhenOffBy:
         try:
             off = float(tolerance)
         except ValueError:
-            raise ConfigError(
-                f"A tolerance of {tolerance[:40]!r} was given; it is from 0 to 1."
-            ) from None
+            raise ConfigError(f"A tolerance of {tolerance[:40]!r} was given; it is from 0 to 1.") from None
         return cls(off, _whole("strokes between two looks", strokes)) if comma else cls(off)
 
     def next_look(self, done: int, of: int) -> int:
