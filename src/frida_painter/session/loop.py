@@ -12,14 +12,13 @@ from functools import partial
 
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.errors import FridaError, PlanError, StorageError
 from frida_painter.palette import Palette
-from frida_painter.perception.frame_check import Expected
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_memory import CanvasMemory, difference
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import (
@@ -124,9 +123,7 @@ class PaintingSession:
         self._painted = 0
         self._planned_at = 0  # strokes painted when it was last decided how the rest is painted
         self._began_at = 0.0  # s of the robot's clock
-        self._before: Tensor | None = None  # the canvas as it was last seen
-        self._seen = 0  # strokes that were on it
-        self._left_out: set[int] = set()  # strokes, by index, by whoever paints by hand
+        self._canvas = CanvasMemory()
 
     def run(self, strokes: int, colors: int, plan: Plan | None = None) -> Painting:
         """Paints exactly `strokes` strokes in `colors` paints on a bare canvas, unless a person stops it.
@@ -154,7 +151,7 @@ class PaintingSession:
     def so_far(self) -> Painting | None:
         """What has come of it, as it was last seen; None where the canvas was never seen."""
         rest = None if self._plan is None else self._plan.part(slice(self._painted, None))
-        return None if self._before is None else Painting(self._before, self._painted, rest)
+        return None if self._canvas.before is None else Painting(self._canvas.before, self._painted, rest)
 
     def look_again(self, rounds: int = 1) -> None:
         """Looks at what a person has made of the canvas, and plans the rest again; while the painting has paused.
@@ -165,11 +162,10 @@ class PaintingSession:
 
     def paint_instead(self, rest: Plan) -> None:
         """Takes the place of what was still to be painted, palette and canvas being the same; in a pause as well."""
-        assert self._plan is not None and self._before is not None
-        before = self.planner.judge(self.planner.expected(self.rest, self._before))
-        self._adopt(self._plan.part(slice(self._painted)).followed_by(rest))
-        expected = self.planner.expected(rest, self._before)
-        self._tell(Planned(rest, self._painted, expected, before, self.planner.judge(expected)))
+        canvas = self._canvas.before
+        assert canvas is not None
+        before = self.planner.judge(self.planner.expected(self.rest, canvas))
+        self._adopt(rest, canvas, before)
 
     def _to_the_end(self, begin: Callable[[], None]) -> Painting:
         end: type[Finished | Stopped] = Finished
@@ -191,12 +187,10 @@ class PaintingSession:
         return Painting(photograph, self._painted, rest, took)
 
     def _begin(self, strokes: int, colors: int, plan: Plan | None) -> None:
-        canvas = self._before = self.look()
+        canvas = self._canvas.before = self.look()
         self._began_at = self.brushwork.last_motion
         plan = plan or self._arranged(self.planner.plan(canvas, strokes, colors, self._checking_interrupts("plan")))
-        self._adopt(plan)
-        expected = self.planner.expected(plan, canvas)
-        self._tell(Planned(plan, 0, expected, self.planner.judge(canvas), self.planner.judge(expected)))
+        self._adopt(plan, canvas, self.planner.judge(canvas))
         self._mix(plan)
         self._take_what_was_mixed(plan, canvas)
 
@@ -207,15 +201,14 @@ class PaintingSession:
             return
         before = self.planner.judge(self.planner.expected(plan, canvas))
         again = self._arranged(self.planner.bind_to_palette(plan, canvas, mixed, self._checking_interrupts("plan")))
-        self._adopt(again)
-        expected = self.planner.expected(again, canvas)
-        self._tell(Planned(again, 0, expected, before, self.planner.judge(expected)))
+        self._adopt(again, canvas, before)
         self.brushwork.easel.operator.fill_wells(mixed)
 
     def _begin_again(self, where: ResumeState) -> None:
         self._plan, self._painted, self._planned_at = where.plan, where.painted, where.planned_at
         known = where.before is not None
-        self._before, self._seen = (where.before, where.planned_at) if known else (where.now, where.painted)
+        seen = (where.before, where.planned_at) if known else (where.now, where.painted)
+        self._canvas = CanvasMemory(*seen)
         rest = where.plan.part(slice(where.painted, None))
         self._began_at = self.brushwork.last_motion
         self._tell(Resumed(where.plan, where.painted, self.planner.expected(rest, where.now)))
@@ -247,7 +240,7 @@ class PaintingSession:
         self.interruptions.retry(partial(self.journal.ends, done))
         self._tell(done)
         if isinstance(done, StrokeLeftOut):
-            self._left_out.add(done.done - 1)
+            self._canvas.left_out.add(done.done - 1)
         if not isinstance(done, Dipped):
             self._painted = done.done
             self._timelapse_frame(done)
@@ -255,24 +248,23 @@ class PaintingSession:
         return True
 
     def _look_and_plan_again(self, rounds: int = 1, *, asked: bool = False) -> None:
-        assert self._plan is not None and self._before is not None
-        canvas = self.look()
-        batch, rest = self._batch(self._plan), self._plan.part(slice(self._painted, None))
-        expected = self.planner.expected(batch, self._before)
+        assert self._plan is not None and self._canvas.before is not None
+        canvas, rest, last = self.look(), self.rest, self._canvas.before
+        batch = self._canvas.batch(self._plan, self._painted)
+        expected = self.planner.expected(batch, last)
         self._tell(Looked(canvas, expected, self._painted))
         if len(batch):  # where strokes landed tells where the robot is to be sent
             known = self.brushwork.placement
-            self.brushwork.placement = self.planner.locate(batch, known, self._before, canvas)
-        self._before, self._seen = canvas, self._painted
-        if len(rest) and (asked or self.policy.wants_replan(self._seen_against(canvas, expected))):
+            self.brushwork.placement = self.planner.locate(batch, known, last, canvas)
+        self._canvas.before, self._canvas.strokes = canvas, self._painted
+        seen = CanvasSeen(self._painted, len(rest), difference(canvas, expected))
+        if len(rest) and (asked or self.policy.wants_replan(seen)):
             before = self.planner.judge(self.planner.expected(rest, canvas))
             try:
                 again = self._arranged(self.planner.replan(rest, canvas, self._checking_interrupts("replan"), rounds))
             except _Overtaken:
                 return
-            self._adopt(self._plan.part(slice(self._painted)).followed_by(again))
-            expected = self.planner.expected(again, canvas)
-            self._tell(Planned(again, self._painted, expected, before, self.planner.judge(expected)))
+            self._adopt(again, canvas, before)
         self._planned_at = self._painted
 
     def _arranged(self, rest: Plan) -> Plan:
@@ -282,11 +274,18 @@ class PaintingSession:
         until = self.policy.next_look(self._painted, self._painted + len(rest))
         return self.brushwork.arranged(rest, until - self._painted)
 
-    def _adopt(self, plan: Plan) -> None:
-        """From now on, and whatever happens, painting goes by this plan of all strokes."""
+    def _adopt(self, rest: Plan, canvas: Tensor, before: float) -> None:
+        """From now on, and whatever happens, what is left is painted by this plan, made for the canvas as it is.
+
+        before: the objective with the plan as it was.
+        """
+        painted = None if self._plan is None or self._painted == 0 else self._plan.part(slice(self._painted))
+        plan = rest if painted is None else painted.followed_by(rest)
         self.interruptions.retry(partial(self.journal.planned, plan, self._painted, self.brushwork.placement))
         self._plan, self._planned_at = plan, self._painted
         self._schedule()
+        expected = self.planner.expected(rest, canvas)
+        self._tell(Planned(rest, self._painted, expected, before, self.planner.judge(expected)))
 
     def _schedule(self) -> None:
         """Tells how long the robot will take for what is left, with all looks on the way."""
@@ -305,21 +304,13 @@ class PaintingSession:
 
     def _look(self) -> Tensor:
         self._step_aside()
-        frame, canvas = self.observer.examine(self.brushwork.last_motion, PHOTOGRAPH_ROWS, self._expectation())
+        expected = None  # there is no plan yet, or a person may have touched the canvas
+        if self._plan is not None and not self.interruptions.touched:
+            expected = self._canvas.expectation(self.planner, self._plan, self._painted)
+        frame, canvas = self.observer.examine(self.brushwork.last_motion, PHOTOGRAPH_ROWS, expected)
         self.journal.looked(frame, self.observer.light)
         self.interruptions.touched = False
         return canvas
-
-    def _expectation(self) -> Expected | None:
-        """What should be seen; None where there is no plan yet, or a person may have touched the canvas."""
-        if self._plan is None or self._before is None or self.interruptions.touched:
-            return None
-        batch = self._batch(self._plan)
-        return Expected(self._before, self.planner.expected(batch, self._before) if len(batch) else self._before)
-
-    def _batch(self, plan: Plan) -> Plan:
-        """What was painted since the canvas was last seen."""
-        return plan.part([index for index in range(self._seen, self._painted) if index not in self._left_out])
 
     def _timelapse_frame(self, painted: StrokePainted | StrokeLeftOut) -> None:
         if isinstance(painted, StrokePainted) and self.timelapse.wants_frame(painted.done, painted.of):
@@ -327,13 +318,6 @@ class PaintingSession:
             frame = self.timelapse.frame(painted, self.brushwork, self.observer)
             if frame is not None:
                 self._tell(frame)
-
-    def _seen_against(self, canvas: Tensor, expected: Tensor) -> CanvasSeen:
-        """What is known after a look, for whoever decides whether the rest is planned again."""
-        assert self._plan is not None
-        seen = images.fit(canvas, *expected.shape[1:])
-        error = float((seen - expected.to(seen.device)).abs().mean())
-        return CanvasSeen(self._painted, len(self._plan) - self._painted, error)
 
     def _tell(self, event: Event) -> None:
         self.journal.hear(event)
