@@ -297,7 +297,7 @@ def _strict(content: bytes, path: Path, what: str) -> _Parsed:
         last, length = content[length : length + _CHECKSUM], end
     if not records:
         raise StorageError(
-            f"{path} is not {what}, or is damaged: not even its first record is whole; take an undamaged copy."
+            f"{path} is damaged, or is not {what}: not even its first record is whole; take an undamaged copy."
         )
     if not _may_be_torn(content[length:]):
         raise StorageError(
