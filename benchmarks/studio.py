@@ -36,6 +36,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from frida_painter.hardware.link.watch import StopFile
+from frida_painter.session.events import Failed, StrokePainted
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
 from measure import Table, arguments, publish
@@ -180,9 +181,9 @@ def intervals(studio: Studio, wish: dict[str, Any], crowd: bool) -> np.ndarray:
     for line in (folder / "painting" / "journal").read_bytes().splitlines():
         record = json.loads(line[line.index(b"{") :])
         at = time.mktime(time.strptime(record["at"][:19], "%Y-%m-%dT%H:%M:%S")) + float(f"0{record['at'][19:23]}")
-        if record["kind"] == "began" and "stroke" in record:
+        if record["kind"] == "motion_began" and record["stroke"] is not None:
             began = at
-        elif record["kind"] == "ended" and "stroke" in record:
+        elif record["kind"] == "stroke_painted":
             took.append(at - began)
     return np.array(took)
 
@@ -192,7 +193,7 @@ def told_after(crowd: Crowd, folder: PaintingFolder, count: int) -> list[float]:
     feed, delays = Feed(folder), []
     for number in range(count):
         mark, at = f"mark-{number}", time.monotonic()
-        feed.tell("failed", sentence=mark)
+        feed.tell(Failed(mark))
         time.sleep(0.5)
         delays += [1000 * (heard - at) for heard, what in list(crowd.heard) if what == mark]
     return delays
@@ -210,7 +211,7 @@ def stops(studio: Studio, folder: PaintingFolder, trials: int) -> tuple[list[flo
         called = threading.Event()
         watch = StopFile(folder.robot_stop, lambda reason, called=called: called.set())
         time.sleep(chance.uniform(0, 0.1))
-        feed.tell("stroke", done=number, of=trials, left=1.0)
+        feed.tell(StrokePainted(number, trials))
         at = time.monotonic()
         studio.ask("/api/stop", {})
         if called.wait(2):

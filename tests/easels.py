@@ -72,11 +72,13 @@ class NotingRobot:
 class PatientCamera:
     """Photographs a white canvas half a second after the moment asked for; `script` says what to do instead.
 
-    Of the script, each photograph takes the next entry: (captured_at, sequence), or "raise".
+    Of the script, each photograph takes the next entry: (captured_at, sequence), or "raise". noisy: no two are alike
+    to the byte, as of a real camera.
     """
 
     script: list[tuple[float, int] | str] = field(default_factory=list)
     asked: list[float] = field(default_factory=list)
+    noisy: bool = False
 
     def connect(self) -> None: ...
 
@@ -90,7 +92,10 @@ class PatientCamera:
             if isinstance(entry, str):
                 raise StaleFrame("an old one")
             captured_at, sequence = entry
-        return Frame(np.full((90, 120, 3), 240, np.uint8), captured_at, sequence)
+        image = np.full((90, 120, 3), 240, np.uint8)
+        if self.noisy:
+            image[0, 0] = len(self.asked) % 256
+        return Frame(image, captured_at, sequence)
 
 
 @dataclass

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from frida_painter.session.event_log import EventLog
+from frida_painter.event_log import EventLog
 
 
 def kill_when(journal: Path, moment: Callable[[dict[str, Any]], bool], work: Callable[[], None]) -> None:
@@ -33,12 +33,12 @@ def kill_when(journal: Path, moment: Callable[[dict[str, Any]], bool], work: Cal
 
 def began(stroke: int) -> Callable[[dict[str, Any]], bool]:
     """The moment in which a stroke is begun."""
-    return lambda record: record["kind"] == "began" and record.get("stroke") == stroke
+    return lambda record: record["kind"] == "motion_began" and record.get("stroke") == stroke
 
 
 def ended(stroke: int) -> Callable[[dict[str, Any]], bool]:
     """The moment in which a stroke is done."""
-    return lambda record: record["kind"] == "ended" and record.get("stroke") == stroke
+    return lambda record: record["kind"] == "stroke_painted" and record["done"] == stroke
 
 
 def _die_at(journal: Path, moment: Callable[[dict[str, Any]], bool]) -> None:

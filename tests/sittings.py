@@ -17,7 +17,8 @@ from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Paused
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import Painting, PaintingSession, ResumeState
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced
+from frida_painter.session.timelapse import Timelapse
 from marks import SMALL
 from scenes import CANVAS, some_strokes
 
@@ -92,13 +93,14 @@ class Evening:
             self.planner,  # type: ignore[arg-type]
             self.brushwork,
             self.observer,
-            ReplanPolicy(self.replans, self.timelapse_frames),
+            EvenlySpaced(self.replans),
             stop_asked=lambda: self.stopping,
             notify=self._hear,
             journal=self.journal,
             pause_asked=lambda: self.pausing,
             go_on=self._answer,
             mixed=self.mixed,
+            timelapse=Timelapse(self.timelapse_frames),
         )
 
     def run(self) -> Painting:

@@ -24,7 +24,7 @@ from frida_painter.session.events import Event
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import Painting, PaintingSession, ResumeState
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
@@ -82,7 +82,7 @@ class World:
             self.planner,
             brushwork,
             CanvasObserver(easel, (1.0, 1.0, 1.0), history and resuming.light(history), wait=lambda seconds: None),
-            ReplanPolicy(REPLANS, 0),
+            EvenlySpaced(REPLANS),
             stop_asked=lambda: False,
             notify=notify,
             journal=journal,

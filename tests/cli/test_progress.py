@@ -8,7 +8,7 @@ from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgr
 from frida_painter.palette import Palette
 from frida_painter.planning.optimize import Step
 from frida_painter.session.events import Event, Looked, PaintsWanted, Planned, PlanningStep, Scheduled, StrokePainted
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.timetable import Timetable
 from plans import made_up_plan
 
@@ -33,7 +33,7 @@ def evening(strokes: int = STROKES, replans: int = REPLANS) -> list[tuple[float,
     then(0.0, Planned(plan, 0, PICTURE, 1.0, 0.5))
     then(0.0, PaintsWanted(plan.palette))
     done = 0
-    for size in ReplanPolicy(replans, 0).batches(strokes):
+    for size in EvenlySpaced(replans).batches(strokes):
         for _ in range(size):
             done += 1
             then(PER_STROKE, StrokePainted(done, strokes, (0.0, 0.0, 0.0)))
@@ -46,7 +46,7 @@ def evening(strokes: int = STROKES, replans: int = REPLANS) -> list[tuple[float,
 
 
 def forecast(strokes: int = STROKES, replans: int = REPLANS) -> Forecast:
-    return Forecast(strokes, ReplanPolicy(replans, 0), 0.0, planning=PLANNING, replanning=REPLANNING)
+    return Forecast(strokes, EvenlySpaced(replans), 0.0, planning=PLANNING, replanning=REPLANNING)
 
 
 @pytest.mark.parametrize("replans", [0, 3, 9])
@@ -72,7 +72,7 @@ def test_the_time_left_is_nothing_at_the_end_and_never_negative_or_endless() -> 
 
 def test_strokes_of_unequal_length_are_counted_by_the_timetable() -> None:
     """The first half of the strokes takes a tenth of the time; by strokes alone it would seem half."""
-    expecting = Forecast(10, ReplanPolicy(0, 0), 0.0, planning=0, replanning=0)
+    expecting = Forecast(10, EvenlySpaced(0), 0.0, planning=0, replanning=0)
     after = tuple(float(second) for second in (1, 2, 3, 4, 5, 14, 23, 32, 41, 50))
     expecting.hear(Scheduled(Timetable(strokes=50.0, after=after), 0), 0.0)
     for done in range(1, 6):

@@ -14,11 +14,11 @@ from PIL import Image
 from skimage import data
 
 from frida_painter import cli
+from frida_painter.event_log import EventLog
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easels import open_easel
-from frida_painter.session.event_log import EventLog
 from frida_painter.session.history import History
 from machines.fake_grbl import FakeGrbl
 

@@ -12,8 +12,8 @@ from PIL import Image
 from skimage import data
 
 from frida_painter import cli
+from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
-from frida_painter.session.event_log import EventLog
 from frida_painter.session.history import History
 from killing import began, kill_when
 from marks import coarse_table
@@ -125,9 +125,7 @@ def test_in_scripts_the_stroke_in_doubt_is_painted_again_only_where_that_is_said
 ) -> None:
     status, _ = resume("painting", "--yes", "--repaint")
     assert status == 0
-    strokes = [
-        one["stroke"] for one in EventLog.read(painting / "journal") if one["kind"] == "ended" and "stroke" in one
-    ]
+    strokes = [one["done"] for one in EventLog.read(painting / "journal") if one["kind"] == "stroke_painted"]
     assert strokes == list(range(1, 11)) and told(painting).given_up == []
     with Image.open(painting / "now.png") as picture:
         assert picture.width > picture.height > 700

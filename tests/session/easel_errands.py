@@ -65,7 +65,7 @@ def paint(easel: Easel, strokes: range) -> None:
 
 def moves(folder: Path) -> list[dict[str, Any]]:
     """The motions of which a studio's diary tells: what the robot really did."""
-    entries = [json.loads(line.split(b" ", 1)[1]) for line in (folder / DIARY).read_bytes().splitlines()]
+    entries = [json.loads(line.split(b" ", 2)[2]) for line in (folder / DIARY).read_bytes().splitlines()]
     return [entry for entry in entries if entry.get("did") == "move"]
 
 

@@ -20,7 +20,7 @@ from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Planned, StrokePainted
 from frida_painter.session.loop import Painting, PaintingSession
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.faults import Faults
 from frida_painter.virtual.studio import VirtualStudio, open_studio
 from frida_painter.virtual.table import PlacementError
@@ -62,7 +62,7 @@ def evening(
         planner,
         Brushwork(easel, brush_kind("broad")),
         CanvasObserver(easel, (1.0, 1.0, 1.0)),
-        ReplanPolicy(replans, 0),
+        EvenlySpaced(replans),
         stop_asked=lambda: False,
         notify=notify,
     )

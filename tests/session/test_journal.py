@@ -8,9 +8,9 @@ import torch
 
 from frida_painter import images
 from frida_painter.errors import StorageError
+from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
-from frida_painter.session.event_log import EventLog
-from frida_painter.session.events import StrokePainted
+from frida_painter.session.events import MotionBegan, StrokePainted
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from sittings import Evening
@@ -53,7 +53,7 @@ def test_every_motion_is_noted_with_who_and_when(tmp_path: Path) -> None:
     evening = Evening(6, replans=1, colors=2, timelapse_frames=3, journal=begun(tmp_path))
     evening.run()
     records = EventLog.read(tmp_path / "journal")
-    told = [label for record in records if record["kind"] == "began" for label in record["what"]]
+    told = [label for record in records if record["kind"] == "motion_began" for label in record["what"]]
     assert told == evening.robot.labels()
     assert records[0]["by"] and records[0]["process"] and records[0]["program"]
     times = [record["at"] for record in records]
@@ -79,12 +79,12 @@ def test_what_is_seen_and_learned_is_kept(tmp_path: Path) -> None:
     evening.run()
     told = read(tmp_path)
     assert told.plannings[-1].placement == evening.placements[-2], "the last batch was not planned after"
-    assert told.light == evening.eye.light.logarithm.tolist()
+    assert told.light == evening.observer.light.logarithm.tolist()
     assert told.looks == 5, "the bare canvas, three looks, the last photograph"
     kept = [images.load_exactly(tmp_path / str(planning.photograph)) for planning in told.plannings]
     assert all((photograph == 240).all() for photograph in kept)
-    seen = evening.eye.see(kept[0], 45)
-    assert torch.equal(seen, evening.eye.look(1e9, 45)), "the photograph as it was kept shows the same"
+    seen = evening.observer.see(kept[0], 45)
+    assert torch.equal(seen, evening.observer.look(1e9, 45)), "the photograph as it was kept shows the same"
     assert told.finished and told.painted == 6 and told.sittings == 1 and told.seconds >= 0
 
 
@@ -99,20 +99,20 @@ def test_a_stop_is_noted_and_is_not_the_end(tmp_path: Path, painted: int) -> Non
 
 def test_a_stroke_in_doubt_that_is_painted_again_is_in_doubt_again(tmp_path: Path) -> None:
     journal = begun(tmp_path)
-    journal.note("began", what=["stroke 1"], stroke=1)
+    journal.tell(MotionBegan(("stroke 1",), 1))
     journal.close()
     again, told = Journal.reopen(tmp_path)
     assert (told.painted, told.in_doubt) == (0, 1)
     again.resumed(told, repaint=True)
     assert (told.painted, told.in_doubt) == (0, None)
     assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (0, None)
-    again.note("began", what=["stroke 1"], stroke=1)
+    again.tell(MotionBegan(("stroke 1",), 1))
     assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (0, 1)
 
 
 def test_the_one_in_doubt_is_given_up_where_it_is_skipped(tmp_path: Path) -> None:
     journal = begun(tmp_path)
-    journal.note("began", what=["stroke 1"], stroke=1)
+    journal.tell(MotionBegan(("stroke 1",), 1))
     before = read(tmp_path)
     journal.resumed(before, repaint=False)
     told = read(tmp_path)
@@ -130,7 +130,7 @@ def test_a_folder_without_a_journal_is_no_painting(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"version": 2}, "version 2; this program reads version 1"),
+        ({"version": 3}, "version 3; this program reads versions up to 2"),
         ({"format": "a diary"}, "not a painting's"),
         ({"settings": None, "rests_on": 3, "at": "yesterday"}, "undamaged copy"),
     ],
@@ -167,3 +167,31 @@ def test_the_journal_can_be_read_by_people(tmp_path: Path) -> None:
     begun(tmp_path).close()
     line = (tmp_path / "journal").read_text().splitlines()[0]
     assert json.loads(line.split(" ", 2)[2])["settings"] == {"strokes": 6}
+
+
+def test_a_journal_of_an_earlier_version_is_gone_on_with_in_the_words_of_today(tmp_path: Path) -> None:
+    at = {"at": "2026-01-02T03:04:05.678+00:00"}
+    begun = {"settings": {"strokes": 6}, "rests_on": {}, "by": "a@b", "process": 1, "program": "0.1.0"}
+    old: list[dict[str, object]] = [
+        {"kind": "began", "what": ["stroke 1"], "stroke": 1, "plan": "f"},
+        {"kind": "ended", "stroke": 1},
+        {"kind": "began", "what": ["stroke 2"], "stroke": 2, "plan": "f"},
+    ]
+    first = {"kind": "begun", **at, "format": "frida-painter journal", "version": 1, **begun}
+    with EventLog.begin(tmp_path / "journal", first) as book:
+        for record in old:
+            book.append({**record, **at})
+    assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (1, 2)
+    journal, history = Journal.reopen(tmp_path)
+    assert (history.painted, history.in_doubt) == (1, 2)
+    journal.resumed(history, repaint=True)
+    journal.tell(StrokePainted(2, 6))
+    with pytest.raises(StorageError, match="another process"):
+        Journal.reopen(tmp_path)
+    journal.close()
+    records = EventLog.read(tmp_path / "journal")
+    assert records[0]["version"] == 2 and records[0]["settings"] == {"strokes": 6}
+    assert [record["kind"] for record in records] == [
+        "painting_begun", "motion_began", "stroke_painted", "motion_began", "session_resumed", "stroke_painted",
+    ]  # fmt: skip
+    assert (read(tmp_path).painted, read(tmp_path).in_doubt, read(tmp_path).sittings) == (2, None, 2)

@@ -19,13 +19,14 @@ from frida_painter.session.events import (
     StrokePainted,
     TimelapseFrame,
 )
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced
+from frida_painter.session.timelapse import Timelapse
 from sittings import Evening
 
 
 @given(st.integers(1, 2000), st.integers(0, 2500))
 def test_batches_sum_up_exactly_and_differ_by_one_at_most(strokes: int, replans: int) -> None:
-    batches = ReplanPolicy(replans, 0).batches(strokes)
+    batches = EvenlySpaced(replans).batches(strokes)
     assert sum(batches) == strokes
     assert len(batches) == min(replans + 1, strokes)
     assert max(batches) - min(batches) <= 1 and min(batches) >= 1
@@ -33,8 +34,8 @@ def test_batches_sum_up_exactly_and_differ_by_one_at_most(strokes: int, replans:
 
 @given(st.integers(1, 500), st.integers(0, 150))
 def test_the_film_gets_as_many_glimpses_as_it_asked_for_and_the_last_stroke_is_one(strokes: int, wanted: int) -> None:
-    rhythm = ReplanPolicy(0, min(wanted, strokes))
-    seen = [done for done in range(1, strokes + 1) if rhythm.wants_timelapse_frame(done, strokes)]
+    timelapse = Timelapse(min(wanted, strokes))
+    seen = [done for done in range(1, strokes + 1) if timelapse.wants_frame(done, strokes)]
     assert len(seen) == min(wanted, strokes)
     assert not seen or seen[-1] == strokes
 

@@ -19,7 +19,7 @@ from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.procedures.color import color
 from frida_painter.session.procedures.dialogue import lead
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter.virtual.table import PlacementError
@@ -52,7 +52,7 @@ def error(seed: int, *, calibrated: bool) -> float:
         planner,
         Brushwork(easel, brush_kind("medium")),
         CanvasObserver(easel, (1.0, 1.0, 1.0)),
-        ReplanPolicy(4, 0),
+        EvenlySpaced(4),
         stop_asked=lambda: False,
         notify=lambda event: None,
     )

@@ -11,11 +11,11 @@ import torch
 from torch import Tensor
 
 from frida_painter.errors import PlanError
+from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
 from frida_painter.session import resuming
 from frida_painter.session.choreography import Action
-from frida_painter.session.event_log import EventLog
-from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
+from frida_painter.session.events import Dipped, PlanAdopted, StrokeLeftOut, StrokePainted
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from killing import began, ended, kill_when
@@ -53,8 +53,8 @@ def strokes_of(folder: Path) -> list[int]:
     """The strokes that were painted, or given up, in the journal's order."""
     told = []
     for record in EventLog.read(folder / "journal"):
-        if record["kind"] == "ended" and "stroke" in record:
-            told.append(record["stroke"])
+        if record["kind"] in ("stroke_painted", "stroke_left_out"):
+            told.append(record["done"])
         elif record.get("decision") == "skip":
             told.append(-record["in_doubt"])
     return told
@@ -97,8 +97,8 @@ def test_f01_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_bru
     assert before.painted == 5 and before.in_doubt is None
     assert off(resumed(world, tmp_path), undisturbed) < CLEANED
     records = EventLog.read(tmp_path / "journal")
-    after = records[next(number for number, one in enumerate(records) if one["kind"] == "resumed") :]
-    told = [label for record in after if record["kind"] == "began" for label in record["what"]]
+    after = records[next(number for number, one in enumerate(records) if one["kind"] == "session_resumed") :]
+    told = [label for record in after if record["kind"] == "motion_began" for label in record["what"]]
     assert told[:4] == 2 * ["rinse", "wipe"] and told[4].startswith("dip") and told[5] == "stroke 6"
 
 
@@ -194,7 +194,7 @@ def test_killed_twice_it_is_still_the_same_painting(world: World, undisturbed: U
 def test_killed_while_planning_nothing_is_lost_but_the_planning(
     world: World, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
-    before = killed(world, tmp_path, lambda record: record["kind"] == "looked")
+    before = killed(world, tmp_path, lambda record: record["kind"] == "photographed")
     assert before.plannings == [] and before.painted == 0
     assert world.planner.validation_loss(resumed(world, tmp_path)) < 1.35 * undisturbed.loss, "another plan, as good"
 
@@ -207,10 +207,8 @@ def test_killed_before_a_new_plan_was_written_the_old_one_holds(
     journal, history = Journal.reopen(tmp_path)
     kept = resuming.kept_plan(tmp_path, history)
     assert kept is not None and not kept.foreign
-    journal.note(
-        "planned", plan="f" * 64, done=4, photograph=None,
-        placement={"error": kept.planning.placement.error, "information": kept.planning.placement.information},
-    )  # fmt: skip
+    placement = kept.planning.placement
+    journal.tell(PlanAdopted("f" * 64, 4, None, placement.error, placement.information))
     journal.close()
     _, history = reread(tmp_path)
     again = resuming.kept_plan(tmp_path, history)

@@ -12,6 +12,7 @@ import torch
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.brush.weights import load_stroke_model
+from frida_painter.event_log import EventLog
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.objectives.kinds.image import ImageTerm
@@ -20,12 +21,11 @@ from frida_painter.plan import Plan
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
-from frida_painter.session.event_log import EventLog
 from frida_painter.session.events import Event, Planned, StrokePainted
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
@@ -95,7 +95,7 @@ def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(
         planner,
         Brushwork(easel, brush_kind("fine")),
         CanvasObserver(easel, (1.0, 1.0, 1.0)),
-        ReplanPolicy(REPLANS, 0),
+        EvenlySpaced(REPLANS),
         stop_asked=lambda: False,
         notify=gauge.hear,
         journal=Journal.begin(tmp_path, {}, {}),

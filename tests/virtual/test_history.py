@@ -130,18 +130,18 @@ def test_a_full_disk_does_not_stop_the_world_and_is_told_at_the_end(
     path = tmp_path / "studio.jsonl"
     here = hand(path, fill=True)
 
-    def full(descriptor: int, content: bytes) -> int:
+    def full(descriptor: int, content: bytes, place: int) -> int:
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as disk:
-        disk.setattr("frida_painter.virtual.simulation_log.os.write", full)
+        disk.setattr("os.pwrite", full)
         here.dip(0)
         here.stroke(0.02, 0.03, 0.05)
     here.easel.robot.home()
     assert looks(hand(path).studio) == looks(here.studio), "written once there was room again"
 
     here = hand(path)
-    monkeypatch.setattr("frida_painter.virtual.simulation_log.os.write", full)
+    monkeypatch.setattr("os.pwrite", full)
     here.easel.robot.home()
     with pytest.raises(StorageError, match="No space left"):
         here.studio.close()

@@ -12,6 +12,8 @@ from PIL import Image
 from frida_painter import web
 from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.model_folder import VARIABLE
+from frida_painter.session.events import Stopped
+from frida_painter.session.page_events import PaintingKept, TakenUp
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import WorkerLock
 from frida_painter.web.painting_store import Entry
@@ -268,7 +270,7 @@ def test_a_painting_that_was_stopped_is_gone_on_with(studio: Studio, visitor: Vi
     entry.folder.painting.mkdir()
     (entry.folder.painting / "journal").write_text("")
     feed = Feed(entry.folder)
-    feed.tell("stopped", done=2)
+    feed.tell(Stopped(2))
     for file in (entry.folder.stop, entry.folder.robot_stop):
         file.touch()
     latch = Latch(latch_path(entry.folder.easel, "virtual"), "virtual")
@@ -278,7 +280,7 @@ def test_a_painting_that_was_stopped_is_gone_on_with(studio: Studio, visitor: Vi
     assert visitor.post(f"{path}/resume").status_code == 200
     assert started[-1] == ("resume", 1)
     assert not entry.folder.stop.exists() and not entry.folder.robot_stop.exists() and latch.read() is None
-    feed.tell("taken up", done=2)
+    feed.tell(TakenUp(2))
     assert visitor.get(path).json()["painting"]["status"] == "preparing"
-    feed.tell("finished", film=False)
+    feed.tell(PaintingKept(film=False))
     assert "finished" in visitor.post(f"{path}/resume").json()["sentence"]

@@ -7,6 +7,8 @@ import pytest
 import torch
 
 from frida_painter.errors import ConfigError
+from frida_painter.event_log import LogReader
+from frida_painter.session.page_events import Answered, Asked
 from frida_painter.session.procedures.dialogue import (
     Answer,
     Confirm,
@@ -19,10 +21,9 @@ from frida_painter.session.procedures.dialogue import (
 from frida_painter.web import answers
 from frida_painter.web.answers import Reply, reply, understood
 from frida_painter.web.asking import Asker, described
-from frida_painter.web.feed import Feed
+from frida_painter.web.feed import Feed, FeedReader
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.lead import GOOD_FOR
-from frida_painter.web.lines import LineReader
 from frida_painter.web.stop_file import Stop, StopPressed
 
 PICTURE = torch.zeros(3, 20, 30)
@@ -46,10 +47,9 @@ def asked(folder: PaintingFolder) -> dict[str, Any]:
     """The question that stands in the feed, once it does."""
     deadline = time.monotonic() + 20
     while time.monotonic() < deadline:
-        for line in LineReader(folder.feed).read():
-            if line["kind"] == "asked":
-                question: dict[str, Any] = line["question"]
-                return question
+        for event in FeedReader(folder.feed).read():
+            if isinstance(event, Asked):
+                return event.question
         time.sleep(0.01)
     raise AssertionError("nothing is asked")
 
@@ -70,13 +70,13 @@ def test_a_question_waits_for_its_answer_and_no_other(
     reply(folder, Reply.model_validate({"question": shown["id"], **says}), "browser")
     waiting.join(20)
     assert found == [means]
-    assert LineReader(folder.feed).read()[-1]["kind"] == "answered"
+    assert FeedReader(folder.feed).read()[-1] == Answered()
 
 
 def test_an_answer_that_comes_too_late_is_none(folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     shown = {"id": "0" * 16, **described(Confirm("Is it so?"))}
     reply(folder, Reply(question="0" * 16, yes=True), "browser")
-    line = LineReader(folder.replies).read()[0]
+    line = LogReader(folder.replies).read()[0]
     assert understood(line, "0" * 16, shown) is True
     now = time.time()
     monkeypatch.setattr(answers.time, "time", lambda: now + GOOD_FOR + 1)

@@ -4,6 +4,8 @@ from typing import Any
 
 import pytest
 
+from frida_painter.event_log import FEED, EventLog
+from frida_painter.session.commands import Pause, TakeTurns
 from frida_painter.web import commands
 from frida_painter.web.commands import Command, CommandReader, tell_painter
 from frida_painter.web.folder import PaintingFolder
@@ -15,9 +17,11 @@ def test_each_command_is_heard_once(tmp_path: Path) -> None:
     ear = CommandReader(folder)
     tell_painter(folder, "pause", "browser")
     tell_painter(folder, "turns", "browser", count=5)
-    assert [(command.kind, command.count) for command in ear.listen()] == [("pause", 0), ("turns", 5)]
+    assert ear.listen() == [Pause(), TakeTurns(5)]
     assert ear.listen() == []
-    folder.commands.write_bytes(folder.commands.read_bytes() * 2)
+    with EventLog(folder.commands, FEED) as log:
+        for record in log.found:
+            log.append(record)
     assert ear.listen() == [], "said again, and known already"
 
 
@@ -43,7 +47,7 @@ def test_what_was_asked_while_nobody_could_hear_is_not_done_later(
 def test_what_is_no_command_is_left_out(tmp_path: Path, changes: dict[str, Any]) -> None:
     folder = PaintingFolder(tmp_path)
     tell_painter(folder, "look", "browser")
-    record = json.loads(folder.commands.read_bytes())
+    (record,) = EventLog.read(folder.commands, FEED)
     assert isinstance(Command.model_validate(record), Command)
     folder.commands.write_text(json.dumps({**record, **changes}) + "\n")
     assert CommandReader(folder).listen() == []

@@ -2,7 +2,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 import torch
@@ -11,12 +11,12 @@ from frida_painter import images
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.runs.folder import read_goal
 from frida_painter.session import resuming
-from frida_painter.session.events import Event, Paused, Planned, StrokePainted
+from frida_painter.session.events import Event, GoalChanged, Paused, Planned, RegionProtected, StrokePainted
 from frida_painter.session.journal import Journal
+from frida_painter.session.page_events import Remark, WentOn
 from frida_painter.web.commands import tell_painter
-from frida_painter.web.feed import Feed
+from frida_painter.web.feed import Feed, FeedReader
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.lines import LineReader
 from frida_painter.web.pause_controller import PauseController
 from frida_painter.web.stop_file import Stop, StopPressed
 from frida_painter.web.wish import Wish
@@ -24,6 +24,7 @@ from scenes import CANVAS, goal, picture, small_table
 from sittings import Evening
 
 PICTURE = "a" * 32
+Told = TypeVar("Told")
 
 
 @pytest.fixture
@@ -41,15 +42,15 @@ class Table:
         self.stop = Stop(folder.stop)
         self.together = PauseController(folder, self.feed, self.stop)
         self.evening = Evening(strokes, replans=0, pause_at=self._pauses(pause_after), go_on=self._go_on)
-        self.evening.session._pause_asked = self._pause_asked
+        self.evening.session.interruptions.pause_asked = self._pause_asked
         self.together.opened = lambda: self.evening.session
         self.says: list[tuple[str, dict[str, int]]] = []
         deadline = threading.Timer(30, folder.stop.touch)  # a pause that nobody ends is not waited for
         deadline.daemon = True
         deadline.start()
 
-    def told(self, kind: str) -> list[dict[str, Any]]:
-        return [line for line in LineReader(self.folder.feed).read() if line["kind"] == kind]
+    def told(self, kind: type[Told]) -> list[Told]:
+        return [event for event in FeedReader(self.folder.feed).read() if isinstance(event, kind)]
 
     def _pauses(self, after: int) -> Any:
         def pause_at(event: Event) -> bool:
@@ -74,16 +75,16 @@ def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: Painti
     table = Table(folder, 8)
     table.says = [("look", {}), ("leave out", {"count": 3}), ("pause", {}), ("go on", {})]
     assert table.evening.run().painted == 5
-    assert len(table.told("paused")) == 4 and len(table.told("resumed")) == 1
-    assert "let it look" in table.told("paused")[0]["reason"]
+    assert len(table.told(Paused)) == 4 and len(table.told(WentOn)) == 1
+    assert "let it look" in table.told(Paused)[0].reason
 
 
 def test_turns_are_taken(folder: PaintingFolder) -> None:
     table = Table(folder, 7)
     table.says = [("turns", {"count": 2}), ("go on", {})]
     assert table.evening.run().painted == 7
-    turns = [line for line in table.told("paused") if line["turn"]]
-    assert len(turns) >= 2 and "your turn" in turns[0]["reason"]
+    turns = [event for event in table.told(Paused) if event.turn]
+    assert len(turns) >= 2 and "your turn" in turns[0].reason
 
 
 def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder) -> None:
@@ -92,7 +93,7 @@ def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder)
     images.save(torch.zeros(3, 40, 50), folder.region(1))
     table.says = [("spare", {"record": 1}), ("spare", {"record": 2}), ("goal", {"record": 9}), ("go on", {})]
     assert table.evening.run().painted == 4
-    sentences = [line["sentence"] for line in table.told("remark")]
+    sentences = [event.sentence for event in table.told(Remark)]
     assert "Nothing was drawn" in sentences[0] and len(sentences) == 3
     assert not any(str(folder.path) in sentence for sentence in sentences)
 
@@ -102,7 +103,7 @@ def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> Non
     together = PauseController(folder, feed, Stop(folder.stop))
     tell_painter(folder, "go on", "browser")
     assert together.go_on(Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
-    reasons = [line["reason"] for line in LineReader(folder.feed).read() if line["kind"] == "paused"]
+    reasons = [event.reason for event in FeedReader(folder.feed).read() if isinstance(event, Paused)]
     assert reasons == ["its folder/painting/journal cannot be written; make room."]
 
 
@@ -127,12 +128,12 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
     after = table.evening.session.planner
     assert after is not planner and after.region is planner.region is not None
     assert after.goal.terms[0].weight == 2
-    assert table.told("region")[0] == {**table.told("region")[0], "picture": "region-1.png", "only": False}
+    assert table.told(RegionProtected) == [RegionProtected("regions/1.png", False, "region-1.png")]
     history = Journal.reopen(folder.painting)[1]
     kept_region = resuming.region(folder.painting, history)
     assert kept_region is not None and torch.equal(kept_region.forbidden, after.region.forbidden)
     assert read_goal(folder.painting / history.goal).wishes[0][2] == 2
-    assert table.told("changed")[0]["wish"]["terms"][0]["weight"] == 2
+    assert table.told(GoalChanged)[0].wish["terms"][0]["weight"] == 2
     assert sum(isinstance(event, Planned) for event in table.evening.heard) >= 3
 
 

@@ -1,10 +1,20 @@
-import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from frida_painter import calibration
+from frida_painter.event_log import FEED, EventLog
+from frida_painter.session.events import Failed, Written, events_of, record
+from frida_painter.session.page_events import (
+    Answered,
+    Asked,
+    CalibrationStarted,
+    CalibrationStatus,
+    ProcedureBegan,
+    ProcedureFound,
+    ProcedureProgress,
+)
 from frida_painter.web import calibrate
 from frida_painter.web.calibrate import Calibrate
 from frida_painter.web.calibration_state import CalibrationState
@@ -34,7 +44,7 @@ def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, start
     assert [each["dated"] for each in visitor.get("/api/calibration").json()["procedures"]] == [None] * 5
     assert visitor.post("/api/calibration/start", json={"what": ["canvas", "brush"]}).status_code == 200
     assert started == ["calibrate"] and Calibrate.kept(folder).what == ("canvas", "brush")
-    Feed(folder).tell("asked", question=QUESTION)
+    Feed(folder).tell(Asked(QUESTION))
     (folder.live / "found-canvas.png").write_bytes(b"x")
     assert visitor.get("/api/calibration/files/found-canvas.png").content == b"x"
     assert visitor.get("/api/calibration/files/..%2fasked.json").status_code == 404
@@ -46,7 +56,7 @@ def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, start
     assert visitor.post("/api/calibration/answer", json={**answer, "question": "0" * 16}).status_code == 409
     assert visitor.post("/api/calibration/answer", json={"question": QUESTION["id"]}).status_code == 422
     assert visitor.post("/api/calibration/answer", json=answer).status_code == 200
-    assert json.loads(folder.replies.read_text())["reply"]["yes"] is True
+    assert EventLog.read(folder.replies, FEED)[0]["reply"]["yes"] is True
     assert visitor.post("/api/calibration/start", json={"what": ["canvas"]}).status_code == 409
     assert visitor.post("/api/stop").json() == {"stopped": 1} and folder.stop.exists()
     lock.release()
@@ -87,20 +97,34 @@ def test_an_order_without_its_number_or_from_a_second_browser_is_not_done(tmp_pa
     assert started == ["calibrate"] * 2
 
 
-def test_what_is_found_is_followed() -> None:
+def told_of(stands: list[dict[str, Any]]) -> list[Written]:
+    return [
+        CalibrationStarted(["canvas", "robot"]), CalibrationStatus("e", stands), ProcedureBegan("canvas"),
+        Asked(QUESTION), Answered(), ProcedureFound("canvas", "It is there.", "found-canvas.png"),
+        ProcedureBegan("robot"), ProcedureProgress("dot 3"), ProcedureBegan("?"),
+    ]  # fmt: skip
+
+
+OLD: list[dict[str, Any]] = [
+    {"kind": "begun", "what": ["canvas", "robot"]},
+    {"kind": "standing", "easel": "e", "procedures": [{"name": "robot", "dated": "d", "fault": "f", "old": True}]},
+    {"kind": "procedure", "name": "canvas"},
+    {"kind": "asked", "question": QUESTION},
+    {"kind": "answered"},
+    {"kind": "found", "name": "canvas", "sentence": "It is there.", "picture": "found-canvas.png"},
+    {"kind": "procedure", "name": "robot"},
+    {"kind": "progress", "words": "dot 3"},
+]  # as earlier versions told it
+
+
+@pytest.mark.parametrize("old", [False, True])
+def test_what_is_found_is_followed(old: bool) -> None:
     state = CalibrationState()
-    for told in (
-        {"kind": "begun", "what": ["canvas", "robot"]},
-        {"kind": "standing", "easel": "e", "procedures": [{"name": "robot", "dated": "d", "fault": "f", "old": True}]},
-        {"kind": "procedure", "name": "canvas"},
-        {"kind": "asked", "question": QUESTION},
-        {"kind": "answered"},
-        {"kind": "found", "name": "canvas", "sentence": "It is there.", "picture": "found-canvas.png"},
-        {"kind": "procedure", "name": "robot"},
-        {"kind": "progress", "words": "dot 3"},
-        {"kind": "procedure"}, {}, {"kind": "found", "name": "?"},
-    ):  # fmt: skip
-        state.hear(told)
+    stands = [{"name": "robot", "dated": "d", "fault": "f", "old": True}]
+    for told in OLD if old else [record(event) for event in told_of(stands)]:
+        for event in events_of(told):
+            state.hear(event)
+    state.hear(ProcedureFound("?", "Not one of ours."))
     shown = state.shown(working=True)
     canvas, robot = shown["procedures"][:2]
     assert (canvas["status"], canvas["sentence"], robot["status"], robot["fault"]) == (
@@ -111,5 +135,5 @@ def test_what_is_found_is_followed() -> None:
     )
     assert shown["progress"] == "dot 3" and shown["question"] is None
     assert "without saying why" in state.shown(working=False)["trouble"]
-    state.hear({"kind": "failed", "sentence": "No dots."})
+    state.hear(Failed("No dots."))
     assert state.shown(working=False)["procedures"][1]["status"] == "failed"

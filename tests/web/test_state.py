@@ -4,6 +4,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
+from frida_painter.session.events import Written, events_of
 from frida_painter.web.state import PaintingState
 
 MADE = {"prefix": "", "frames": [0, 2, 4], "strokes": 4, "palette": []}
@@ -29,8 +30,16 @@ PAINTED: list[dict[str, Any]] = [
 def told(*lines: dict[str, Any]) -> PaintingState:
     state = PaintingState()
     for line in lines:
-        state.hear(line)
+        for event in understood(line):
+            state.hear(event)
     return state
+
+
+def understood(line: dict[str, Any]) -> list[Written]:
+    try:
+        return events_of(line)
+    except ValueError:
+        return []
 
 
 def test_a_plan_grows_until_it_is_ready() -> None:
@@ -102,5 +111,5 @@ keys = st.sampled_from(["plan", "done", "of", "share", "picture", "made", "sente
 @given(st.lists(st.tuples(kinds, st.dictionaries(keys, json_values, max_size=5)), max_size=8))
 def test_whatever_stands_in_the_feed_something_can_be_shown(lines: list[tuple[str, dict[str, Any]]]) -> None:
     state = told(*PLANNED, *({"kind": kind, **facts} for kind, facts in lines))
-    assert json.loads(json.dumps(state.shown(working=True)))["version"] == len(PLANNED) + len(lines)
+    assert json.loads(json.dumps(state.shown(working=True)))["version"] >= len(PLANNED)
     assert isinstance(state.stage, str)

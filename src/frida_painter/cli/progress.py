@@ -26,7 +26,7 @@ from frida_painter.session.events import (
     StrokePainted,
     TimelapseFrame,
 )
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import ReplanPolicy, looks_on_the_way
 
 _GROWING_COST = 1.4
 
@@ -58,9 +58,9 @@ class Forecast:
     seconds.
     """
 
-    def __init__(self, strokes: int, rhythm: ReplanPolicy, now: float, *, planning: int, replanning: int) -> None:
+    def __init__(self, strokes: int, policy: ReplanPolicy, now: float, *, planning: int, replanning: int) -> None:
         self._strokes = strokes
-        self._looks = [done for done in _running(rhythm.batches(strokes)) if done < strokes]
+        self._looks = looks_on_the_way(policy, strokes)
         self._replans = [replanning * (strokes - done) for done in self._looks]
         self._plan_left = float(planning * strokes)
         self._painted = 0
@@ -89,17 +89,18 @@ class Forecast:
             case Planned(done=done):
                 self._iteration = 0
                 self._plan_left = 0.0
-                if done and self._replans:
-                    del self._replans[0]
+                if done:
+                    self._forget_looks(until=done)
             case Resumed(done=done):
                 self._plan_left, self._painted = 0.0, done
-                del self._replans[: sum(look < done for look in self._looks)]
+                self._forget_looks(until=done - 1)
             case Scheduled(timetable=timetable, done=done):
                 if not self._after:
                     self._painting = Pace(0.02)
                 self._after, self._end, self._begun, self._walked = timetable.after, timetable.total, done, 0.0
             case StrokePainted(done=done) | StrokeLeftOut(done=done):
                 self._painted = done
+                self._forget_looks(until=done - 1)  # after one of them nothing may have been planned again
                 self._painting.measure(passed, self._walk(done))
             case TimelapseFrame() | Looked():
                 self._painting.measure(passed, 0)
@@ -112,6 +113,11 @@ class Forecast:
         planning = (self._plan_left + sum(self._replans)) * self._planning.seconds
         walking = self._end - self._walked if self._after else self._strokes - self._painted
         return planning + (walking if self._painted < self._strokes else 0.0) * self._painting.seconds
+
+    def _forget_looks(self, until: int) -> None:
+        """Looks after at most so many strokes are over, with what is planned again after them."""
+        while self._looks and self._looks[0] <= until:
+            del self._looks[0], self._replans[0]
 
     def _walk(self, done: int) -> float:
         """How much farther the timetable is with stroke `done` than it was, in its seconds; in strokes without one."""
@@ -239,11 +245,3 @@ def _words(event: Event) -> str:
             return "paused"
         case _:
             return ""
-
-
-def _running(parts: list[int]) -> list[int]:
-    total, sums = 0, []
-    for part in parts:
-        total += part
-        sums.append(total)
-    return sums

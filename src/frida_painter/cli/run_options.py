@@ -18,7 +18,7 @@ from frida_painter.runs.spec import GoalItem, RunSpec
 Command = TypeVar("Command", bound=Callable[..., None])
 
 _PLAN = ("strokes", "colors", "canvas", "fit", "brush", "render_height", "effort", "seed")
-_PAINT = ("replans", "timelapse_frames")
+_PAINT = ("replans", "replan_policy", "timelapse_frames")
 
 Photo = Annotated[
     Path | None,

@@ -33,7 +33,7 @@ from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Looked, Planned, PlanningStep, StrokePainted
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced
 
 NAME = "replanning"
 LOOKING, BLIND = "with replanning", "without looking"
@@ -150,7 +150,7 @@ def _paint(planner: Planner, seed: int, scale: PlanningScale, words: str, notify
         planner,
         Brushwork(easel, brush_kind(planner.model.brush)),
         CanvasObserver(easel, ground=(1.0, 1.0, 1.0)),
-        ReplanPolicy(scale.looks - 1, timelapse_frames=0),
+        EvenlySpaced(scale.looks - 1),
         stop_asked=lambda: False,
         notify=hear,
     )

@@ -40,7 +40,7 @@ from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Planned, PlanningStep, StrokePainted
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.opening import planning_device
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import EvenlySpaced
 
 NAME = "text"
 PAINTED, PIXELS, BEGUN, RANDOM = "words", "pixels of the beginning", "the beginning itself", "random strokes"
@@ -194,7 +194,7 @@ class _Bench:
             planner,
             Brushwork(easel, brush_kind(self.model.brush)),
             CanvasObserver(easel, ground=(1.0, 1.0, 1.0)),
-            ReplanPolicy(self.scale.looks, timelapse_frames=0),
+            EvenlySpaced(self.scale.looks),
             stop_asked=lambda: False,
             notify=hear,
         )

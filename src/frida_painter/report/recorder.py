@@ -222,10 +222,10 @@ class Recorder:
         for name, picture in pictures.items():
             names[name] = f"look-{number}-{name}.jpg"
             images.save(picture, self.folder / names[name])
-        gain = 100 * (1 - planned.loss_after / planned.loss_before) if planned.loss_before > 0 else 0.0
         text = (
             f"After {seen.done} strokes the painter looked, and planned the {len(planned.plan)} that were left again: "
-            f"the finished painting should come {gain:.0f} % nearer to the goal than if it had gone on blindly."
+            f"the finished painting should come {100 * planned.gain:.0f} % nearer to the goal than if it had gone on "
+            "blindly."
         )
         return Look(
             strokes=seen.done, loss_before=planned.loss_before, loss_after=planned.loss_after, text=text, **names

@@ -23,7 +23,8 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.opening import planning_device
 from frida_painter.session.refilling import refilled
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import ReplanPolicy, replan_policy_named
+from frida_painter.session.timelapse import Timelapse
 
 _GROUND = (1.0, 1.0, 1.0)
 
@@ -54,8 +55,8 @@ def open_planner(spec: RunSpec, goal: Goal) -> Planner:
 
 
 def replan_policy(spec: RunSpec) -> ReplanPolicy:
-    """When the painter looks and plans again."""
-    return ReplanPolicy(spec.replans, spec.film_length)
+    """When the painter looks, and whether it plans again: as often as `replans` says, unless a policy is named."""
+    return replan_policy_named(spec.replan_policy or str(spec.replans))
 
 
 def open_session(
@@ -87,4 +88,5 @@ def open_session(
         pause_asked=controls.pause_asked,
         go_on=controls.go_on,
         mixed=mixed,
+        timelapse=Timelapse(spec.film_length),
     )

@@ -9,7 +9,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    ValidationError,
+    model_validator,
+)
 from pydantic.fields import FieldInfo
 
 from frida_painter import storage
@@ -17,6 +26,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.runs.placement_error import millimetres_and_degrees
 from frida_painter.session.names import HUMAN, SAWYER_SIM, SIMULATED, VIRTUAL
+from frida_painter.session.replan_policy import replan_policy_named
 
 VERSION = 1
 SETTLED = ("strokes", "colors", "canvas", "brush")
@@ -60,9 +70,19 @@ def _items(value: Any) -> Any:
     return tuple(map(GoalItem.of, value)) if isinstance(value, list | tuple) else value
 
 
+def _policy(text: str | None) -> str | None:
+    try:
+        if text is not None:
+            replan_policy_named(text)
+    except ConfigError as error:
+        raise ValueError(str(error)) from error
+    return text
+
+
+Policy = Annotated[str | None, AfterValidator(_policy)]
 Canvas = Annotated[CanvasSize, BeforeValidator(_canvas), PlainSerializer(_millimetres)]
 File = Annotated[Path | None, BeforeValidator(_path), PlainSerializer(_whole_path, when_used="json")]
-Placement = Annotated[str | None, BeforeValidator(_placement)]
+Placement = Annotated[str | None, AfterValidator(_placement)]
 
 
 class GoalItem(BaseModel):
@@ -126,6 +146,13 @@ class RunSpec(BaseModel):
         256, ge=64, le=2048, description="Height of the planning image in pixels. Higher is finer and slower."
     )
     replans: int = Field(4, ge=0, description="How often to look at the canvas and plan the rest again.")
+    replan_policy: Policy = Field(
+        None,
+        min_length=1,
+        description="When to look and plan again instead: every:75 (strokes), or when-off-by:0.02 (only where the "
+        "canvas differs so much from what was expected), or one of a package of your own.",
+        json_schema_extra={"metavar": "NAME:VALUE", "default": "evenly spaced, --replans times"},
+    )
     effort: float = Field(
         1.0, ge=0.05, le=20, allow_inf_nan=False, description="How long to plan: 2 plans twice as long, 0.5 half."
     )

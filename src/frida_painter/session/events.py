@@ -1,14 +1,62 @@
-"""What happens during a session, told as it happens: for progress bars, films and pages."""
+"""The one language in which anything is told of a painting or a calibration, as it happens and afterwards.
 
-from collections.abc import Callable
-from dataclasses import dataclass
+There are two sorts of events. A `Moment` carries plans and pixels and is told inside the process that paints. A
+`Written` event is plain: it has a JSON form, `record` and `events_of`, under the name of its class, and stands in the
+journal, in the feed of the page, or in both. Pictures appear in it by the names of their files. Listeners hear both.
 
-from torch import Tensor
+This module loads neither torch nor the planner, for the page's process reads events and holds neither.
+"""
 
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
-from frida_painter.session.timetable import Timetable
-from frida_painter.strokes import Strokes
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, get_args
+
+from pydantic import TypeAdapter
+
+from frida_painter.session.old_events import renewed
+from frida_painter.session.page_events import (
+    Answered,
+    Asked,
+    CalibrationStarted,
+    CalibrationStatus,
+    Considering,
+    Finishing,
+    LookShown,
+    Mixing,
+    PaintingKept,
+    PaintingStarted,
+    PhotographShown,
+    PlanMade,
+    PlanningProgress,
+    PlanPreview,
+    PlanWished,
+    ProcedureBegan,
+    ProcedureFound,
+    ProcedureProgress,
+    Remark,
+    RestReplanned,
+    Rests,
+    TakenUp,
+    TimeLeft,
+    Turns,
+    WentOn,
+)
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from frida_painter.palette import Palette
+    from frida_painter.plan import Plan
+    from frida_painter.session.timetable import Timetable
+    from frida_painter.strokes import Strokes
+
+
+# Moments: what carries plans and pixels.
 
 
 @dataclass(frozen=True)
@@ -37,6 +85,11 @@ class Planned:
     loss_before: float
     loss_after: float
 
+    @property
+    def gain(self) -> float:
+        """By which share of what was missing the plan comes nearer to the goal than the one before."""
+        return 1 - self.loss_after / self.loss_before if self.loss_before > 0 else 0.0
+
 
 @dataclass(frozen=True)
 class Scheduled:
@@ -51,31 +104,6 @@ class PaintsWanted:
     """The palette is settled; painting begins when its wells are filled."""
 
     palette: Palette
-
-
-@dataclass(frozen=True)
-class Dipped:
-    """The brush took paint from a well; `cleaned` says whether it was rinsed and wiped before."""
-
-    paint: int
-    cleaned: bool
-
-
-@dataclass(frozen=True)
-class StrokePainted:
-    """Stroke number `done` (from 1) of `of` is on the canvas; `color` is its sRGB."""
-
-    done: int
-    of: int
-    color: tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class StrokeLeftOut:
-    """Whoever paints by hand left stroke number `done` (from 1) of `of` out; it counts, and is not on the canvas."""
-
-    done: int
-    of: int
 
 
 @dataclass(frozen=True)
@@ -109,33 +137,202 @@ class Resumed:
     expected: Tensor
 
 
+# Written events of a painting session: the journal has them all, the page some.
+
+
+@dataclass(frozen=True)
+class PaintingBegun:
+    """A painting was begun, by these settings; rests_on: hashes, by name, of what else decides how it is painted.
+
+    by, process, program: who painted, with which process and version.
+    """
+
+    settings: dict[str, Any]
+    rests_on: dict[str, str]
+    by: str = ""
+    process: int = 0
+    program: str = ""
+
+
+@dataclass(frozen=True)
+class SessionResumed:
+    """A person had the painting resumed, `done` strokes being on the canvas.
+
+    in_doubt: the stroke of which nothing tells whether it was painted; decision: "repaint" or "skip" for it.
+    """
+
+    done: int
+    in_doubt: int | None = None
+    decision: str = ""
+    by: str = ""
+    process: int = 0
+    program: str = ""
+
+
+@dataclass(frozen=True)
+class PlanAdopted:
+    """From stroke `done` + 1 on, painting goes by the plan of all strokes with this digest.
+
+    photograph: the file of that which it was made for; error, information: the placement, as it was known.
+    """
+
+    plan: str
+    done: int
+    photograph: str | None
+    error: tuple[float, float, float]
+    information: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class MotionBegan:
+    """The robot will now be told these motions, by their labels; stroke: the one that they paint, by which plan."""
+
+    what: tuple[str, ...]
+    stroke: int | None = None
+    plan: str | None = None
+
+
+@dataclass(frozen=True)
+class Dipped:
+    """The brush took paint from a well; `cleaned` says whether it was rinsed and wiped before."""
+
+    paint: int
+    cleaned: bool = False
+
+
+@dataclass(frozen=True)
+class StrokePainted:
+    """Stroke number `done` (from 1) of `of` is on the canvas; `color` is its sRGB.
+
+    Earlier versions did not write all of it down: then `of` is 0, and the color black.
+    """
+
+    done: int
+    of: int = 0
+    color: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class StrokeLeftOut:
+    """Whoever paints by hand left stroke number `done` (from 1) of `of` out; it counts, and is not on the canvas."""
+
+    done: int
+    of: int = 0
+
+
+@dataclass(frozen=True)
+class Photographed:
+    """A photograph was taken by which something is decided; None where there was no room to keep it.
+
+    captured_at: s of the robot's clock; sequence: the camera's number; light: of the room, [3][terms].
+    """
+
+    photograph: str | None
+    captured_at: float
+    sequence: int
+    light: list[list[float]] | None
+
+
 @dataclass(frozen=True)
 class Paused:
-    """Nothing moves until a person answers: the arm is aside and the brush clean; `reason` is a sentence."""
+    """Nothing moves until a person answers: the arm is aside and the brush clean; `reason` is a sentence.
+
+    turn: whether that is because it is the person's turn to paint.
+    """
 
     reason: str
-    done: int
+    done: int = 0
+    turn: bool = False
 
 
 @dataclass(frozen=True)
 class Stopped:
-    """A person asked to stop; `done` strokes are on the canvas."""
+    """A person asked to stop; `done` strokes are on the canvas, None where nothing was being painted."""
+
+    done: int | None = None
+
+
+@dataclass(frozen=True)
+class Failed:
+    """The work broke off; `reason` is a sentence."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class Finished:
+    """All strokes are done, `done` of them."""
 
     done: int
 
 
-Event = (
-    PlanningStep
-    | Planned
-    | Scheduled
-    | PaintsWanted
-    | Dipped
-    | StrokePainted
-    | StrokeLeftOut
-    | TimelapseFrame
-    | Looked
-    | Resumed
-    | Paused
-    | Stopped
-)
+@dataclass(frozen=True)
+class RegionProtected:
+    """A person drew what no stroke may touch, or, where `only`, what alone may be painted.
+
+    region: the drawing in the painting's folder, None where nothing is protected any more; picture: as the page has it.
+    """
+
+    region: str | None
+    only: bool = False
+    picture: str | None = None
+
+
+@dataclass(frozen=True)
+class GoalChanged:
+    """A person wants something else from now on; goal: its folder in the painting's; wish: as the page has it."""
+
+    goal: str
+    wish: dict[str, Any]
+
+
+Written = (
+    PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | StrokePainted | StrokeLeftOut | Photographed
+    | Paused | Stopped | Failed | Finished | RegionProtected | GoalChanged
+    | PlanWished | PlanningProgress | PlanPreview | PlanMade | RestReplanned | PaintingStarted | TakenUp | Mixing
+    | TimeLeft | PhotographShown | LookShown | Considering | WentOn | Turns | Remark | Finishing | PaintingKept | Asked
+    | Answered | Rests
+    | CalibrationStarted | CalibrationStatus | ProcedureBegan | ProcedureProgress | ProcedureFound
+)  # fmt: skip
+Moment = PlanningStep | Planned | Scheduled | PaintsWanted | TimelapseFrame | Looked | Resumed
+Event = Moment | Written
 Notify = Callable[[Event], None]
+
+
+def kind_of(event: type[Written]) -> str:
+    """The name under which events of a class are written: stroke_painted for StrokePainted."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", event.__name__).lower()
+
+
+KINDS: Mapping[str, type[Written]] = {kind_of(each): each for each in get_args(Written)}
+
+
+def record(event: Written) -> dict[str, Any]:
+    """The JSON form of an event that happens now. Raises TypeError for a moment, which has none."""
+    if type(event) not in get_args(Written):
+        raise TypeError(f"{type(event).__name__} carries what is not written down; tell what was made of it.")
+    at = datetime.now(UTC).isoformat(timespec="milliseconds")
+    return {"kind": kind_of(type(event)), "at": at, **asdict(event)}
+
+
+def events_of(written: Mapping[str, Any]) -> list[Written]:
+    """What a record tells, also one of an earlier version; nothing where its kind is not known.
+
+    Raises ValueError where it lacks something, or has it of another type.
+    """
+    return [
+        _adapter(each["kind"]).validate_python(dict(each)) for each in renewed(written) if each.get("kind") in KINDS
+    ]
+
+
+def time_of(written: Mapping[str, Any]) -> datetime:
+    """When a record was written. Raises ValueError where it does not say so."""
+    at = written.get("at")
+    if isinstance(at, int | float):  # as earlier versions dated a feed
+        return datetime.fromtimestamp(at, UTC)
+    return datetime.fromisoformat(str(at))
+
+
+@functools.cache
+def _adapter(kind: str) -> TypeAdapter[Written]:
+    return TypeAdapter(KINDS[kind])

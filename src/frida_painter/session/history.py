@@ -8,9 +8,26 @@ from typing import Any
 
 from frida_painter.errors import StorageError
 from frida_painter.planning.placement import Placement
+from frida_painter.session.events import (
+    Dipped,
+    Finished,
+    GoalChanged,
+    MotionBegan,
+    PaintingBegun,
+    Photographed,
+    PlanAdopted,
+    RegionProtected,
+    SessionResumed,
+    StrokeLeftOut,
+    StrokePainted,
+    Written,
+    events_of,
+    time_of,
+)
+from frida_painter.session.old_events import renewed
 
 FORMAT = "frida-painter journal"
-VERSION = 1
+VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -61,55 +78,56 @@ class History:
         first, *others = records
         if first.get("format") != FORMAT:
             raise StorageError(f"{folder} holds a journal that is not a painting's; give the folder of a painting.")
-        if first.get("version") != VERSION:
+        if first.get("version") not in range(1, VERSION + 1):
             raise StorageError(
-                f"{folder} holds a journal of version {first.get('version')}; this program reads version {VERSION}; "
-                "resume it with the program that it was begun with, or a newer one."
+                f"{folder} holds a journal of version {first.get('version')}; this program reads versions up to "
+                f"{VERSION}; resume it with the program that it was begun with, or a newer one."
             )
         try:
-            history = cls(first["settings"], first["rests_on"])
+            (begun,) = events_of(first)
+            if not isinstance(begun, PaintingBegun):
+                raise ValueError("the painting's beginning")
+            history = cls(begun.settings, begun.rests_on)
             for record in (first, *others):
-                history._hear(record)
+                for event in events_of(record):
+                    history._hear(event, time_of(record))
         except (KeyError, TypeError, ValueError) as cause:
             raise StorageError(
                 f"The journal in {folder} lacks something ({cause!r}); take an undamaged copy."
             ) from cause
         return history
 
-    def _hear(self, record: dict[str, Any]) -> None:
-        at = datetime.fromisoformat(record["at"])
-        kind = record["kind"]
-        if kind in ("begun", "resumed"):
+    def _hear(self, event: Written, at: datetime) -> None:
+        if isinstance(event, PaintingBegun | SessionResumed):
             self.sittings += 1
         elif self.last is not None:
             # The clock of the machine may have been set back in between.
             self.seconds += max(0.0, (at - self.last).total_seconds())
         self.last = at
-        match kind:
-            case "resumed":
-                self.decide(repaint=record.get("decision") == "repaint")
-            case "planned":
-                placement = record["placement"]
-                known = Placement(tuple(placement["error"]), tuple(map(tuple, placement["information"])))
-                self.plannings.append(Planning(record["plan"], record["done"], record["photograph"], known))
-            case "looked":
+        match event:
+            case SessionResumed(decision=decision):
+                self.decide(repaint=decision == "repaint")
+            case PlanAdopted(plan, done, photograph, error, information):
+                self.plannings.append(Planning(plan, done, photograph, Placement(error, information)))
+            case Photographed(photograph=photograph, light=light):
                 self.looks += 1
-                self.light = record["light"]
-                self.last_photograph = record["photograph"] or self.last_photograph
-            case "began" if "stroke" in record:
-                self.in_doubt = record["stroke"]
-            case "ended" if "stroke" in record:
-                self.painted, self.in_doubt = record["stroke"], None
-                if record.get("left_out", False):
-                    self.given_up.append(record["stroke"])
-            case "ended":
+                self.light = light
+                self.last_photograph = photograph or self.last_photograph
+            case MotionBegan(stroke=int(stroke)):
+                self.in_doubt = stroke
+            case StrokePainted(done=done):
+                self.painted, self.in_doubt = done, None
+            case StrokeLeftOut(done=done):
+                self.painted, self.in_doubt = done, None
+                self.given_up.append(done)
+            case Dipped(cleaned=cleaned):
                 self.dips += 1
-                self.cleanings += int(record["cleaned"])
-            case "protected":
-                self.region = (str(record["region"]), bool(record["only"])) if record["region"] else None
-            case "redirected":
-                self.goal = str(record["goal"])
-            case "finished":
+                self.cleanings += int(cleaned)
+            case RegionProtected(region=region, only=only):
+                self.region = None if region is None else (region, only)
+            case GoalChanged(goal=goal):
+                self.goal = goal
+            case Finished():
                 self.finished = True
             case _:
                 pass
@@ -120,3 +138,9 @@ class History:
             self.painted = self.in_doubt
             self.given_up.append(self.in_doubt)
         self.in_doubt = None
+
+
+def renewed_journal(records: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The records of a journal of an earlier version in the words of this one."""
+    first, *others = [each for record in records for each in renewed(record)]
+    return [{**first, "version": VERSION}, *others]

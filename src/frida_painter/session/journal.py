@@ -1,13 +1,15 @@
 """The journal of a painting: every stroke, motion, plan and photograph, so that another process can go on.
 
 What is in the journal is on the disk. A stroke is noted before the robot is told of it and again when
-it is done, so that after any crash at most one stroke is in doubt.
+it is done, so that after any crash at most one stroke is in doubt. That is why the session calls the journal
+itself for what must be on the disk before it goes on, and can pause where it cannot be; what is only good
+to know the journal hears like any listener.
 """
 
+import contextlib
 import getpass
 import os
 import socket
-from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Self
@@ -17,14 +19,28 @@ from numpy.typing import NDArray
 
 from frida_painter import images
 from frida_painter.errors import StorageError
+from frida_painter.event_log import EventLog
 from frida_painter.hardware.camera import Frame
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.session.choreography import Action
-from frida_painter.session.event_log import EventLog
-from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
-from frida_painter.session.history import FORMAT, VERSION, History
+from frida_painter.session.events import (
+    Dipped,
+    Event,
+    Failed,
+    MotionBegan,
+    PaintingBegun,
+    Paused,
+    Photographed,
+    PlanAdopted,
+    SessionResumed,
+    StrokeLeftOut,
+    StrokePainted,
+    Written,
+    record,
+)
+from frida_painter.session.history import FORMAT, VERSION, History, renewed_journal
 from frida_painter.session.names import JOURNAL
 
 PLAN = "plan.json"
@@ -55,17 +71,19 @@ class Journal:
         settings: how it is painted, as plain values; rests_on: by name, what else decides how it is
         painted (hashes of goal, calibration and brush), to be compared when it is resumed.
         """
-        begun = {"format": FORMAT, "version": VERSION, "settings": settings, "rests_on": rests_on}
-        return cls(EventLog.begin(folder / JOURNAL, _dated("begun", **begun, **_who())))
+        begun = record(PaintingBegun(settings, rests_on, **_who()))
+        return cls(EventLog.begin(folder / JOURNAL, {"format": FORMAT, "version": VERSION, **begun}))
 
     @classmethod
     def reopen(cls, folder: Path) -> tuple[Self, History]:
-        """The journal of a painting that broke off, and what it tells."""
+        """The journal of a painting that broke off, and what it tells; one of an earlier version is written anew."""
         if not (folder / JOURNAL).is_file():
             raise StorageError(f"{folder} is not the folder of a painting: it holds no journal; give one that does.")
         book = EventLog(folder / JOURNAL)
         try:
             history = History.of(book.found, folder)
+            if book.found[0]["version"] != VERSION:
+                book.replace_all(renewed_journal(book.found))
         except StorageError:
             book.close()
             raise
@@ -78,9 +96,8 @@ class Journal:
 
     def resumed(self, history: History, *, repaint: bool) -> None:
         """A person has had the painting resumed, and decided on the stroke in doubt; so `history` has it then."""
-        in_doubt = history.in_doubt
-        decision = {} if in_doubt is None else {"in_doubt": in_doubt, "decision": "repaint" if repaint else "skip"}
-        self.note("resumed", painted=history.painted, **decision, **_who())
+        decision = "" if history.in_doubt is None else "repaint" if repaint else "skip"
+        self.tell(SessionResumed(history.painted, history.in_doubt, decision, **_who()))
         history.decide(repaint=repaint)
 
     def planned(self, plan: Plan, done: int, placement: Placement) -> None:
@@ -88,49 +105,41 @@ class Journal:
 
         It is noted first, so that a plan that stands in the folder is always one that the journal names.
         """
-        self.note(
-            "planned",
-            plan=plan.digest,
-            done=done,
-            photograph=self._photograph,
-            placement={"error": placement.error, "information": placement.information},
-        )
+        self.tell(PlanAdopted(plan.digest, done, self._photograph, placement.error, placement.information))
         if self._book is not None:
             plan.save(self._book.path.with_name(PLAN))
 
     def begins(self, action: Action, plan: Plan) -> None:
         """The robot will now be told this."""
+        what = tuple(motion.label for motion in action.motions)
         painted = action.done
-        stroke = {"stroke": painted.done, "plan": plan.digest} if isinstance(painted, StrokePainted) else {}
-        self.note("began", what=[motion.label for motion in action.motions], **stroke)
+        if isinstance(painted, StrokePainted):
+            self.tell(MotionBegan(what, painted.done, plan.digest))
+        else:
+            self.tell(MotionBegan(what))
 
     def ends(self, done: Dipped | StrokePainted | StrokeLeftOut) -> None:
         """The robot has done it, or a person has left it out."""
-        match done:
-            case Dipped(paint, cleaned):
-                self.note("ended", paint=paint, cleaned=cleaned)
-            case StrokePainted(stroke):
-                self.note("ended", stroke=stroke)
-            case StrokeLeftOut(stroke):
-                self.note("ended", stroke=stroke, left_out=True)
+        self.tell(done)
 
     def looked(self, frame: Frame, light: FlatField | None) -> None:
         """A photograph was taken for planning; it is kept as the camera gave it where there is room for it."""
         name = f"{PHOTOGRAPHS}/look-{self._looks:04d}.png"
         self._looks += 1
         self._photograph = name if self._keep(frame.image, name) else None
-        self.note(
-            "looked",
-            photograph=self._photograph,
-            captured_at=frame.captured_at,
-            sequence=frame.sequence,
-            light=light and light.logarithm.tolist(),
-        )
+        light_now = None if light is None else light.logarithm.tolist()
+        self.tell(Photographed(self._photograph, frame.captured_at, frame.sequence, light_now))
 
-    def note(self, kind: str, **facts: Any) -> None:
-        """Anything else that happened; facts are plain values."""
+    def tell(self, event: Written) -> None:
+        """Writes an event down; when this returns, it is on the disk."""
         if self._book is not None:
-            self._book.append(_dated(kind, **facts))
+            self._book.append(record(event))
+
+    def hear(self, event: Event) -> None:
+        """Notes what is not needed to go on; where it finds no room, it is left out."""
+        if isinstance(event, Paused | Failed):
+            with contextlib.suppress(StorageError):
+                self.tell(event)
 
     def _keep(self, photograph: NDArray[np.uint8], name: str) -> bool:
         if self._book is None:
@@ -140,10 +149,6 @@ class Journal:
         except StorageError:
             return False
         return True
-
-
-def _dated(kind: str, **facts: Any) -> dict[str, Any]:
-    return {"kind": kind, "at": datetime.now(UTC).isoformat(timespec="milliseconds"), **facts}
 
 
 def _who() -> dict[str, Any]:

@@ -1,30 +1,33 @@
 """The closed loop: plan, paint some strokes, look, plan the rest again (paper, Algorithm 1, `paint`).
 
-Start reading here. Whatever moves is in `brushwork`, whatever sees in `eye`, whatever thinks in
-`planning`, and what must outlast a crash goes into the `journal`; this file only says what follows
-what, and tells it to whoever listens.
+Start reading here. Whatever moves is in `brushwork`, whatever sees in `canvas_observer`, whatever thinks in
+`planning`, whatever interrupts in `interruptions`, and when to look and plan again in `replan_policy`. What must
+be on the disk before the robot moves is put into the `journal` by direct calls, for it can fail, and then nothing
+moves; everything else is told to whoever listens, the journal among them. This file only says what follows what.
 """
 
-import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
 
 from torch import Tensor
 
-from frida_painter.errors import CameraError, FridaError, PaintingPaused, PlanError, StorageError
+from frida_painter.errors import FridaError, PlanError, StorageError
 from frida_painter.palette import Palette
-from frida_painter.perception.frame_check import Expected
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_memory import CanvasMemory, difference
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import (
     Dipped,
+    Event,
+    Failed,
+    Finished,
     Looked,
+    MotionBegan,
     Notify,
     PaintsWanted,
     Paused,
@@ -35,15 +38,13 @@ from frida_painter.session.events import (
     Stopped,
     StrokeLeftOut,
     StrokePainted,
-    TimelapseFrame,
 )
+from frida_painter.session.interruptions import Interruptions, StopAsked
 from frida_painter.session.journal import Journal
-from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
+from frida_painter.session.timelapse import Timelapse
 
 PHOTOGRAPH_ROWS = 864
-TIMELAPSE_ROWS = 540
-
-_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ class PaintingSession:
         planner: Planner,
         brushwork: Brushwork,
         observer: CanvasObserver,
-        rhythm: ReplanPolicy,
+        policy: ReplanPolicy,
         *,
         stop_asked: Callable[[], bool],
         notify: Notify,
@@ -100,25 +101,29 @@ class PaintingSession:
         pause_asked: Callable[[], bool] = lambda: False,
         go_on: Callable[[Paused], bool] = lambda paused: False,
         mixed: Callable[[Palette], Palette | None] = lambda wanted: None,
+        timelapse: Timelapse | None = None,
     ) -> None:
         self.planner = planner
         self.brushwork = brushwork
         self.observer = observer
-        self.rhythm = rhythm
+        self.policy = policy
         self.journal = journal or Journal.nowhere()
-        self._stop_asked = stop_asked
-        self._pause_asked = pause_asked
-        self._go_on = go_on
+        self.timelapse = timelapse or Timelapse()
+        self.interruptions = Interruptions(
+            brushwork,
+            self._tell,
+            stop_asked=stop_asked,
+            pause_asked=pause_asked,
+            go_on=go_on,
+            painted=lambda: self._painted,
+        )
         self._mixed = mixed
         self._notify = notify
         self._plan: Plan | None = None
         self._painted = 0
-        self._planned_at = 0
+        self._planned_at = 0  # strokes painted when it was last decided how the rest is painted
         self._began_at = 0.0  # s of the robot's clock
-        self._before: Tensor | None = None  # the canvas as it was last seen
-        self._seen = 0  # strokes that were on it
-        self._touched = False
-        self._left_out: set[int] = set()  # strokes, by index, by whoever paints by hand
+        self._canvas = CanvasMemory()
 
     def run(self, strokes: int, colors: int, plan: Plan | None = None) -> Painting:
         """Paints exactly `strokes` strokes in `colors` paints on a bare canvas, unless a person stops it.
@@ -133,7 +138,7 @@ class PaintingSession:
 
     def look(self) -> Tensor:
         """The canvas as it is now, seen without the arm, never from a photograph older than the last motion."""
-        return self._retry_after_pause(self._look)
+        return self.interruptions.retry(self._look)
 
     @property
     def rest(self) -> Plan:
@@ -146,51 +151,46 @@ class PaintingSession:
     def so_far(self) -> Painting | None:
         """What has come of it, as it was last seen; None where the canvas was never seen."""
         rest = None if self._plan is None else self._plan.part(slice(self._painted, None))
-        return None if self._before is None else Painting(self._before, self._painted, rest)
+        return None if self._canvas.before is None else Painting(self._canvas.before, self._painted, rest)
 
     def look_again(self, rounds: int = 1) -> None:
         """Looks at what a person has made of the canvas, and plans the rest again; while the painting has paused.
 
         rounds: of planning; more than one where the goal has changed.
         """
-        self._look_and_plan_again(rounds)
+        self._look_and_plan_again(rounds, asked=True)
 
     def paint_instead(self, rest: Plan) -> None:
         """Takes the place of what was still to be painted, palette and canvas being the same; in a pause as well."""
-        assert self._plan is not None and self._before is not None
-        before = self.planner.validation_loss(self.planner.expected(self.rest, self._before))
-        self._adopt(self._plan.part(slice(self._painted)).followed_by(rest))
-        expected = self.planner.expected(rest, self._before)
-        self._notify(Planned(rest, self._painted, expected, before, self.planner.validation_loss(expected)))
+        canvas = self._canvas.before
+        assert canvas is not None
+        before = self.planner.validation_loss(self.planner.expected(self.rest, canvas))
+        self._adopt(rest, canvas, before)
 
     def _to_the_end(self, begin: Callable[[], None]) -> Painting:
-        end = "finished"
+        end: type[Finished | Stopped] = Finished
         try:
             begin()
             self._paint()
-        except _StopAsked:
-            self._notify(Stopped(self._painted))
-            end = "stopped"
+        except StopAsked:
+            self._tell(Stopped(self._painted))
+            end = Stopped
         except FridaError as trouble:
-            with contextlib.suppress(StorageError):
-                self.journal.note("broken off", reason=str(trouble))
+            self.journal.hear(Failed(str(trouble)))
             raise
         took = self.brushwork.last_motion - self._began_at
         if self.brushwork.load.paint is not None:
             self._clean()
         photograph = self.look()
-        self._retry_after_pause(partial(self.journal.note, end, painted=self._painted))
+        self.interruptions.retry(partial(self.journal.tell, end(self._painted)))
         rest = None if self._plan is None else self._plan.part(slice(self._painted, None))
         return Painting(photograph, self._painted, rest, took)
 
     def _begin(self, strokes: int, colors: int, plan: Plan | None) -> None:
-        canvas = self._before = self.look()
+        canvas = self._canvas.before = self.look()
         self._began_at = self.brushwork.last_motion
         plan = plan or self._arranged(self.planner.plan(canvas, strokes, colors, self._checking_interrupts("plan")))
-        self._adopt(plan)
-        expected = self.planner.expected(plan, canvas)
-        before, after = self.planner.validation_loss(canvas), self.planner.validation_loss(expected)
-        self._notify(Planned(plan, 0, expected, before, after))
+        self._adopt(plan, canvas, self.planner.validation_loss(canvas))
         self._mix(plan)
         self._take_what_was_mixed(plan, canvas)
 
@@ -201,25 +201,24 @@ class PaintingSession:
             return
         before = self.planner.validation_loss(self.planner.expected(plan, canvas))
         again = self._arranged(self.planner.bind_to_palette(plan, canvas, mixed, self._checking_interrupts("plan")))
-        self._adopt(again)
-        expected = self.planner.expected(again, canvas)
-        self._notify(Planned(again, 0, expected, before, self.planner.validation_loss(expected)))
+        self._adopt(again, canvas, before)
         self.brushwork.easel.operator.fill_wells(mixed)
 
     def _begin_again(self, where: ResumeState) -> None:
         self._plan, self._painted, self._planned_at = where.plan, where.painted, where.planned_at
         known = where.before is not None
-        self._before, self._seen = (where.before, where.planned_at) if known else (where.now, where.painted)
+        seen = (where.before, where.planned_at) if known else (where.now, where.painted)
+        self._canvas = CanvasMemory(*seen)
         rest = where.plan.part(slice(where.painted, None))
         self._began_at = self.brushwork.last_motion
-        self._notify(Resumed(where.plan, where.painted, self.planner.expected(rest, where.now)))
+        self._tell(Resumed(where.plan, where.painted, self.planner.expected(rest, where.now)))
         self._schedule()
         self._clean()
         self._mix(where.plan)
 
     def _paint(self) -> None:
         while self._plan is not None and self._planned_at < len(self._plan):
-            self._paint_until(self.rhythm.next_look(self._planned_at, len(self._plan)))
+            self._paint_until(self.policy.next_look(self._planned_at, len(self._plan)))
             self._look_and_plan_again()
 
     def _paint_until(self, end: int) -> None:
@@ -235,144 +234,116 @@ class PaintingSession:
         try:
             self.journal.begins(action, plan)
         except StorageError as trouble:
-            self._pause(str(trouble), trouble)
+            self.interruptions.pause(str(trouble), trouble)
             return False
         done = self.brushwork.perform(action)
-        self._retry_after_pause(partial(self.journal.ends, done))
-        self._notify(done)
+        self.interruptions.retry(partial(self.journal.ends, done))
+        self._tell(done)
         if isinstance(done, StrokeLeftOut):
-            self._left_out.add(done.done - 1)
+            self._canvas.left_out.add(done.done - 1)
         if not isinstance(done, Dipped):
             self._painted = done.done
             self._timelapse_frame(done)
-            self._check_interrupts()
+            self.interruptions.check()
         return True
 
-    def _look_and_plan_again(self, rounds: int = 1) -> None:
-        assert self._plan is not None and self._before is not None
-        canvas = self.look()
-        batch, rest = self._batch(self._plan), self._plan.part(slice(self._painted, None))
-        self._notify(Looked(canvas, self.planner.expected(batch, self._before), self._painted))
+    def _look_and_plan_again(self, rounds: int = 1, *, asked: bool = False) -> None:
+        assert self._plan is not None and self._canvas.before is not None
+        canvas, rest, last = self.look(), self.rest, self._canvas.before
+        batch = self._canvas.batch(self._plan, self._painted)
+        expected = self.planner.expected(batch, last)
+        self._tell(Looked(canvas, expected, self._painted))
         if len(batch):  # where strokes landed tells where the robot is to be sent
             known = self.brushwork.placement
-            self.brushwork.placement = self.planner.locate(batch, known, self._before, canvas)
-        self._before, self._seen = canvas, self._painted
-        if len(rest):
+            self.brushwork.placement = self.planner.locate(batch, known, last, canvas)
+        self._canvas.before, self._canvas.strokes = canvas, self._painted
+        seen = CanvasSeen(self._painted, len(rest), difference(canvas, expected))
+        if len(rest) and (asked or self.policy.wants_replan(seen)):
             before = self.planner.validation_loss(self.planner.expected(rest, canvas))
             try:
                 again = self._arranged(self.planner.replan(rest, canvas, self._checking_interrupts("replan"), rounds))
             except _Overtaken:
                 return
-            self._adopt(self._plan.part(slice(self._painted)).followed_by(again))
-            expected = self.planner.expected(again, canvas)
-            self._notify(Planned(again, self._painted, expected, before, self.planner.validation_loss(expected)))
+            self._adopt(again, canvas, before)
         self._planned_at = self._painted
 
     def _arranged(self, rest: Plan) -> Plan:
         """The strokes that are left, those of the next batch in the order in which they are quickest to paint."""
         if len(rest) == 0:  # all that was left would have touched what is protected
             return rest
-        until = self.rhythm.next_look(self._painted, self._painted + len(rest))
+        until = self.policy.next_look(self._painted, self._painted + len(rest))
         return self.brushwork.arranged(rest, until - self._painted)
 
-    def _adopt(self, plan: Plan) -> None:
-        """From now on, and whatever happens, painting goes by this plan of all strokes."""
-        self._retry_after_pause(partial(self.journal.planned, plan, self._painted, self.brushwork.placement))
+    def _adopt(self, rest: Plan, canvas: Tensor, before: float) -> None:
+        """From now on, and whatever happens, what is left is painted by this plan, made for the canvas as it is.
+
+        before: the objective with the plan as it was.
+        """
+        painted = None if self._plan is None or self._painted == 0 else self._plan.part(slice(self._painted))
+        plan = rest if painted is None else painted.followed_by(rest)
+        self.interruptions.retry(partial(self.journal.planned, plan, self._painted, self.brushwork.placement))
         self._plan, self._planned_at = plan, self._painted
         self._schedule()
+        expected = self.planner.expected(rest, canvas)
+        self._tell(Planned(rest, self._painted, expected, before, self.planner.validation_loss(expected)))
 
     def _schedule(self) -> None:
         """Tells how long the robot will take for what is left, with all looks on the way."""
-        done, of, looks = self._painted, len(self.rest) + self._painted, self.rhythm.looks
+        done, of = self._painted, len(self.rest) + self._painted
 
         def after(painted: int) -> int:
-            return looks(done + painted, of)
+            number = done + painted
+            looks = self.policy.next_look(number - 1, of) == number
+            return int(self.timelapse.wants_frame(number, of)) + int(looks)
 
-        self._notify(Scheduled(self.brushwork.timetable(self.rest, after), done))
+        self._tell(Scheduled(self.brushwork.timetable(self.rest, after), done))
 
     def _mix(self, plan: Plan) -> None:
-        self._notify(PaintsWanted(plan.palette))
+        self._tell(PaintsWanted(plan.palette))
         self.brushwork.easel.operator.fill_wells(plan.palette)
 
     def _look(self) -> Tensor:
         self._step_aside()
-        frame, canvas = self.observer.examine(self.brushwork.last_motion, PHOTOGRAPH_ROWS, self._expectation())
+        expected = None  # there is no plan yet, or a person may have touched the canvas
+        if self._plan is not None and not self.interruptions.touched:
+            expected = self._canvas.expectation(self.planner, self._plan, self._painted)
+        frame, canvas = self.observer.examine(self.brushwork.last_motion, PHOTOGRAPH_ROWS, expected)
         self.journal.looked(frame, self.observer.light)
-        self._touched = False
+        self.interruptions.touched = False
         return canvas
 
-    def _expectation(self) -> Expected | None:
-        """What should be seen; None where there is no plan yet, or a person may have touched the canvas."""
-        if self._plan is None or self._before is None or self._touched:
-            return None
-        batch = self._batch(self._plan)
-        return Expected(self._before, self.planner.expected(batch, self._before) if len(batch) else self._before)
-
-    def _batch(self, plan: Plan) -> Plan:
-        """What was painted since the canvas was last seen."""
-        return plan.part([index for index in range(self._seen, self._painted) if index not in self._left_out])
-
     def _timelapse_frame(self, painted: StrokePainted | StrokeLeftOut) -> None:
-        """A picture for the film, which nothing is decided by, and without which the painting goes on."""
-        if isinstance(painted, StrokePainted) and self.rhythm.wants_timelapse_frame(painted.done, painted.of):
-            self._retry_after_pause(self._step_aside)
-            with contextlib.suppress(CameraError):
-                picture = self.observer.film(self.brushwork.last_motion, TIMELAPSE_ROWS)
-                self._notify(TimelapseFrame(picture, painted.done, painted.of, painted.color))
+        if isinstance(painted, StrokePainted) and self.timelapse.wants_frame(painted.done, painted.of):
+            self.interruptions.retry(self._step_aside)
+            frame = self.timelapse.frame(painted, self.brushwork, self.observer)
+            if frame is not None:
+                self._tell(frame)
+
+    def _tell(self, event: Event) -> None:
+        self.journal.hear(event)
+        self._notify(event)
 
     def _step_aside(self) -> None:
-        self.journal.note("began", what=["home"])
+        self.journal.tell(MotionBegan(("home",)))
         self.brushwork.step_aside()
 
     def _clean(self) -> None:
-        what = [motion.label for motion in self.brushwork.cleaning()]
-        self._retry_after_pause(partial(self.journal.note, "began", what=what))
+        what = tuple(motion.label for motion in self.brushwork.cleaning())
+        self.interruptions.retry(partial(self.journal.tell, MotionBegan(what)))
         self.brushwork.clean()
 
     def _checking_interrupts(self, phase: str) -> Callable[[Step], None]:
         """Passes planning steps on, and stops the planner when a person has asked for it."""
 
         def tell(step: Step) -> None:
-            self._notify(PlanningStep(phase, step.iteration, step.of, step.loss, step.strokes))
+            self._tell(PlanningStep(phase, step.iteration, step.of, step.loss, step.strokes))
             plan = self._plan
-            self._check_interrupts()
+            self.interruptions.check()
             if self._plan is not plan:
                 raise _Overtaken
 
         return tell
 
-    def _check_interrupts(self) -> None:
-        if self._stop_asked():
-            raise _StopAsked
-        if self._pause_asked():
-            self._pause("You asked for a pause.")
-
-    def _retry_after_pause(self, work: Callable[[], _T]) -> _T:
-        """Does what needs the disk or the camera; where they fail, pauses and, when told to go on, tries again."""
-        while True:
-            try:
-                return work()
-            except (StorageError, CameraError) as trouble:
-                self._pause(str(trouble), trouble)
-
-    def _pause(self, reason: str, cause: FridaError | None = None) -> None:
-        """Lifts the brush, cleans it, moves the arm aside and waits until a person has the painting go on."""
-        with contextlib.suppress(StorageError):
-            self.journal.note("paused", reason=reason, painted=self._painted)
-        if self.brushwork.load.paint is not None:
-            self.brushwork.clean()
-        self.brushwork.step_aside()
-        self._touched = True  # whoever is asked may paint along, now or while answering
-        paused = Paused(reason, self._painted)
-        self._notify(paused)
-        if not self._go_on(paused):
-            raise PaintingPaused(f"{reason} The painting has paused after {self._painted} strokes.") from cause
-        self._touched = True
-
 
 class _Overtaken(Exception):
     """In a pause a person had something else planned than what was being planned; never leaves this file."""
-
-
-class _StopAsked(Exception):
-    """A person has asked to stop; never leaves this file."""

@@ -1,15 +1,56 @@
-"""When the painter looks at the canvas and plans again, and when it takes a timelapse frame for the film."""
+"""When the painter looks at the canvas, and whether it plans the rest again from what it saw."""
 
-import itertools
+import importlib.metadata
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Protocol, Self
+
+from frida_painter.errors import ConfigError
+
+GROUP = "frida_painter.replan_policies"
+"""Entry points of this group add policies: each is called with what follows the colon in "name:argument"."""
+_MOST = 20_000
 
 
 @dataclass(frozen=True)
-class ReplanPolicy:
-    """How a painting is divided: how often the painter looks and plans again, and takes timelapse frames."""
+class CanvasSeen:
+    """What the painter knows after a look.
+
+    done, left: strokes painted, and still planned; error: mean difference between the canvas as it is seen and as it
+    was expected, over pixels and channels of sRGB, in [0, 1].
+    """
+
+    done: int
+    left: int
+    error: float
+
+
+class ReplanPolicy(Protocol):
+    """Decides when the painter looks, and whether it plans again."""
+
+    def next_look(self, done: int, of: int) -> int:
+        """How many of `of` strokes are painted when the painter looks next, `done` < `of` of them being painted now.
+
+        It is above `done` and at most `of`: after the last stroke the painter always looks.
+        """
+
+    def wants_replan(self, seen: CanvasSeen) -> bool:
+        """Whether the strokes that are left are planned again."""
+
+
+@dataclass(frozen=True)
+class EvenlySpaced:
+    """Looks and plans again so many times, after batches that differ by at most one stroke."""
 
     replans: int
-    timelapse_frames: int
+
+    def __post_init__(self) -> None:
+        _require_count("replans", self.replans, 0)
+
+    @classmethod
+    def parse(cls, argument: str) -> Self:
+        """From "4". Raises ConfigError."""
+        return cls(_whole("replans", argument))
 
     def batches(self, strokes: int) -> list[int]:
         """Strokes painted between two looks: `replans` + 1 batches that differ by at most one stroke."""
@@ -17,13 +58,117 @@ class ReplanPolicy:
         return [strokes * (number + 1) // count - strokes * number // count for number in range(count)]
 
     def next_look(self, done: int, of: int) -> int:
-        """How many of `of` strokes are painted when the painter looks next, `done` of them being painted now."""
-        return next(end for end in itertools.accumulate(self.batches(of)) if end > done)
+        """At the end of the batch."""
+        count = min(self.replans + 1, of)
+        return next(end for number in range(count) if (end := of * (number + 1) // count) > done)
 
-    def looks(self, done: int, of: int) -> int:
-        """How often the arm goes aside for a picture right after stroke `done` of `of`."""
-        return int(self.wants_timelapse_frame(done, of)) + int(self.next_look(done - 1, of) == done)
+    def wants_replan(self, seen: CanvasSeen) -> bool:
+        """Always."""
+        return True
 
-    def wants_timelapse_frame(self, done: int, of: int) -> bool:
-        """Whether the film gets a picture after stroke `done` of `of`."""
-        return done * self.timelapse_frames // of > (done - 1) * self.timelapse_frames // of
+
+@dataclass(frozen=True)
+class EveryNth:
+    """Looks and plans again after every `strokes` strokes."""
+
+    strokes: int
+
+    def __post_init__(self) -> None:
+        _require_count("strokes between two looks", self.strokes, 1)
+
+    @classmethod
+    def parse(cls, argument: str) -> Self:
+        """From "75". Raises ConfigError."""
+        return cls(_whole("strokes between two looks", argument))
+
+    def next_look(self, done: int, of: int) -> int:
+        """At the next multiple."""
+        return min(of, (done // self.strokes + 1) * self.strokes)
+
+    def wants_replan(self, seen: CanvasSeen) -> bool:
+        """Always."""
+        return True
+
+
+@dataclass(frozen=True)
+class WhenOffBy:
+    """Looks after every `strokes` strokes, and plans again only where the canvas is off by more than `tolerance`.
+
+    tolerance: of CanvasSeen.error, in [0, 1].
+    """
+
+    tolerance: float
+    strokes: int = 10
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.tolerance <= 1:
+            raise ConfigError(f"A tolerance of {self.tolerance} was given; it is from 0 to 1, such as 0.02.")
+        _require_count("strokes between two looks", self.strokes, 1)
+
+    @classmethod
+    def parse(cls, argument: str) -> Self:
+        """From "0.02", or "0.02,25" with the strokes between two looks. Raises ConfigError."""
+        tolerance, comma, strokes = argument.partition(",")
+        try:
+            off = float(tolerance)
+        except ValueError:
+            raise ConfigError(f"A tolerance of {tolerance[:40]!r} was given; it is from 0 to 1.") from None
+        return cls(off, _whole("strokes between two looks", strokes)) if comma else cls(off)
+
+    def next_look(self, done: int, of: int) -> int:
+        """At the next multiple."""
+        return min(of, (done // self.strokes + 1) * self.strokes)
+
+    def wants_replan(self, seen: CanvasSeen) -> bool:
+        """Where it is off by more."""
+        return not seen.error <= self.tolerance
+
+
+def looks_on_the_way(policy: ReplanPolicy, strokes: int) -> list[int]:
+    """After how many of so many strokes the painter looks, the look after the last one left out."""
+    looks, done = [], 0
+    while done < strokes:
+        done = policy.next_look(done, strokes)
+        looks.append(done)
+    return looks[:-1]
+
+
+def replan_policy_named(text: str) -> ReplanPolicy:
+    """The policy that "4" (so many times), "every:75" or "when-off-by:0.02" means, or "NAME:..." of a plugin.
+
+    Raises ConfigError where there is none such, or what follows its name does not fit.
+    """
+    name, _, argument = text.strip().partition(":")
+    if name.isdecimal() and not argument:
+        name, argument = "times", name
+    known = _policies()
+    if name not in known:
+        raise ConfigError(
+            f"There is no replan policy {text[:60]!r}; there are {', '.join(sorted(known))}: give a number, or "
+            "for example every:75 or when-off-by:0.02."
+        )
+    return known[name](argument)
+
+
+def _policies() -> Mapping[str, Callable[[str], ReplanPolicy]]:
+    """Ours, and those that other packages have registered; an installation's metadata may be older than this file."""
+    found: dict[str, Callable[[str], ReplanPolicy]] = {
+        "times": EvenlySpaced.parse,
+        "every": EveryNth.parse,
+        "when-off-by": WhenOffBy.parse,
+    }
+    for point in importlib.metadata.entry_points(group=GROUP):
+        if point.name not in found:
+            found[point.name] = point.load()
+    return found
+
+
+def _whole(what: str, text: str) -> int:
+    if not text.strip().isdecimal():
+        raise ConfigError(f"{text[:40]!r} {what} were given; give a whole number.")
+    return int(text)
+
+
+def _require_count(what: str, count: int, least: int) -> None:
+    if not least <= count <= _MOST:
+        raise ConfigError(f"{count} {what} were given; allowed are {least} to {_MOST}.")

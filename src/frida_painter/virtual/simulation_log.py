@@ -1,19 +1,20 @@
-"""The studio's diary: a file with one line for everything that happened, so that nothing is lost when the studio ends.
+"""The studio's log: one record for everything that happened in it, so that nothing is lost when the studio ends.
 
-A line is the CRC-32 of what follows, a space, and one JSON object. Lines are only ever appended, and
-each is handed to the operating system as soon as it is written: a killed process loses none of them,
-and of a line that a power cut tore apart the rest is dropped.
+Records are only ever appended, and each is handed to the operating system as soon as it is written: a
+killed process loses none of them, and of a record that a power cut tore apart the rest is dropped.
 """
 
 import json
-import os
+import re
 import zlib
+from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from frida_painter import storage
 from frida_painter.errors import StorageError
+from frida_painter.event_log import MOST_BYTES, EventLog, LogPolicy
 
 Entry = Mapping[str, Any]
 # Takes an entry, and `flush`: whether all so far must survive a power cut from now on.
@@ -21,73 +22,61 @@ Note = Callable[..., None]
 
 _FORMAT = "frida-painter studio"
 _VERSION = 1
-_MOST_BYTES = 2**30
+_POLICY = LogPolicy("the diary of a virtual studio")
+_FIRST_LINE_OF_OLD = re.compile(rb"[0-9a-f]{8} \{")
 
 
 class SimulationLog:
-    """One studio's diary. `studio` says in plain values how it was furnished; `past` is what happened before.
+    """One studio's log. `studio` says in plain values how it was furnished; `past` is what happened before.
 
-    Raises StorageError where the file cannot be written, is damaged, or tells of another studio.
+    A file that an earlier version wrote is converted. Raises StorageError where the file cannot be written, is
+    damaged, or tells of another studio.
     """
 
     def __init__(self, path: Path, studio: Entry) -> None:
         self.path = path
-        self.past: tuple[Entry, ...] = ()
-        self._unwritten = b""
-        if not path.exists():
-            storage.write_bytes(path, _line({"format": _FORMAT, "version": _VERSION, "studio": studio}))
-        first, *past = self._read()
-        self._require_same(first, json.loads(json.dumps(studio)))
-        self.past = tuple(past)
+        self._unwritten: deque[tuple[Entry, bool]] = deque()
+        if path.exists():
+            _convert_old(path)
+        else:
+            EventLog.write(path, [{"format": _FORMAT, "version": _VERSION, "studio": studio}])
+        log = EventLog(path, _POLICY)
+        first, *past = log.found
         try:
-            self._file = os.open(path, os.O_WRONLY | os.O_APPEND)
-        except OSError as error:
-            raise storage.cannot_write(path, error) from error
+            self._require_same(first, json.loads(json.dumps(studio)))
+        except StorageError:
+            log.close()
+            raise
+        self.past: tuple[Entry, ...] = tuple(past)
+        self._log: EventLog | None = log
 
     def note(self, entry: Entry, *, flush: bool = False) -> None:
         """Puts an entry down; flush: all entries so far survive a power cut as well.
 
         What happened has happened: where the disk is full the entry waits for the next one, or for `close`.
         """
-        self._unwritten += _line(entry)
+        self._unwritten.append((entry, flush))
         try:
-            self._write(flush)
-        except OSError:
+            self._write()
+        except StorageError:
             return  # close() tells, unless a later entry finds room for both
 
     def close(self) -> None:
         """Puts down what still waits, and closes the file. Raises StorageError where that cannot be done."""
-        if self._file < 0:
+        if self._log is None:
             return
         try:
-            self._write(flush=True)
-        except OSError as error:
-            raise storage.cannot_write(self.path, error) from error
+            self._write()
         finally:
-            os.close(self._file)
-            self._file = -1
+            self._log.close()
+            self._log = None
 
-    def _write(self, flush: bool) -> None:
+    def _write(self) -> None:
+        assert self._log is not None
         while self._unwritten:
-            self._unwritten = self._unwritten[os.write(self._file, self._unwritten) :]
-        if flush:
-            os.fsync(self._file)
-
-    def _read(self) -> list[Entry]:
-        """All whole lines; a torn one at the end is cut off the file."""
-        content = storage.read_bytes(self.path, "the diary of a virtual studio", _MOST_BYTES)
-        lines = content.split(b"\n")
-        whole = content.rfind(b"\n") + 1
-        entries = [_entry(line) for line in lines[:-1]]
-        if entries and entries[-1] is None:  # torn by a power cut, with what was in the disk's block before
-            whole -= len(lines[-2]) + 1
-            entries.pop()
-        if not entries or any(entry is None for entry in entries):
-            raise StorageError(f"{self.path} is damaged; the virtual studio cannot be opened again as it was left.")
-        if whole < len(content):
-            with self.path.open("r+b") as file:
-                file.truncate(whole)
-        return [entry for entry in entries if entry is not None]
+            entry, flush = self._unwritten[0]
+            self._log.append(entry, flush=flush)
+            self._unwritten.popleft()
 
     def _require_same(self, first: Entry, studio: Entry) -> None:
         if (first.get("format"), first.get("version")) != (_FORMAT, _VERSION):
@@ -105,16 +94,25 @@ class SimulationLog:
 
 
 def unnoted(entry: Entry, *, flush: bool = False) -> None:
-    """Stands where a studio keeps no diary."""
+    """Stands where a studio keeps no log."""
 
 
-def _line(entry: Entry) -> bytes:
-    text = json.dumps(entry, separators=(",", ":"), allow_nan=False).encode()
-    return b"%08x %s\n" % (zlib.crc32(text), text)
+def _convert_old(path: Path) -> None:
+    """Writes a file of earlier versions, lines of a CRC-32 and JSON, as a log. Raises StorageError."""
+    content = storage.read_bytes(path, _POLICY.what, MOST_BYTES)
+    if _FIRST_LINE_OF_OLD.match(content) is None:
+        return
+    lines = content.split(b"\n")[:-1]
+    entries = [_old_entry(line) for line in lines]
+    if entries and entries[-1] is None:  # torn by a power cut, with what was in the disk's block before
+        entries.pop()
+    if not entries or None in entries:
+        raise StorageError(f"{path} is damaged; the virtual studio cannot be opened again as it was left.")
+    EventLog.write(path, [entry for entry in entries if entry is not None])
 
 
-def _entry(line: bytes) -> Entry | None:
-    """What a line says; None where it is not whole."""
+def _old_entry(line: bytes) -> Entry | None:
+    """What a line of earlier versions says; None where it is not whole."""
     checksum, _, text = line.partition(b" ")
     if checksum != b"%08x" % zlib.crc32(text):
         return None

@@ -6,10 +6,10 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from frida_painter.errors import ConfigError
+from frida_painter.event_log import FEED, EventLog
 from frida_painter.session.procedures.dialogue import Answer, Corners, JogMove
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.lead import GOOD_FOR
-from frida_painter.web.lines import LineWriter
 
 _Pixel = Annotated[float, Field(ge=-(2.0**16), le=2.0**16, allow_inf_nan=False)]
 _Corner = Annotated[list[_Pixel], Field(min_length=2, max_length=2)]
@@ -72,9 +72,9 @@ class _Sent(BaseModel):
 
 def reply(folder: PaintingFolder, answer: Reply, by: str) -> None:
     """Hands a person's reply to the worker. Raises StorageError."""
-    writer = LineWriter(folder.replies)
+    writer = EventLog(folder.replies, FEED)
     try:
-        writer.add(_Sent(until=time.time() + GOOD_FOR, by=by, reply=answer).model_dump(mode="json"))
+        writer.append(_Sent(until=time.time() + GOOD_FOR, by=by, reply=answer).model_dump(mode="json"))
     finally:
         writer.close()
 

@@ -8,11 +8,12 @@ from typing import Any
 from torch import Tensor
 
 from frida_painter import images
+from frida_painter.event_log import LogReader
+from frida_painter.session.page_events import Answered, Asked
 from frida_painter.session.procedures.dialogue import Answer, Confirm, Jog, Measure, PointCorners, Question
 from frida_painter.web.answers import understood
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.lines import LineReader
 from frida_painter.web.stop_file import Stop
 
 _BETWEEN_GLANCES = 0.04
@@ -34,15 +35,15 @@ class Asker:
         picture = None if isinstance(question, Measure) else question.picture
         if picture is not None:
             asked |= {"picture": self._show(picture), "rows": picture.shape[1], "columns": picture.shape[2]}
-        reader = LineReader(self.folder.replies)
+        reader = LogReader(self.folder.replies)
         reader.read()  # what was said before does not count
-        self.feed.tell("asked", question={"id": number, **asked})
+        self.feed.tell(Asked({"id": number, **asked}))
         while True:
             self.stop.heed()
             for line in reader.read():
                 answer = understood(line, number, asked)
                 if answer is not None:
-                    self.feed.tell("answered")
+                    self.feed.tell(Answered())
                     return answer
             time.sleep(_BETWEEN_GLANCES)
 

@@ -9,6 +9,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.hardware.easel import Easel
 from frida_painter.runs.calibrating import Place, begin_procedure, beside, easel_of, learn_from, record_to_renew
 from frida_painter.runs.easel import with_operator
+from frida_painter.session.page_events import CalibrationStatus, ProcedureBegan, ProcedureFound, ProcedureProgress
 from frida_painter.session.procedures.calibration_status import require_basis, statuses
 from frida_painter.session.procedures.dialogue import lead
 from frida_painter.session.procedures.finding import Finding
@@ -41,19 +42,19 @@ def _lead_all(job: Job, wish: Calibrate, here: Easel) -> None:
     _tell_standing(feed, known, here.calibration)
 
     def say(words: str) -> None:
-        feed.tell("progress", words=words)
+        feed.tell(ProcedureProgress(words))
         job.stop.heed()
 
     for name in wish.what:
         require_basis(name, known, here.calibration, defaults_hold=here.simulated)
-        feed.tell("procedure", name=name)
+        feed.tell(ProcedureBegan(name))
         place = Place(replace(here, calibration=known), brush_kind(wish.brush), path, wish.seed, wish.count, say)
         finding = lead(begin_procedure(name, place), job.asker.answer)
         known = finding.enter(known)
         if isinstance(finding, StrokesFinding):
             known = learn_from(finding, place, known)
         known.save(path)
-        feed.tell("found", name=name, sentence=_sentence(finding), picture=_shown(name, finding, job))
+        feed.tell(ProcedureFound(name, _sentence(finding), _shown(name, finding, job)))
         _tell_standing(feed, known, here.calibration)
 
 
@@ -83,4 +84,4 @@ def _tell_standing(feed: Feed, record: Calibration, easel: Calibration) -> None:
         }
         for standing in statuses(record, easel)
     ]
-    feed.tell("standing", easel=easel.easel, procedures=stands)
+    feed.tell(CalibrationStatus(easel.easel, stands))

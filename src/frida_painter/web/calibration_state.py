@@ -1,9 +1,18 @@
 """What calibrating looks like from outside, folded from its feed and nothing else."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from frida_painter.session.events import Failed, Stopped, Written
+from frida_painter.session.page_events import (
+    Answered,
+    Asked,
+    CalibrationStarted,
+    CalibrationStatus,
+    ProcedureBegan,
+    ProcedureFound,
+    ProcedureProgress,
+)
 from frida_painter.web.calibrate import PROCEDURES
 
 
@@ -38,12 +47,12 @@ class CalibrationState:
     stopped: bool = False
     version: int = 0
 
-    def hear(self, told: Mapping[str, Any]) -> None:
-        """Takes note of one line of the feed; what it does not understand changes nothing."""
+    def hear(self, event: Written) -> None:
+        """Takes note of an event; one that does not concern it changes nothing."""
         self.version += 1
         try:
-            self._hear(told)
-        except (KeyError, TypeError, ValueError):
+            self._hear(event)
+        except (KeyError, TypeError):  # of a procedure that there is no more
             return
 
     def shown(self, working: bool) -> dict[str, Any]:
@@ -61,32 +70,32 @@ class CalibrationState:
             "trouble": self.trouble or (vanished if unfinished and not working and not self.stopped else ""),
         }
 
-    def _hear(self, told: Mapping[str, Any]) -> None:
-        match told["kind"]:
-            case "begun":
+    def _hear(self, event: Written) -> None:
+        match event:
+            case CalibrationStarted(what):
                 self.trouble, self.stopped, self.question, self.progress = "", False, None, ""
                 for name, each in self.procedures.items():
-                    each.status = "waiting" if name in told["what"] else ""
-            case "standing":
-                self.easel = str(told["easel"])
-                for stands in told["procedures"]:
+                    each.status = "waiting" if name in what else ""
+            case CalibrationStatus(easel, procedures):
+                self.easel = easel
+                for stands in procedures:
                     each = self.procedures[stands["name"]]
                     each.dated, each.fault, each.old = stands["dated"], stands["fault"], stands["old"]
-            case "procedure":
-                self.procedures[told["name"]].status, self.progress = "busy", ""
-            case "progress":
-                self.progress = str(told["words"])
-            case "asked":
-                self.question = dict(told["question"])
-            case "answered":
+            case ProcedureBegan(name):
+                self.procedures[name].status, self.progress = "busy", ""
+            case ProcedureProgress(words):
+                self.progress = words
+            case Asked(question):
+                self.question = question
+            case Answered():
                 self.question = None
-            case "found":
-                each = self.procedures[told["name"]]
-                each.sentence, each.picture, each.status = str(told["sentence"]), told["picture"], "done"
-            case "failed":
-                self.trouble = str(told["sentence"])
+            case ProcedureFound(name, sentence, picture):
+                each = self.procedures[name]
+                each.sentence, each.picture, each.status = sentence, picture, "done"
+            case Failed(reason):
+                self.trouble = reason
                 self._end("failed")
-            case "stopped":
+            case Stopped():
                 self.stopped = True
                 self._end("stopped")
             case _:

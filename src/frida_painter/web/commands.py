@@ -6,15 +6,14 @@ nobody expects it.
 
 import secrets
 import time
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from frida_painter.event_log import FEED, EventLog, LogReader
+from frida_painter.session.commands import Kind, PaintingCommand, command
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.lead import GOOD_FOR
-from frida_painter.web.lines import LineReader, LineWriter
-
-Kind = Literal["pause", "go on", "look", "leave out", "turns", "spare", "only", "free", "goal"]
 
 
 class Command(BaseModel):
@@ -34,14 +33,19 @@ class Command(BaseModel):
     count: int = Field(0, ge=0, le=20_000)
     record: int = Field(0, ge=0, le=100_000)
 
+    @property
+    def meaning(self) -> PaintingCommand:
+        """What the painter is to do."""
+        return command(self.kind, count=self.count, record=self.record)
+
 
 def tell_painter(folder: PaintingFolder, kind: Kind, by: str, *, count: int = 0, record: int = 0) -> None:
     """Tells the painter. Raises StorageError."""
     nonce, until = secrets.token_hex(16), time.time() + GOOD_FOR
-    command = Command(kind=kind, nonce=nonce, until=until, by=by, count=count, record=record)
-    writer = LineWriter(folder.commands)
+    told = Command(kind=kind, nonce=nonce, until=until, by=by, count=count, record=record)
+    writer = EventLog(folder.commands, FEED)
     try:
-        writer.add(command.model_dump())
+        writer.append(told.model_dump())
     finally:
         writer.close()
 
@@ -50,19 +54,19 @@ class CommandReader:
     """The painter's end: hears each command that is still good, once."""
 
     def __init__(self, folder: PaintingFolder) -> None:
-        self._reader = LineReader(folder.commands)
+        self._reader = LogReader(folder.commands)
         self._heard: set[str] = set()
 
-    def listen(self) -> list[Command]:
+    def listen(self) -> list[PaintingCommand]:
         """Commands that came since, in order; those that make no sense, came before or came too late are left out."""
-        commands = [command for line in self._reader.read() if (command := self._understood(line)) is not None]
-        self._heard |= {command.nonce for command in commands}
-        return commands
+        told = [each for line in self._reader.read() if (each := self._understood(line)) is not None]
+        self._heard |= {each.nonce for each in told}
+        return [each.meaning for each in told]
 
     def _understood(self, line: dict[str, Any]) -> Command | None:
         try:
-            command = Command.model_validate(line)
+            told = Command.model_validate(line)
         except ValidationError:
             return None
-        good = time.time() <= command.until <= time.time() + GOOD_FOR
-        return command if good and command.nonce not in self._heard else None
+        good = time.time() <= told.until <= time.time() + GOOD_FOR
+        return told if good and told.nonce not in self._heard else None

@@ -11,8 +11,8 @@ from starlette.background import BackgroundTask
 
 from frida_painter import storage
 from frida_painter.errors import Interrupted
+from frida_painter.web.feed import FeedReader
 from frida_painter.web.folder import PaintingFolder, working
-from frida_painter.web.lines import LineReader
 from frida_painter.web.requests import Operating, ThePaintingStore, ThisPainting
 from frida_painter.web.state import PaintingState
 
@@ -83,8 +83,8 @@ def _hidden(path: Path) -> bool:
 
 def _glance(folder: PaintingFolder) -> dict[str, Any]:
     state = PaintingState()
-    for told in LineReader(folder.feed).read():
-        state.hear(told)
+    for event in FeedReader(folder.feed).read():
+        state.hear(event)
     return {"stage": state.stage, "working": working(folder), "picture": _best_picture(folder)}
 
 

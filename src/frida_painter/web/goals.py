@@ -10,6 +10,7 @@ from fastapi import APIRouter, HTTPException, Path, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import FileResponse
 
+from frida_painter.session.page_events import PlanWished
 from frida_painter.web import uploads
 from frida_painter.web.abilities import abilities
 from frida_painter.web.feed import Feed
@@ -89,7 +90,7 @@ def _plan(entry: Entry, wish: Wish, store: PaintingStore, workers: Workers) -> N
         folder.stop.unlink(missing_ok=True)
         plan = folder.begin_plan(wish, store.pictures)
         feed = Feed(folder)
-        feed.tell("wished", plan=plan.number, wish=wish.model_dump(mode="json"))
+        feed.tell(PlanWished(plan.number, wish.model_dump(mode="json")))
         feed.close()
         if wish.title and wish.title != entry.title:
             store.rename(entry.id, wish.title)

@@ -1,9 +1,19 @@
 """How long planning and painting take in this studio, from what the last paintings really took."""
 
 from dataclasses import dataclass
-from typing import Any
+from datetime import datetime
 
-from frida_painter.web.lines import LineReader
+from frida_painter.event_log import LogReader
+from frida_painter.session.events import (
+    Paused,
+    Stopped,
+    StrokeLeftOut,
+    StrokePainted,
+    Written,
+    events_of,
+    time_of,
+)
+from frida_painter.session.page_events import Asked, PaintingKept, PaintingStarted, PlanMade, PlanWished, TakenUp
 from frida_painter.web.painting_store import PaintingStore
 
 _LAST = 6  # paintings that are looked at
@@ -24,30 +34,31 @@ def pace(store: PaintingStore, *, real_time: bool) -> Pace:
     """The pace to expect. real_time: whether the robot takes its time, rather than the computer's."""
     found = Pace(_LOADING, 0.1, 6.0 if real_time else 0.2)
     for entry in reversed(store.all()[:_LAST]):
-        lines = LineReader(entry.folder.feed).read()
         try:
-            found.planning = _planning(lines) or found.planning
-            found.painting = _painting(lines) or found.painting
-        except (KeyError, TypeError):
+            told = [(event, time_of(line)) for line in LogReader(entry.folder.feed).read() for event in events_of(line)]
+            found.planning = _planning([event for event, _ in told]) or found.planning
+            found.painting = _painting(told) or found.painting
+        except (KeyError, TypeError, ValueError):
             continue  # another program wrote it
     return found
 
 
-def _planning(lines: list[dict[str, Any]]) -> float | None:
-    wishes = {line["plan"]: line["wish"] for line in lines if line["kind"] == "wished"}
+def _planning(told: list[Written]) -> float | None:
+    wishes = {event.plan: event.wish for event in told if isinstance(event, PlanWished)}
     took = [
-        max(0.0, line["seconds"] - _LOADING) / (line["strokes"] * wishes[line["plan"]]["effort"])
-        for line in lines
-        if line["kind"] == "planned" and line["strokes"] >= _FEWEST
+        max(0.0, event.seconds - _LOADING) / (event.strokes * wishes[event.plan]["effort"])
+        for event in told
+        if isinstance(event, PlanMade) and event.strokes >= _FEWEST
     ]
     return took[-1] if took else None
 
 
-def _painting(lines: list[dict[str, Any]]) -> float | None:
+def _painting(told: list[tuple[Written, datetime]]) -> float | None:
     """None where it was not painted in one go."""
-    kinds = {line["kind"] for line in lines}
-    if "finished" not in kinds or kinds & {"paused", "stopped", "taken up", "asked"}:
+    events = [event for event, _ in told]
+    whole = any(isinstance(event, PaintingKept) for event in events)
+    if not whole or any(isinstance(event, Paused | Stopped | TakenUp | Asked) for event in events):
         return None
-    begun = next(line for line in lines if line["kind"] == "begun")
-    strokes = [line for line in lines if line["kind"] == "stroke"]
-    return (strokes[-1]["at"] - begun["at"]) / len(strokes) if len(strokes) >= _FEWEST else None
+    begun = next(at for event, at in told if isinstance(event, PaintingStarted))
+    strokes = [at for event, at in told if isinstance(event, StrokePainted | StrokeLeftOut)]
+    return (strokes[-1] - begun).total_seconds() / len(strokes) if len(strokes) >= _FEWEST else None

@@ -7,6 +7,7 @@ from fastapi import APIRouter, HTTPException
 from pydantic import BaseModel, ConfigDict, Field
 
 from frida_painter.session.names import JOURNAL
+from frida_painter.session.page_events import PaintingStarted, TakenUp
 from frida_painter.web.answers import Reply
 from frida_painter.web.commands import tell_painter
 from frida_painter.web.feed import Feed
@@ -81,7 +82,7 @@ def start(
         folder.stop.unlink(missing_ok=True)
         store.note(session.id, entry.id, f"start plan {order.plan}")
         feed = Feed(folder)
-        feed.tell("begun", plan=order.plan, of=plan.wish().strokes)
+        feed.tell(PaintingStarted(order.plan, plan.wish().strokes))
         feed.close()
         place.start("paint", plan)
     return {"id": entry.id}
@@ -105,7 +106,7 @@ def resume(
         folder.robot_stop.unlink(missing_ok=True)
         store.note(session.id, entry.id, "resume")
         feed = Feed(folder)
-        feed.tell("taken up", done=painting["done"])
+        feed.tell(TakenUp(painting["done"]))
         feed.close()
         place.start("resume", folder.plan(painting["plan"]))
     return {"id": entry.id}

@@ -14,9 +14,21 @@ from frida_painter.frames import PixelGrid
 from frida_painter.planning.region import region_of
 from frida_painter.runs import goals
 from frida_painter.runs.folder import keep_goal
-from frida_painter.session.events import Event, Paused, StrokePainted
+from frida_painter.session.commands import (
+    ChangeGoal,
+    Free,
+    GoOn,
+    LeaveOut,
+    LookAgain,
+    PaintingCommand,
+    Pause,
+    Protect,
+    TakeTurns,
+)
+from frida_painter.session.events import Event, GoalChanged, Paused, RegionProtected, StrokePainted
 from frida_painter.session.loop import PHOTOGRAPH_ROWS, PaintingSession
-from frida_painter.web.commands import Command, CommandReader
+from frida_painter.session.page_events import Considering, Remark, Turns, WentOn
+from frida_painter.web.commands import CommandReader
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.stop_file import Stop
@@ -35,7 +47,7 @@ class PauseController:
     feed: Feed
     stop: Stop
     opened: Callable[[], PaintingSession | None] = lambda: None
-    _commands: deque[Command] = field(default_factory=deque, init=False)
+    _commands: deque[PaintingCommand] = field(default_factory=deque, init=False)
     _turns: int = field(default=0, init=False)
     _conferring: bool = field(default=False, init=False)
     _since: int = field(default=0, init=False)  # strokes since it was the robot's turn
@@ -62,9 +74,9 @@ class PauseController:
         pausing = False
         while self._commands:
             command = self._commands.popleft()
-            if command.kind == "turns":
+            if isinstance(command, TakeTurns):
                 self._take_turns(command)
-            pausing = pausing or command.kind == "pause"
+            pausing = pausing or isinstance(command, Pause)
         return pausing or 0 < self._turns <= self._since
 
     def go_on(self, paused: Paused) -> bool:
@@ -79,51 +91,48 @@ class PauseController:
         mine = 0 < self._turns <= self._since
         asked = paused.reason == "You asked for a pause."
         reason = _YOUR_TURN if mine else _PAUSED if asked else self._without_paths(paused.reason)
-        self.feed.tell("paused", reason=reason, turn=mine)
+        told = Paused(reason, paused.done, turn=mine)
+        self.feed.tell(told)
         while not self.stop.asked:
             if not self._commands:
                 time.sleep(_BETWEEN_GLANCES)
                 continue
             command = self._commands.popleft()
-            if command.kind == "go on":
+            if isinstance(command, GoOn):
                 self._since = 0
-                self.feed.tell("resumed")
+                self.feed.tell(WentOn())
                 return True
-            self.feed.tell("considering")
+            self.feed.tell(Considering())
             try:
                 self._do(command)
             except FridaError as trouble:
-                self.feed.tell("remark", sentence=self._without_paths(str(trouble)))
-            self.feed.tell("paused", reason=reason, turn=mine)
+                self.feed.tell(Remark(self._without_paths(str(trouble))))
+            self.feed.tell(told)
         return False
 
     def _without_paths(self, sentence: str) -> str:
         """A sentence as everybody may read it on the page."""
         return sentence.replace(str(self.folder.path), "its folder")
 
-    def _do(self, command: Command) -> None:
+    def _do(self, command: PaintingCommand) -> None:
         session = self._session
-        match command.kind:
-            case "look":
+        match command:
+            case LookAgain():
                 session.look_again()
-            case "leave out":
+            case LeaveOut(count):
                 rest = session.rest
-                session.paint_instead(rest.part(slice(max(0, len(rest) - command.count))))
-            case "spare" | "only":
-                only = command.kind == "only"
-                drawing = images.load(self.folder.region(command.record))
+                session.paint_instead(rest.part(slice(max(0, len(rest) - count))))
+            case Protect(number, only):
+                drawn = self.folder.region(number)
+                drawing = images.load(drawn)
                 session.planner.region = region_of(drawing, only_inside=only)
-                session.journal.note("protected", region=self._kept(drawing, command.record), only=only)
-                self.feed.tell("region", picture=self.folder.region(command.record).name, only=only)
-                session.look_again()
-            case "free":
+                self._tell_region(RegionProtected(self._kept(drawing, number), only, drawn.name))
+            case Free():
                 session.planner.region = None
-                session.journal.note("protected", region=None, only=False)
-                self.feed.tell("region", picture=None, only=False)
-                session.look_again()
-            case "goal":
+                self._tell_region(RegionProtected(None))
+            case ChangeGoal():
                 self._pursue(command)
-            case "turns":
+            case TakeTurns():
                 self._take_turns(command)
             case _:
                 pass  # it has paused already
@@ -134,13 +143,20 @@ class PauseController:
         assert session is not None, "there is no pause before the session is open"
         return session
 
+    def _tell_region(self, region: RegionProtected) -> None:
+        """Puts down what is protected from now on, and has the rest planned around it."""
+        session = self._session
+        session.journal.tell(region)
+        self.feed.tell(region)
+        session.look_again()
+
     def _kept(self, drawing: Tensor, number: int) -> str:
         """The file, in the folder that the painting leaves, of a region that a person drew."""
         name = f"regions/{number}.png"
         images.save(drawing, self.folder.painting / name)
         return name
 
-    def _pursue(self, command: Command) -> None:
+    def _pursue(self, command: ChangeGoal) -> None:
         """Goes on towards another goal; the paints stay, for they are mixed."""
         session = self._session
         place = self.folder.change(command.record)
@@ -148,11 +164,12 @@ class PauseController:
         wanted = goals.read_goal(None, {"goal": place.goal})
         keep_goal(wanted, self.folder.painting / f"changes/{command.record}")
         wanted = wanted.fitted(grid)
-        session.journal.note("redirected", goal=f"changes/{command.record}")
+        changed = GoalChanged(f"changes/{command.record}", place.wish().model_dump(mode="json"))
+        session.journal.tell(changed)
         session.planner = session.planner.towards(wanted.goal)
-        self.feed.tell("changed", wish=place.wish().model_dump(mode="json"))
+        self.feed.tell(changed)
         session.look_again(_ROUNDS)
 
-    def _take_turns(self, command: Command) -> None:
+    def _take_turns(self, command: TakeTurns) -> None:
         self._turns, self._since = command.count, 0
-        self.feed.tell("turns", strokes=command.count)
+        self.feed.tell(Turns(command.count))

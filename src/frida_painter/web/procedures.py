@@ -6,6 +6,7 @@ from typing import Any
 from fastapi import APIRouter, HTTPException
 from fastapi.responses import FileResponse
 
+from frida_painter.session.page_events import CalibrationStarted
 from frida_painter.web.answers import Reply, reply
 from frida_painter.web.calibrate import Calibrate
 from frida_painter.web.calibration_state import CalibrationState
@@ -44,7 +45,7 @@ def start(
         store.note(session.id, _ID, f"calibrate {', '.join(wish.what)}")
         wish.keep(folder)
         feed = Feed(folder)
-        feed.tell("begun", what=list(wish.what))
+        feed.tell(CalibrationStarted(list(wish.what)))
         feed.close()
         place.start("calibrate", folder.plan(1))
     return {"id": _ID}

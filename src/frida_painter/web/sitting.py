@@ -11,6 +11,7 @@ from frida_painter.runs.controls import Controls
 from frida_painter.runs.opening import replan_policy
 from frida_painter.runs.run import Outcome, PaintingRun
 from frida_painter.session.names import ARM_FILM
+from frida_painter.session.page_events import PaintingKept, TakenUp
 from frida_painter.session.procedures.dialogue import Confirm
 from frida_painter.web.exports import export
 from frida_painter.web.folder import PlanFolder
@@ -32,7 +33,7 @@ def resume(job: Job, place: PlanFolder) -> None:
     """Goes on with a painting that was stopped, killed or broke off, from what its journal tells."""
     with PaintingRun.reopen(job.folder.painting, pace=job.station.pace, state=job.state) as run:
         assert run.history is not None
-        job.feed.tell("taken up", done=run.history.painted)
+        job.feed.tell(TakenUp(run.history.painted))
         run.load_easel()
         _lead(job, run)
         _conclude(job, run, run.resume())
@@ -73,4 +74,4 @@ def _conclude(job: Job, run: PaintingRun, outcome: Outcome) -> None:
         raise trouble
     export(Plan.load(outcome.folder), run.planner.model, outcome.folder)
     films = {"film": "film.mp4", "arm": ARM_FILM}
-    job.feed.tell("finished", **{name: (outcome.folder / file).exists() for name, file in films.items()})
+    job.feed.tell(PaintingKept(**{name: (outcome.folder / file).exists() for name, file in films.items()}))

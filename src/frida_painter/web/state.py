@@ -1,8 +1,40 @@
 """What a painting looks like from outside: everything the page shows of it, folded from the feed and nothing else."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
+
+from frida_painter.session.events import (
+    Dipped,
+    Failed,
+    GoalChanged,
+    Paused,
+    RegionProtected,
+    Stopped,
+    StrokeLeftOut,
+    StrokePainted,
+    Written,
+)
+from frida_painter.session.page_events import (
+    Answered,
+    Asked,
+    Considering,
+    Finishing,
+    LookShown,
+    Mixing,
+    PaintingKept,
+    PaintingStarted,
+    PhotographShown,
+    PlanMade,
+    PlanningProgress,
+    PlanPreview,
+    PlanWished,
+    Remark,
+    RestReplanned,
+    TakenUp,
+    TimeLeft,
+    Turns,
+    WentOn,
+)
 
 _MOST_LOOKS = 200
 
@@ -72,23 +104,37 @@ class PaintingState:
     question: dict[str, Any] | None = None
     version: int = 0
 
-    def hear(self, told: Mapping[str, Any]) -> None:
-        """Takes note of one line of the feed; what it does not understand changes nothing."""
+    def hear(self, event: Written) -> None:
+        """Takes note of an event; one that does not concern it changes nothing."""
         self.version += 1
-        try:
-            if told["kind"] in _PLANNING:
-                self._hear_planning(told)
-            elif told["kind"] in ("asked", "answered"):
-                self.question = dict(told["question"]) if told["kind"] == "asked" else None
-            elif told["kind"] == "begun":
+        match event:
+            case PlanWished(number, wish):
                 self._forget_trouble()
-                self.painting = PaintState(told["plan"], told["of"])
-            elif self.painting is not None and told["kind"] in _PAINTING:
-                self._hear_painting(self.painting, told)
-            else:
-                self._hear_end(told)
-        except (KeyError, TypeError, ValueError):
-            return
+                self.plans[number] = PlanState(number, wish)
+            case PlanningProgress(plan=int(number)) | PlanPreview(plan=int(number)) | PlanMade(plan=number):
+                if number in self.plans:
+                    _hear_plan(self.plans[number], event)
+            case Asked(question):
+                self.question = question
+            case Answered():
+                self.question = None
+            case PaintingStarted(plan, of):
+                self._forget_trouble()
+                self.painting = PaintState(plan, of)
+            case Failed(reason):
+                self.trouble = reason
+                self._end("failed")
+            case Stopped():
+                self.stopped = True
+                self._end("stopped")
+            case _ if self.painting is not None:
+                if isinstance(event, TakenUp):
+                    self._forget_trouble()
+                _hear_painting(self.painting, event)
+                if isinstance(event, PaintingKept) and self.stopped:
+                    self.painting.status = "stopped"
+            case _:
+                pass
 
     def shown(self, working: bool) -> dict[str, Any]:
         """All of it as plain values. A worker that is gone without a word has met an accident."""
@@ -119,88 +165,6 @@ class PaintingState:
     def _forget_trouble(self) -> None:
         self.trouble, self.stopped, self.question = "", False, None
 
-    def _hear_planning(self, told: Mapping[str, Any]) -> None:
-        number = int(told["plan"])
-        if told["kind"] == "wished":
-            self._forget_trouble()
-            self.plans[number] = PlanState(number, told["wish"])
-            return
-        plan = self.plans[number]
-        match told["kind"]:
-            case "planning":
-                plan.share, plan.left = told["share"], told["left"]
-            case "sprouting":
-                plan.growing = told["picture"]
-            case _:
-                plan.status, plan.share, plan.left, plan.nearer = "ready", 1.0, None, told["nearer"]
-                plan.made = {
-                    name: told[name] for name in ("prefix", "frames", "strokes", "palette", "mixtures", "seconds")
-                }
-
-    def _hear_painting(self, painting: PaintState, told: Mapping[str, Any]) -> None:
-        kind = told["kind"]
-        painting.status = _PAINTING[kind] or painting.status
-        if kind in ("looked", "resumed", "replanned"):
-            painting.remark = ""
-        if kind in ("paused", "resumed", "taken up"):
-            painting.held = kind == "paused"
-        match kind:
-            case "taken up":
-                self._forget_trouble()
-                painting.done, painting.film, painting.kept = told["done"], False, False
-            case "dipped":
-                painting.paint = told["paint"]
-            case "stroke":
-                painting.done, painting.of, painting.left = told["done"], told["of"], told["left"]
-            case "photograph":
-                painting.photograph = told["picture"]
-            case "looked":
-                painting.growing = None
-                names = ("done", "seen", "expected", "difference")
-                painting.looks = [*painting.looks[-_MOST_LOOKS:], {name: told[name] for name in names}]
-            case "replanning":
-                painting.share, painting.left = told["share"], told["left"]
-            case "growing":
-                painting.growing = told["picture"]
-            case "replanned":
-                painting.growing, painting.share = None, 0.0
-                made = {name: told[name] for name in ("prefix", "frames", "strokes", "palette", "done")}
-                painting.replanned = made
-                if painting.looks and painting.looks[-1]["done"] == told["done"] and "gain" not in painting.looks[-1]:
-                    painting.looks[-1] = {
-                        **painting.looks[-1],
-                        "gain": told["gain"],
-                        "plan": f"{told['prefix']}plan.jpg",
-                    }
-            case "paused":
-                painting.reason, painting.turn = told["reason"], told["turn"]
-            case "turns":
-                painting.turns = told["strokes"]
-            case "region":
-                painting.region = {"picture": told["picture"], "only": told["only"]} if told["picture"] else None
-            case "changed":
-                painting.wish = told["wish"]
-            case "remark":
-                painting.remark = str(told["sentence"])
-            case "finished":
-                painting.film, painting.left, painting.kept = told["film"], 0.0, True
-                painting.arm = bool(told.get("arm", False))
-                if self.stopped:
-                    painting.status = "stopped"
-            case _:
-                pass
-
-    def _hear_end(self, told: Mapping[str, Any]) -> None:
-        match told["kind"]:
-            case "failed":
-                self.trouble = str(told["sentence"])
-                self._end("failed")
-            case "stopped":
-                self.stopped = True
-                self._end("stopped")
-            case _:
-                pass
-
     def _end(self, how: str) -> None:
         for plan in self.plans.values():
             if plan.status == "planning":
@@ -209,26 +173,79 @@ class PaintingState:
             self.painting.status = how
 
 
-_PLANNING = ("wished", "planning", "sprouting", "planned")
-# What happens during a painting, and what it is about from then on; nothing: what it was before.
-_PAINTING = {
-    "taken up": "preparing",
-    "mixing": "mixing",
-    "dipped": "painting",
-    "stroke": "painting",
-    "photograph": "",
-    "looked": "planning",
-    "replanning": "planning",
-    "growing": "",
-    "replanned": "painting",
-    "paused": "paused",
-    "considering": "planning",
-    "resumed": "painting",
-    "turns": "",
-    "region": "",
-    "changed": "",
-    "remark": "",
-    "finishing": "finishing",
-    "finished": "finished",
+def _hear_plan(plan: PlanState, event: PlanningProgress | PlanPreview | PlanMade) -> None:
+    match event:
+        case PlanningProgress(share, left):
+            plan.share, plan.left = share, left
+        case PlanPreview(picture):
+            plan.growing = picture
+        case PlanMade():
+            plan.status, plan.share, plan.left, plan.nearer = "ready", 1.0, None, event.nearer
+            plan.made = {name: getattr(event, name) for name in _MADE}
+
+
+def _hear_painting(painting: PaintState, event: Written) -> None:
+    painting.status = _STATUS.get(type(event), painting.status)
+    if isinstance(event, LookShown | WentOn | RestReplanned):
+        painting.remark = ""
+    if isinstance(event, Paused | WentOn | TakenUp):
+        painting.held = isinstance(event, Paused)
+    match event:
+        case TakenUp(done):
+            painting.done, painting.film, painting.kept = done, False, False
+        case Dipped(paint):
+            painting.paint = paint
+        case StrokePainted(done, of) | StrokeLeftOut(done, of):
+            painting.done, painting.of = done, of or painting.of
+        case TimeLeft(seconds):
+            painting.left = seconds
+        case PhotographShown(picture):
+            painting.photograph = picture
+        case LookShown():
+            painting.growing = None
+            painting.looks = [*painting.looks[-_MOST_LOOKS:], asdict(event)]
+        case PlanningProgress(share, left):
+            painting.share, painting.left = share, left
+        case PlanPreview(picture):
+            painting.growing = picture
+        case RestReplanned():
+            painting.growing, painting.share = None, 0.0
+            painting.replanned = {name: getattr(event, name) for name in _REPLANNED}
+            if painting.looks and painting.looks[-1]["done"] == event.done and "gain" not in painting.looks[-1]:
+                more = {"gain": event.gain, "plan": f"{event.prefix}plan.jpg"}
+                painting.looks[-1] = {**painting.looks[-1], **more}
+        case Paused(reason=reason, turn=turn):
+            painting.reason, painting.turn = reason, turn
+        case Turns(strokes):
+            painting.turns = strokes
+        case RegionProtected(only=only, picture=picture):
+            painting.region = {"picture": picture, "only": only} if picture else None
+        case GoalChanged(wish=wish):
+            painting.wish = wish
+        case Remark(sentence):
+            painting.remark = sentence
+        case PaintingKept(film, arm):
+            painting.film, painting.arm, painting.left, painting.kept = film, arm, 0.0, True
+        case _:
+            pass
+
+
+_MADE = ("prefix", "frames", "strokes", "palette", "mixtures", "seconds")
+_REPLANNED = ("prefix", "frames", "strokes", "palette", "done")
+# What a painting is about after an event; after any other what it was before.
+_STATUS: dict[type[Written], str] = {
+    TakenUp: "preparing",
+    Mixing: "mixing",
+    Dipped: "painting",
+    StrokePainted: "painting",
+    StrokeLeftOut: "painting",
+    LookShown: "planning",
+    PlanningProgress: "planning",
+    RestReplanned: "painting",
+    Paused: "paused",
+    Considering: "planning",
+    WentOn: "painting",
+    Finishing: "finishing",
+    PaintingKept: "finished",
 }
 _ENDS = ("finished", "stopped", "failed")

@@ -1,4 +1,4 @@
-"""What a session's events become on the page: lines of the feed, and pictures beside it."""
+"""What a session's events become on the page: written events in the feed, and pictures beside it."""
 
 import time
 from dataclasses import dataclass, field
@@ -24,7 +24,8 @@ from frida_painter.session.events import (
     StrokePainted,
     TimelapseFrame,
 )
-from frida_painter.session.loop import TIMELAPSE_ROWS
+from frida_painter.session.page_events import LookShown, Mixing, PhotographShown, PlanPreview, RestReplanned, TimeLeft
+from frida_painter.session.timelapse import TIMELAPSE_ROWS
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.illustrations import Growing, illustrate
@@ -61,24 +62,25 @@ class Reporter:
         left = self.forecast.remaining
         match event:
             case PlanningStep(iteration=iteration, of=of, strokes=strokes):
-                self.feed.step("replanning", iteration / of, left)
+                self.feed.step(iteration / of, left)
                 if self._growing is not None:
                     self._growing.hear(strokes)
             case Planned(done=done) if done > 0:
                 self._replanned(event)
             case PaintsWanted():
-                self.feed.tell("mixing")
-            case Dipped(paint=paint):
-                self.feed.tell("dipped", paint=paint)
-            case StrokePainted(done=done, of=of) | StrokeLeftOut(done=done, of=of):
+                self.feed.tell(Mixing())
+            case Dipped():
+                self.feed.tell(event)
+            case StrokePainted(done=done) | StrokeLeftOut(done=done):
                 self.done = done
-                self.feed.tell("stroke", done=done, of=of, left=round(left, 1))
+                self.feed.tell(event)
+                self.feed.tell(TimeLeft(round(left, 1)))
             case TimelapseFrame(photograph=photograph, done=done):
                 self._photograph(photograph, done)
             case Looked():
                 self._looked(event)
-            case Stopped(done=done):
-                self.feed.tell("stopped", done=done)
+            case Stopped():
+                self.feed.tell(event)
             case _:
                 pass
 
@@ -86,7 +88,7 @@ class Reporter:
         self.seen = photograph
         name = f"photograph-{self._photographs:05d}.jpg"
         if self._save(photograph, name):
-            self.feed.tell("photograph", picture=name, done=done)
+            self.feed.tell(PhotographShown(name, done))
             (self.folder.live / f"photograph-{self._photographs - _KEPT:05d}.jpg").unlink(missing_ok=True)
         self._photographs += 1
 
@@ -98,7 +100,7 @@ class Reporter:
         pictures = (look.photograph, look.expected, difference(look.expected, seen))
         kept = [self._save(picture, name) for name, picture in zip(names.values(), pictures, strict=True)]
         if all(kept):
-            self.feed.tell("looked", done=look.done, **names)
+            self.feed.tell(LookShown(look.done, **names))
         self._photograph(look.photograph, look.done)
         self._canvas = look.photograph
         self._growing = Growing(self.folder.live, look.photograph, self.model, self.size, self._tell_growing)
@@ -106,15 +108,14 @@ class Reporter:
     def _replanned(self, planned: Planned) -> None:
         """The plan from here on, with pictures of every stroke, in a folder of the plan's own."""
         self._plans += 1
-        gain = 1 - planned.loss_after / planned.loss_before if planned.loss_before > 0 else 0.0
         try:
             told = illustrate(planned.plan, self.model, self._canvas, self.folder.live, f"plan-{self._plans}-")
         except StorageError:
             return
-        self.feed.tell("replanned", done=planned.done, gain=round(gain, 4), **told)
+        self.feed.tell(RestReplanned(planned.done, round(planned.gain, 4), **told))
 
     def _tell_growing(self, name: str) -> None:
-        self.feed.tell("growing", picture=name)
+        self.feed.tell(PlanPreview(name))
 
     def _save(self, picture: Tensor, name: str) -> bool:
         try:

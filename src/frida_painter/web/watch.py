@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -11,8 +11,9 @@ from fastapi import HTTPException
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
+from frida_painter.session.events import Written
+from frida_painter.web.feed import FeedReader
 from frida_painter.web.folder import PaintingFolder, working
-from frida_painter.web.lines import LineReader
 
 MOST_WATCHERS = 40
 _BETWEEN_READS = 0.06  # seconds
@@ -24,8 +25,8 @@ _PATIENCE = 20.0  # seconds that a browser may take to accept a message
 class Shown(Protocol):
     """A state that is folded from a feed."""
 
-    def hear(self, told: Mapping[str, Any]) -> None:
-        """Takes note of one line."""
+    def hear(self, event: Written) -> None:
+        """Takes note of an event."""
 
     def shown(self, working: bool) -> dict[str, Any]:
         """All of it as plain values."""
@@ -34,8 +35,8 @@ class Shown(Protocol):
 def current(folder: PaintingFolder, fresh: Callable[[], Shown]) -> dict[str, Any]:
     """The state of a painting or a calibration now, read from its folder; `fresh` gives one that heard nothing yet."""
     state = fresh()
-    for told in LineReader(folder.feed).read():
-        state.hear(told)
+    for event in FeedReader(folder.feed).read():
+        state.hear(event)
     return state.shown(working(folder))
 
 
@@ -52,10 +53,10 @@ class _Watched:
     over: bool = False
 
     async def follow(self) -> None:
-        reader = LineReader(self.folder.feed)
+        reader = FeedReader(self.folder.feed)
         while True:
-            for told in await asyncio.to_thread(reader.read):
-                self.state.hear(told)
+            for event in await asyncio.to_thread(reader.read):
+                self.state.hear(event)
             text = json.dumps(self.state.shown(working(self.folder)))
             if text != self.text:
                 self.text = text

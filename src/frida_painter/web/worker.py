@@ -18,7 +18,9 @@ import torch
 from frida_painter.errors import ConfigError, FridaError, RobotStopped
 from frida_painter.planning.optimize import Step
 from frida_painter.runs.run import PaintingRun
+from frida_painter.session.events import Failed, Stopped
 from frida_painter.session.opening import limit_threads
+from frida_painter.session.page_events import PlanMade, PlanPreview, Rests
 from frida_painter.web.asking import Asker
 from frida_painter.web.calibrating import calibrate
 from frida_painter.web.exports import export
@@ -45,20 +47,20 @@ def main() -> None:
         job = Job(folder, Station.take(json.loads(station)), feed, stop, Asker(folder, feed, stop))
         work(what, job, folder.plan(int(number)))
     except StopPressed:
-        feed.tell("stopped")
+        feed.tell(Stopped())
     except FridaError as trouble:
         if stop.asked and isinstance(trouble, RobotStopped):
-            feed.tell("stopped")
+            feed.tell(Stopped())
         else:
-            feed.tell("failed", sentence=str(trouble).replace(str(folder.path), "its folder"))
+            feed.tell(Failed(str(trouble).replace(str(folder.path), "its folder")))
     except BaseException:
         mark = secrets.token_hex(4)
         print(mark, traceback.format_exc(), file=sys.stderr)
-        feed.tell("failed", sentence=f"Something went wrong that should not have; its number in the log is {mark}.")
+        feed.tell(Failed(f"Something went wrong that should not have; its number in the log is {mark}."))
         raise
     finally:
         os.close(int(lock))
-        feed.tell("rests")
+        feed.tell(Rests())
         feed.close()
 
 
@@ -86,14 +88,14 @@ def make_plan(job: Job, place: PlanFolder) -> None:
         started = time.monotonic()
 
         def grown(name: str) -> None:
-            feed.tell("sprouting", plan=place.number, picture=name)
+            feed.tell(PlanPreview(name, place.number))
 
         growing = Growing(place.path, bare, planner.model, planner.size, grown)
 
         def hear(step: Step) -> None:
             job.stop.heed()
             share = (step.iteration / step.of) ** _GROWING_COST
-            feed.step("planning", share, (time.monotonic() - started) * (1 - share) / share, plan=place.number)
+            feed.step(share, (time.monotonic() - started) * (1 - share) / share, place.number)
             growing.hear(step.strokes)
 
         made = run.plan(hear)
@@ -102,9 +104,8 @@ def make_plan(job: Job, place: PlanFolder) -> None:
         expected = planner.expected(made, bare)
         nearer = 1 - planner.validation_loss(expected) / max(planner.validation_loss(bare), 1e-9)
         told = illustrate(made, planner.model, bare, place.path)
-        told["mixtures"] = mixtures(made)
-    seconds = round(time.monotonic() - started, 1)
-    feed.tell("planned", plan=place.number, nearer=round(nearer, 4), seconds=seconds, **told)
+        mixed, took = mixtures(made), round(time.monotonic() - started, 1)
+    feed.tell(PlanMade(place.number, round(nearer, 4), took, mixtures=mixed, **told))
 
 
 if __name__ == "__main__":

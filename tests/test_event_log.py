@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.errors import StorageError
-from frida_painter.session.event_log import EventLog
+from frida_painter.event_log import EventLog
 
 RECORDS = [
     {"kind": "began", "stroke": number, "what": "Pinselstrich \N{LATIN SMALL LETTER O WITH DIAERESIS}\n"}

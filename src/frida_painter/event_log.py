@@ -1,0 +1,345 @@
+"""The one durable log: a file of records that only grows, whole after any crash, read while others write it.
+
+A record is one line: a checksum, the length of the rest, JSON. The checksum is over that of the line
+before as well, so that no line can be changed, left out or moved without being noticed. What a crash
+leaves of the one line that was being written is dropped when the file is opened again.
+"""
+
+import contextlib
+import errno
+import fcntl
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from frida_painter import storage
+from frida_painter.errors import StorageError
+
+_CHECKSUM = 16  # hexadecimal digits
+_START = b"0" * _CHECKSUM
+_LINE = re.compile(rb"([0-9a-f]{16}) (\d{1,9}) (\{.*\})\n")
+_LENGTH = re.compile(rb"[0-9a-f]{16} (\d{1,9}) ")
+_RESERVE = 2**20
+MOST_BYTES = 2**30
+
+
+@dataclass(frozen=True)
+class LogPolicy:
+    """How one kind of log is kept.
+
+    what: its name in messages; owned: one process may write it as long as it is open, a reserve lies beside
+    it, and every record is flushed to the disk at once; otherwise several may add records in turn, which are
+    flushed where that is asked for; forgiving: a damaged line is left out rather than the file refused, a
+    file that is not there is made, and bare lines of JSON, as earlier versions wrote them, are understood.
+    """
+
+    what: str
+    owned: bool = False
+    forgiving: bool = False
+
+
+JOURNAL = LogPolicy("a journal", owned=True)
+FEED = LogPolicy("a feed", forgiving=True)
+
+
+class EventLog:
+    """A file of records, open to be added to; `found` are those it held when it was opened.
+
+    Beside a log that is owned lies a reserve of a megabyte, given up when the disk is full, so that it can
+    be written when nothing else can. Raises StorageError where the file is damaged in its middle,
+    cannot be read or written, or another process owns it.
+    """
+
+    def __init__(self, path: Path, policy: LogPolicy = JOURNAL) -> None:
+        self.path, self.policy = path, policy
+        self._descriptor = -1
+        make = os.O_CREAT if policy.forgiving else 0
+        try:
+            if policy.forgiving:
+                _convert_bare_lines(path)
+            self._descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | make, 0o644)
+            with self._locked():
+                content = storage.read_bytes(path, policy.what, MOST_BYTES)
+                read = _forgiving(content) if policy.forgiving else _strict(content, path, policy.what)
+                self.found, self._last, self._length = read.records, read.last, read.length
+                self.torn = len(content) - self._length
+                if self.torn:
+                    os.ftruncate(self._descriptor, self._length)
+                    os.fsync(self._descriptor)
+            if policy.owned:
+                self._lay_reserve()
+        except OSError as error:
+            self._let_go()
+            raise self._failure(error) from error
+        except StorageError:
+            self._let_go()
+            raise
+
+    @classmethod
+    def begin(cls, path: Path, record: Mapping[str, Any], policy: LogPolicy = JOURNAL) -> Self:
+        """A new log with one record; the file appears with the record in it. Raises StorageError."""
+        if path.exists():
+            raise StorageError(f"{path} exists already, and {policy.what} is never overwritten; choose a new folder.")
+        cls.write(path, [record])
+        return cls(path, policy)
+
+    @classmethod
+    def write(cls, path: Path, records: Iterable[Mapping[str, Any]]) -> None:
+        """Puts a log of these records in the place of whatever is there, in one step. Raises StorageError."""
+        last, lines = _START, []
+        for record in records:
+            lines.append(_line(last, record))
+            last = lines[-1][:_CHECKSUM]
+        storage.write_bytes(path, b"".join(lines))
+
+    @classmethod
+    def read(cls, path: Path, policy: LogPolicy = JOURNAL) -> list[dict[str, Any]]:
+        """The whole records of a file, which is left as it is, whoever writes it. Raises StorageError."""
+        content = storage.read_bytes(path, policy.what, MOST_BYTES)
+        return (_forgiving(content) if policy.forgiving else _strict(content, path, policy.what)).records
+
+    def append(self, record: Mapping[str, Any], *, flush: bool = False) -> None:
+        """Adds a record of plain, finite values.
+
+        When this returns, another process can read it; where the log is owned, or with `flush`, it and all
+        before it are on the disk. Raises StorageError where it cannot be, and the file holds what it held before.
+        """
+        try:
+            with self._locked():
+                self._catch_up()
+                line = _line(self._last, record)
+                self._write(line)
+                if flush or self.policy.owned:
+                    self.flush()
+                self._last = line[:_CHECKSUM]
+                self._length += len(line)
+        except OSError as error:
+            raise self._failure(error) from error
+
+    def flush(self) -> None:
+        """Has the disk keep all that was added, whatever becomes of the machine. Raises OSError."""
+        os.fsync(self._descriptor)
+
+    def replace_all(self, records: Iterable[Mapping[str, Any]]) -> None:
+        """Writes the log anew with these records, and goes on with that. Raises StorageError."""
+        self.write(self.path, records)
+        renewed = type(self)(self.path, self.policy)
+        os.close(self._descriptor)
+        self.__dict__.update(renewed.__dict__)
+
+    def close(self) -> None:
+        """Lets another process have the file, and the disk its reserve; twice is as good as once."""
+        if self._descriptor >= 0:
+            with contextlib.suppress(OSError):
+                self.flush()
+            if self.policy.owned:
+                self._reserve.unlink(missing_ok=True)
+            self._let_go()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _let_go(self) -> None:
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    @property
+    def _reserve(self) -> Path:
+        return self.path.with_name(f".{self.path.name}-reserve")
+
+    @contextlib.contextmanager
+    def _locked(self) -> Iterator[None]:
+        """Keeps other writers away: for as long as the log is open where it is owned, otherwise in the block."""
+        if self.policy.owned:
+            try:
+                fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise StorageError(
+                    f"{self.path} is being written by another process; wait until that painting has ended, or stop it."
+                ) from error
+            yield
+            return
+        fcntl.flock(self._descriptor, fcntl.LOCK_EX)
+        try:
+            yield
+        finally:
+            fcntl.flock(self._descriptor, fcntl.LOCK_UN)
+
+    def _catch_up(self) -> None:
+        """Goes on after what others have added; what one of them left half written is dropped."""
+        size = os.fstat(self._descriptor).st_size
+        if self.policy.owned or size == self._length:
+            return
+        added = os.pread(self._descriptor, size - self._length, self._length)
+        whole = added.rfind(b"\n") + 1
+        if whole:
+            last = added[added.rfind(b"\n", 0, whole - 1) + 1 :][:_CHECKSUM]
+            self._last, self._length = last, self._length + whole
+        if whole < len(added):
+            os.ftruncate(self._descriptor, self._length)
+
+    def _write(self, line: bytes) -> None:
+        if self.policy.owned:
+            self._require_there()
+        try:
+            self._put(line)
+        except OSError as error:
+            if error.errno not in (errno.ENOSPC, errno.EDQUOT) or not self._reserve.exists():
+                raise
+            self._reserve.unlink()
+            self._put(line)
+
+    def _put(self, line: bytes) -> None:
+        """Writes the line at the end of what is whole, or over what failed to be written there."""
+        done = 0
+        while done < len(line):
+            done += os.pwrite(self._descriptor, line[done:], self._length + done)
+
+    def _require_there(self) -> None:
+        """A file that was removed, or lies on a disk that was taken away, would swallow what is written."""
+        here, there = os.fstat(self._descriptor), self.path.stat()
+        if (here.st_dev, here.st_ino) != (there.st_dev, there.st_ino):
+            raise OSError(errno.ENOENT, "another file took its place")
+
+    def _lay_reserve(self) -> None:
+        if not self._reserve.exists():
+            with self._reserve.open("wb") as file:
+                os.posix_fallocate(file.fileno(), 0, _RESERVE)
+
+    def _failure(self, error: OSError) -> StorageError:
+        reason = error.strerror or str(error)
+        if not self.policy.owned:
+            return StorageError(f"{self.path} cannot be written ({reason}); make room on its disk, or bring it back.")
+        return StorageError(
+            f"{self.path} cannot be written ({reason}); nothing is painted that is not in the journal. "
+            "Make room on its disk, or bring the folder back, then resume the painting."
+        )
+
+
+class LogReader:
+    """Reads what was added to a forgiving log since it was asked last, while others write it.
+
+    The file need not exist yet. Nothing is read twice when the file is converted from bare lines of JSON.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file = (0, 0)  # device and inode
+        self._last, self._offset, self._read = _START, 0, 0
+
+    def read(self) -> list[dict[str, Any]]:
+        """New records, in order. A line that is not whole yet is waited for, one that is damaged left out."""
+        try:
+            with self._path.open("rb") as file:
+                stat, again = os.fstat(file.fileno()), 0
+                if (stat.st_dev, stat.st_ino) != self._file:
+                    self._file, again = (stat.st_dev, stat.st_ino), self._read
+                    self._last, self._offset, self._read = _START, 0, 0
+                file.seek(self._offset)
+                content = file.read()
+        except OSError:
+            return []
+        found = _forgiving(content, self._last)
+        self._last, self._offset = found.last, self._offset + found.length
+        self._read += len(found.records)
+        return found.records[again:]
+
+
+@dataclass(frozen=True)
+class _Parsed:
+    """Whole records, the checksum that the last one states, and how many bytes they take."""
+
+    records: list[dict[str, Any]]
+    last: bytes
+    length: int
+
+
+def _line(before: bytes, record: Mapping[str, Any]) -> bytes:
+    content = json.dumps(record, allow_nan=False, separators=(", ", ": ")).encode()
+    return b"%s %d %s\n" % (_checksum(before, content), len(content), content)
+
+
+def _checksum(before: bytes, content: bytes) -> bytes:
+    return hashlib.sha256(before + content).hexdigest()[:_CHECKSUM].encode()
+
+
+def _record(line: bytes, before: bytes) -> dict[str, Any] | None:
+    """What a line says, after one that states the checksum `before`; None where it was damaged."""
+    match = _LINE.fullmatch(line)
+    if match is None or match[1] != _checksum(before, match[3]) or int(match[2]) != len(match[3]):
+        return None
+    found: dict[str, Any] = json.loads(match[3])
+    return found
+
+
+def _strict(content: bytes, path: Path, what: str) -> _Parsed:
+    """Raises StorageError unless all but what a crash may have left at the end is as it was written."""
+    last, length = _START, 0
+    records: list[dict[str, Any]] = []
+    while length < len(content):
+        end = content.find(b"\n", length) + 1 or len(content)
+        record = _record(content[length:end], last)
+        if record is None:
+            break
+        records.append(record)
+        last, length = content[length : length + _CHECKSUM], end
+    if not records:
+        raise StorageError(
+            f"{path} is damaged, or is not {what}: not even its first record is whole; take an undamaged copy."
+        )
+    if not _may_be_torn(content[length:]):
+        raise StorageError(
+            f"{path} was changed after it was written: its record {len(records) + 1} is damaged, and it is not the "
+            "last; take an unchanged copy."
+        )
+    return _Parsed(records, last, length)
+
+
+def _may_be_torn(tail: bytes) -> bool:
+    """Whether this is what a crash left of one line, rather than several of which the first is damaged."""
+    length = _LENGTH.match(tail)
+    return b"\n" not in tail[:-1] and (length is None or len(tail) <= length.end() + int(length[1]) + 1)
+
+
+def _forgiving(content: bytes, last: bytes = _START) -> _Parsed:
+    """Whatever lines are whole and undamaged, those of bare JSON among them."""
+    records: list[dict[str, Any]] = []
+    length = content.rfind(b"\n") + 1
+    for line in content[:length].split(b"\n")[:-1]:
+        record = _bare(line) if line.startswith(b"{") else _record(line + b"\n", last)
+        last = line[:_CHECKSUM]
+        if record is not None:
+            records.append(record)
+    return _Parsed(records, last, length)
+
+
+def _bare(line: bytes) -> dict[str, Any] | None:
+    try:
+        record = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    return record if isinstance(record, dict) else None
+
+
+def _convert_bare_lines(path: Path) -> None:
+    """Writes a file of bare lines of JSON, as earlier versions left it, as a log. Raises StorageError, OSError."""
+    if not path.exists():
+        return
+    with path.open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        content = file.read()
+        bare = content[:1] not in b"0123456789abcdef"
+        if bare and os.path.samestat(os.fstat(file.fileno()), path.stat()):  # nobody was quicker
+            EventLog.write(path, _forgiving(content).records)

@@ -1,0 +1,99 @@
+"""What earlier versions wrote into journals and feeds, in the words of today.
+
+They had two languages, in which one word could mean two things: "planned" was a plan that was adopted in a journal and
+one that was ready in a feed. What else stands in a record tells which it is.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+_Record = Mapping[str, Any]
+
+
+def renewed(record: _Record) -> list[dict[str, Any]]:
+    """The records of today that say what this one says; itself where it is of today."""
+    change = _CHANGES.get(str(record.get("kind")))
+    return [dict(record)] if change is None else change(record)
+
+
+def _named(kind: str, **names: str) -> Callable[[_Record], list[dict[str, Any]]]:
+    """Gives a record another kind, and what it holds other names: new="old"."""
+
+    def change(record: _Record) -> list[dict[str, Any]]:
+        moved = {new: record[old] for new, old in names.items() if old in record}
+        return [{**record, **moved, "kind": kind}]
+
+    return change
+
+
+def _either(key: str, there: str, otherwise: str) -> Callable[[_Record], list[dict[str, Any]]]:
+    """One of two kinds, as the record holds something or not."""
+    return lambda record: [{**record, "kind": there if key in record else otherwise}]
+
+
+def _begun(record: _Record) -> list[dict[str, Any]]:
+    if "settings" in record:
+        return [{**record, "kind": "painting_begun"}]
+    return [{**record, "kind": "calibration_started" if "what" in record else "painting_started"}]
+
+
+def _resumed(record: _Record) -> list[dict[str, Any]]:
+    if "painted" not in record:
+        return [{**record, "kind": "went_on"}]
+    return [{**record, "kind": "session_resumed", "done": record["painted"]}]
+
+
+def _planned(record: _Record) -> list[dict[str, Any]]:
+    if "placement" not in record:
+        return [{**record, "kind": "plan_made"}]
+    return [{**record, "kind": "plan_adopted", **record["placement"]}]
+
+
+def _ended(record: _Record) -> list[dict[str, Any]]:
+    if "stroke" not in record:
+        return [{**record, "kind": "dipped"}]
+    kind = "stroke_left_out" if record.get("left_out", False) else "stroke_painted"
+    return [{**record, "kind": kind, "done": record["stroke"]}]
+
+
+def _stroke(record: _Record) -> list[dict[str, Any]]:
+    left = [{"kind": "time_left", "seconds": record["left"]}] if "left" in record else []
+    return [{**record, "kind": "stroke_painted"}, *left]
+
+
+def _finished(record: _Record) -> list[dict[str, Any]]:
+    if "film" in record:
+        return [{**record, "kind": "painting_kept"}]
+    return [{**record, "done": record.get("painted", record.get("done"))}]
+
+
+_CHANGES: Mapping[str, Callable[[_Record], list[dict[str, Any]]]] = {
+    "begun": _begun,
+    "resumed": _resumed,
+    "planned": _planned,
+    "looked": _either("seen", "look_shown", "photographed"),
+    "began": _named("motion_began"),
+    "ended": _ended,
+    "paused": _named("paused", done="painted"),
+    "stopped": _named("stopped", done="painted"),
+    "finished": _finished,
+    "broken off": _named("failed"),
+    "failed": _named("failed", reason="sentence"),
+    "protected": _named("region_protected"),
+    "region": lambda record: [{**record, "kind": "region_protected", "region": record["picture"]}],
+    "redirected": lambda record: [{"wish": {}, **record, "kind": "goal_changed"}],
+    "changed": lambda record: [{"goal": "", **record, "kind": "goal_changed"}],
+    "wished": _named("plan_wished"),
+    "planning": _named("planning_progress"),
+    "replanning": _named("planning_progress"),
+    "sprouting": _named("plan_preview"),
+    "growing": _named("plan_preview"),
+    "replanned": _named("rest_replanned"),
+    "taken up": _named("taken_up"),
+    "stroke": _stroke,
+    "photograph": _named("photograph_shown"),
+    "standing": _named("calibration_status"),
+    "procedure": _named("procedure_began"),
+    "progress": _named("procedure_progress"),
+    "found": _named("procedure_found"),
+}

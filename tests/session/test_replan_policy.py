@@ -1,0 +1,107 @@
+"""When the painter looks and plans again, and how a policy is named."""
+
+import importlib.metadata
+import itertools
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from torch import Tensor
+
+from easels import PatientCamera
+from frida_painter.errors import ConfigError
+from frida_painter.plan import Plan
+from frida_painter.session import replan_policy
+from frida_painter.session.events import Looked
+from frida_painter.session.replan_policy import (
+    CanvasSeen,
+    EvenlySpaced,
+    EveryNth,
+    ReplanPolicy,
+    WhenOffBy,
+    looks_on_the_way,
+    replan_policy_named,
+)
+from sittings import Evening, NotingPlanner
+
+
+@pytest.mark.parametrize(
+    ("text", "policy"),
+    [
+        ("4", EvenlySpaced(4)), ("times:4", EvenlySpaced(4)), ("every:75", EveryNth(75)), (" every:1 ", EveryNth(1)),
+        ("when-off-by:0.02", WhenOffBy(0.02)), ("when-off-by:0.02,25", WhenOffBy(0.02, 25)),
+    ],
+)  # fmt: skip
+def test_a_policy_is_found_by_its_name(text: str, policy: ReplanPolicy) -> None:
+    assert replan_policy_named(text) == policy
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "never", "every", "every:0", "every:x", "-1", "every:1.5", "when-off-by:nan", "when-off-by:2", "when-off-by:",
+     "when-off-by:0.1,0", "99999", "4:5x"],
+)  # fmt: skip
+def test_what_is_no_policy_is_refused_in_a_sentence(text: str) -> None:
+    with pytest.raises(ConfigError, match=r"\.$"):
+        replan_policy_named(text)
+
+
+def test_a_plugin_is_found_and_does_not_take_the_place_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = [
+        importlib.metadata.EntryPoint(name, "frida_painter.session.replan_policy:EveryNth.parse", replan_policy.GROUP)
+        for name in ("twice-as-often", "times")
+    ]
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: points)
+    assert replan_policy_named("twice-as-often:3") == EveryNth(3)
+    assert replan_policy_named("4") == EvenlySpaced(4)
+
+
+policies = st.one_of(
+    st.integers(0, 60).map(EvenlySpaced),
+    st.integers(1, 60).map(EveryNth),
+    st.integers(1, 60).map(lambda strokes: WhenOffBy(0.1, strokes)),
+)
+
+
+@given(policies, st.integers(1, 200))
+def test_looks_come_one_after_another_and_the_last_stroke_is_looked_at(policy: ReplanPolicy, strokes: int) -> None:
+    looks = [0, *looks_on_the_way(policy, strokes), strokes]
+    assert all(one < other for one, other in itertools.pairwise(looks))
+    for begin, end in itertools.pairwise(looks):
+        assert all(policy.next_look(done, strokes) == end for done in range(begin, end))
+
+
+@given(st.integers(0, 60), st.integers(1, 200))
+def test_evenly_spaced_looks_are_at_the_ends_of_batches(replans: int, strokes: int) -> None:
+    policy = EvenlySpaced(replans)
+    ends = torch.tensor(policy.batches(strokes)).cumsum(0).tolist()
+    assert [*looks_on_the_way(policy, strokes), strokes] == ends
+
+
+def test_only_what_is_off_is_planned_again() -> None:
+    policy = WhenOffBy(0.02)
+    assert not policy.wants_replan(CanvasSeen(10, 20, 0.02)) and policy.wants_replan(CanvasSeen(10, 20, 0.021))
+    assert policy.wants_replan(CanvasSeen(10, 20, float("nan"))), "what cannot be told is looked into"
+    assert EveryNth(5).wants_replan(CanvasSeen(10, 20, 0.0))
+
+
+class OftenWrong(NotingPlanner):
+    """Expects a canvas as white as it is seen, but for the second look, which is to be grey."""
+
+    looks = 0
+
+    def expected(self, plan: Plan, canvas: Tensor) -> Tensor:
+        return torch.full((3, 48, 64), 0.9) if len(plan) == 2 and self.looks == 1 else canvas
+
+    def locate(self, *told):  # type: ignore[no-untyped-def]
+        self.looks += 1
+        return super().locate(*told)
+
+
+def test_a_painting_looks_often_and_plans_again_only_where_the_canvas_is_off() -> None:
+    evening = Evening(8, planner=OftenWrong(), camera=PatientCamera(noisy=True))
+    evening.session.policy = WhenOffBy(0.05, strokes=2)
+    assert evening.run().painted == 8 and evening.painted() == list(range(1, 9))
+    assert [event.done for event in evening.heard if isinstance(event, Looked)] == [2, 4, 6, 8]
+    assert evening.planner.asked == [4], "after the second look, four strokes being left"

@@ -1,0 +1,130 @@
+"""What the page shows of a painting is a fold of its feed: replayed to any event, it is what was shown then."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from easels import PatientCamera
+from frida_painter.cli.progress import Forecast
+from frida_painter.planning.planner import Effort, Planner
+from frida_painter.session.events import Event, Paused, Stopped, StrokePainted
+from frida_painter.session.history import History
+from frida_painter.session.journal import Journal
+from frida_painter.session.loop import ResumeState
+from frida_painter.session.page_events import Finishing, PaintingKept, PaintingStarted, PlanWished, TakenUp
+from frida_painter.session.replan_policy import EvenlySpaced
+from frida_painter.session.resuming import kept_plan
+from frida_painter.web.commands import tell_painter
+from frida_painter.web.feed import Feed, FeedReader
+from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.pause_controller import PauseController
+from frida_painter.web.state import PaintingState
+from frida_painter.web.stop_file import Stop
+from frida_painter.web.telling import Reporter
+from scenes import CANVAS, goal, small_table
+from sittings import Evening
+
+STROKES, PAUSE_AFTER, STOP_AFTER = 6, 2, 4
+
+
+@dataclass
+class Page:
+    """A page that is open all the time: what it showed, and how long the feed was then."""
+
+    folder: PaintingFolder
+    state: PaintingState = field(default_factory=PaintingState)
+    shown: list[tuple[int, dict[str, Any]]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._reader = FeedReader(self.folder.feed)
+
+    def look(self) -> None:
+        for event in self._reader.read():
+            self.state.hear(event)
+        self.shown.append((self.folder.feed.stat().st_size, self.state.shown(working=True)))
+
+
+class Sitting(Evening):
+    """A painting on the stub easel, planned with a real planner and told to the page."""
+
+    def lead(self, folder: PaintingFolder, planner: Planner, page: Page, feed: Feed) -> None:
+        self.page = page
+        self.controller = PauseController(folder, feed, Stop(folder.stop))
+        forecast = Forecast(STROKES, EvenlySpaced(self.replans), 0.0, planning=4, replanning=4)
+        self.reporter = Reporter(feed, folder, planner.model, CANVAS, forecast)
+        self.controller.session = self.session
+        self.session.planner = planner
+
+    def _hear(self, event: Event) -> None:
+        super()._hear(event)
+        self.reporter.hear(event)
+        self.controller.hear(event)
+        self.page.look()
+
+    def _answer(self, paused: Paused) -> bool:
+        super()._answer(paused)
+        for kind in ("look", "go on"):
+            tell_painter(self.controller.folder, kind, "browser")  # type: ignore[arg-type]
+        return self.controller.go_on(paused)
+
+
+def after(stroke: int) -> Any:
+    return lambda event: isinstance(event, StrokePainted) and event.done == stroke
+
+
+def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Path) -> None:
+    (tmp_path / "live").mkdir()
+    folder, feed = PaintingFolder(tmp_path), Feed(PaintingFolder(tmp_path))
+    page = Page(folder)
+    planner = Planner(goal(), CANVAS, small_table(), rows=64, effort=Effort().scaled(0.02), seed=1)
+    bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
+    made = planner.plan(bare, STROKES, 1, lambda step: None)
+
+    feed.tell(PlanWished(1, {"strokes": STROKES}))
+    feed.tell(PaintingStarted(1, STROKES))
+    journal = Journal.begin(folder.painting, {}, {})
+    first = Sitting(
+        STROKES,
+        replans=1,
+        pause_at=after(PAUSE_AFTER),
+        stop_at=after(STOP_AFTER),
+        journal=journal,
+        camera=PatientCamera(noisy=True),
+    )
+    first.lead(folder, planner, page, feed)
+    first.session.run(STROKES, 1, made)
+    journal.close()
+    page.look()
+    assert page.state.shown(working=False)["painting"]["status"] == "stopped"
+
+    journal, history = Journal.reopen(folder.painting)
+    feed.tell(TakenUp(history.painted))
+    kept = kept_plan(folder.painting, history)
+    assert kept is not None and history.painted == STOP_AFTER
+    journal.resumed(history, repaint=False)
+    second = Sitting(STROKES, replans=1, journal=journal, camera=PatientCamera(noisy=True))
+    second.lead(folder, planner, page, feed)
+    now = second.session.look()
+    where = ResumeState(kept.plan, history.painted, kept.planning.done, None, now)
+    assert second.session.resume(where).painted == STROKES
+    feed.tell(Finishing())
+    feed.tell(PaintingKept(film=False))
+    page.look()
+    journal.close()
+
+    states = [shown["painting"]["status"] for _, shown in page.shown if shown["painting"]]
+    assert {"mixing", "painting", "planning", "stopped", "finished"} <= set(states)
+    assert {"Paused", "WentOn", "Stopped"} <= {type(event).__name__ for event in FeedReader(folder.feed).read()}
+    content = folder.feed.read_bytes()
+    for length, shown in page.shown:
+        (tmp_path / "prefix").write_bytes(content[:length])
+        again = PaintingState()
+        for event in FeedReader(tmp_path / "prefix").read():
+            again.hear(event)
+        assert again.shown(working=True) == shown
+    assert page.shown[-1][1]["painting"]["done"] == STROKES
+    history = Journal.reopen(folder.painting)[1]
+    assert isinstance(history, History) and history.finished and history.painted == STROKES
+    assert isinstance(first.heard[-1], Stopped)
