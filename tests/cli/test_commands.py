@@ -51,9 +51,12 @@ def test_every_command_of_a_module_is_listed() -> None:
 
 
 def test_every_module_with_commands_is_listed() -> None:
-    folder = Path(cli.__file__).parent
-    known = {entry.module.rpartition(".")[2] for _, entry in ENTRIES}
-    assert known == {path.stem for path in folder.glob("*.py") if "\ndef register(app" in path.read_text()}
+    package = Path(cli.__file__).parent.parent
+    files = [path for face in ("cli", "web", "experiments") for path in (package / face).glob("*.py")]
+    listed = {entry.module for _, entry in ENTRIES}
+    assert listed == {
+        f"frida_painter.{path.parent.name}.{path.stem}" for path in files if "\ndef register(app" in path.read_text()
+    }
 
 
 def modules_after(*words: str) -> set[str]:
@@ -95,6 +98,6 @@ def test_a_command_without_arguments_is_not_run_by_its_entry(capsys: pytest.Capt
 
 
 def test_the_text_experiment_offers_all_its_prompts() -> None:
-    from frida_painter.cli.experiments import words
+    from frida_painter.experiments.command import words
 
     assert words.__defaults__ is not None and len(PROMPTS) in words.__defaults__

@@ -4,10 +4,11 @@ import pytest
 import torch
 from rich.console import Console
 
-from frida_painter.cli.progress import Forecast, PaintingProgress, PlanningProgress, duration
+from frida_painter.cli.progress import PaintingProgress, PlanningProgress
 from frida_painter.palette import Palette
 from frida_painter.planning.optimize import Step
 from frida_painter.session.events import Event, Looked, PaintsWanted, Planned, PlanningStep, Scheduled, StrokePainted
+from frida_painter.session.forecast import Forecast, duration
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.timetable import Timetable
 from plans import made_up_plan

@@ -7,9 +7,9 @@ from typing import Any
 import torch
 
 from easels import PatientCamera
-from frida_painter.cli.progress import Forecast
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.events import Event, Paused, Stopped, StrokePainted
+from frida_painter.session.forecast import Forecast
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import ResumeState

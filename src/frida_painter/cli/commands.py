@@ -39,7 +39,7 @@ COMMANDS = (
     ),
     Deferred(
         "studio",
-        f"{_CLI}.studio",
+        "frida_painter.web.command",
         "Open the studio: a page on which you say what to paint, see the plan, and paint together with the robot.",
     ),
     Deferred("workspace", f"{_CLI}.check", "Write down where canvas, wells, water and rag stand, in metres."),
@@ -47,7 +47,7 @@ COMMANDS = (
     Deferred("models", f"{_CLI}.models", "Get the networks that words, styles and meanings are painted by."),
     Deferred(
         "experiments",
-        f"{_CLI}.experiments",
+        "frida_painter.experiments.command",
         "The paper's figures and tables, and ours, each one command that measures anew.",
     ),
 )

@@ -9,8 +9,8 @@ from rich.console import Console
 from rich.table import Table
 
 from frida_painter import registry, storage
-from frida_painter.cli.easel_options import ListingOption
 from frida_painter.errors import ConfigError
+from frida_painter.options.easel import ListingOption
 
 if TYPE_CHECKING:
     from frida_painter.brush.library import StrokeLibrary

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from frida_painter.cli.numbers import number
 from frida_painter.errors import ConfigError
+from frida_painter.options.numbers import number
 
 
 class ExportFormat(StrEnum):

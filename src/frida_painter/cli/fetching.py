@@ -5,8 +5,8 @@ from rich.markup import escape
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn, TransferSpeedColumn
 
 from frida_painter import weights
-from frida_painter.cli.numbers import megabytes
 from frida_painter.cli.progress import Line
+from frida_painter.options.numbers import megabytes
 
 
 class FetchProgress(Line):

@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from frida_painter.cli.numbers import number
 from frida_painter.objectives.kind import Gives, GoalKind
 from frida_painter.objectives.registry import goal_kinds
+from frida_painter.options.numbers import number
 
 _PANEL = "What to paint"
 

@@ -12,7 +12,7 @@ from typing import Self
 from rich.console import Console
 from torch import Tensor
 
-from frida_painter.cli.progress import Forecast, PaintingProgress, duration
+from frida_painter.cli.progress import PaintingProgress
 from frida_painter.cli.stopping import Stop
 from frida_painter.cli.terminal import Terminal
 from frida_painter.cli.wells import Wells
@@ -22,6 +22,7 @@ from frida_painter.runs.opening import replan_policy
 from frida_painter.runs.run import Outcome, PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Paused
+from frida_painter.session.forecast import Forecast, duration
 from frida_painter.session.names import ARM_FILM
 from frida_painter.session.procedures.dialogue import Answer, Question
 from frida_painter.virtual.sawyer.opengl import NONE as NO_OPENGL

@@ -9,9 +9,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from frida_painter.cli.numbers import megabytes
 from frida_painter.errors import ConfigError, WeightsError
 from frida_painter.model_folder import VARIABLE
+from frida_painter.options.numbers import megabytes
 
 Cache = Annotated[
     Path | None,

@@ -7,8 +7,6 @@ from pathlib import Path
 from frida_painter import images
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration
-from frida_painter.cli.numbers import count_of
-from frida_painter.cli.progress import duration
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.motion import Motion
@@ -16,12 +14,14 @@ from frida_painter.hardware.reach import Reach
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.hardware.workspace import Workspace
+from frida_painter.options.numbers import count_of
 from frida_painter.plan import Plan
 from frida_painter.render.plan_picture import render_plan
 from frida_painter.report.offending_strokes import offending_strokes
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easels import open_easel
+from frida_painter.session.forecast import duration
 from frida_painter.session.machines import robot_named
 from frida_painter.session.names import MACHINES, SAWYER_SIM, SIMULATED, VIRTUAL, require_known
 from frida_painter.session.opening import limit_threads

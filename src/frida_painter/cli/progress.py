@@ -4,7 +4,6 @@ import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
@@ -18,113 +17,15 @@ from frida_painter.session.events import (
     Looked,
     PaintsWanted,
     Paused,
-    Planned,
     PlanningStep,
     Resumed,
     Scheduled,
     StrokeLeftOut,
     StrokePainted,
-    TimelapseFrame,
 )
-from frida_painter.session.replan_policy import ReplanPolicy, looks_on_the_way
+from frida_painter.session.forecast import Forecast, duration
 
 _GROWING_COST = 1.4
-
-
-@dataclass
-class Pace:
-    """Seconds that one unit of some work takes: guessed at first, then measured."""
-
-    guess: float
-    spent: float = 0.0
-    units: float = 0.0
-
-    def measure(self, seconds: float, units: float) -> None:
-        """Takes note that `units` took `seconds`."""
-        self.spent += seconds
-        self.units += units
-
-    @property
-    def seconds(self) -> float:
-        """Seconds per unit; the guess counts like one unit of experience in ten of the first."""
-        return self.spent / self.units if self.units else self.guess
-
-
-class Forecast:
-    """How long a painting still takes, from its events.
-
-    Planning is counted in iterations times strokes planned, painting in seconds of the robot's own
-    timetable, which a simulated robot's run away from and a real one's keep to. `remaining` is in
-    seconds.
-    """
-
-    def __init__(self, strokes: int, policy: ReplanPolicy, now: float, *, planning: int, replanning: int) -> None:
-        self._strokes = strokes
-        self._looks = looks_on_the_way(policy, strokes)
-        self._replans = [replanning * (strokes - done) for done in self._looks]
-        self._plan_left = float(planning * strokes)
-        self._painted = 0
-        self._last = now
-        self._planning = Pace(2.5e-5)
-        self._painting = Pace(0.1)  # of a stroke, until there is a timetable
-        self._after: tuple[float, ...] = ()
-        self._end = 0.0
-        self._begun = 0
-        self._walked = 0.0
-        self._iteration = 0
-
-    def hear(self, event: Event, now: float) -> None:
-        """Takes note of an event at time `now` (seconds)."""
-        passed, self._last = now - self._last, now
-        match event:
-            case PlanningStep(phase, iteration, of):
-                alive = self._strokes - self._painted
-                self._planning.measure(passed, (iteration - self._iteration) * alive)
-                self._iteration = iteration
-                left = float((of - iteration) * alive)
-                if phase == "plan":
-                    self._plan_left = left
-                elif self._replans:
-                    self._replans[0] = int(left)
-            case Planned(done=done):
-                self._iteration = 0
-                self._plan_left = 0.0
-                if done:
-                    self._forget_looks(until=done)
-            case Resumed(done=done):
-                self._plan_left, self._painted = 0.0, done
-                self._forget_looks(until=done - 1)
-            case Scheduled(timetable=timetable, done=done):
-                if not self._after:
-                    self._painting = Pace(0.02)
-                self._after, self._end, self._begun, self._walked = timetable.after, timetable.total, done, 0.0
-            case StrokePainted(done=done) | StrokeLeftOut(done=done):
-                self._painted = done
-                self._forget_looks(until=done - 1)  # after one of them nothing may have been planned again
-                self._painting.measure(passed, self._walk(done))
-            case TimelapseFrame() | Looked():
-                self._painting.measure(passed, 0)
-            case _:
-                pass
-
-    @property
-    def remaining(self) -> float:
-        """Seconds until the last stroke."""
-        planning = (self._plan_left + sum(self._replans)) * self._planning.seconds
-        walking = self._end - self._walked if self._after else self._strokes - self._painted
-        return planning + (walking if self._painted < self._strokes else 0.0) * self._painting.seconds
-
-    def _forget_looks(self, until: int) -> None:
-        """Looks after at most so many strokes are over, with what is planned again after them."""
-        while self._looks and self._looks[0] <= until:
-            del self._looks[0], self._replans[0]
-
-    def _walk(self, done: int) -> float:
-        """How much farther the timetable is with stroke `done` than it was, in its seconds; in strokes without one."""
-        if not self._after:
-            return 1.0
-        before, self._walked = self._walked, self._after[min(done - self._begun, len(self._after)) - 1]
-        return max(0.0, self._walked - before)
 
 
 def _bar(console: Console) -> Progress:
@@ -213,16 +114,6 @@ class _TimeLeft(ProgressColumn):
     def render(self, task: Task) -> Text:
         left = task.fields["left"]
         return Text(f"{duration(left)} left" if math.isfinite(left) else "")
-
-
-def duration(seconds: float) -> str:
-    """Seconds as a person says them."""
-    whole = max(0, round(seconds))
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60:02d} s"
-    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
 
 
 def _words(event: Event) -> str:

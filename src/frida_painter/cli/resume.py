@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frida_painter.cli.easel_options import PaceOption
+from frida_painter.options.easel import PaceOption
 
 if TYPE_CHECKING:
     from frida_painter.runs.run import PaintingRun
@@ -71,7 +71,7 @@ def resume(
 def _show(run: "PaintingRun") -> None:
     """How far it came."""
     from frida_painter.cli.leading import say
-    from frida_painter.cli.progress import duration
+    from frida_painter.session.forecast import duration
 
     history, spec = run.history, run.spec
     assert history is not None

@@ -9,10 +9,10 @@ import typer
 from pydantic.fields import FieldInfo
 
 from frida_painter.cli import goal_options
-from frida_painter.cli.easel_options import CameraOption, PaceOption, RobotOption, WorkspaceOption
-from frida_painter.cli.numbers import number, whole_number
 from frida_painter.cli.virtual import PlacementErrorOption
 from frida_painter.cli.wells import PaletteOption
+from frida_painter.options.easel import CameraOption, PaceOption, RobotOption, WorkspaceOption
+from frida_painter.options.numbers import number, whole_number
 from frida_painter.runs.spec import GoalItem, RunSpec
 
 Command = TypeVar("Command", bound=Callable[..., None])

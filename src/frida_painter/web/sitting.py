@@ -4,12 +4,12 @@ import time
 
 from torch import Tensor
 
-from frida_painter.cli.progress import Forecast
 from frida_painter.errors import PaintingPaused, RobotStopped
 from frida_painter.plan import Plan
 from frida_painter.runs.controls import Controls
 from frida_painter.runs.opening import replan_policy
 from frida_painter.runs.run import Outcome, PaintingRun
+from frida_painter.session.forecast import Forecast
 from frida_painter.session.names import ARM_FILM
 from frida_painter.session.page_events import PaintingKept, TakenUp
 from frida_painter.session.procedures.dialogue import Confirm

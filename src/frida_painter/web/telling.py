@@ -8,7 +8,6 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.brush.stroke_model import StrokeModel
-from frida_painter.cli.progress import Forecast
 from frida_painter.errors import StorageError
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.report.difference import difference
@@ -24,6 +23,7 @@ from frida_painter.session.events import (
     StrokePainted,
     TimelapseFrame,
 )
+from frida_painter.session.forecast import Forecast
 from frida_painter.session.page_events import LookShown, Mixing, PhotographShown, PlanPreview, RestReplanned, TimeLeft
 from frida_painter.session.timelapse import TIMELAPSE_ROWS
 from frida_painter.web.feed import Feed

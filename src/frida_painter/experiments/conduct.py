@@ -10,11 +10,11 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.cli.progress import duration
 from frida_painter.experiments import outcome
 from frida_painter.experiments.execution import virtual_library
 from frida_painter.experiments.outcome import Notify, Outcome, within
 from frida_painter.experiments.scale import ExperimentScale
+from frida_painter.session.forecast import duration
 from frida_painter.session.opening import limit_threads
 
 _PAINTING = 0.2  # share of the time that painting a library takes

@@ -7,8 +7,8 @@ import typer
 from typer.models import OptionInfo
 
 from frida_painter import registry
-from frida_painter.cli.numbers import number
 from frida_painter.hardware.kinds import CameraKind
+from frida_painter.options.numbers import number
 
 
 class ListingOption(OptionInfo):

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from frida_painter.cli.numbers import whole_number_within
+from frida_painter.options.numbers import whole_number_within
 
 BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
 Seed = Annotated[
@@ -76,8 +76,8 @@ def sweep(
 ) -> None:
     """Thickness, length and bend from one extreme to the other, as modelled and as painted."""
     from frida_painter.brush.library import StrokeLibrary
-    from frida_painter.cli.conduct import conduct
     from frida_painter.experiments import continuous_strokes
+    from frida_painter.experiments.conduct import conduct
     from frida_painter.experiments.outcome import Notify, Outcome
 
     scale = continuous_strokes.QUICK if quick else continuous_strokes.FULL
@@ -95,8 +95,8 @@ def beside(
     library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
 ) -> None:
     """Strokes held out beside the modelled ones, with paired tests against the fitted Bezier."""
-    from frida_painter.cli.conduct import conduct, painted_or_given
     from frida_painter.experiments import stroke_model
+    from frida_painter.experiments.conduct import conduct, painted_or_given
     from frida_painter.experiments.outcome import Notify, Outcome
 
     scale = stroke_model.QUICK if quick else stroke_model.FULL
@@ -112,8 +112,8 @@ def needed(
     library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
 ) -> None:
     """How the error on strokes held out falls with the number of strokes learned from."""
-    from frida_painter.cli.conduct import conduct, painted_or_given
     from frida_painter.experiments import strokes_needed
+    from frida_painter.experiments.conduct import conduct, painted_or_given
     from frida_painter.experiments.outcome import Notify, Outcome
 
     scale = strokes_needed.QUICK if quick else strokes_needed.FULL
@@ -133,8 +133,8 @@ def splits(
     out: Out = HERE,
 ) -> None:
     """The table of errors of all models, over several splits of a library."""
-    from frida_painter.cli.conduct import conduct, painted_or_given
     from frida_painter.experiments import real_strokes
+    from frida_painter.experiments.conduct import conduct, painted_or_given
     from frida_painter.experiments.outcome import Notify, Outcome
 
     scale = real_strokes.QUICK if quick else real_strokes.FULL
@@ -151,8 +151,8 @@ def gap(
     brush: BrushName = "broad", seeds: Seeds = "0,1,2", target: Targets = None, quick: Quick = False, out: Out = HERE
 ) -> None:
     """How far paintings are from their simulation: our planner, and two in the manner of earlier work."""
-    from frida_painter.cli.conduct import conduct
     from frida_painter.experiments import sim2real, targets
+    from frida_painter.experiments.conduct import conduct
 
     scale = sim2real.QUICK if quick else sim2real.FULL
     pictures = targets.given(target) if target else targets.shipped()
@@ -174,8 +174,8 @@ def looking(
     out: Out = HERE,
 ) -> None:
     """With and without looking: how far a painting strays from its first plan and from its target."""
-    from frida_painter.cli.conduct import conduct
     from frida_painter.experiments import replanning, targets
+    from frida_painter.experiments.conduct import conduct
 
     scale = replanning.QUICK if quick else replanning.FULL
     (picture,) = targets.given([target]) if target else targets.shipped(["coffee"])
@@ -189,8 +189,8 @@ def looking(
 
 def dirt(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE) -> None:
     """What becomes of missing paint, lost focus, other light, moved paper, missing dots and a turned checker."""
-    from frida_painter.cli.conduct import conduct
     from frida_painter.experiments import robustness
+    from frida_painter.experiments.conduct import conduct
 
     scale = robustness.QUICK if quick else robustness.FULL
     conduct(
@@ -208,8 +208,8 @@ def arms(
     out: Out = HERE,
 ) -> None:
     """The simulated Sawyer beside the same plan executed kinematically: tracking error, and what it does."""
-    from frida_painter.cli.conduct import conduct
     from frida_painter.experiments import sawyer, targets
+    from frida_painter.experiments.conduct import conduct
 
     scale = sawyer.QUICK if quick else sawyer.FULL
     (picture,) = targets.given([target]) if target else targets.shipped(["coffee"])
@@ -230,8 +230,8 @@ def words(
 ) -> None:
     """Paintings towards words, judged by a network that planning never asked, against floors."""
     from frida_painter import weights
-    from frida_painter.cli.conduct import conduct
     from frida_painter.experiments import text
+    from frida_painter.experiments.conduct import conduct
     from frida_painter.experiments.outcome import Notify, Outcome
     from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
     from frida_painter.session.opening import planning_device
@@ -262,8 +262,8 @@ def styles(
     out: Out = HERE,
 ) -> None:
     """How near in style a styled painting is, on features that the optimiser did not see."""
-    from frida_painter.cli.conduct import conduct
     from frida_painter.experiments import goal_paintings, style, targets
+    from frida_painter.experiments.conduct import conduct
 
     scale = goal_paintings.QUICK if quick else goal_paintings.FULL
     pictures = targets.given(target) if target else targets.shipped(["cat", "astronaut"])
@@ -281,8 +281,8 @@ def meanings(
     brush: BrushName = "broad", seeds: Seeds = "0,1", target: Targets = None, quick: Quick = False, out: Out = HERE
 ) -> None:
     """Photographs painted by what they show and by their pixels, judged by what no optimiser asked."""
-    from frida_painter.cli.conduct import conduct
     from frida_painter.experiments import goal_paintings, semantic, targets
+    from frida_painter.experiments.conduct import conduct
 
     scale = goal_paintings.QUICK if quick else goal_paintings.FULL
     pictures = targets.given(target) if target else targets.shipped(targets.PHOTOGRAPHS)
@@ -305,8 +305,8 @@ def drawings(
     out: Out = HERE,
 ) -> None:
     """Words painted along the lines of a drawing, with and without the sketch objective."""
-    from frida_painter.cli.conduct import conduct
     from frida_painter.experiments import goal_paintings, sketch, targets
+    from frida_painter.experiments.conduct import conduct
 
     scale = goal_paintings.QUICK if quick else goal_paintings.FULL
     pictures = targets.given(target) if target else targets.shipped(targets.DRAWINGS)
@@ -330,8 +330,8 @@ def compositions(
 ) -> None:
     """Words painted in a style, begun with the style picture: its composition, and whether the words still show."""
     from frida_painter import weights
-    from frida_painter.cli.conduct import conduct
     from frida_painter.experiments import composition, goal_paintings, targets, text
+    from frida_painter.experiments.conduct import conduct
     from frida_painter.experiments.outcome import Notify, Outcome
     from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
     from frida_painter.session.opening import planning_device

@@ -1,0 +1,1 @@
+"""How settings are given on a command line: what the commands of all faces share."""
