@@ -9,6 +9,7 @@ from frida_painter.palette import Palette
 from frida_painter.planning.optimize import Step
 from frida_painter.session.events import Event, Looked, PaintsWanted, Planned, PlanningStep, Scheduled, StrokePainted
 from frida_painter.session.forecast import Forecast, duration
+from frida_painter.session.page_events import Finishing
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.timetable import Timetable
 from plans import made_up_plan
@@ -114,7 +115,7 @@ def shown(*events: Event) -> str:
     with PaintingProgress(console, forecast()) as bar:
         for event in events:
             bar.hear(event)
-        bar.say("finishing the film")
+        bar.hear(Finishing())
     return out.getvalue()
 
 

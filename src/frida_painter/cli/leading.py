@@ -75,10 +75,6 @@ class Leader:
     ) -> None:
         self._bar.__exit__(kind, error, trace)
 
-    def say(self, words: str) -> None:
-        """Shows what is going on outside the run's events."""
-        self._bar.say(words)
-
     def conclude(self, outcome: Outcome) -> None:
         """Says what came of it, and leaves as a program that was asked to stop, or raises the fault that ended it."""
         _tell(outcome, self._run.spec.strokes, time.monotonic() - self._started)

@@ -24,6 +24,7 @@ from frida_painter.session.events import (
     StrokePainted,
 )
 from frida_painter.session.forecast import Forecast, duration
+from frida_painter.session.page_events import Finishing
 
 _GROWING_COST = 1.4
 
@@ -86,10 +87,6 @@ class PaintingProgress(Line):
             if shown:
                 self._bar.start()
 
-    def say(self, words: str) -> None:
-        """Shows what is going on outside the session's events."""
-        self._bar.update(self._task, description=words)
-
 
 class PlanningProgress(Line):
     """One line on the terminal for a plan alone."""
@@ -134,5 +131,7 @@ def _words(event: Event) -> str:
             return f"going on after stroke {done}"
         case Paused():
             return "paused"
+        case Finishing():
+            return "finishing the film and the page"
         case _:
             return ""

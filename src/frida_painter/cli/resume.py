@@ -10,7 +10,10 @@ import typer
 from frida_painter.options.easel import PaceOption
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from frida_painter.runs.run import PaintingRun
+    from frida_painter.session.events import Event
 
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of the painting.", show_default=False)]
 Repaint = Annotated[
@@ -64,8 +67,22 @@ def resume(
         say_networks(run)
         stop.at_once = run.open_easel(hear_signals=True).robot.stop
         leader = stack.enter_context(Leader(run, stop, asked=not yes, repaint=repaint, started=started))
+        run.listeners.append(_show_canvas(run))
         outcome = run.resume()
     leader.conclude(outcome)
+
+
+def _show_canvas(run: "PaintingRun") -> "Callable[[Event], None]":
+    """Says, when painting goes on, where the canvas is shown as it was found."""
+    from frida_painter.cli.leading import say
+    from frida_painter.runs.folder import NOW
+    from frida_painter.session.events import Resumed
+
+    def hear(event: "Event") -> None:
+        if isinstance(event, Resumed):
+            say(f"The canvas as it was found: {run.folder / NOW}")
+
+    return hear
 
 
 def _show(run: "PaintingRun") -> None:

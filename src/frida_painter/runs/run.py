@@ -50,6 +50,7 @@ from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import Painting, PaintingSession, ResumeState
 from frida_painter.session.opening import on_record
+from frida_painter.session.page_events import Finishing
 from frida_painter.session.resuming import KeptPlan
 
 _ROOM = 200 * 2**20  # bytes
@@ -322,6 +323,8 @@ class PaintingRun:
                 painting = replace(painting, photograph=painting.photograph if self._seen is None else self._seen)
                 for hear in (recorder.hear, *self.listeners):
                     hear(Stopped(painting.painted))
+        for listener in self.listeners:
+            listener(Finishing())
         with suppress(FridaError):  # whatever is wrong with it was told before
             session.brushwork.easel.robot.close()  # a film of it ends here
         page = None if painting is None else recorder.finish(painting)

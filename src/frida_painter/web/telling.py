@@ -24,7 +24,15 @@ from frida_painter.session.events import (
     TimelapseFrame,
 )
 from frida_painter.session.forecast import Forecast
-from frida_painter.session.page_events import LookShown, Mixing, PhotographShown, PlanPreview, RestReplanned, TimeLeft
+from frida_painter.session.page_events import (
+    Finishing,
+    LookShown,
+    Mixing,
+    PhotographShown,
+    PlanPreview,
+    RestReplanned,
+    TimeLeft,
+)
 from frida_painter.session.timelapse import TIMELAPSE_ROWS
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
@@ -79,7 +87,7 @@ class Reporter:
                 self._photograph(photograph, done)
             case Looked():
                 self._looked(event)
-            case Stopped():
+            case Stopped() | Finishing():
                 self.feed.tell(event)
             case _:
                 pass
