@@ -16,8 +16,9 @@ from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Paused
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import Painting, PaintingSession, ResumeState
-from frida_painter.session.replan_policy import EvenlySpaced
+from frida_painter.session.loop import PaintingSession
+from frida_painter.session.painting import Painting, ResumeState
+from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy
 from frida_painter.session.timelapse import Timelapse
 from marks import SMALL
 from scenes import CANVAS, some_strokes
@@ -77,6 +78,7 @@ class Evening:
     pause_at: Callable[[Event], bool] = lambda event: False
     go_on: Callable[[Paused], bool] = lambda paused: False
     mixed: Callable[[Palette], Palette | None] = lambda wanted: None
+    policy: ReplanPolicy | None = None
     journal: Journal = field(default_factory=Journal.nowhere)
     robot: NotingRobot = field(default_factory=NotingRobot)
     camera: PatientCamera = field(default_factory=PatientCamera)
@@ -93,7 +95,7 @@ class Evening:
             self.planner,  # type: ignore[arg-type]
             self.brushwork,
             self.observer,
-            EvenlySpaced(self.replans),
+            self.policy or EvenlySpaced(self.replans),
             stop_asked=lambda: self.stopping,
             notify=self._hear,
             journal=self.journal,

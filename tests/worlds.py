@@ -23,7 +23,8 @@ from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import Painting, PaintingSession, ResumeState
+from frida_painter.session.loop import PaintingSession
+from frida_painter.session.painting import Painting, ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import NO_FAULTS, Faults

@@ -18,7 +18,7 @@ from frida_painter.session.events import (
     StrokePainted,
     TimelapseFrame,
 )
-from frida_painter.session.loop import Painting
+from frida_painter.session.painting import Painting
 from plans import CANVAS, LIMITS, made_up_plan
 from scenes import small_table
 

@@ -19,7 +19,8 @@ from frida_painter.planning.planner import Effort, Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Planned, StrokePainted
-from frida_painter.session.loop import Painting, PaintingSession
+from frida_painter.session.loop import PaintingSession
+from frida_painter.session.painting import Painting
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.faults import Faults
 from frida_painter.virtual.studio import VirtualStudio, open_studio

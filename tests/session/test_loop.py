@@ -129,6 +129,26 @@ def test_what_was_really_mixed_is_planned_with_before_the_first_stroke() -> None
     assert evening.painted() == [1, 2, 3, 4, 5, 6]
 
 
+def test_what_is_left_after_a_pause_gets_the_paints_that_were_really_mixed() -> None:
+    mixing: list[bool] = []
+
+    def mixed(palette: Palette) -> Palette:
+        mixing.append(True)
+        return Palette(palette.color * 0.9)
+
+    def leave_out(paused: Paused) -> bool:
+        evening.pause_at = lambda event: False
+        evening.session.paint_instead(evening.session.rest.part(slice(3)))
+        return True
+
+    evening = Evening(5, replans=0, colors=2, mixed=mixed, go_on=leave_out)
+    evening.pause_at = lambda event: bool(mixing) and isinstance(event, PlanningStep)
+    assert evening.run().painted == 3 and evening.painted() == [1, 2, 3]
+    plans = [event.plan for event in evening.heard if isinstance(event, Planned)]
+    assert [len(plan) for plan in plans] == [5, 3, 3]
+    assert torch.equal(plans[2].palette.color, plans[1].palette.color * 0.9)
+
+
 @pytest.mark.parametrize("stroke", [1, 4, 5, 9])
 def test_a_stop_is_heeded_after_the_stroke_and_everything_is_kept(stroke: int) -> None:
     evening = Evening(9, replans=2, stop_at=lambda event: isinstance(event, StrokePainted) and event.done == stroke)

@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import itertools
+from pathlib import Path
 
 import pytest
 import torch
@@ -13,7 +14,9 @@ from easels import PatientCamera
 from frida_painter.errors import ConfigError
 from frida_painter.plan import Plan
 from frida_painter.session import replan_policy
-from frida_painter.session.events import Looked
+from frida_painter.session.events import Looked, StrokePainted
+from frida_painter.session.journal import Journal
+from frida_painter.session.painting import ResumeState
 from frida_painter.session.replan_policy import (
     CanvasSeen,
     EvenlySpaced,
@@ -23,6 +26,7 @@ from frida_painter.session.replan_policy import (
     looks_on_the_way,
     replan_policy_named,
 )
+from frida_painter.session.resuming import kept_plan
 from sittings import Evening, NotingPlanner
 
 
@@ -100,8 +104,36 @@ class OftenWrong(NotingPlanner):
 
 
 def test_a_painting_looks_often_and_plans_again_only_where_the_canvas_is_off() -> None:
-    evening = Evening(8, planner=OftenWrong(), camera=PatientCamera(noisy=True))
-    evening.session.policy = WhenOffBy(0.05, strokes=2)
+    evening = Evening(8, planner=OftenWrong(), camera=PatientCamera(noisy=True), policy=WhenOffBy(0.05, strokes=2))
     assert evening.run().painted == 8 and evening.painted() == list(range(1, 9))
     assert [event.done for event in evening.heard if isinstance(event, Looked)] == [2, 4, 6, 8]
     assert evening.planner.asked == [4], "after the second look, four strokes being left"
+
+
+def test_what_a_look_taught_is_kept_also_where_nothing_was_planned_again(tmp_path: Path) -> None:
+    policy = WhenOffBy(0.05, strokes=2)
+    journal = Journal.begin(tmp_path, {}, {})
+    first = Evening(
+        8,
+        planner=OftenWrong(),
+        camera=PatientCamera(noisy=True),
+        policy=policy,
+        stop_at=lambda event: isinstance(event, StrokePainted) and event.done == 3,
+        journal=journal,
+    )
+    first.run()
+    journal.close()
+    assert first.planner.asked == []
+    again, history = Journal.reopen(tmp_path)
+    assert [planning.done for planning in history.plannings] == [0, 2]
+    assert history.plannings[1].placement == first.placements[0] != history.plannings[0].placement
+    assert history.plannings[1].photograph != history.plannings[0].photograph
+    again.resumed(history, repaint=False)
+    kept = kept_plan(tmp_path, history)
+    assert kept is not None and not kept.foreign
+    second = Evening(8, planner=OftenWrong(), camera=PatientCamera(noisy=True), policy=policy, journal=again)
+    white = torch.ones(3, 48, 64)
+    painting = second.resume(ResumeState(kept.plan, history.painted, kept.planning.done, white, white))
+    again.close()
+    assert painting.painted == 8 and second.painted() == [4, 5, 6, 7, 8]
+    assert second.planner.located == [2, 2, 2], "strokes of which the first sitting had learned are not learned again"

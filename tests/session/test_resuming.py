@@ -28,7 +28,7 @@ CLEANED = 0.001
 @pytest.fixture(scope="module")
 def world() -> Iterator[World]:
     with pytest.MonkeyPatch.context() as patch:  # photographs are looked at more coarsely, which is sooner done
-        patch.setattr("frida_painter.session.loop.PHOTOGRAPH_ROWS", 216)
+        patch.setattr("frida_painter.session.execution_monitor.PHOTOGRAPH_ROWS", 216)
         patch.setattr("frida_painter.session.resuming.PHOTOGRAPH_ROWS", 216)
         yield World.made()
 

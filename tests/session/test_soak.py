@@ -81,7 +81,8 @@ def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     torch.set_num_threads(1)
-    monkeypatch.setattr("frida_painter.session.loop.PHOTOGRAPH_ROWS", 216)  # looked at more coarsely, and sooner
+    # Photographs are looked at more coarsely, and sooner.
+    monkeypatch.setattr("frida_painter.session.execution_monitor.PHOTOGRAPH_ROWS", 216)
     model = StrokeTable.of(load_stroke_model("fine"), detail=TableDetail((2, 2, 2), 8))
     # A goal that is begun with something else spares looking for better places, which takes most of the time.
     goal = Goal((ImageTerm(picture(120, 160)),), initial=(ImageTerm(picture(120, 160)),))

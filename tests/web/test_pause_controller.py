@@ -36,12 +36,20 @@ def folder(tmp_path: Path) -> PaintingFolder:
 class Table:
     """A painting on the stub easel with a person who answers its pauses, one command after another."""
 
-    def __init__(self, folder: PaintingFolder, strokes: int, *, pause_after: int = 2) -> None:
+    def __init__(
+        self, folder: PaintingFolder, strokes: int, *, pause_after: int = 2, journal: Journal | None = None
+    ) -> None:
         self.folder = folder
         self.feed = Feed(folder)
         self.stop = Stop(folder.stop)
         self.together = PauseController(folder, self.feed, self.stop)
-        self.evening = Evening(strokes, replans=0, pause_at=self._pauses(pause_after), go_on=self._go_on)
+        self.evening = Evening(
+            strokes,
+            replans=0,
+            pause_at=self._pauses(pause_after),
+            go_on=self._go_on,
+            journal=journal or Journal.nowhere(),
+        )
         self.evening.session.interruptions.pause_asked = self._pause_asked
         self.together.opened = lambda: self.evening.session
         self.says: list[tuple[str, dict[str, int]]] = []
@@ -108,7 +116,8 @@ def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> Non
 
 
 def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp_path: Path) -> None:
-    table = Table(folder, 4)
+    folder.painting.mkdir()
+    table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))
     planner = Planner(goal(), CANVAS, small_table(), rows=64, effort=Effort().scaled(0.02), seed=1)
     white = torch.ones(3, planner.fine.rows, planner.fine.columns)
     made = planner.plan(white, 4, 1, lambda step: None)
@@ -121,8 +130,6 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
     wish = Wish.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]})
     assert folder.begin_change(wish, tmp_path / "pictures") == 1
     table.says = [("spare", {"record": 1}), ("goal", {"record": 1}), ("go on", {})]
-    folder.painting.mkdir()
-    table.evening.session.journal = Journal.begin(folder.painting, {}, {})
     table.evening.session.run(4, 1, made)
     table.evening.session.journal.close()
     after = table.evening.session.planner

@@ -12,8 +12,8 @@ from frida_painter.session.events import Event, Paused, Stopped, StrokePainted
 from frida_painter.session.forecast import Forecast
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import ResumeState
 from frida_painter.session.page_events import Finishing, PaintingKept, PaintingStarted, PlanWished, TakenUp
+from frida_painter.session.painting import ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.resuming import kept_plan
 from frida_painter.web.commands import tell_painter

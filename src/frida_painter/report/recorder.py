@@ -38,8 +38,8 @@ from frida_painter.session.events import (
     TimelapseFrame,
 )
 from frida_painter.session.history import History
-from frida_painter.session.loop import Painting
 from frida_painter.session.names import ARM_FILM
+from frida_painter.session.painting import Painting
 from frida_painter.session.timetable import Timetable
 
 _RESULT = "result.json"

@@ -8,7 +8,7 @@ from frida_painter import images
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.runs.goals import Wanted
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.loop import PHOTOGRAPH_ROWS
+from frida_painter.session.canvas_observer import PHOTOGRAPH_ROWS
 
 _TOLD = 0.01  # of a picture that is cut off without a word: pixels are whole numbers
 

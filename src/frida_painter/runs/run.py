@@ -48,9 +48,10 @@ from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.events import Event, Looked, Notify, Stopped, TimelapseFrame
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import Painting, PaintingSession, ResumeState
+from frida_painter.session.loop import PaintingSession
 from frida_painter.session.opening import on_record
 from frida_painter.session.page_events import Finishing
+from frida_painter.session.painting import Painting, ResumeState
 from frida_painter.session.resuming import KeptPlan
 
 _ROOM = 200 * 2**20  # bytes

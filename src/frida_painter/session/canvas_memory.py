@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from torch import Tensor
 
 from frida_painter import images
+from frida_painter.errors import PlanError
 from frida_painter.perception.frame_check import Expected
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
@@ -20,6 +21,17 @@ class CanvasMemory:
     before: Tensor | None = None
     strokes: int = 0
     left_out: set[int] = field(default_factory=set)
+
+    @property
+    def last_seen(self) -> Tensor:
+        """The canvas [3, H, W] as it was last seen. Raises PlanError before the first look."""
+        if self.before is None:
+            raise PlanError("The canvas has not been looked at yet; look at it before anything is planned for it.")
+        return self.before
+
+    def saw(self, canvas: Tensor, painted: int) -> None:
+        """The canvas [3, H, W] was looked at, with `painted` strokes of the plan on it."""
+        self.before, self.strokes = canvas, painted
 
     def batch(self, plan: Plan, painted: int) -> Plan:
         """What was painted since, `painted` strokes of the plan being done."""

@@ -18,6 +18,8 @@ from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify
 from frida_painter.session.photographer import Photographer
 
+PHOTOGRAPH_ROWS = 864
+"""Height in pixels of the canvas in a look by which something is decided."""
 _ATTEMPTS = 3
 _BETWEEN = 0.5  # seconds before a frame that was refused is taken again: a hand goes away
 

@@ -173,6 +173,7 @@ class SessionResumed:
 class PlanAdopted:
     """From stroke `done` + 1 on, painting goes by the plan of all strokes with this digest.
 
+    It is told again after a look that left the plan as it was: what is known of the canvas is newer then.
     photograph: the file of that which it was made for; error, information: the placement, as it was known.
     """
 

@@ -32,7 +32,7 @@ VERSION = 2
 
 @dataclass(frozen=True)
 class Planning:
-    """A plan that was made: its digest, how many strokes were painted then, from which photograph, and placement."""
+    """A plan that was adopted, or kept after a look: its digest, strokes painted then, photograph and placement."""
 
     digest: str
     done: int
@@ -44,7 +44,7 @@ class Planning:
 class History:
     """How far a painting came.
 
-    settings, rests_on: as it was begun; plannings: the plans that were made, in order; painted: strokes
+    settings, rests_on: as it was begun; plannings: the plans that were adopted or kept, in order; painted: strokes
     that are done or were given up; in_doubt: the number of the stroke that was begun and not ended;
     light: of the last look, [3, terms]; looks, dips, cleanings, sittings: how many there were; given_up:
     numbers of strokes in doubt that were skipped, and of those that a person left out; region: the file of

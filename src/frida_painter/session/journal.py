@@ -105,9 +105,13 @@ class Journal:
 
         It is noted first, so that a plan that stands in the folder is always one that the journal names.
         """
-        self.tell(PlanAdopted(plan.digest, done, self._photograph, placement.error, placement.information))
+        self.kept(plan, done, placement)
         if self._book is not None:
             plan.save(self._book.path.with_name(PLAN))
+
+    def kept(self, plan: Plan, done: int, placement: Placement) -> None:
+        """After a look at stroke `done` painting still goes by this plan; the placement was learned from the look."""
+        self.tell(PlanAdopted(plan.digest, done, self._photograph, placement.error, placement.information))
 
     def begins(self, action: Action, plan: Plan) -> None:
         """The robot will now be told this."""

@@ -17,10 +17,9 @@ from frida_painter.perception.frame_check import Expected
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.region import Region, region_of
-from frida_painter.session.canvas_observer import CanvasObserver
+from frida_painter.session.canvas_observer import PHOTOGRAPH_ROWS, CanvasObserver
 from frida_painter.session.history import History, Planning
 from frida_painter.session.journal import PHOTOGRAPHS, PLAN
-from frida_painter.session.loop import PHOTOGRAPH_ROWS
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.planning.region import region_of
 from frida_painter.runs import goals
 from frida_painter.runs.folder import keep_goal
+from frida_painter.session.canvas_observer import PHOTOGRAPH_ROWS
 from frida_painter.session.commands import (
     ChangeGoal,
     Free,
@@ -26,7 +27,7 @@ from frida_painter.session.commands import (
     TakeTurns,
 )
 from frida_painter.session.events import Event, GoalChanged, Paused, RegionProtected, StrokePainted
-from frida_painter.session.loop import PHOTOGRAPH_ROWS, PaintingSession
+from frida_painter.session.loop import PaintingSession
 from frida_painter.session.page_events import Considering, Remark, Turns, WentOn
 from frida_painter.web.commands import CommandReader
 from frida_painter.web.feed import Feed

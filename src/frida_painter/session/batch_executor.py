@@ -1,0 +1,93 @@
+"""Paints a batch stroke by stroke, so that at any moment the disk tells what the robot does.
+
+Each stroke is in the journal before the robot is told of it, and again when it is done: after a crash at most one is
+in doubt. Where the disk is full, nothing moves before there is room.
+"""
+
+from functools import partial
+
+from frida_painter.errors import StorageError
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_observer import CanvasObserver
+from frida_painter.session.choreography import Action
+from frida_painter.session.events import Dipped, MotionBegan, Notify, PaintsWanted, StrokeLeftOut, StrokePainted
+from frida_painter.session.interruptions import Interruptions
+from frida_painter.session.journal import Journal
+from frida_painter.session.painting import PaintingProgress
+from frida_painter.session.timelapse import Timelapse
+
+
+class BatchExecutor:
+    """Has the robot paint what is next in the plan of `progress`, and counts what is done there.
+
+    A person may stop or pause after every stroke; `timelapse` frames for the film are taken in between.
+    """
+
+    def __init__(
+        self,
+        brushwork: Brushwork,
+        observer: CanvasObserver,
+        timelapse: Timelapse,
+        journal: Journal,
+        interruptions: Interruptions,
+        progress: PaintingProgress,
+        tell: Notify,
+    ) -> None:
+        self._brushwork, self._observer, self._timelapse = brushwork, observer, timelapse
+        self._journal, self._interruptions = journal, interruptions
+        self._progress, self._tell = progress, tell
+
+    def paint_until(self, end: int) -> None:
+        """Paints until `end` strokes are done. After a pause the brush is clean, and the batch is prepared anew.
+
+        Raises RobotError and its kinds, WorkspaceViolation before anything moves.
+        """
+        progress = self._progress
+        while progress.plan is not None and progress.painted < min(end, progress.strokes):
+            left = progress.plan.part(slice(progress.painted, end))
+            for action in self._brushwork.prepare(left, progress.painted, progress.strokes):
+                if not self._perform(action, progress.plan) or self._brushwork.load is not action.load:
+                    break
+
+    def fill_wells(self, palette: Palette) -> None:
+        """Tells which paints are wanted, and waits until their wells are filled."""
+        self._tell(PaintsWanted(palette))
+        self._brushwork.easel.operator.fill_wells(palette)
+
+    def clean(self) -> None:
+        """Rinses and wipes the brush."""
+        what = tuple(motion.label for motion in self._brushwork.cleaning())
+        self._interruptions.retry(partial(self._journal.tell, MotionBegan(what)))
+        self._brushwork.clean()
+
+    def step_aside(self) -> None:
+        """Moves the arm out of the camera's sight. Raises StorageError where that cannot be noted."""
+        self._journal.tell(MotionBegan(("home",)))
+        self._brushwork.step_aside()
+
+    def _perform(self, action: Action, plan: Plan) -> bool:
+        """Notes and does it; False where it was not done, because it could not be noted, and there was a pause."""
+        try:
+            self._journal.begins(action, plan)
+        except StorageError as trouble:
+            self._interruptions.pause(str(trouble), trouble)
+            return False
+        done = self._brushwork.perform(action)
+        self._interruptions.retry(partial(self._journal.ends, done))
+        self._tell(done)
+        if isinstance(done, StrokeLeftOut):
+            self._progress.canvas.left_out.add(done.done - 1)
+        if not isinstance(done, Dipped):
+            self._progress.painted = done.done
+            self._take_frame(done)
+            self._interruptions.check()
+        return True
+
+    def _take_frame(self, painted: StrokePainted | StrokeLeftOut) -> None:
+        if isinstance(painted, StrokePainted) and self._timelapse.wants_frame(painted.done, painted.of):
+            self._interruptions.retry(self.step_aside)
+            frame = self._timelapse.frame(painted, self._brushwork, self._observer)
+            if frame is not None:
+                self._tell(frame)

@@ -1,0 +1,63 @@
+"""Watches what comes of the plan: looks at the canvas, and compares it with what the strokes were to make of it."""
+
+from torch import Tensor
+
+from frida_painter.session.batch_executor import BatchExecutor
+from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_memory import difference
+from frida_painter.session.canvas_observer import PHOTOGRAPH_ROWS, CanvasObserver
+from frida_painter.session.events import Looked, Notify
+from frida_painter.session.interruptions import Interruptions
+from frida_painter.session.journal import Journal
+from frida_painter.session.painting import PaintingProgress
+from frida_painter.session.plan_keeper import PlanKeeper
+from frida_painter.session.replan_policy import CanvasSeen
+
+
+class ExecutionMonitor:
+    """Looks through `observer`, the arm being aside, at the canvas of `progress`.
+
+    plans: whose planner tells what should be seen; executor: that moves the arm aside. Where the camera or the disk
+    fails, the painting pauses and looks again afterwards.
+    """
+
+    def __init__(
+        self,
+        plans: PlanKeeper,
+        executor: BatchExecutor,
+        brushwork: Brushwork,
+        observer: CanvasObserver,
+        journal: Journal,
+        interruptions: Interruptions,
+        progress: PaintingProgress,
+        tell: Notify,
+    ) -> None:
+        self._plans, self._executor = plans, executor
+        self._brushwork, self._observer = brushwork, observer
+        self._journal, self._interruptions = journal, interruptions
+        self._progress, self._tell = progress, tell
+
+    def look(self) -> Tensor:
+        """The canvas [3, H, W] as it is now, never from a photograph older than the last motion; it is journalled."""
+        return self._interruptions.retry(self._look)
+
+    def observe(self) -> CanvasSeen:
+        """Looks, tells what was seen and what was expected, and learns where strokes really land."""
+        canvas, progress, planner = self.look(), self._progress, self._plans.planner
+        batch, last = progress.batch, progress.canvas.last_seen
+        expected = planner.expected(batch, last)
+        self._tell(Looked(canvas, expected, progress.painted))
+        if len(batch):  # where they landed tells where the robot is to be sent
+            self._brushwork.placement = planner.locate(batch, self._brushwork.placement, last, canvas)
+        progress.canvas.saw(canvas, progress.painted)
+        return CanvasSeen(progress.painted, len(progress.rest), difference(canvas, expected))
+
+    def _look(self) -> Tensor:
+        self._executor.step_aside()
+        expected, progress = None, self._progress
+        if progress.plan is not None and not self._interruptions.touched:  # else a person may have touched the canvas
+            expected = progress.canvas.expectation(self._plans.planner, progress.plan, progress.painted)
+        frame, canvas = self._observer.examine(self._brushwork.last_motion, PHOTOGRAPH_ROWS, expected)
+        self._journal.looked(frame, self._observer.light)
+        self._interruptions.touched = False
+        return canvas

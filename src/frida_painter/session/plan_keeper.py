@@ -1,0 +1,134 @@
+"""Keeps the plan that is painted: has it made, has what is left planned again, and puts each new one in its place.
+
+A plan is adopted in one order: it is on the disk first, painting goes by it from then on, and then everybody is told,
+with how long the robot will take.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.planning.optimize import Step
+from frida_painter.planning.planner import Planner
+from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.events import Notify, Planned, PlanningStep, Scheduled
+from frida_painter.session.interruptions import Interruptions
+from frida_painter.session.journal import Journal
+from frida_painter.session.painting import PaintingProgress
+from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.timelapse import Timelapse
+
+
+class PlanKeeper:
+    """Plans through `planner`, which may be another one after a pause, and keeps the plan in `progress`.
+
+    A person may stop or pause at every planning step. In a pause they may have something else adopted than
+    what is being planned: then what is being planned is given up.
+    """
+
+    def __init__(
+        self,
+        planner: Planner,
+        brushwork: Brushwork,
+        policy: ReplanPolicy,
+        timelapse: Timelapse,
+        journal: Journal,
+        interruptions: Interruptions,
+        progress: PaintingProgress,
+        tell: Notify,
+    ) -> None:
+        self.planner = planner
+        self._brushwork, self._policy, self._timelapse = brushwork, policy, timelapse
+        self._journal, self._interruptions = journal, interruptions
+        self._progress, self._tell = progress, tell
+
+    def begin(self, strokes: int, colors: int, made: Plan | None = None) -> None:
+        """Adopts a plan of so many strokes for the bare canvas: the one that was made before, or a new one."""
+        canvas = self._progress.canvas.last_seen
+        plan = made or self._arranged(self.planner.plan(canvas, strokes, colors, self._checking_interrupts("plan")))
+        self._adopt(plan, self.planner.validation_loss(canvas))
+
+    def bind_to_palette(self, mixed: Palette) -> None:
+        """Adopts what is left in the paints that a person has really mixed."""
+        bound = None
+        while bound is None:  # overtaken in a pause: what has been adopted since gets these paints
+            rest, canvas = self._progress.rest, self._progress.canvas.last_seen
+            before = self._loss()
+            with suppress(_Overtaken):
+                bound = self.planner.bind_to_palette(rest, canvas, mixed, self._checking_interrupts("plan"))
+        self._adopt(self._arranged(bound), before)
+
+    def replan(self, rounds: int = 1) -> None:
+        """Plans what is left again, in so many rounds, for the canvas as it was last seen, and adopts that."""
+        rest, canvas, before = self._progress.rest, self._progress.canvas.last_seen, self._loss()
+        with suppress(_Overtaken):
+            again = self.planner.replan(rest, canvas, self._checking_interrupts("replan"), rounds)
+            self._adopt(self._arranged(again), before)
+
+    def replace(self, rest: Plan) -> None:
+        """Adopts another rest than what was planned, in the same paints."""
+        self._adopt(rest, self._loss())
+
+    def keep(self) -> None:
+        """After a look what is left stays as it is; where strokes land is known better now, and that is noted."""
+        progress = self._progress
+
+        def note() -> None:  # in a pause for want of room another plan may be adopted
+            if progress.plan is not None and progress.painted < progress.strokes:
+                self._journal.kept(progress.plan, progress.painted, self._brushwork.placement)
+
+        self._interruptions.retry(note)
+        progress.planned_at = progress.painted
+
+    def schedule(self) -> None:
+        """Tells how long the robot will take for what is left, with all looks on the way."""
+        done, of, rest = self._progress.painted, self._progress.strokes, self._progress.rest
+
+        def after(painted: int) -> int:
+            number = done + painted
+            looks = self._policy.next_look(number - 1, of) == number
+            return int(self._timelapse.wants_frame(number, of)) + int(looks)
+
+        self._tell(Scheduled(self._brushwork.timetable(rest, after), done))
+
+    def _adopt(self, rest: Plan, before: float) -> None:
+        """From now on, and whatever happens, what is left is painted by this plan, made for the canvas as it is.
+
+        before: the validation loss with the plan as it was.
+        """
+        progress = self._progress
+        plan, placement = progress.followed_by(rest), self._brushwork.placement
+        self._interruptions.retry(partial(self._journal.planned, plan, progress.painted, placement))
+        progress.plan, progress.planned_at = plan, progress.painted
+        self.schedule()
+        expected = self.planner.expected(rest, progress.canvas.last_seen)
+        self._tell(Planned(rest, progress.painted, expected, before, self.planner.validation_loss(expected)))
+
+    def _loss(self) -> float:
+        """The validation loss of what would be on the canvas after what is left."""
+        return self.planner.validation_loss(self.planner.expected(self._progress.rest, self._progress.canvas.last_seen))
+
+    def _arranged(self, rest: Plan) -> Plan:
+        """The strokes that are left, those of the next batch in the order in which they are quickest to paint."""
+        if len(rest) == 0:  # all that was left would have touched what is protected
+            return rest
+        painted = self._progress.painted
+        return self._brushwork.arranged(rest, self._policy.next_look(painted, painted + len(rest)) - painted)
+
+    def _checking_interrupts(self, phase: str) -> Callable[[Step], None]:
+        """Passes planning steps on, and stops the planner when a person has asked for it."""
+
+        def tell(step: Step) -> None:
+            self._tell(PlanningStep(phase, step.iteration, step.of, step.loss, step.strokes))
+            plan = self._progress.plan
+            self._interruptions.check()
+            if self._progress.plan is not plan:
+                raise _Overtaken
+
+        return tell
+
+
+class _Overtaken(Exception):
+    """In a pause a person had something else planned than what was being planned; never leaves this file."""
