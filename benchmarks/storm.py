@@ -33,7 +33,7 @@ from schemathesis import GenerationMode
 from frida_painter.web.app import application
 from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.presence import Presence
-from frida_painter.web.station import Station
+from frida_painter.web.studio_easel import Station
 
 Request = tuple[str, str, dict[str, str], bytes]
 """Method, path, headers, body."""

@@ -138,7 +138,7 @@ def test_an_old_journal_tells_the_same_history_before_and_after_it_is_renewed() 
     lines = [{"at": AT, **line} for line in lines]
     before, after = (History.of(each, Path()) for each in (lines, renewed_journal(lines)))
     assert before == after
-    assert (before.painted, before.given_up, before.dips, before.cleanings, before.sittings) == (6, [4, 5], 1, 1, 2)
+    assert (before.painted, before.given_up, before.dips, before.cleanings, before.runs) == (6, [4, 5], 1, 1, 2)
     assert (before.region, before.goal, before.finished) == (("regions/1.png", True), "changes/1", True)
     assert renewed_journal(lines)[0]["version"] == 2
     assert not {line["kind"] for line in renewed_journal(lines)} - set(KINDS)

@@ -17,9 +17,9 @@ from frida_painter.session.page_events import Remark, WentOn
 from frida_painter.web.commands import tell_painter
 from frida_painter.web.feed import Feed, FeedReader
 from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.painting_request import PaintingRequest
 from frida_painter.web.pause_controller import PauseController
-from frida_painter.web.stop_file import Stop, StopPressed
-from frida_painter.web.wish import Wish
+from frida_painter.web.stop_file import StopFileWatch, StopPressed
 from scenes import CANVAS, goal, picture, small_table
 from sittings import Evening
 
@@ -39,7 +39,7 @@ class Table:
     def __init__(self, folder: PaintingFolder, strokes: int, *, pause_after: int = 2) -> None:
         self.folder = folder
         self.feed = Feed(folder)
-        self.stop = Stop(folder.stop)
+        self.stop = StopFileWatch(folder.stop)
         self.together = PauseController(folder, self.feed, self.stop)
         self.evening = Evening(strokes, replans=0, pause_at=self._pauses(pause_after), go_on=self._go_on)
         self.evening.session.interruptions.pause_asked = self._pause_asked
@@ -100,7 +100,7 @@ def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder)
 
 def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> None:
     feed = Feed(folder)
-    together = PauseController(folder, feed, Stop(folder.stop))
+    together = PauseController(folder, feed, StopFileWatch(folder.stop))
     tell_painter(folder, "go on", "browser")
     assert together.go_on(Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
     reasons = [event.reason for event in FeedReader(folder.feed).read() if isinstance(event, Paused)]
@@ -118,8 +118,8 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
     images.save(drawn, folder.region(1))
     (tmp_path / "pictures").mkdir()
     images.save(picture(60, 80), tmp_path / "pictures" / f"{PICTURE}.png")
-    wish = Wish.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]})
-    assert folder.begin_change(wish, tmp_path / "pictures") == 1
+    request = PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]})
+    assert folder.begin_change(request, tmp_path / "pictures") == 1
     table.says = [("spare", {"record": 1}), ("goal", {"record": 1}), ("go on", {})]
     folder.painting.mkdir()
     table.evening.session.journal = Journal.begin(folder.painting, {}, {})
@@ -132,14 +132,14 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
     history = Journal.reopen(folder.painting)[1]
     kept_region = resuming.region(folder.painting, history)
     assert kept_region is not None and torch.equal(kept_region.forbidden, after.region.forbidden)
-    assert read_goal(folder.painting / history.goal).wishes[0][2] == 2
+    assert read_goal(folder.painting / history.goal).items[0][2] == 2
     assert table.told(GoalChanged)[0].wish["terms"][0]["weight"] == 2
     assert sum(isinstance(event, Planned) for event in table.evening.heard) >= 3
 
 
 @pytest.fixture
-def stopped(folder: PaintingFolder) -> Iterator[Stop]:
-    stop = Stop(folder.stop)
+def stopped(folder: PaintingFolder) -> Iterator[StopFileWatch]:
+    stop = StopFileWatch(folder.stop)
     stop.heed()
     folder.stop.touch()
     deadline = time.monotonic() + 20
@@ -148,7 +148,7 @@ def stopped(folder: PaintingFolder) -> Iterator[Stop]:
     yield stop
 
 
-def test_stop_ends_a_pause_and_whatever_heeds_it(folder: PaintingFolder, stopped: Stop) -> None:
+def test_stop_ends_a_pause_and_whatever_heeds_it(folder: PaintingFolder, stopped: StopFileWatch) -> None:
     with pytest.raises(StopPressed):
         stopped.heed()
     assert PauseController(folder, Feed(folder), stopped).go_on(Paused("You asked for a pause.", 3)) is False

@@ -73,22 +73,22 @@ def _program(plan: Plan, workspace: Path | None, calibration: Path | None, diale
     """All of a painting for a machine with wells. Raises WorkspaceViolation, where any of it cannot be done there."""
     if workspace is None:
         raise ConfigError("--calibration was given without --workspace; say where the wells stand as well.")
-    stand = WorkcellConfig.load(workspace)
-    known = stand.calibration(plan.brush)
+    workcell = WorkcellConfig.load(workspace)
+    known = workcell.calibration(plan.brush)
     if calibration is not None:
         record = Calibration.load(calibration)
         require(record, known, ())
         known = record
-    found = rehearse(plan, stand.workspace, stand.canvas, known, stand.reach)
+    found = rehearse(plan, workcell.workspace, workcell.canvas, known, workcell.reach)
     if not found.passed:
         raise WorkspaceViolation(
             f"Not all of this plan can be painted in the workspace {str(workspace)!r}, and nothing was written; "
             f"`frida-painter check PLAN --workspace {workspace}` tells what."
         )
     brush = refilled(brush_kind(load_stroke_model(plan.brush).brush), known, simulated=False)
-    choreography = Choreography(Motion(stand.workspace, known), brush)
+    choreography = Choreography(Motion(workcell.workspace, known), brush)
     actions = choreography.actions(plan, BrushLoad(), 0, len(plan))
-    language = Gcode(dialect, stand.workspace.travel_speed)
+    language = Gcode(dialect, workcell.workspace.travel_speed)
     return gcode(plan, actions, language, pauses=False, ending=choreography.cleaning())
 
 

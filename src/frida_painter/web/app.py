@@ -18,18 +18,18 @@ from frida_painter.web.lead import Lead, Led
 from frida_painter.web.limits import Bucket, Limits
 from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.presence import Presence
-from frida_painter.web.station import Station
-from frida_painter.web.watch import Watch
+from frida_painter.web.state_stream import StateStreams
+from frida_painter.web.studio_easel import StudioEasel
 from frida_painter.web.workers import Workers
 
 _STATIC = Path(__file__).parent / "static"
 _KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 
-def application(store: PaintingStore, station: Station, presence: Presence) -> FastAPI:
+def application(store: PaintingStore, easel: StudioEasel, presence: Presence) -> FastAPI:
     """The routes alone, for those who are already inside."""
     app = FastAPI(title="frida-painter studio", docs_url=None, redoc_url=None, openapi_url=None)
-    app.state.store, app.state.watch, app.state.workers = store, Watch(), Workers(station)
+    app.state.store, app.state.streams, app.state.workers = store, StateStreams(), Workers(easel)
     app.state.lead, app.state.presence = Lead(), presence
     for part in (in_charge, goals, painting, procedures, gallery):
         app.include_router(part.router)

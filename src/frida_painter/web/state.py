@@ -90,7 +90,7 @@ class PaintState:
 
 @dataclass
 class PaintingState:
-    """A painting from the first wish to the last stroke.
+    """A painting from the first request to the last stroke.
 
     title, seen: version of this state; working: whether a process is at work; trouble: the last
     sentence about what went wrong, until something else is begun; question: what a person is asked, as
