@@ -8,7 +8,7 @@ import torch
 from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.runs.fitting import fitted
-from frida_painter.runs.goals import OpenedGoal, open_goal
+from frida_painter.runs.goals import GoalInput, OpenedGoal, open_goal
 from frida_painter.runs.spec import RunSpec
 
 
@@ -18,7 +18,7 @@ def square(tmp_path: Path) -> OpenedGoal:
     picture = torch.zeros(3, 60, 60)
     picture[:, 30:] = 1
     images.save(picture, tmp_path / "square.png")
-    return open_goal([("image", tmp_path / "square.png", 1.0)])
+    return open_goal([GoalInput("image", tmp_path / "square.png", 1.0)])
 
 
 def test_by_default_the_canvas_takes_the_pictures_proportions_within_its_size(square: OpenedGoal) -> None:
@@ -54,4 +54,4 @@ def test_a_picture_of_the_canvass_proportions_loses_nothing(square: OpenedGoal) 
 def test_a_picture_too_narrow_for_any_canvas_is_refused(tmp_path: Path) -> None:
     images.save(torch.rand(3, 20, 600), tmp_path / "narrow.png")
     with pytest.raises(ConfigError, match="from 30 to 3000 mm"):
-        fitted(RunSpec.of(), open_goal([("image", tmp_path / "narrow.png", 1.0)]))
+        fitted(RunSpec.of(), open_goal([GoalInput("image", tmp_path / "narrow.png", 1.0)]))
