@@ -11,7 +11,8 @@ def main(photo: str, picture: str, strokes: int = 300, **settings: float) -> Non
     planners = [fp.Planner(fp.make_goal(photo), seed=seed, **settings) for seed in (0, 1)]
     pictures = [planner.expected(planner.plan(strokes=strokes)) for planner in planners]
     fp.save_picture(torch.cat(pictures, dim=2), picture)
-    print(f"The first is {planners[0].judge(pictures[0]):.4f} off, the second {planners[1].judge(pictures[1]):.4f}.")
+    first, second = (planner.validation_loss(each) for planner, each in zip(planners, pictures, strict=True))
+    print(f"The first is {first:.4f} off, the second {second:.4f}.")
 
 
 if __name__ == "__main__":

@@ -45,8 +45,8 @@ def _die_at(journal: Path, moment: Callable[[dict[str, Any]], bool]) -> None:
     """Of this process, which is never used again."""
     append = EventLog.append
 
-    def append_and_look(self: EventLog, record: Mapping[str, Any]) -> None:
-        append(self, record)
+    def append_and_look(self: EventLog, record: Mapping[str, Any], **how: Any) -> None:
+        append(self, record, **how)
         if self.path == journal and any(moment(one) for one in EventLog.read(journal)):
             os.kill(os.getpid(), signal.SIGKILL)
 

@@ -61,7 +61,7 @@ class NotingPlanner:
     def expected(self, plan: Plan, canvas: Tensor) -> Tensor:
         return torch.full((3, 48, 64), 1 - len(plan) / 1000)
 
-    def judge(self, picture: Tensor) -> float:
+    def validation_loss(self, picture: Tensor) -> float:
         return float(picture.mean())
 
 

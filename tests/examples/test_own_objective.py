@@ -1,18 +1,21 @@
 """The example that readers are told to start from works as it stands."""
 
 import runpy
+import sys
 from collections.abc import Iterator
 from importlib.metadata import EntryPoint
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 import torch
 
 from frida_painter import cli
+from frida_painter import registry as parts_registry
 from frida_painter.errors import ConfigError
 from frida_painter.objectives import registry
-from frida_painter.objectives.kind import GoalKind
 from frida_painter.planning.planner import Effort, Planner
+from frida_painter.registry import OBJECTIVES
 from frida_painter.runs.goals import GoalItem, read_goal
 from marks import coarse_table
 from scenes import CANVAS, small_table
@@ -21,17 +24,14 @@ ROOT = Path(__file__).parents[2]
 EXAMPLE = runpy.run_path(str(ROOT / "examples" / "own_objective.py"))
 
 
-class FromExample(EntryPoint):
-    def load(self) -> GoalKind:
-        kind: GoalKind = EXAMPLE["KIND"]
-        return kind
-
-
 @pytest.fixture
 def mirror(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The example's kind of goal, as if a package that brings it were installed."""
-    point = FromExample("mirror", "example:KIND", registry.GROUP)
-    monkeypatch.setattr(registry, "entry_points", lambda group: (point,) if group == registry.GROUP else ())
+    module = ModuleType("example_of_mirrors")
+    module.KIND = EXAMPLE["KIND"]  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    point = EntryPoint("mirror", f"{module.__name__}:KIND", OBJECTIVES)
+    monkeypatch.setattr(parts_registry, "entry_points", lambda group: (point,) if group == OBJECTIVES else ())
     registry.goal_kinds.cache_clear()
     yield
     monkeypatch.undo()
@@ -69,7 +69,7 @@ def test_it_is_planned_for_alone_from_a_goal_file(mirror: None, tmp_path: Path) 
 def test_the_command_line_paints_it(
     mirror: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("frida_painter.session.opening.cached_table", coarse_table)
+    monkeypatch.setattr("frida_painter.runs.opening.cached_table", coarse_table)
     words = ["plan", "--mirror", "top-bottom", "--mirror-weight", "0.5", "--strokes", "5", "--colors", "2"]
     words += ["--effort", "0.05", "--render-height", "64", "--out", str(tmp_path / "out")]
     monkeypatch.setattr("sys.argv", ["frida-painter", *words])

@@ -57,7 +57,7 @@ def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     text = example().replace("width = 0.3556", "width = 0.14").replace("height = 0.2794", "height = 0.1")
     (tmp_path / "easel.toml").write_text(text)
     Image.fromarray(data.coffee()).resize((140, 100)).save(tmp_path / "coffee.png")
-    monkeypatch.setattr("frida_painter.session.opening.cached_table", coarse_table)
+    monkeypatch.setattr("frida_painter.runs.opening.cached_table", coarse_table)
     return tmp_path
 
 

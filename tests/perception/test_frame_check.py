@@ -21,10 +21,10 @@ from virtual.hand import CANVAS, Hand
 
 @dataclass
 class Stage:
-    """A canvas of 12 x 9 cm with three strokes, of which an eye knows how it should look."""
+    """A canvas of 12 x 9 cm with three strokes, of which an observer knows how it should look."""
 
     hand: Hand
-    eye: CanvasObserver
+    observer: CanvasObserver
     expected: Expected
 
     def photograph(self, *, faults: Faults | None = None, knock: PlacementError | None = None) -> NDArray[np.uint8]:
@@ -45,13 +45,13 @@ class Stage:
 def stage() -> Iterator[Stage]:
     hand = Hand([0.1, 0.15, 0.4], [0.6, 0.25, 0.1], camera=CameraSpec(photograph=(600, 800)))
     hand.easel.robot.home()
-    eye = CanvasObserver(hand.easel, (1.0, 1.0, 1.0))
-    eye.examine(0.0, 270)
+    observer = CanvasObserver(hand.easel, (1.0, 1.0, 1.0))
+    observer.examine(0.0, 270)
     for number, (x, y) in enumerate(((0.02, 0.03), (0.05, 0.06), (0.06, 0.02))):
         hand.dip(number % 2)
         hand.stroke(x, y, 0.045)
     hand.easel.robot.home()
-    yield Stage(hand, eye, Expected(torch.ones(3, 270, 360), hand.studio.truth(270)))
+    yield Stage(hand, observer, Expected(torch.ones(3, 270, 360), hand.studio.truth(270)))
 
 
 def test_a_good_photograph_is_trusted(stage: Stage) -> None:

@@ -54,7 +54,7 @@ class Sitting(Evening):
         self.controller = PauseController(folder, feed, StopFileWatch(folder.stop))
         forecast = Forecast(STROKES, EvenlySpaced(self.replans), 0.0, planning=4, replanning=4)
         self.reporter = Reporter(feed, folder, planner.model, CANVAS, forecast)
-        self.controller.session = self.session
+        self.controller.opened = lambda: self.session
         self.session.planner = planner
 
     def _hear(self, event: Event) -> None:

@@ -55,6 +55,7 @@ PAGE = """
 import io, sys
 from pathlib import Path
 from PIL import Image
+import frida_painter.web.server  # what the command opens the page with
 from frida_painter import cli
 from studios import Studio
 

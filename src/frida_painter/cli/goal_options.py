@@ -2,6 +2,7 @@
 
 import inspect
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -41,10 +42,19 @@ def goal_options() -> list[inspect.Parameter]:
     return [*options, _parameter("goal", GoalFile), _parameter("clip", ClipSource)]
 
 
-def tell_left_out() -> None:
-    """Says on stderr which kinds of goals of other packages cannot be used, and why."""
+def free_goal_options(taken: Collection[str]) -> list[inspect.Parameter]:
+    """The goal options whose names a command has not `taken` for other options."""
+    return [option for option in goal_options() if option.name not in taken]
+
+
+def tell_left_out(taken: Collection[str]) -> None:
+    """Says on stderr which kinds of goals of other packages cannot be used, or have no option, and why."""
     for complaint in goal_kinds().complaints:
         print(complaint, file=sys.stderr)
+    for option in goal_options():
+        if option.name in taken:
+            said = f"--{option.name} is another option already; give that kind of goal in a file, with --goal."
+            print(said, file=sys.stderr)
 
 
 def _options(kind: GoalKind) -> list[inspect.Parameter]:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from frida_painter.cli.goal_options import tell_left_out
-from frida_painter.cli.run_options import painting_options, planning_options, spec_of, taking
+from frida_painter.cli.run_options import TAKEN, painting_options, planning_options, spec_of, taking
 from frida_painter.cli.wells import AskOption, FilledOption
 from frida_painter.errors import ConfigError
 from frida_painter.options.numbers import whole_number
@@ -20,13 +20,12 @@ PlanFile = Annotated[
 
 def register(app: typer.Typer) -> None:
     """Adds the commands; says which kinds of goals of other packages cannot be used."""
-    tell_left_out()
-    app.command("paint")(paint)
-    app.command("plan")(plan)
+    tell_left_out(TAKEN)
+    app.command("paint")(taking(painting_options(), paint))
+    app.command("plan")(taking(planning_options(), plan))
     app.command("render")(render)
 
 
-@taking(painting_options())
 def paint(*, ask: AskOption = False, yes: FilledOption = False, **given: Any) -> None:
     """Paint a photograph, or words: plan, paint some strokes, look, plan the rest again.
 
@@ -60,7 +59,6 @@ def paint(*, ask: AskOption = False, yes: FilledOption = False, **given: Any) ->
     leader.conclude(outcome)
 
 
-@taking(planning_options())
 def plan(**given: Any) -> None:
     """Plan the strokes for a photograph, or for words, without painting: plan, picture of it, palette to mix."""
     import torch

@@ -1,9 +1,10 @@
 """The options of `paint` and `plan`, made from RunSpec and the kinds of goals, and what they say read back into one."""
 
 from collections.abc import Callable, Mapping
-from inspect import Parameter, Signature
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, get_args
 
 import typer
 from pydantic.fields import FieldInfo
@@ -15,8 +16,8 @@ from frida_painter.options.easel import CameraOption, PaceOption, RobotOption, W
 from frida_painter.options.numbers import number, whole_number
 from frida_painter.runs.spec import GoalItem, RunSpec
 
-Command = TypeVar("Command", bound=Callable[..., None])
-
+TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip"} | {"photo", "settings", "out", "ask", "yes"}
+"""Names of options that no kind of goal can have."""
 _PLAN = ("strokes", "colors", "canvas", "fit", "brush", "render_height", "effort", "seed")
 _PAINT = ("replans", "replan_policy", "timelapse_frames")
 
@@ -62,7 +63,7 @@ def planning_options() -> list[Parameter]:
     """What a plan can be asked for."""
     return [
         _keyword("photo", Photo),
-        *_goal_options(),
+        *goal_options.free_goal_options(TAKEN),
         *(_keyword(name, _option(RunSpec.model_fields[name])) for name in _PLAN),
         _keyword("palette", PaletteOption),
         _keyword("settings", SettingsFile),
@@ -79,17 +80,19 @@ def painting_options() -> list[Parameter]:
     ]
 
 
-def taking(options: list[Parameter]) -> Callable[[Command], Command]:
-    """A command takes these options, by name, beside those that it declares itself."""
+def taking(options: list[Parameter], command: Callable[..., None]) -> Callable[..., None]:
+    """The command as one that takes these options, by name, beside those that it declares itself."""
+    own = [one for one in signature(command, eval_str=True).parameters.values() if one.kind is Parameter.KEYWORD_ONLY]
+    every = [*options, *own]
 
-    def declare(command: Command) -> Command:
-        own = [it for it in Signature.from_callable(command).parameters.values() if it.kind is Parameter.KEYWORD_ONLY]
-        every = [*options, *own]
-        command.__signature__ = Signature(every)  # type: ignore[attr-defined]
-        command.__annotations__ = {it.name: it.annotation for it in every}
-        return command
+    @wraps(command)
+    def with_options(**given: Any) -> None:
+        command(**given)
 
-    return declare
+    with_options.__signature__ = Signature(every)  # type: ignore[attr-defined]
+    with_options.__annotations__ = {one.name: one.annotation for one in every}
+    del with_options.__wrapped__
+    return with_options
 
 
 def spec_of(given: Mapping[str, Any]) -> RunSpec:
@@ -109,12 +112,6 @@ def spec_of(given: Mapping[str, Any]) -> RunSpec:
     if goal or given["settings"] is None:
         said |= {"goal": goal, "initial": initial}
     return RunSpec.from_toml(given["settings"], **said) if given["settings"] else RunSpec.of(**said)
-
-
-def _goal_options() -> list[Parameter]:
-    """The options of all kinds of goals; one that is called as another option can only be given in a file."""
-    taken = {*RunSpec.model_fields, "photo", "settings", "out", "ask", "yes"} - {"goal", "initial", "clip"}
-    return [option for option in goal_options.goal_options() if option.name not in taken]
 
 
 def _keyword(name: str, annotation: Any, default: Any = None) -> Parameter:
