@@ -1,4 +1,4 @@
-"""A studio to knock at: its application behind the door, on a store of its own."""
+"""A studio for tests: its application with all middleware, on a store of its own."""
 
 import secrets
 import time

@@ -41,6 +41,7 @@ from frida_painter.session.page_events import (
     PaintingStarted,
     PlanningProgress,
     PlanPreview,
+    PlanRequested,
     TimeLeft,
     WentOn,
 )
@@ -99,6 +100,8 @@ OLD: list[tuple[dict[str, Any], list[Written]]] = [
     ({"kind": "finished", "film": True, "arm": False}, [PaintingKept(True)]),
     ({"kind": "protected", "region": "regions/1.png", "only": True}, [RegionProtected("regions/1.png", True)]),
     ({"kind": "redirected", "goal": "changes/1"}, [GoalChanged("changes/1", {})]),
+    ({"kind": "wished", "plan": 1, "wish": {"seed": 2}}, [PlanRequested(1, {"seed": 2})]),
+    ({"kind": "plan_wished", "plan": 1, "wish": {}}, [PlanRequested(1, {})]),
     ({"kind": "sprouting", "plan": 2, "picture": "a.jpg"}, [PlanPreview("a.jpg", 2)]),
     ({"kind": "growing", "picture": "a.jpg"}, [PlanPreview("a.jpg")]),
     ({"kind": "replanning", "share": 0.5, "left": 2.0}, [PlanningProgress(0.5, 2.0)]),

@@ -21,7 +21,7 @@ ROUTES = [
 
 @pytest.fixture
 def studio(tmp_path: Path) -> Studio:
-    return Studio(tmp_path / "shelf")
+    return Studio(tmp_path / "store")
 
 
 @pytest.mark.parametrize(("method", "path"), ROUTES)

@@ -23,7 +23,7 @@ from studios import Studio, Visitor
 
 @pytest.fixture
 def studio(tmp_path: Path) -> Studio:
-    return Studio(tmp_path / "shelf")
+    return Studio(tmp_path / "store")
 
 
 @pytest.fixture

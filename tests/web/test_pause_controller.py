@@ -40,10 +40,10 @@ class Table:
         self.folder = folder
         self.feed = Feed(folder)
         self.stop = StopFileWatch(folder.stop)
-        self.together = PauseController(folder, self.feed, self.stop)
+        self.controller = PauseController(folder, self.feed, self.stop)
         self.evening = Evening(strokes, replans=0, pause_at=self._pauses(pause_after), go_on=self._go_on)
         self.evening.session.interruptions.pause_asked = self._pause_asked
-        self.together.opened = lambda: self.evening.session
+        self.controller.opened = lambda: self.evening.session
         self.says: list[tuple[str, dict[str, int]]] = []
         deadline = threading.Timer(30, folder.stop.touch)  # a pause that nobody ends is not waited for
         deadline.daemon = True
@@ -54,13 +54,13 @@ class Table:
 
     def _pauses(self, after: int) -> Any:
         def pause_at(event: Event) -> bool:
-            self.together.hear(event)
+            self.controller.hear(event)
             return isinstance(event, StrokePainted) and event.done == after
 
         return pause_at
 
     def _pause_asked(self) -> bool:
-        return self.together.pause_asked() or self.evening.pausing
+        return self.controller.pause_asked() or self.evening.pausing
 
     def _go_on(self, paused: Paused) -> bool:
         def answer() -> None:
@@ -68,7 +68,7 @@ class Table:
                 tell_painter(self.folder, kind, "browser", **more)  # type: ignore[arg-type]
 
         threading.Timer(0.05, answer).start()
-        return self.together.go_on(paused)
+        return self.controller.go_on(paused)
 
 
 def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: PaintingFolder) -> None:
@@ -100,9 +100,9 @@ def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder)
 
 def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> None:
     feed = Feed(folder)
-    together = PauseController(folder, feed, StopFileWatch(folder.stop))
+    controller = PauseController(folder, feed, StopFileWatch(folder.stop))
     tell_painter(folder, "go on", "browser")
-    assert together.go_on(Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
+    assert controller.go_on(Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
     reasons = [event.reason for event in FeedReader(folder.feed).read() if isinstance(event, Paused)]
     assert reasons == ["its folder/painting/journal cannot be written; make room."]
 

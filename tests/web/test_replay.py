@@ -13,7 +13,7 @@ from frida_painter.session.forecast import Forecast
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import ResumeState
-from frida_painter.session.page_events import Finishing, PaintingKept, PaintingStarted, PlanWished, TakenUp
+from frida_painter.session.page_events import Finishing, PaintingKept, PaintingStarted, PlanRequested, TakenUp
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.resuming import kept_plan
 from frida_painter.web.commands import tell_painter
@@ -82,7 +82,7 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
     made = planner.plan(bare, STROKES, 1, lambda step: None)
 
-    feed.tell(PlanWished(1, {"strokes": STROKES}))
+    feed.tell(PlanRequested(1, {"strokes": STROKES}))
     feed.tell(PaintingStarted(1, STROKES))
     journal = Journal.begin(folder.painting, {}, {})
     first = Sitting(

@@ -92,10 +92,10 @@ def test_nothing_senseless_does_any_harm(
 ) -> None:
     monkeypatch.setattr(WorkerSlot, "start", lambda self, job, plan: None)
     monkeypatch.setattr(limits.Bucket, "take", lambda self, who: True)
-    studio = Studio(tmp_path / "the-shelf")
+    studio = Studio(tmp_path / "the-store")
     visitor: Visitor = studio.visitor()
     known = studio.store.begin("Known").id
-    told, paths = storm.description(tmp_path / "another-shelf"), storm.routes(tmp_path / "another-shelf")
+    told, paths = storm.description(tmp_path / "another-store"), storm.routes(tmp_path / "another-store")
     chance = random.Random(1)
     made = storm.by_description(told, known, EACH, 1)
     assert len(made) > 10 * EACH

@@ -49,11 +49,11 @@ def write_gcode(
     """
     loaded = Plan.load(plan)
     if workspace is None and calibration is None:
-        desk = FlatbedWorkspace(
+        flatbed = FlatbedWorkspace(
             FlatbedWorkspace.press if press is None else press / 1000,
             FlatbedWorkspace.lift if lift is None else lift / 1000,
         )
-        program = gcode(loaded, _actions(loaded, desk), Gcode(dialect, desk.travel_speed), pauses=True)
+        program = gcode(loaded, _actions(loaded, flatbed), Gcode(dialect, flatbed.travel_speed), pauses=True)
     else:
         if press is not None or lift is not None:
             raise ConfigError("--press and --lift are the workspace's to say; leave them out with --workspace.")
@@ -92,10 +92,10 @@ def _program(plan: Plan, workspace: Path | None, calibration: Path | None, diale
     return gcode(plan, actions, language, pauses=False, ending=choreography.cleaning())
 
 
-def _actions(plan: Plan, desk: FlatbedWorkspace) -> list[Action]:
-    """What painting the plan at a desk takes, beginning with a clean brush."""
+def _actions(plan: Plan, flatbed: FlatbedWorkspace) -> list[Action]:
+    """What painting the plan at a flatbed takes, beginning with a clean brush."""
     brush = brush_kind(load_stroke_model(plan.brush).brush)
-    choreography = Choreography(desk.motion(plan.canvas), brush)
+    choreography = Choreography(flatbed.motion(plan.canvas), brush)
     return list(choreography.actions(plan, BrushLoad(), 0, len(plan)))
 
 

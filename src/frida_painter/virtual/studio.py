@@ -156,15 +156,15 @@ class VirtualStudio:
             lens=self.camera.lens,
         )
         checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
-        self._attendant = StudioOperator(self.table, checker, self._fresh_canvas)
+        self._operator = StudioOperator(self.table, checker, self._fresh_canvas)
         self.easel = Easel(
-            self.robot, self.camera, self._attendant, layout.workspace, calibration, canvas, here.reach, here.timing,
+            self.robot, self.camera, self._operator, layout.workspace, calibration, canvas, here.reach, here.timing,
             simulated=True,
         )  # fmt: skip
         self._log, self._note = log, unnoted
         if log is not None:
-            relive(log.past, self.clock, self.table, self.robot, self.camera, self._attendant)
-            self._note = self.table.note = self.robot.note = self.camera.note = self._attendant.note = log.note
+            relive(log.past, self.clock, self.table, self.robot, self.camera, self._operator)
+            self._note = self.table.note = self.robot.note = self.camera.note = self._operator.note = log.note
         self.break_things(settings.faults)
 
     def close(self) -> None:
@@ -187,7 +187,7 @@ class VirtualStudio:
 
         center: canvas metres; turn: radians counter-clockwise; width: metres of its longer side.
         """
-        self._attendant.place_checker((center[0] * _MM, center[1] * _MM), turn, None if width is None else width * _MM)
+        self._operator.place_checker((center[0] * _MM, center[1] * _MM), turn, None if width is None else width * _MM)
 
     def wait(self, seconds: float) -> None:
         """Lets time pass and paint dry."""

@@ -1,4 +1,4 @@
-"""The studio's web application: routes put together, errors made into sentences, the door and the limits before it."""
+"""The studio's web application: its routes, its middleware, and errors as sentences."""
 
 import secrets
 import sys
@@ -59,7 +59,7 @@ def application(store: PaintingStore, easel: StudioEasel, presence: Presence) ->
 
 
 def guarded(app: ASGIApp, keys: Keys, hosts: frozenset[str], cookie: str) -> ASGIApp:
-    """The application behind its door and limits, to be served."""
+    """The application with its middleware, to be served."""
     return AuthMiddleware(Limits(app, "/api/pictures", Bucket(rate=40, most=200)), keys, hosts, cookie)
 
 

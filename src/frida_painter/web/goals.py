@@ -10,7 +10,7 @@ from fastapi import APIRouter, HTTPException, Path, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import FileResponse
 
-from frida_painter.session.page_events import PlanWished
+from frida_painter.session.page_events import PlanRequested
 from frida_painter.web import uploads
 from frida_painter.web.abilities import abilities
 from frida_painter.web.feed import Feed
@@ -93,7 +93,7 @@ def _plan(entry: Entry, request: PaintingRequest, store: PaintingStore, workers:
         folder.stop.unlink(missing_ok=True)
         plan = folder.begin_plan(request, store.pictures)
         feed = Feed(folder)
-        feed.tell(PlanWished(plan.number, request.model_dump(mode="json")))
+        feed.tell(PlanRequested(plan.number, request.model_dump(mode="json")))
         feed.close()
         if request.title and request.title != entry.title:
             store.rename(entry.id, request.title)

@@ -16,7 +16,7 @@ from frida_painter.web.goals import require_possible
 from frida_painter.web.painting_request import Identifier, PaintingRequest
 from frida_painter.web.painting_store import Entry
 from frida_painter.web.procedures import hand_on
-from frida_painter.web.requests import Beside, Operating, ThePaintingStore, TheStreams, TheWorkers, ThisPainting
+from frida_painter.web.requests import Operating, ThePaintingStore, ThePresence, TheStreams, TheWorkers, ThisPainting
 from frida_painter.web.state import PaintingState
 from frida_painter.web.state_stream import EventStream, current, require_room
 
@@ -65,7 +65,12 @@ def events(entry: ThisPainting, streams: TheStreams) -> EventStream:
 
 @router.post("/start")
 def start(
-    order: Start, entry: ThisPainting, session: Operating, beside: Beside, store: ThePaintingStore, workers: TheWorkers
+    order: Start,
+    entry: ThisPainting,
+    session: Operating,
+    presence: ThePresence,
+    store: ThePaintingStore,
+    workers: TheWorkers,
 ) -> Mapping[str, str]:
     """Begins to paint one of the plans."""
     if not order.ready:
@@ -78,7 +83,7 @@ def start(
         raise HTTPException(409, "This painting has been begun already; to paint it once more, take Paint again.")
     require_disk(folder.path, 200 * 2**20)
     with workers.slot_at(folder) as slot:
-        beside.allow(folder, workers.easel)
+        presence.allow(folder, workers.easel)
         folder.stop.unlink(missing_ok=True)
         store.note(session.id, entry.id, f"start plan {order.plan}")
         feed = Feed(folder)
@@ -90,7 +95,7 @@ def start(
 
 @router.post("/resume")
 def resume(
-    entry: ThisPainting, session: Operating, beside: Beside, store: ThePaintingStore, workers: TheWorkers
+    entry: ThisPainting, session: Operating, presence: ThePresence, store: ThePaintingStore, workers: TheWorkers
 ) -> Mapping[str, str]:
     """Goes on with a painting that was stopped, killed or broke off."""
     folder = entry.folder
@@ -101,7 +106,7 @@ def resume(
         raise HTTPException(409, "This painting is finished; to paint it once more, take Paint again.")
     require_disk(folder.path, 100 * 2**20)
     with workers.slot_at(folder) as slot:
-        beside.allow(folder, workers.easel)
+        presence.allow(folder, workers.easel)
         folder.stop.unlink(missing_ok=True)
         folder.robot_stop.unlink(missing_ok=True)
         store.note(session.id, entry.id, "resume")

@@ -12,7 +12,7 @@ from frida_painter.web.calibration_request import CalibrationRequest
 from frida_painter.web.calibration_state import CalibrationState
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder, require_disk, working
-from frida_painter.web.requests import AnySession, Beside, Operating, ThePaintingStore, TheStreams, TheWorkers
+from frida_painter.web.requests import AnySession, Operating, ThePaintingStore, ThePresence, TheStreams, TheWorkers
 from frida_painter.web.state_stream import EventStream, current, require_room
 
 router = APIRouter(prefix="/api/calibration")
@@ -34,13 +34,13 @@ def events(session: AnySession, store: ThePaintingStore, streams: TheStreams) ->
 
 @router.post("/start")
 def start(
-    request: CalibrationRequest, session: Operating, beside: Beside, store: ThePaintingStore, workers: TheWorkers
+    request: CalibrationRequest, session: Operating, presence: ThePresence, store: ThePaintingStore, workers: TheWorkers
 ) -> Mapping[str, str]:
     """Begins to calibrate."""
     folder = store.calibration
     require_disk(folder.path, 200 * 2**20)
     with workers.slot_at(folder) as slot:
-        beside.allow(folder, workers.easel)
+        presence.allow(folder, workers.easel)
         folder.stop.unlink(missing_ok=True)
         store.note(session.id, _ID, f"calibrate {', '.join(request.what)}")
         request.keep(folder)

@@ -15,7 +15,7 @@ from frida_painter.web.workers import Workers
 
 
 def session_of(request: Request) -> Session:
-    """Whoever asks; the door has let them in."""
+    """The session of the request, which the middleware has accepted."""
     session: Session = request.state.session
     return session
 
@@ -115,5 +115,5 @@ ThePaintingStore = Annotated[PaintingStore, Depends(painting_store_of)]
 TheStreams = Annotated[StateStreams, Depends(streams_of)]
 TheSigns = Annotated[Signs, Depends(signs_of)]
 TheLead = Annotated[Lead, Depends(lead_of)]
-Beside = Annotated[Presence, Depends(presence_of)]
+ThePresence = Annotated[Presence, Depends(presence_of)]
 TheWorkers = Annotated[Workers, Depends(workers_of)]

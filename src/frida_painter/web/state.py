@@ -27,7 +27,7 @@ from frida_painter.session.page_events import (
     PlanMade,
     PlanningProgress,
     PlanPreview,
-    PlanWished,
+    PlanRequested,
     Remark,
     RestReplanned,
     TakenUp,
@@ -108,7 +108,7 @@ class PaintingState:
         """Takes note of an event; one that does not concern it changes nothing."""
         self.version += 1
         match event:
-            case PlanWished(number, wish):
+            case PlanRequested(number, wish):
                 self._forget_trouble()
                 self.plans[number] = PlanState(number, wish)
             case PlanningProgress(plan=int(number)) | PlanPreview(plan=int(number)) | PlanMade(plan=number):

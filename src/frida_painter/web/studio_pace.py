@@ -13,7 +13,7 @@ from frida_painter.session.events import (
     events_of,
     time_of,
 )
-from frida_painter.session.page_events import Asked, PaintingKept, PaintingStarted, PlanMade, PlanWished, TakenUp
+from frida_painter.session.page_events import Asked, PaintingKept, PaintingStarted, PlanMade, PlanRequested, TakenUp
 from frida_painter.web.painting_store import PaintingStore
 
 _LAST = 6  # paintings that are looked at
@@ -44,7 +44,7 @@ def pace(store: PaintingStore, *, real_time: bool) -> StudioPace:
 
 
 def _planning(told: list[Written]) -> float | None:
-    requests = {event.plan: event.wish for event in told if isinstance(event, PlanWished)}
+    requests = {event.plan: event.wish for event in told if isinstance(event, PlanRequested)}
     took = [
         max(0.0, event.seconds - _LOADING) / (event.strokes * requests[event.plan]["effort"])
         for event in told

@@ -64,13 +64,13 @@ def statuses(record: Calibration, easel: Calibration, now: datetime | None = Non
 
 def require(record: Calibration, easel: Calibration, needed: tuple[str, ...] = NEEDED) -> None:
     """Raises CalibrationError, saying what to do first, unless the `needed` procedures were done and all hold."""
-    for standing in statuses(record, easel):
-        if standing.fault:
-            raise CalibrationError(f"{standing.fault}: frida-painter calibrate {standing.procedure}")
-        if standing.done is None and standing.procedure in needed:
+    for status in statuses(record, easel):
+        if status.fault:
+            raise CalibrationError(f"{status.fault}: frida-painter calibrate {status.procedure}")
+        if status.done is None and status.procedure in needed:
             raise CalibrationError(
-                f"The {standing.procedure} calibration was never done here; do it: "
-                f"frida-painter calibrate {standing.procedure}"
+                f"The {status.procedure} calibration was never done here; do it: "
+                f"frida-painter calibrate {status.procedure}"
             )
 
 
@@ -79,16 +79,14 @@ def require_basis(procedure: str, record: Calibration, easel: Calibration, *, de
 
     defaults_hold: whether the easel's defaults serve where nothing was measured.
     """
-    for standing in statuses(record, easel):
-        if standing.procedure in _all_below(procedure):
-            if standing.fault:
+    for status in statuses(record, easel):
+        if status.procedure in _all_below(procedure):
+            if status.fault:
+                raise CalibrationError(f"{status.fault} before {procedure}: frida-painter calibrate {status.procedure}")
+            if status.done is None and not defaults_hold:
                 raise CalibrationError(
-                    f"{standing.fault} before {procedure}: frida-painter calibrate {standing.procedure}"
-                )
-            if standing.done is None and not defaults_hold:
-                raise CalibrationError(
-                    f"{procedure.capitalize()} rests on {standing.procedure}, which was never done here; do it first: "
-                    f"frida-painter calibrate {standing.procedure}"
+                    f"{procedure.capitalize()} rests on {status.procedure}, which was never done here; do it first: "
+                    f"frida-painter calibrate {status.procedure}"
                 )
 
 
