@@ -15,7 +15,7 @@ from frida_painter.session.page_events import (
     ProcedureFound,
     ProcedureProgress,
 )
-from frida_painter.web import calibrate
+from frida_painter.web import calibration_request
 from frida_painter.web.calibration_request import CalibrationRequest
 from frida_painter.web.calibration_state import CalibrationState
 from frida_painter.web.feed import Feed
@@ -35,7 +35,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_the_page_knows_the_procedures_that_there_are() -> None:
-    assert calibrate.PROCEDURES == calibration.PROCEDURES
+    assert calibration_request.PROCEDURES == calibration.PROCEDURES
 
 
 def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, started: list[str]) -> None:
