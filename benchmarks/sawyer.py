@@ -23,7 +23,7 @@ from frida_painter.virtual.arm import Way
 from frida_painter.virtual.brushes import brush_named
 from frida_painter.virtual.sawyer.arm import SawyerArm
 from frida_painter.virtual.studio import SAWYER, StudioSettings, open_studio
-from frida_painter.virtual.studio_layout import sawyer_stand
+from frida_painter.virtual.studio_layout import sawyer_layout
 from measure import Table, arguments, publish
 
 _STROKES, _PER_DIP = 200, 4
@@ -55,23 +55,23 @@ def main() -> None:
     else:
         canvas, brush = CanvasSize(14 * 0.0254, 11 * 0.0254), "broad"
         strokes = random_strokes(brush, canvas, 4 if options.quick else _STROKES)
-    stand = sawyer_stand(canvas, brush_named(brush))
+    layout = sawyer_layout(canvas, brush_named(brush))
     calibration = open_studio(canvas, brush, settings=StudioSettings(arm=SAWYER)).easel.calibration
-    motion, surface = Motion(stand.workspace, calibration), limits.Surface(canvas, calibration.press_height)
-    arm, tip, stopped = SawyerArm(stand.workspace, canvas, seed=0), np.array(stand.home), threading.Event()
+    motion, surface = Motion(layout.workspace, calibration), limits.Surface(canvas, calibration.press_height)
+    arm, tip, stopped = SawyerArm(layout.workspace, canvas, seed=0), np.array(layout.home), threading.Event()
     arm.connect(tip)
     plane, depth, planning, seconds, spent = [], [], [], 0.0, 0.0
     for index in range(len(strokes)):
         begun = time.process_time()
         ways = [motion.stroke(strokes, index)]
-        limits.check(ways, stand.workspace, surface)
+        limits.check(ways, layout.workspace, surface)
         planning.append(1000 * (time.process_time() - begun))
         if index % _PER_DIP == 0:
             ways.insert(0, motion.dip(index // _PER_DIP % 12))
         for waypoints in ways:
             path = np.concatenate([tip[None], waypoints.position])
             begun = time.process_time()
-            course = arm.move(Way(waypoints.label, path, waypoints.speed, stand.workspace.travel_speed), stopped, 0.0)
+            course = arm.move(Way(waypoints.label, path, waypoints.speed, layout.workspace.travel_speed), stopped, 0.0)
             spent += time.process_time() - begun
             seconds, tip = seconds + course.seconds, course.places[-1]
             assert course.meant is not None

@@ -33,7 +33,7 @@ from schemathesis import GenerationMode
 from frida_painter.web.app import application
 from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.presence import Presence
-from frida_painter.web.station import Station
+from frida_painter.web.studio_easel import StudioEasel
 
 Request = tuple[str, str, dict[str, str], bytes]
 """Method, path, headers, body."""
@@ -177,7 +177,7 @@ RAW = [
 
 def description(folder: Path) -> dict[str, Any]:
     """What a studio says of its own routes (OpenAPI), but for those that never end or destroy."""
-    told = application(PaintingStore(folder), Station(folder / "record.json"), Presence()).openapi()
+    told = application(PaintingStore(folder), StudioEasel(folder / "record.json"), Presence()).openapi()
     return {**told, "paths": {path: own for path, own in told["paths"].items() if not path.endswith(_LEFT_OUT)}}
 
 
@@ -274,8 +274,8 @@ def judged(status: int, body: bytes, folder: str, what: object) -> None:
 def storm(host: str, token: str, folder: Path, count: int, chance: random.Random) -> dict[int, int]:
     """Sends `count` requests; returns how often each status came."""
     found: dict[int, int] = {}
-    shelf = PaintingStore(folder)
-    known = shelf.begin("Known").id
+    store = PaintingStore(folder)
+    known = store.begin("Known").id
     told = description(folder)
     paths = {path: [*map(str.upper, own)] for path, own in told["paths"].items()}
     each = math.ceil(count / 2 / sum(2 * len(own) for own in paths.values()))
@@ -321,7 +321,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as place, tempfile.TemporaryFile("w+") as complaints:
-        folder = Path(place) / "the-shelf"
+        folder = Path(place) / "the-store"
         program = [sys.executable, "-m", "frida_painter", "studio", "--folder", str(folder), "--port", "0"]
         studio = subprocess.Popen(
             [*program, "--no-browser"], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=complaints, text=True

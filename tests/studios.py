@@ -1,4 +1,4 @@
-"""A studio to knock at: its application behind the door, on a store of its own."""
+"""A studio for tests: its application with all middleware, on a store of its own."""
 
 import secrets
 import time
@@ -13,7 +13,7 @@ from frida_painter.web.access import Keys, Role
 from frida_painter.web.app import application, guarded
 from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.presence import Presence
-from frida_painter.web.station import Station
+from frida_painter.web.studio_easel import StudioEasel
 
 HOST = "127.0.0.1:8350"
 ORIGIN = f"http://{HOST}"
@@ -42,12 +42,12 @@ def order() -> dict[str, str]:
 class Studio:
     """The whole application as it is served, without a socket."""
 
-    def __init__(self, root: Path, station: Station | None = None) -> None:
+    def __init__(self, root: Path, easel: StudioEasel | None = None) -> None:
         self.store = PaintingStore(root)
         self.keys = Keys()
         self.presence = Presence()
-        self.station = station or Station(self.store.calibration.path / "calibration.json")
-        self.app = application(self.store, self.station, self.presence)
+        self.easel = easel or StudioEasel(self.store.calibration.path / "calibration.json")
+        self.app = application(self.store, self.easel, self.presence)
         self.served = guarded(self.app, self.keys, frozenset({HOST, "localhost:8350"}), "studio-8350")
 
     def client(self) -> TestClient:

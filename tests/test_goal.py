@@ -35,24 +35,24 @@ def test_sketches_are_begun_with_in_the_colors_of_a_style() -> None:
     lines = torch.ones(3, 240, 300)
     lines[:, 120, 30:270] = 0
     sketch = SketchTerm(lines, 2.0)
-    (alone,) = Goal((sketch,)).opening
+    (alone,) = Goal((sketch,)).initial_terms
     assert alone.weight == 2 and torch.equal(alone.image, sketch.drawing)
     assert float(sketch.drawing[:, 118:123, 60:240].max()) < 0.1, "as broad as brushes paint"
-    (filled,) = Goal((StyleTerm(picture()), sketch)).opening
+    (filled,) = Goal((StyleTerm(picture()), sketch)).initial_terms
     assert float(filled.image[:, 5, 5].std()) > 0.01, "the paper has a colour"
     image = ImageTerm(picture())
-    assert Goal((sketch, image)).opening == (image,)
+    assert Goal((sketch, image)).initial_terms == (image,)
 
 
 def test_a_plan_begins_with_what_it_is_told_or_else_with_the_pictures() -> None:
     image, style, first = ImageTerm(picture()), StyleTerm(picture(), 2.0), ImageTerm(1 - picture())
     alone = Goal((image,))
-    assert alone.opening is alone.terms
-    assert Goal((style, image)).opening == (image,)
-    assert Goal((style, image), (first,)).opening == (first,)
-    (opening,) = Goal((style,)).opening
+    assert alone.initial_terms is alone.terms
+    assert Goal((style, image)).initial_terms == (image,)
+    assert Goal((style, image), (first,)).initial_terms == (first,)
+    (opening,) = Goal((style,)).initial_terms
     assert isinstance(opening, ImageTerm) and opening.image is style.image
-    (opening,) = Goal((style, SemanticTerm(image.image, 2.0))).opening
+    (opening,) = Goal((style, SemanticTerm(image.image, 2.0))).initial_terms
     assert isinstance(opening, ImageTerm) and opening.image is image.image
 
 
@@ -61,4 +61,4 @@ def test_words_say_something_and_have_a_weight() -> None:
         TextTerm(" ")
     with pytest.raises(ConfigError, match="above 0 and finite"):
         TextTerm("a ship", math.nan)
-    assert Goal((TextTerm("a ship"),)).opening == (TextTerm("a ship"),)
+    assert Goal((TextTerm("a ship"),)).initial_terms == (TextTerm("a ship"),)

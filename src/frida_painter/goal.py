@@ -24,12 +24,12 @@ class Term(ABC):
     different kinds know of each other only what the properties below say. Only `prepare` has to be written:
     the rest says, if nothing else is said, that the term has neither picture nor words.
 
-    opening_order: a plan begins with the terms whose number is least; None: only where no term has a number.
+    initial_order: a plan begins with the terms whose number is least; None: only where no term has a number.
     interpretation_order: the terms' `interpret` are called by this number, the least first.
     """
 
     weight: float
-    opening_order: ClassVar[int | None] = None
+    initial_order: ClassVar[int | None] = None
     interpretation_order: ClassVar[int] = 100
 
     @abstractmethod
@@ -136,17 +136,17 @@ class Goal:
         )
 
     @cached_property
-    def opening(self) -> tuple[Term, ...]:
-        """What a plan begins with: the initial terms, or those of least `opening_order`, or else all.
+    def initial_terms(self) -> tuple[Term, ...]:
+        """What a plan begins with: the initial terms, or those of least `initial_order`, or else all.
 
         These are the goal's own terms, and the same tuple, where it has nothing but pictures to come near to.
         """
         if self.initial:
             return tuple(term.begun(self) for term in self.initial)
-        orders = [term.opening_order for term in self.terms if term.opening_order is not None]
+        orders = [term.initial_order for term in self.terms if term.initial_order is not None]
         if not orders:
             return self.terms
-        begun = tuple(term.begun(self) for term in self.terms if term.opening_order == min(orders))
+        begun = tuple(term.begun(self) for term in self.terms if term.initial_order == min(orders))
         same = len(begun) == len(self.terms) and all(map(lambda one, other: one is other, begun, self.terms))
         return self.terms if same else begun
 

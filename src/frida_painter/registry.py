@@ -38,7 +38,7 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
         "gcode": "frida_painter.hardware.drivers.gcode:GRBL",
         "marlin": "frida_painter.hardware.drivers.gcode:MARLIN",
         "axidraw": "frida_painter.hardware.drivers.axidraw:KIND",
-        "ros": "frida_painter.hardware.drivers.rospy_wire:KIND",
+        "ros": "frida_painter.hardware.drivers.rospy_connection:KIND",
         "rosbridge": "frida_painter.hardware.drivers.rosbridge:KIND",
     },
     CAMERAS: {

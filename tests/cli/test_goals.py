@@ -42,7 +42,7 @@ def test_photo_and_styles_with_their_weights(photo: Path, waves: Path) -> None:
         (StyleTerm, 0.5),
     ]
     assert isinstance(wanted.goal.initial[0], StyleTerm)
-    assert isinstance(wanted.goal.opening[0], ImageTerm), "to begin with a style is to begin with its picture"
+    assert isinstance(wanted.goal.initial_terms[0], ImageTerm), "to begin with a style is to begin with its picture"
     assert wanted.facts[1] == ("Style of", "waves.png (weight 2)")
     assert wanted.title == "Photo" and wanted.name == "photo"
 

@@ -4,7 +4,7 @@ import pytest
 import torch
 from rich.console import Console
 
-from frida_painter.cli.progress import PaintingProgress, PlanningProgress
+from frida_painter.cli.progress import PaintingLine, PlanningLine
 from frida_painter.palette import Palette
 from frida_painter.planning.optimize import Step
 from frida_painter.session.events import Event, Looked, PaintsWanted, Planned, PlanningStep, Scheduled, StrokePainted
@@ -112,7 +112,7 @@ def test_durations_are_said_as_people_say_them(seconds: float, words: str) -> No
 def shown(*events: Event) -> str:
     out = io.StringIO()
     console = Console(file=out, width=100, force_terminal=False)
-    with PaintingProgress(console, forecast()) as bar:
+    with PaintingLine(console, forecast()) as bar:
         for event in events:
             bar.hear(event)
         bar.hear(Finishing())
@@ -130,7 +130,7 @@ def test_the_line_says_what_is_going_on() -> None:
 
 def test_planning_alone_has_a_line_too() -> None:
     out = io.StringIO()
-    with PlanningProgress(Console(file=out, width=100, force_terminal=False)) as bar:
+    with PlanningLine(Console(file=out, width=100, force_terminal=False)) as bar:
         bar.hear(Step(1, 4, 0.5))
         bar.hear(Step(4, 4, 0.1))
     assert "planning 100 %" in out.getvalue()

@@ -63,11 +63,11 @@ def easel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.chdir(tmp_path)
     text = example().replace("width = 0.3556", "width = 0.14").replace("height = 0.2794", "height = 0.1")
     (tmp_path / "easel.toml").write_text(text)
-    stand = WorkcellConfig.load(tmp_path / "easel.toml")
+    workcell = WorkcellConfig.load(tmp_path / "easel.toml")
     corners = ((9.5, 9.5), (149.5, 9.5), (149.5, 109.5), (9.5, 109.5))
     shots = f"folder:{tmp_path / 'shots'}"
-    record = stand.calibration("fine", SIZE, shots)
-    record = record.with_canvas(corners, SIZE, camera=shots, canvas=stand.canvas, residual=0.1)
+    record = workcell.calibration("fine", SIZE, shots)
+    record = record.with_canvas(corners, SIZE, camera=shots, canvas=workcell.canvas, residual=0.1)
     record = record.with_robot(record.placement, residual=0.0004).with_color(record.color, residual=1.0)
     record = record.with_brush("fine", record.touch_height, record.press_height, protrusion=None, residual=0.0002)
     record.save(tmp_path / "cal.json")
@@ -146,7 +146,7 @@ def test_a_painting_on_a_real_easel_waits_for_the_wells_and_is_resumed_on_the_sa
         status, said = run("resume", "it", "--yes")
         assert status == 0, said
         history = told(easel / "it")
-        assert history.finished and history.painted == 4 and history.sittings == 2
+        assert history.finished and history.painted == 4 and history.runs == 2
     pressed = [place for place in grbl.moved if place[0] > 300 and place[2] < 120.5]
     assert pressed, "it painted on the canvas"
     assert min(place[2] for place in grbl.moved) >= 107.9

@@ -108,7 +108,7 @@ def test_a_killed_painting_is_finished_and_its_story_is_whole(resume: Resume, pa
     assert status == 0, said
     assert "Type y or n." in said and "paint stroke 7 again? [y/N]" in said and "10 strokes in " in said
     history = told(painting)
-    assert history.finished and history.given_up == [7] and history.sittings == 2
+    assert history.finished and history.given_up == [7] and history.runs == 2
     result = json.loads((painting / "result.json").read_text())
     assert result["strokes_painted"] == 10 and result["sittings"] == 2 and result["strokes_given_up"] == [7]
     assert [look["strokes"] for look in result["looks"]] == [5] and result["settings"]["photo"] == "coffee.jpg"
@@ -140,7 +140,7 @@ def test_f33_what_was_changed_is_shown_and_refused_until_it_is_accepted(resume: 
     status, said = resume("painting", "--yes")
     assert status == 2 and "effort: it was 0.05, and is 0.06" in said and "goal: it was " in said
     assert f"plan: it was {plan.digest[:12]}, and is " in said and "--accept-changes" in said
-    assert told(painting).sittings == 1
+    assert told(painting).runs == 1
     status, said = resume("painting", "--yes", "--accept-changes")
     assert status == 0 and told(painting).finished
 

@@ -150,10 +150,10 @@ def test_its_brush_is_calibrated_and_photographed_in_the_studio(run: Run, table:
 
 @pytest.mark.slow
 def test_a_painting_with_all_three_of_them(run: Run, table: Path) -> None:
-    stand = WorkcellConfig.load(table / "easel.toml")
-    record = stand.calibration("marker", SIZE, "rpicam")
+    workcell = WorkcellConfig.load(table / "easel.toml")
+    record = workcell.calibration("marker", SIZE, "rpicam")
     corners = ((9.5, 9.5), (149.5, 9.5), (149.5, 109.5), (9.5, 109.5))
-    record = record.with_canvas(corners, SIZE, camera="rpicam", canvas=stand.canvas, residual=0.1)
+    record = record.with_canvas(corners, SIZE, camera="rpicam", canvas=workcell.canvas, residual=0.1)
     record = record.with_robot(record.placement, residual=0.0004).with_color(record.color, residual=1.0)
     record = record.with_brush("marker", record.touch_height, record.press_height, protrusion=None, residual=0.0002)
     record.save(table / "cal.json")

@@ -20,8 +20,8 @@ from plans import CANVAS, made_up_plan
 PLAN = made_up_plan(12, 3)
 
 
-def actions(plan: Plan = PLAN, desk: FlatbedWorkspace | None = None) -> list[Action]:
-    motion = (desk or FlatbedWorkspace()).motion(plan.canvas)
+def actions(plan: Plan = PLAN, flatbed: FlatbedWorkspace | None = None) -> list[Action]:
+    motion = (flatbed or FlatbedWorkspace()).motion(plan.canvas)
     return list(Choreography(motion, MEDIUM).actions(plan, BrushLoad(), 0, len(plan)))
 
 
@@ -81,7 +81,7 @@ def test_where_the_wells_are_known_the_machine_dips_itself() -> None:
 
 
 def test_a_pen_never_goes_below_the_paper() -> None:
-    program = gcode(PLAN, actions(desk=FlatbedWorkspace(press=0.0)), Gcode(), pauses=True)
+    program = gcode(PLAN, actions(flatbed=FlatbedWorkspace(press=0.0)), Gcode(), pauses=True)
     assert min(part[:, 2].min() for part in travelled(program)) == 0
 
 

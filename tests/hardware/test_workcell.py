@@ -8,7 +8,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.hardware.workcell import WorkcellConfig, example
 
 
-def stand(*changes: tuple[str, str], before: str = "") -> WorkcellConfig:
+def workcell(*changes: tuple[str, str], before: str = "") -> WorkcellConfig:
     text = example()
     for old, new in changes:
         assert old in text, old
@@ -18,7 +18,7 @@ def stand(*changes: tuple[str, str], before: str = "") -> WorkcellConfig:
 
 def fault(*changes: tuple[str, str], before: str = "") -> str:
     with pytest.raises(ConfigError) as refused:
-        stand(*changes, before=before)
+        workcell(*changes, before=before)
     message = str(refused.value)
     assert message.startswith("my.toml is no workspace: ") and "workspace example" in message
     assert "\n" not in message
@@ -26,7 +26,7 @@ def fault(*changes: tuple[str, str], before: str = "") -> str:
 
 
 def test_the_example_is_a_whole_workspace() -> None:
-    made = stand()
+    made = workcell()
     assert made.easel == "my easel" and len(made.workspace.wells) == 12
     assert str(made.canvas) == "356 x 279 mm"
     assert made.workspace.canvas_origin == (0.3, -0.1, 0.12) and made.workspace.home == (0.1, -0.25, 0.25)
@@ -35,7 +35,7 @@ def test_the_example_is_a_whole_workspace() -> None:
 
 def test_the_turn_is_in_degrees_and_home_and_arm_may_be_left_out() -> None:
     text = example()
-    made = stand(
+    made = workcell(
         ("turn = 0.0", "turn = 4"),
         ("home = [0.10, -0.25, 0.250]", ""),
         (text[text.index("[arm]") :], ""),
@@ -45,10 +45,10 @@ def test_the_turn_is_in_degrees_and_home_and_arm_may_be_left_out() -> None:
 
 
 def test_its_first_record_has_the_heights_of_the_workspace() -> None:
-    record = stand().calibration("broad")
+    record = workcell().calibration("broad")
     assert (record.easel, record.brush) == ("my easel", "broad")
     assert (record.touch_height, record.press_height) == (0.12, 0.108)
-    assert record.canvas == stand().canvas and record.done == {}
+    assert record.canvas == workcell().canvas and record.done == {}
 
 
 @pytest.mark.parametrize(
@@ -140,6 +140,6 @@ def test_files_that_are_none(tmp_path: Path, content: bytes, says: str) -> None:
 def test_a_file_is_read(tmp_path: Path) -> None:
     path = tmp_path / "my.toml"
     path.write_text(example())
-    assert WorkcellConfig.load(path) == stand()
+    assert WorkcellConfig.load(path) == workcell()
     with pytest.raises(ConfigError, match="does not exist"):
         WorkcellConfig.load(tmp_path / "other.toml")

@@ -1,6 +1,6 @@
 """An arm's node as the `ros` driver's contract wants it, which misbehaves when told to; plain Python on purpose.
 
-The same node stands behind wires of the tests' own, behind a websocket that plays rosbridge, and in a
+The same node stands behind connections of the tests' own, behind a websocket that plays rosbridge, and in a
 process of its own behind a real ROS master.
 """
 

@@ -10,10 +10,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from frida_painter.errors import FridaError
 from frida_painter.hardware.drivers.ros import RosRobot, RosSettings
-from frida_painter.hardware.drivers.rospy_wire import RospyWire
+from frida_painter.hardware.drivers.rospy_connection import RospyConnection
 from machines.paths import a_stroke
 
-robot = RosRobot(RosSettings((0.25, -0.1, 0.3)), RospyWire(sys.argv[1]), RospyWire(sys.argv[1]))
+robot = RosRobot(RosSettings((0.25, -0.1, 0.3)), RospyConnection(sys.argv[1]), RospyConnection(sys.argv[1]))
 try:
     robot.connect()
     if sys.argv[2] == "stop":

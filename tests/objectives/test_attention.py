@@ -37,7 +37,7 @@ def test_a_goal_that_begins_with_what_is_meant_begins_where_its_meaning_is() -> 
     goal = attended(Goal((SemanticTerm(picture(), 2.0), StyleTerm(picture()))), QuickEncoders())
     (begun,) = goal.initial
     assert isinstance(begun, ImageTerm) and begun.importance is not None and begun.weight == 2
-    assert goal.opening == goal.initial
+    assert goal.initial_terms == goal.initial
 
 
 def test_other_goals_ask_no_network() -> None:

@@ -20,7 +20,7 @@ from frida_painter.objectives.kind import Gives, GoalKind
 from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.registry import OBJECTIVES
 from frida_painter.web.abilities import abilities
-from frida_painter.web.wish import Term
+from frida_painter.web.painting_request import GoalRequest
 
 OURS = ["image", "semantic", "sketch", "text", "style"]
 Install = Callable[..., registry.KnownKinds]
@@ -99,9 +99,9 @@ def test_every_kind_has_its_options_and_a_name_that_is_taken_has_none(
 def test_the_page_knows_them_too(install: Install, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FRIDA_PAINTER_MODELS", str(tmp_path))
     with pytest.raises(ValidationError, match="no such kind of goal; there are image"):
-        Term(kind="mood", words="calm")
+        GoalRequest(kind="mood", words="calm")
     install(mood=kind(networks=(("large-net", "small-net"),)))
-    assert tomllib.loads(Term(kind="mood", words="calm").toml) == {"mood": "calm", "weight": 1.0}
+    assert tomllib.loads(GoalRequest(kind="mood", words="calm").toml) == {"mood": "calm", "weight": 1.0}
     with pytest.raises(ValidationError, match="either words or a picture"):
-        Term(kind="mood", picture="0" * 32)
+        GoalRequest(kind="mood", picture="0" * 32)
     assert abilities()["mood"]["missing"] == ["small-net"] and abilities()["image"]["ready"]

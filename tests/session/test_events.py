@@ -41,6 +41,7 @@ from frida_painter.session.page_events import (
     PaintingStarted,
     PlanningProgress,
     PlanPreview,
+    PlanRequested,
     TimeLeft,
     WentOn,
 )
@@ -99,6 +100,8 @@ OLD: list[tuple[dict[str, Any], list[Written]]] = [
     ({"kind": "finished", "film": True, "arm": False}, [PaintingKept(True)]),
     ({"kind": "protected", "region": "regions/1.png", "only": True}, [RegionProtected("regions/1.png", True)]),
     ({"kind": "redirected", "goal": "changes/1"}, [GoalChanged("changes/1", {})]),
+    ({"kind": "wished", "plan": 1, "wish": {"seed": 2}}, [PlanRequested(1, {"seed": 2})]),
+    ({"kind": "plan_wished", "plan": 1, "wish": {}}, [PlanRequested(1, {})]),
     ({"kind": "sprouting", "plan": 2, "picture": "a.jpg"}, [PlanPreview("a.jpg", 2)]),
     ({"kind": "growing", "picture": "a.jpg"}, [PlanPreview("a.jpg")]),
     ({"kind": "replanning", "share": 0.5, "left": 2.0}, [PlanningProgress(0.5, 2.0)]),
@@ -138,7 +141,7 @@ def test_an_old_journal_tells_the_same_history_before_and_after_it_is_renewed() 
     lines = [{"at": AT, **line} for line in lines]
     before, after = (History.of(each, Path()) for each in (lines, renewed_journal(lines)))
     assert before == after
-    assert (before.painted, before.given_up, before.dips, before.cleanings, before.sittings) == (6, [4, 5], 1, 1, 2)
+    assert (before.painted, before.given_up, before.dips, before.cleanings, before.runs) == (6, [4, 5], 1, 1, 2)
     assert (before.region, before.goal, before.finished) == (("regions/1.png", True), "changes/1", True)
     assert renewed_journal(lines)[0]["version"] == 2
     assert not {line["kind"] for line in renewed_journal(lines)} - set(KINDS)

@@ -86,9 +86,9 @@ def test_f8_stop_within_a_stroke_acts_at_once_and_f9_holds_until_a_person_re_arm
             easel.robot.follow(path)
         heard = time.time() - asked[0]
         stopped = until(lambda: latch(folder).read())
-        for deed in (easel.robot.home, lambda: easel.robot.follow(path), easel.robot.connect):
+        for action in (easel.robot.home, lambda: easel.robot.follow(path), easel.robot.connect):
             with pytest.raises(RobotStopped, match="frida-painter arm"):
-                deed()
+                action()
         easel.robot.stop()  # as often as one likes
     # The robot says so itself: it went for as long as nobody asked, hardly longer, and never again. How long a stop
     # takes is measured where a thousand of them are (test_guard.py); here the computer may be busy with other tests.

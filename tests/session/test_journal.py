@@ -85,7 +85,7 @@ def test_what_is_seen_and_learned_is_kept(tmp_path: Path) -> None:
     assert all((photograph == 240).all() for photograph in kept)
     seen = evening.observer.see(kept[0], 45)
     assert torch.equal(seen, evening.observer.look(1e9, 45)), "the photograph as it was kept shows the same"
-    assert told.finished and told.painted == 6 and told.sittings == 1 and told.seconds >= 0
+    assert told.finished and told.painted == 6 and told.runs == 1 and told.seconds >= 0
 
 
 @pytest.mark.parametrize("painted", [0, 1, 3, 5])
@@ -117,7 +117,7 @@ def test_the_one_in_doubt_is_given_up_where_it_is_skipped(tmp_path: Path) -> Non
     journal.resumed(before, repaint=False)
     told = read(tmp_path)
     assert (before.painted, before.in_doubt, before.given_up) == (1, None, [1])
-    assert (told.painted, told.in_doubt, told.given_up, told.sittings) == (1, None, [1], 2)
+    assert (told.painted, told.in_doubt, told.given_up, told.runs) == (1, None, [1], 2)
 
 
 def test_a_folder_without_a_journal_is_no_painting(tmp_path: Path) -> None:
@@ -194,4 +194,4 @@ def test_a_journal_of_an_earlier_version_is_gone_on_with_in_the_words_of_today(t
     assert [record["kind"] for record in records] == [
         "painting_begun", "motion_began", "stroke_painted", "motion_began", "session_resumed", "stroke_painted",
     ]  # fmt: skip
-    assert (read(tmp_path).painted, read(tmp_path).in_doubt, read(tmp_path).sittings) == (2, None, 2)
+    assert (read(tmp_path).painted, read(tmp_path).in_doubt, read(tmp_path).runs) == (2, None, 2)

@@ -21,27 +21,27 @@ from plugins import install
 
 
 @pytest.fixture
-def stand(tmp_path: Path) -> WorkcellConfig:
+def workcell(tmp_path: Path) -> WorkcellConfig:
     (tmp_path / "easel.toml").write_text(example())
     return WorkcellConfig.load(tmp_path / "easel.toml")
 
 
-def test_each_machine_is_built_as_it_is_named(stand: WorkcellConfig) -> None:
-    xarm = robot_named("xarm:192.168.1.10, brush_length=0.12", stand.workspace)
+def test_each_machine_is_built_as_it_is_named(workcell: WorkcellConfig) -> None:
+    xarm = robot_named("xarm:192.168.1.10, brush_length=0.12", workcell.workspace)
     assert isinstance(xarm, XarmRobot)
     assert (xarm.settings.address, xarm.settings.brush_length) == ("192.168.1.10", 0.12)
-    assert xarm.settings.home == stand.workspace.home
-    grbl = robot_named("gcode:/dev/ttyUSB0,homing=yes,servo=-0.002/100/0.01/900", stand.workspace)
+    assert xarm.settings.home == workcell.workspace.home
+    grbl = robot_named("gcode:/dev/ttyUSB0,homing=yes,servo=-0.002/100/0.01/900", workcell.workspace)
     assert isinstance(grbl, GcodeRobot)
     assert grbl.settings.homing and grbl.settings.gcode.flavour == "grbl"
     assert grbl.settings.gcode.servo is not None and grbl.settings.gcode.servo.high == (0.01, 900)
-    marlin = robot_named("marlin:/dev/ttyACM0,baud=250000", stand.workspace)
+    marlin = robot_named("marlin:/dev/ttyACM0,baud=250000", workcell.workspace)
     assert isinstance(marlin, GcodeRobot) and marlin.settings.baud == 250_000
-    assert isinstance(robot_named("axidraw", stand.workspace), AxidrawRobot)
-    ros = robot_named("rosbridge:10.0.0.2:9091,ros=2,namespace=/left/brush", stand.workspace)
+    assert isinstance(robot_named("axidraw", workcell.workspace), AxidrawRobot)
+    ros = robot_named("rosbridge:10.0.0.2:9091,ros=2,namespace=/left/brush", workcell.workspace)
     assert isinstance(ros, RosRobot)
     assert (ros.settings.ros, ros.settings.namespace) == (2, "/left/brush")
-    assert isinstance(robot_named("ros", stand.workspace), RosRobot)
+    assert isinstance(robot_named("ros", workcell.workspace), RosRobot)
 
 
 def test_each_camera_is_built_as_it_is_named(tmp_path: Path) -> None:
@@ -73,9 +73,9 @@ def test_each_camera_is_built_as_it_is_named(tmp_path: Path) -> None:
         ("rosbridge:host,ros=3", "1 or 2"),
     ],
 )
-def test_names_that_mean_nothing_are_told(stand: WorkcellConfig, name: str, says: str) -> None:
+def test_names_that_mean_nothing_are_told(workcell: WorkcellConfig, name: str, says: str) -> None:
     with pytest.raises(ConfigError, match=says):
-        robot_named(name, stand.workspace)
+        robot_named(name, workcell.workspace)
 
 
 @pytest.mark.parametrize(

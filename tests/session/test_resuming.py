@@ -188,7 +188,7 @@ def test_killed_twice_it_is_still_the_same_painting(world: World, undisturbed: U
     kill_when(tmp_path / "journal", ended(9), lambda: world.resume(tmp_path))
     canvas = resumed(world, tmp_path)
     assert off(canvas, undisturbed) < CLEANED
-    assert History.of(EventLog.read(tmp_path / "journal"), tmp_path).sittings == 3
+    assert History.of(EventLog.read(tmp_path / "journal"), tmp_path).runs == 3
 
 
 def test_killed_while_planning_nothing_is_lost_but_the_planning(

@@ -58,17 +58,17 @@ def looks(studio: VirtualStudio) -> dict[str, object]:
 
 @pytest.mark.parametrize("left_after", range(14))
 def test_a_studio_goes_on_as_if_it_had_never_been_left(tmp_path: Path, left_after: int) -> None:
-    deeds = evening()
+    actions = evening()
     straight = hand(None, fill=True)
-    for deed in deeds:
-        deed(straight)
+    for action in actions:
+        action(straight)
 
     first = hand(tmp_path / "studio.jsonl", fill=True)
-    for deed in deeds[:left_after]:
-        deed(first)  # ... and then its process is killed: nothing is closed
+    for action in actions[:left_after]:
+        action(first)  # ... and then its process is killed: nothing is closed
     again = hand(tmp_path / "studio.jsonl")
-    for deed in deeds[left_after:]:
-        deed(again)
+    for action in actions[left_after:]:
+        action(again)
     again.stroke(0.03, 0.06, 0.04)
     straight.stroke(0.03, 0.06, 0.04)
     assert looks(again.studio) == looks(straight.studio)

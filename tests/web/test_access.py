@@ -5,7 +5,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from frida_painter.web.access import Keys, Role
 from frida_painter.web.painting_store import PaintingStore
-from frida_painter.web.workers import Place
+from frida_painter.web.workers import WorkerSlot
 from studios import HOST, ORIGIN, Studio
 
 ROUTES = [
@@ -21,7 +21,7 @@ ROUTES = [
 
 @pytest.fixture
 def studio(tmp_path: Path) -> Studio:
-    return Studio(tmp_path / "shelf")
+    return Studio(tmp_path / "store")
 
 
 @pytest.mark.parametrize(("method", "path"), ROUTES)
@@ -107,7 +107,7 @@ def test_nothing_that_is_asked_with_get_moves_or_changes_anything(
     studio: Studio, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[str] = []
-    monkeypatch.setattr(Place, "start", lambda self, job, plan: started.append(job))
+    monkeypatch.setattr(WorkerSlot, "start", lambda self, job, plan: started.append(job))
     monkeypatch.setattr(PaintingStore, "note", lambda self, by, painting, what: started.append(what))
     entry, visitor = studio.store.begin("A painting"), studio.visitor()
     described = studio.app.openapi()["paths"]

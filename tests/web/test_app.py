@@ -17,13 +17,13 @@ from frida_painter.session.page_events import PaintingKept, TakenUp
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import WorkerLock
 from frida_painter.web.painting_store import Entry
-from frida_painter.web.workers import Place
+from frida_painter.web.workers import WorkerSlot
 from studios import Studio, Visitor
 
 
 @pytest.fixture
 def studio(tmp_path: Path) -> Studio:
-    return Studio(tmp_path / "shelf")
+    return Studio(tmp_path / "store")
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def visitor(studio: Studio) -> Visitor:
 def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
     """What would have been started, by job and number of the plan; nobody is really at work."""
     jobs: list[tuple[str, int]] = []
-    monkeypatch.setattr(Place, "start", lambda self, job, plan: jobs.append((job, plan.number)))
+    monkeypatch.setattr(WorkerSlot, "start", lambda self, job, plan: jobs.append((job, plan.number)))
     return jobs
 
 
@@ -58,7 +58,7 @@ def begun(studio: Studio, visitor: Visitor) -> Entry:
     return entry
 
 
-def deeds(studio: Studio) -> list[str]:
+def audit_records(studio: Studio) -> list[str]:
     """What was asked for, in order."""
     with closing(sqlite3.connect(studio.store.root / "studio.sqlite")) as base:
         return [what for (what,) in base.execute("SELECT what FROM deed ORDER BY rowid")]
@@ -133,7 +133,7 @@ def test_stop_reaches_those_who_work_and_is_put_down(studio: Studio, visitor: Vi
     assert visitor.post("/api/stop").json() == {"stopped": 1}
     assert entry.folder.stop.exists() and not other.folder.stop.exists()
     assert not entry.folder.robot_stop.exists(), "nothing is painted yet"
-    assert deeds(studio) == ["stop", "stop"]
+    assert audit_records(studio) == ["stop", "stop"]
     lock.release()
 
 
@@ -154,7 +154,7 @@ def test_who_asked_for_what_and_when_is_kept_for_good(studio: Studio, visitor: V
     assert visitor.post("/api/stop").status_code == visitor.post("/api/lead").status_code == 200
     lock.release()
     moved = "answer: moved by -1.0 mm"
-    assert deeds(studio) == ["start plan 1", "pause 0", "region 1", moved, moved, "stop", "lead"]
+    assert audit_records(studio) == ["start plan 1", "pause 0", "region 1", moved, moved, "stop", "lead"]
     with closing(sqlite3.connect(studio.store.root / "studio.sqlite")) as base:
         whose = {(by, datetime.fromisoformat(at).date()) for at, by in base.execute("SELECT at, by FROM deed")}
         assert whose == {(*studio.keys.sessions, datetime.now().date())}

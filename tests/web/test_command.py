@@ -19,7 +19,7 @@ def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
         places.append((address, port))
         return socket.socket()
 
-    def serve(shelf: Any, station: Any, listening: socket.socket, names: Any, tell: Any) -> None:
+    def serve(store: Any, easel: Any, listening: socket.socket, names: Any, tell: Any) -> None:
         listening.close()
         tell({role: f"http://here/?token={role.name}" for role in Role})
 

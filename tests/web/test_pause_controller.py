@@ -17,9 +17,9 @@ from frida_painter.session.page_events import Remark, WentOn
 from frida_painter.web.commands import tell_painter
 from frida_painter.web.feed import Feed, FeedReader
 from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.painting_request import PaintingRequest
 from frida_painter.web.pause_controller import PauseController
-from frida_painter.web.stop_file import Stop, StopPressed
-from frida_painter.web.wish import Wish
+from frida_painter.web.stop_file import StopFileWatch, StopPressed
 from scenes import CANVAS, goal, picture, small_table
 from sittings import Evening
 
@@ -41,8 +41,8 @@ class Table:
     ) -> None:
         self.folder = folder
         self.feed = Feed(folder)
-        self.stop = Stop(folder.stop)
-        self.together = PauseController(folder, self.feed, self.stop)
+        self.stop = StopFileWatch(folder.stop)
+        self.controller = PauseController(folder, self.feed, self.stop)
         self.evening = Evening(
             strokes,
             replans=0,
@@ -51,7 +51,7 @@ class Table:
             journal=journal or Journal.nowhere(),
         )
         self.evening.session.interruptions.pause_asked = self._pause_asked
-        self.together.opened = lambda: self.evening.session
+        self.controller.opened = lambda: self.evening.session
         self.says: list[tuple[str, dict[str, int]]] = []
         deadline = threading.Timer(30, folder.stop.touch)  # a pause that nobody ends is not waited for
         deadline.daemon = True
@@ -62,13 +62,13 @@ class Table:
 
     def _pauses(self, after: int) -> Any:
         def pause_at(event: Event) -> bool:
-            self.together.hear(event)
+            self.controller.hear(event)
             return isinstance(event, StrokePainted) and event.done == after
 
         return pause_at
 
     def _pause_asked(self) -> bool:
-        return self.together.pause_asked() or self.evening.pausing
+        return self.controller.pause_asked() or self.evening.pausing
 
     def _go_on(self, paused: Paused) -> bool:
         def answer() -> None:
@@ -76,7 +76,7 @@ class Table:
                 tell_painter(self.folder, kind, "browser", **more)  # type: ignore[arg-type]
 
         threading.Timer(0.05, answer).start()
-        return self.together.go_on(paused)
+        return self.controller.go_on(paused)
 
 
 def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: PaintingFolder) -> None:
@@ -108,9 +108,9 @@ def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder)
 
 def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> None:
     feed = Feed(folder)
-    together = PauseController(folder, feed, Stop(folder.stop))
+    controller = PauseController(folder, feed, StopFileWatch(folder.stop))
     tell_painter(folder, "go on", "browser")
-    assert together.go_on(Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
+    assert controller.go_on(Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
     reasons = [event.reason for event in FeedReader(folder.feed).read() if isinstance(event, Paused)]
     assert reasons == ["its folder/painting/journal cannot be written; make room."]
 
@@ -127,8 +127,8 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
     images.save(drawn, folder.region(1))
     (tmp_path / "pictures").mkdir()
     images.save(picture(60, 80), tmp_path / "pictures" / f"{PICTURE}.png")
-    wish = Wish.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]})
-    assert folder.begin_change(wish, tmp_path / "pictures") == 1
+    request = PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]})
+    assert folder.begin_change(request, tmp_path / "pictures") == 1
     table.says = [("spare", {"record": 1}), ("goal", {"record": 1}), ("go on", {})]
     table.evening.session.run(4, 1, made)
     table.evening.session.journal.close()
@@ -139,14 +139,14 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
     history = Journal.reopen(folder.painting)[1]
     kept_region = resuming.region(folder.painting, history)
     assert kept_region is not None and torch.equal(kept_region.forbidden, after.region.forbidden)
-    assert read_goal(folder.painting / history.goal).wishes[0][2] == 2
+    assert read_goal(folder.painting / history.goal).items[0][2] == 2
     assert table.told(GoalChanged)[0].wish["terms"][0]["weight"] == 2
     assert sum(isinstance(event, Planned) for event in table.evening.heard) >= 3
 
 
 @pytest.fixture
-def stopped(folder: PaintingFolder) -> Iterator[Stop]:
-    stop = Stop(folder.stop)
+def stopped(folder: PaintingFolder) -> Iterator[StopFileWatch]:
+    stop = StopFileWatch(folder.stop)
     stop.heed()
     folder.stop.touch()
     deadline = time.monotonic() + 20
@@ -155,7 +155,7 @@ def stopped(folder: PaintingFolder) -> Iterator[Stop]:
     yield stop
 
 
-def test_stop_ends_a_pause_and_whatever_heeds_it(folder: PaintingFolder, stopped: Stop) -> None:
+def test_stop_ends_a_pause_and_whatever_heeds_it(folder: PaintingFolder, stopped: StopFileWatch) -> None:
     with pytest.raises(StopPressed):
         stopped.heed()
     assert PauseController(folder, Feed(folder), stopped).go_on(Paused("You asked for a pause.", 3)) is False

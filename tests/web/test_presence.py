@@ -9,7 +9,7 @@ from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.web import presence as presence_module
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.presence import Presence
-from frida_painter.web.station import Station
+from frida_painter.web.studio_easel import StudioEasel
 
 
 @pytest.fixture
@@ -18,20 +18,20 @@ def folder(tmp_path: Path) -> PaintingFolder:
 
 
 def test_a_simulated_robot_moves_without_a_press(folder: PaintingFolder) -> None:
-    Presence().allow(folder, Station(folder.path / "record.json"))
+    Presence().allow(folder, StudioEasel(folder.path / "record.json"))
 
 
 @pytest.mark.parametrize("robot", ["xarm:10.0.0.1", "axidraw"])
 def test_a_real_robot_moves_only_after_a_press_and_each_press_is_good_for_one_thing(
     folder: PaintingFolder, robot: str
 ) -> None:
-    presence, station = Presence(possible=True), Station(folder.path / "record.json", robot)
+    presence, easel = Presence(possible=True), StudioEasel(folder.path / "record.json", robot)
     with pytest.raises(RobotStopped, match="press Enter"):
-        presence.allow(folder, station)
+        presence.allow(folder, easel)
     presence.press()
-    presence.allow(folder, station)
+    presence.allow(folder, easel)
     with pytest.raises(RobotStopped):
-        presence.allow(folder, station)
+        presence.allow(folder, easel)
 
 
 def test_a_press_is_forgotten_after_a_minute(folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -40,18 +40,18 @@ def test_a_press_is_forgotten_after_a_minute(folder: PaintingFolder, monkeypatch
     now = time.monotonic()
     monkeypatch.setattr(presence_module.time, "monotonic", lambda: now + presence_module.GOOD_FOR + 1)
     with pytest.raises(RobotStopped, match="in a terminal"):
-        presence.allow(folder, Station(folder.path / "record.json", "axidraw"))
+        presence.allow(folder, StudioEasel(folder.path / "record.json", "axidraw"))
 
 
 def test_a_stop_holds_until_somebody_has_pressed(folder: PaintingFolder) -> None:
     latch = Latch(latch_path(folder.easel, "virtual studio 0"), "virtual studio 0")
     latch.engage("you stopped it")
-    presence, station = Presence(possible=True), Station(folder.path / "record.json")
+    presence, easel = Presence(possible=True), StudioEasel(folder.path / "record.json")
     with pytest.raises(RobotStopped, match="was stopped, and nothing moves"):
-        presence.allow(folder, station)
+        presence.allow(folder, easel)
     assert latch.read() is not None
     presence.press()
-    presence.allow(folder, station)
+    presence.allow(folder, easel)
     assert latch.read() is None
 
 

@@ -15,13 +15,13 @@ from frida_painter.session.page_events import (
     ProcedureFound,
     ProcedureProgress,
 )
-from frida_painter.web import calibrate
-from frida_painter.web.calibrate import Calibrate
+from frida_painter.web import calibration_request
+from frida_painter.web.calibration_request import CalibrationRequest
 from frida_painter.web.calibration_state import CalibrationState
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import WorkerLock
-from frida_painter.web.station import Station
-from frida_painter.web.workers import Place
+from frida_painter.web.studio_easel import StudioEasel
+from frida_painter.web.workers import WorkerSlot
 from studios import Studio, order
 
 QUESTION = {"id": "f" * 16, "kind": "confirm", "text": "Is it so?", "proposal": True}
@@ -30,12 +30,12 @@ QUESTION = {"id": "f" * 16, "kind": "confirm", "text": "Is it so?", "proposal": 
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     jobs: list[str] = []
-    monkeypatch.setattr(Place, "start", lambda self, job, plan: jobs.append(job))
+    monkeypatch.setattr(WorkerSlot, "start", lambda self, job, plan: jobs.append(job))
     return jobs
 
 
 def test_the_page_knows_the_procedures_that_there_are() -> None:
-    assert calibrate.PROCEDURES == calibration.PROCEDURES
+    assert calibration_request.PROCEDURES == calibration.PROCEDURES
 
 
 def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, started: list[str]) -> None:
@@ -43,7 +43,7 @@ def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, start
     visitor, folder = studio.visitor(), studio.store.calibration
     assert [each["dated"] for each in visitor.get("/api/calibration").json()["procedures"]] == [None] * 5
     assert visitor.post("/api/calibration/start", json={"what": ["canvas", "brush"]}).status_code == 200
-    assert started == ["calibrate"] and Calibrate.kept(folder).what == ("canvas", "brush")
+    assert started == ["calibrate"] and CalibrationRequest.kept(folder).what == ("canvas", "brush")
     Feed(folder).tell(Asked(QUESTION))
     (folder.live / "found-canvas.png").write_bytes(b"x")
     assert visitor.get("/api/calibration/files/found-canvas.png").content == b"x"
@@ -72,7 +72,7 @@ def test_what_cannot_be_calibrated_is_refused(tmp_path: Path, started: list[str]
 
 
 def test_a_real_robot_is_not_moved_without_somebody_beside_it(tmp_path: Path, started: list[str]) -> None:
-    studio = Studio(tmp_path, Station(tmp_path / "record.json", "axidraw"))
+    studio = Studio(tmp_path, StudioEasel(tmp_path / "record.json", "axidraw"))
     visitor = studio.visitor()
     refused = visitor.post("/api/calibration/start", json={"what": ["canvas"]})
     assert refused.status_code == 409 and "beside the robot" in refused.json()["sentence"] and started == []

@@ -12,7 +12,7 @@ from frida_painter.session.events import Event, Paused, Stopped, StrokePainted
 from frida_painter.session.forecast import Forecast
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
-from frida_painter.session.page_events import Finishing, PaintingKept, PaintingStarted, PlanWished, TakenUp
+from frida_painter.session.page_events import Finishing, PaintingKept, PaintingStarted, PlanRequested, TakenUp
 from frida_painter.session.painting import ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.resuming import kept_plan
@@ -21,7 +21,7 @@ from frida_painter.web.feed import Feed, FeedReader
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.pause_controller import PauseController
 from frida_painter.web.state import PaintingState
-from frida_painter.web.stop_file import Stop
+from frida_painter.web.stop_file import StopFileWatch
 from frida_painter.web.telling import Reporter
 from scenes import CANVAS, goal, small_table
 from sittings import Evening
@@ -51,7 +51,7 @@ class Sitting(Evening):
 
     def lead(self, folder: PaintingFolder, planner: Planner, page: Page, feed: Feed) -> None:
         self.page = page
-        self.controller = PauseController(folder, feed, Stop(folder.stop))
+        self.controller = PauseController(folder, feed, StopFileWatch(folder.stop))
         forecast = Forecast(STROKES, EvenlySpaced(self.replans), 0.0, planning=4, replanning=4)
         self.reporter = Reporter(feed, folder, planner.model, CANVAS, forecast)
         self.controller.opened = lambda: self.session
@@ -82,7 +82,7 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
     made = planner.plan(bare, STROKES, 1, lambda step: None)
 
-    feed.tell(PlanWished(1, {"strokes": STROKES}))
+    feed.tell(PlanRequested(1, {"strokes": STROKES}))
     feed.tell(PaintingStarted(1, STROKES))
     journal = Journal.begin(folder.painting, {}, {})
     first = Sitting(

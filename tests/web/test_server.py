@@ -76,7 +76,7 @@ def test_the_process_of_the_page_holds_neither_robot_nor_accelerator(tmp_path: P
     tests = str(Path(__file__).parents[1])
     path = os.pathsep.join(filter(None, (tests, os.environ.get("PYTHONPATH"))))
     said = subprocess.run(
-        [sys.executable, "-c", PAGE, str(tmp_path / "shelf")],
+        [sys.executable, "-c", PAGE, str(tmp_path / "store")],
         capture_output=True, text=True, check=True, env={**os.environ, "PYTHONPATH": path},
     )  # fmt: skip
     loaded = set(said.stdout.split())

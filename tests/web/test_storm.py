@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from frida_painter.web import limits
-from frida_painter.web.workers import Place
+from frida_painter.web.workers import WorkerSlot
 from studios import Studio, Visitor, order
 
 COUNT, EACH = 300, 4
@@ -90,12 +90,12 @@ def test_the_guard_hears_what_it_is_there_for(guard: Guard) -> None:
 def test_nothing_senseless_does_any_harm(
     storm: ModuleType, guard: Guard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(Place, "start", lambda self, job, plan: None)
+    monkeypatch.setattr(WorkerSlot, "start", lambda self, job, plan: None)
     monkeypatch.setattr(limits.Bucket, "take", lambda self, who: True)
-    studio = Studio(tmp_path / "the-shelf")
+    studio = Studio(tmp_path / "the-store")
     visitor: Visitor = studio.visitor()
     known = studio.store.begin("Known").id
-    told, paths = storm.description(tmp_path / "another-shelf"), storm.routes(tmp_path / "another-shelf")
+    told, paths = storm.description(tmp_path / "another-store"), storm.routes(tmp_path / "another-store")
     chance = random.Random(1)
     made = storm.by_description(told, known, EACH, 1)
     assert len(made) > 10 * EACH

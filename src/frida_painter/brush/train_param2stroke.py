@@ -68,8 +68,8 @@ def train_param2stroke(
 
     lessons = [(training, _RATE, epochs)]
     if rehearsals > 0:
-        imagined = _imagined(model, library[split.training], seed, chance)
-        lessons.insert(0, (imagined, _REHEARSAL_RATE, rehearsals))
+        synthetic = _synthetic(model, library[split.training], seed, chance)
+        lessons.insert(0, (synthetic, _REHEARSAL_RATE, rehearsals))
 
     curve: list[TrainingProgress] = []
     best = Best(model)
@@ -90,7 +90,7 @@ def train_param2stroke(
     return TrainingReport(best.epoch, best.error, split.held_out, _predicted(model, validation), tuple(curve))
 
 
-def _imagined(model: Param2Stroke, library: StrokeLibrary, seed: int, chance: torch.Generator) -> _Examples:
+def _synthetic(model: Param2Stroke, library: StrokeLibrary, seed: int, chance: torch.Generator) -> _Examples:
     """Strokes of all shapes as the analytic model, fitted to the library, would paint them."""
     frame, limits = model.frame, model.limits
     ribbon = BezierStroke(model.brush, frame, limits, RibbonShape.typical(0.25 * (frame.top - frame.bottom)))

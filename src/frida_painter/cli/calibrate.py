@@ -89,7 +89,7 @@ def calibrate(
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.calibration import PROCEDURES
     from frida_painter.cli.calibration import easel_spec, lead_all
-    from frida_painter.runs.calibrating import Place, default_record, easel_of
+    from frida_painter.runs.calibrating import CalibrationSetup, default_record, easel_of
     from frida_painter.session.opening import limit_threads
 
     limit_threads()
@@ -97,8 +97,8 @@ def calibrate(
     names = PROCEDURES if what is What.all else (what.value,)
     with easel_of(spec) as here:
         path = (record or default_record(here.calibration.easel)).absolute()
-        place = Place(here, brush_kind(brush), path, seed, count, print, refill_every)
-        lead_all(names, place, anew=what is What.all, ask=ask or not here.simulated)
+        setup = CalibrationSetup(here, brush_kind(brush), path, seed, count, print, refill_every)
+        lead_all(names, setup, anew=what is What.all, ask=ask or not here.simulated)
 
 
 def doctor(

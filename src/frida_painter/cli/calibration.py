@@ -8,7 +8,7 @@ from rich.console import Console
 
 from frida_painter import images
 from frida_painter.cli.terminal import Terminal
-from frida_painter.runs.calibrating import Place, begin_procedure, beside, learn_from, record_to_renew
+from frida_painter.runs.calibrating import CalibrationSetup, begin_procedure, beside, learn_from, record_to_renew
 from frida_painter.runs.easel import workspace_canvas
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.procedures.calibration_status import require_basis
@@ -17,12 +17,12 @@ from frida_painter.session.procedures.finding import Finding
 from frida_painter.session.procedures.strokes import StrokesFinding
 
 
-def lead_all(names: Sequence[str], begun: "Place", *, anew: bool, ask: bool) -> None:
+def lead_all(names: Sequence[str], setup: "CalibrationSetup", *, anew: bool, ask: bool) -> None:
     """Does the procedures of these names, and enters each into the record as soon as it is done.
 
     anew: all that was known is done again; ask: a person answers, else the virtual studio agrees to what is proposed.
     """
-    here, path = begun.easel, begun.record
+    here, path = setup.easel, setup.record
     known = record_to_renew(path, here.calibration, anew=anew)
     console = Console(stderr=True, highlight=False)
     terminal = Terminal(
@@ -35,11 +35,11 @@ def lead_all(names: Sequence[str], begun: "Place", *, anew: bool, ask: bool) -> 
         for name in names:
             require_basis(name, known, here.calibration, defaults_hold=here.simulated)
             with console.status(f"{name} ...") if not ask else _Silence() as status:
-                place = replace(begun, easel=replace(here, calibration=known), say=status.update)
-                finding = lead(begin_procedure(name, place), answer)
+                current = replace(setup, easel=replace(here, calibration=known), say=status.update)
+                finding = lead(begin_procedure(name, current), answer)
                 known = finding.enter(known)
                 if isinstance(finding, StrokesFinding):
-                    known = learn_from(finding, place, known)
+                    known = learn_from(finding, current, known)
             known.save(path)
             _tell(name, finding, path)
     finally:

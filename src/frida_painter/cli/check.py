@@ -70,9 +70,9 @@ def draw(
     from frida_painter.report.workspace_plan import workspace_plan
 
     _require_picture(out)
-    stand = WorkcellConfig.load(workspace)
-    images.save(workspace_plan(stand.workspace, stand.canvas, stand.easel), out)
-    print(f"{stand.easel}: {count_of(len(stand.workspace.wells), 'well')}, canvas of {stand.canvas}: {out}")
+    workcell = WorkcellConfig.load(workspace)
+    images.save(workspace_plan(workcell.workspace, workcell.canvas, workcell.easel), out)
+    print(f"{workcell.easel}: {count_of(len(workcell.workspace.wells), 'well')}, canvas of {workcell.canvas}: {out}")
 
 
 def _require_picture(out: Path) -> None:

@@ -17,7 +17,7 @@ from frida_painter.errors import CalibrationError, PluginError, WeightsError
 from frida_painter.hardware.kinds import CameraKind, Needed, RobotKind
 from frida_painter.session.easel_kind import EaselKind
 from frida_painter.session.opening import planning_device
-from frida_painter.session.procedures.calibration_status import OLD, CalibrationStatus, require, statuses
+from frida_painter.session.procedures.calibration_status import OLD, ProcedureStatus, require, statuses
 
 
 def examine(path: Path, easel: Calibration, *, named: bool) -> bool:
@@ -57,36 +57,36 @@ def _read(path: Path, easel: Calibration, named: bool) -> tuple[Calibration | No
 
 def _procedures(record: Calibration, easel: Calibration) -> Table:
     table = Table("procedure", "done", "left over", "state", box=None, padding=(0, 2, 0, 0))
-    for standing in statuses(record, easel):
+    for status in statuses(record, easel):
         table.add_row(
-            standing.procedure,
-            standing.done.dated[:10] if standing.done else "-",
-            _residual(standing),
-            _state(standing),
+            status.procedure,
+            status.done.dated[:10] if status.done else "-",
+            _residual(status),
+            _state(status),
         )
     return table
 
 
-def _residual(standing: CalibrationStatus) -> str:
-    if standing.done is None:
+def _residual(status: ProcedureStatus) -> str:
+    if status.done is None:
         return "-"
-    residual = standing.done.residual
+    residual = status.done.residual
     return {
         "canvas": f"{residual:.2f} px",
         "robot": f"{residual * 1000:.2f} mm",
         "color": f"{residual:.1f} CIEDE2000",
         "brush": f"{residual * 1000:.2f} mm",
         "strokes": f"{residual:.4f} of the map",
-    }[standing.procedure]
+    }[status.procedure]
 
 
-def _state(standing: CalibrationStatus) -> str:
-    if standing.fault:
-        return f"[red]to be repeated[/]: {_plain(standing.fault)}"
-    if standing.done is None:
+def _state(status: ProcedureStatus) -> str:
+    if status.fault:
+        return f"[red]to be repeated[/]: {_plain(status.fault)}"
+    if status.done is None:
         return "[dim]never done, the easel's default holds[/]"
-    if standing.is_old:
-        return f"[yellow]good, but {standing.days} days old[/] (repeat it after {OLD})"
+    if status.is_old:
+        return f"[yellow]good, but {status.days} days old[/] (repeat it after {OLD})"
     return "[green]good[/]"
 
 

@@ -12,14 +12,14 @@ from typing import Self
 from rich.console import Console
 from torch import Tensor
 
-from frida_painter.cli.progress import PaintingProgress
-from frida_painter.cli.stopping import Stop
+from frida_painter.cli.progress import PaintingLine
+from frida_painter.cli.stop_signal import StopSignal
 from frida_painter.cli.terminal import Terminal
 from frida_painter.cli.wells import Wells
 from frida_painter.errors import Interrupted, RobotStopped
 from frida_painter.runs.folder import PAUSE_FILE
 from frida_painter.runs.opening import replan_policy
-from frida_painter.runs.run import Outcome, PaintingRun
+from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Paused
 from frida_painter.session.forecast import Forecast, duration
@@ -41,7 +41,7 @@ class Leader:
     def __init__(
         self,
         run: PaintingRun,
-        stop: Stop,
+        stop: StopSignal,
         *,
         asked: bool,
         started: float,
@@ -51,7 +51,7 @@ class Leader:
         self._run, self._stop, self._started = run, stop, started
         self._asked, self._repaint = asked, repaint
         self._console = Console(stderr=True, highlight=False)
-        self._bar = PaintingProgress(self._console, _forecast(run, started))
+        self._bar = PaintingLine(self._console, _forecast(run, started))
         self._stack = ExitStack()
         wells = Wells(run.mixed, input if asks_for_paints else None, run.folder, poured=not run.easel.simulated)
         run.listeners.append(self._bar.hear)
@@ -75,7 +75,7 @@ class Leader:
     ) -> None:
         self._bar.__exit__(kind, error, trace)
 
-    def conclude(self, outcome: Outcome) -> None:
+    def conclude(self, outcome: RunOutcome) -> None:
         """Says what came of it, and leaves as a program that was asked to stop, or raises the fault that ended it."""
         _tell(outcome, self._run.spec.strokes, time.monotonic() - self._started)
         if self._stop.asked and (outcome.trouble is None or isinstance(outcome.trouble, RobotStopped)):
@@ -159,7 +159,7 @@ def _forecast(run: PaintingRun, started: float) -> Forecast:
     )
 
 
-def _tell(outcome: Outcome, of: int, seconds: float) -> None:
+def _tell(outcome: RunOutcome, of: int, seconds: float) -> None:
     """Says what came of it, and where it is."""
     folder, painting = outcome.folder, outcome.painting
     if outcome.page is None or painting is None:

@@ -40,7 +40,7 @@ def paint(*, ask: AskOption = False, yes: FilledOption = False, **given: Any) ->
     robot at once, and it stays stopped until `frida-painter arm`.
     """
     from frida_painter.cli.leading import Leader, say_films, say_networks
-    from frida_painter.cli.stopping import stopping
+    from frida_painter.cli.stop_signal import stop_on_signals
     from frida_painter.runs.easel import require_possible, workspace_canvas
     from frida_painter.runs.run import PaintingRun
     from frida_painter.session.opening import limit_threads
@@ -49,7 +49,7 @@ def paint(*, ask: AskOption = False, yes: FilledOption = False, **given: Any) ->
     limit_threads()
     spec = workspace_canvas(spec_of(given))
     require_possible(spec, asked=not yes)
-    with stopping() as stop, PaintingRun(spec, given["out"]) as run:
+    with stop_on_signals() as stop, PaintingRun(spec, given["out"]) as run:
         say_films(run.spec)
         run.load_easel()  # it loads while the planner does
         say_networks(run)
@@ -66,8 +66,8 @@ def plan(**given: Any) -> None:
 
     from frida_painter import images
     from frida_painter.cli.leading import say, say_networks
-    from frida_painter.cli.progress import PlanningProgress
-    from frida_painter.cli.stopping import stopping
+    from frida_painter.cli.progress import PlanningLine
+    from frida_painter.cli.stop_signal import stop_on_signals
     from frida_painter.errors import Interrupted
     from frida_painter.planning.optimize import Step
     from frida_painter.report.palette_sheet import palette_sheet
@@ -76,10 +76,10 @@ def plan(**given: Any) -> None:
     from frida_painter.session.opening import limit_threads
 
     limit_threads()
-    with stopping() as stop, PaintingRun(spec_of({**given, "replans": None})) as run:
+    with stop_on_signals() as stop, PaintingRun(spec_of({**given, "replans": None})) as run:
         say_networks(run)
         folder = new_folder(given["out"], run.goal.name, 20 * 2**20)
-        with PlanningProgress(Console(stderr=True, highlight=False)) as bar:
+        with PlanningLine(Console(stderr=True, highlight=False)) as bar:
 
             def hear(step: Step) -> None:
                 bar.hear(step)

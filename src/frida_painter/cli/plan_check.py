@@ -78,15 +78,15 @@ class _Place:
 def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
     """Where it is to be painted: in the workspace of that file, or where a robot of that name knows its own."""
     if workspace is not None:
-        stand = WorkcellConfig.load(workspace)
+        workcell = WorkcellConfig.load(workspace)
         if robot is not None and require_known(robot) in MACHINES:
-            robot_named(robot, stand.workspace)  # only to hear what is wrong with it
-        reach: Reach | None = stand.reach
+            robot_named(robot, workcell.workspace)  # only to hear what is wrong with it
+        reach: Reach | None = workcell.reach
         timing: Timing | None = None
         if robot == SAWYER_SIM:  # a Sawyer whose foot is the workspace's origin
-            reach, timing = SawyerReach(stand.workspace, stand.canvas), TIMING
-        known, simulated = stand.calibration(plan.brush), robot in SIMULATED
-        return _Place(stand.workspace, stand.canvas, known, reach, timing, simulated)
+            reach, timing = SawyerReach(workcell.workspace, workcell.canvas), TIMING
+        known, simulated = workcell.calibration(plan.brush), robot in SIMULATED
+        return _Place(workcell.workspace, workcell.canvas, known, reach, timing, simulated)
     if robot is not None and require_known(robot) in MACHINES:
         raise ConfigError(f"Where things stand around {robot[:60]!r} is not known; say it with --workspace FILE.")
     order = EaselOrder(robot or VIRTUAL, plan.canvas, plan.brush, 0, state_folder(), camera=_SOME_CAMERA)

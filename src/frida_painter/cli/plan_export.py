@@ -49,11 +49,11 @@ def write_gcode(
     """
     loaded = Plan.load(plan)
     if workspace is None and calibration is None:
-        desk = FlatbedWorkspace(
+        flatbed = FlatbedWorkspace(
             FlatbedWorkspace.press if press is None else press / 1000,
             FlatbedWorkspace.lift if lift is None else lift / 1000,
         )
-        program = gcode(loaded, _actions(loaded, desk), Gcode(dialect, desk.travel_speed), pauses=True)
+        program = gcode(loaded, _actions(loaded, flatbed), Gcode(dialect, flatbed.travel_speed), pauses=True)
     else:
         if press is not None or lift is not None:
             raise ConfigError("--press and --lift are the workspace's to say; leave them out with --workspace.")
@@ -73,29 +73,29 @@ def _program(plan: Plan, workspace: Path | None, calibration: Path | None, diale
     """All of a painting for a machine with wells. Raises WorkspaceViolation, where any of it cannot be done there."""
     if workspace is None:
         raise ConfigError("--calibration was given without --workspace; say where the wells stand as well.")
-    stand = WorkcellConfig.load(workspace)
-    known = stand.calibration(plan.brush)
+    workcell = WorkcellConfig.load(workspace)
+    known = workcell.calibration(plan.brush)
     if calibration is not None:
         record = Calibration.load(calibration)
         require(record, known, ())
         known = record
-    found = rehearse(plan, stand.workspace, stand.canvas, known, stand.reach)
+    found = rehearse(plan, workcell.workspace, workcell.canvas, known, workcell.reach)
     if not found.passed:
         raise WorkspaceViolation(
             f"Not all of this plan can be painted in the workspace {str(workspace)!r}, and nothing was written; "
             f"`frida-painter check PLAN --workspace {workspace}` tells what."
         )
     brush = refilled(brush_kind(load_stroke_model(plan.brush).brush), known, simulated=False)
-    choreography = Choreography(Motion(stand.workspace, known), brush)
+    choreography = Choreography(Motion(workcell.workspace, known), brush)
     actions = choreography.actions(plan, BrushLoad(), 0, len(plan))
-    language = Gcode(dialect, stand.workspace.travel_speed)
+    language = Gcode(dialect, workcell.workspace.travel_speed)
     return gcode(plan, actions, language, pauses=False, ending=choreography.cleaning())
 
 
-def _actions(plan: Plan, desk: FlatbedWorkspace) -> list[Action]:
-    """What painting the plan at a desk takes, beginning with a clean brush."""
+def _actions(plan: Plan, flatbed: FlatbedWorkspace) -> list[Action]:
+    """What painting the plan at a flatbed takes, beginning with a clean brush."""
     brush = brush_kind(load_stroke_model(plan.brush).brush)
-    choreography = Choreography(desk.motion(plan.canvas), brush)
+    choreography = Choreography(flatbed.motion(plan.canvas), brush)
     return list(choreography.actions(plan, BrushLoad(), 0, len(plan)))
 
 

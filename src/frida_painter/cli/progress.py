@@ -49,7 +49,7 @@ class Line:
         self._bar.stop()
 
 
-class PaintingProgress(Line):
+class PaintingLine(Line):
     """One line on the terminal: what is going on, how far it is, and the time left."""
 
     def __init__(self, console: Console, forecast: Forecast) -> None:
@@ -88,7 +88,7 @@ class PaintingProgress(Line):
                 self._bar.start()
 
 
-class PlanningProgress(Line):
+class PlanningLine(Line):
     """One line on the terminal for a plan alone."""
 
     def __init__(self, console: Console) -> None:

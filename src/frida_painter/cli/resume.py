@@ -44,7 +44,7 @@ def resume(
     the brush, and paints what is left. Nothing moves before you say so, or give --yes.
     """
     from frida_painter.cli.leading import Leader, confirm, say, say_networks
-    from frida_painter.cli.stopping import stopping
+    from frida_painter.cli.stop_signal import stop_on_signals
     from frida_painter.errors import Interrupted
     from frida_painter.runs.easel import require_possible
     from frida_painter.runs.run import PaintingRun, history_of
@@ -62,7 +62,7 @@ def resume(
         first = "The canvas" if run.spec.by_hand else "The arm will lift and move aside, and the canvas"
         if not (yes or confirm(f"{first} will be photographed. Go on?", default=True)):
             raise Interrupted("Nothing was moved; the painting stays as it is.")
-        stop = stack.enter_context(stopping())
+        stop = stack.enter_context(stop_on_signals())
         run.load_easel()  # it loads while the planner does
         say_networks(run)
         stop.at_once = run.open_easel(hear_signals=True).robot.stop
@@ -92,7 +92,7 @@ def _show(run: "PaintingRun") -> None:
 
     history, spec = run.history, run.spec
     assert history is not None
-    sittings = "one sitting" if history.sittings == 1 else f"{history.sittings} sittings"
+    sittings = "one sitting" if history.runs == 1 else f"{history.runs} sittings"
     say(
         f"{spec.title or run.goal.title}: {history.painted} of {spec.strokes} strokes on a canvas of "
         f"{spec.canvas}, painted in {sittings} of {duration(history.seconds)}."

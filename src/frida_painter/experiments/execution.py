@@ -37,16 +37,16 @@ def execute(plan: Plan, easel: Easel, rows: int, notify: Callable[[int], None] =
 
     notify: is told how many strokes are on the canvas. Raises RobotError, CameraError and their kinds.
     """
-    brushwork, eye = Brushwork(easel, brush_kind(plan.brush)), CanvasObserver(easel, plan.ground)
+    brushwork, observer = Brushwork(easel, brush_kind(plan.brush)), CanvasObserver(easel, plan.ground)
     brushwork.step_aside()
-    eye.look(brushwork.last_motion, rows)  # at the bare canvas: learns the light of the room
+    observer.look(brushwork.last_motion, rows)  # at the bare canvas: learns the light of the room
     easel.operator.fill_wells(plan.palette)
     for action in brushwork.prepare(plan, 0, len(plan)):
         brushwork.perform(action)
         if isinstance(action.done, StrokePainted):
             notify(action.done.done)
     brushwork.step_aside()
-    return eye.look(brushwork.last_motion, rows)
+    return observer.look(brushwork.last_motion, rows)
 
 
 def virtual_library(brush: str, count: int, seed: int, notify: Notify) -> StrokeLibrary:

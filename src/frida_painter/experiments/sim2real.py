@@ -119,7 +119,7 @@ class _Bench:
         grid = self.grid(target)
         wanted = images.fit(target.picture, grid.rows, grid.columns)
 
-        def thinking(share: float) -> None:
+        def planning(share: float) -> None:
             notify(Progress(_PLANNING * share, f"{target.name}, seed {seed}: planning, {planner}"))
 
         def moving(done: int) -> None:
@@ -127,7 +127,7 @@ class _Bench:
             notify(Progress(share, f"{target.name}, seed {seed}: painting, {planner}"))
 
         make = self._ours if planner == OURS else self._held if planner == CONSTRAINED else self._free
-        plan, simulated = make(wanted, grid.size, seed, thinking)
+        plan, simulated = make(wanted, grid.size, seed, planning)
         easel = open_easel(grid.size, self.brush, seed)
         painted = images.fit(execute(plan, easel, _PHOTOGRAPH_ROWS, moving), grid.rows, grid.columns)
         numbers = {

@@ -12,7 +12,7 @@ FARTHEST = 10.0
 """Metres: what is more is a slip of the unit."""
 
 Metre = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
-Place = Annotated[tuple[Metre, Metre, Metre], Field(strict=False)]
+Position = Annotated[tuple[Metre, Metre, Metre], Field(strict=False)]
 Side = Annotated[float, Field(ge=SMALLEST_CANVAS, le=LARGEST_CANVAS, allow_inf_nan=False)]
 Speed = Annotated[float, Field(gt=0, le=FASTEST, allow_inf_nan=False)]
 
@@ -26,8 +26,8 @@ class Section(BaseModel):
 class Bounds(Section):
     """The box that the tip never leaves."""
 
-    lower: Place
-    upper: Place
+    lower: Position
+    upper: Position
 
 
 class CanvasPlace(Section):
@@ -35,7 +35,7 @@ class CanvasPlace(Section):
 
     width: Side
     height: Side
-    corner: Place
+    corner: Position
     turn: Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
 
 
@@ -49,9 +49,9 @@ class BrushHeights(Section):
 class PaintPlaces(Section):
     """Wells, water and rag."""
 
-    wells: Annotated[tuple[Place, ...], Field(strict=False, min_length=1, max_length=MOST_COLORS)]
-    water: Place
-    rag: Place
+    wells: Annotated[tuple[Position, ...], Field(strict=False, min_length=1, max_length=MOST_COLORS)]
+    water: Position
+    rag: Position
     rag_width: Annotated[float, Field(ge=0.01, le=1, allow_inf_nan=False)]
 
 
@@ -61,12 +61,12 @@ class Travel(Section):
     hover: Annotated[float, Field(ge=0.005, le=0.5, allow_inf_nan=False)]
     painting_speed: Speed
     travel_speed: Speed
-    home: Place | None = None
+    home: Position | None = None
 
 
 class ArmReach(Section):
     """How far the arm gets around its shoulder; left out where it gets everywhere within the bounds."""
 
-    shoulder: Place
+    shoulder: Position
     nearest: Annotated[float, Field(ge=0, le=FARTHEST, allow_inf_nan=False)]
     farthest: Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)]

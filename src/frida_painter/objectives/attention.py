@@ -25,7 +25,7 @@ def attended(goal: Goal, encoders: EncoderRegistry) -> Goal:
 
     A goal that begins with anything else stays as it is. Raises WeightsError where a network is missing.
     """
-    begins = goal.opening
+    begins = goal.initial_terms
     meant = [term.picture for term in goal.terms if term.picture is not None and not term.is_pixelwise]
     if goal.initial or not meant or not any(term.picture is meant[0] for term in begins):
         return goal

@@ -107,10 +107,10 @@ class Planner:
         self._model = _on(model, self.device)
         self.goal = goal = interpreted(goal, self.fine, self.encoders, seed)
         near = goal.to(self.device)
-        self._aims = {grid: prepare(near, grid, self.encoders, seed) for grid in (self.fine, self.coarse)}
-        self._opening = self._aims[self.coarse]
-        if goal.opening is not goal.terms:
-            self._opening = prepare(Goal(near.opening), self.coarse, self.encoders, seed)
+        self._objectives = {grid: prepare(near, grid, self.encoders, seed) for grid in (self.fine, self.coarse)}
+        self._initial_objective = self._objectives[self.coarse]
+        if goal.initial_terms is not goal.terms:
+            self._initial_objective = prepare(Goal(near.initial_terms), self.coarse, self.encoders, seed)
 
     @property
     def bare(self) -> Tensor:
@@ -135,13 +135,13 @@ class Planner:
         generator = torch.Generator().manual_seed(self.seed)
         colors = min(colors, strokes)
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
-        opening = self._scene(canvas, self.coarse, self._opening)
+        initial_scene = self._scene(canvas, self.coarse, self._initial_objective)
         guide = self._guide(coarse)
-        target = descended(opening) if guide is None else guide
+        target = descended(initial_scene) if guide is None else guide
         steps = _Progress(notify or _unheard, self.iterations(strokes))
         found, _ = progressive(
             strokes,
-            opening,
+            initial_scene,
             target,
             paints=None,
             light_to_dark=True,
@@ -152,10 +152,10 @@ class Planner:
         for _ in range(self.effort.relocations):
             if guide is not None:  # a picture that is only one of many good ones must not pull strokes back to it
                 found, _ = relocate(
-                    found, None, opening, guide, share=_MOVED, proposals=_PROPOSALS, generator=generator
+                    found, None, initial_scene, guide, share=_MOVED, proposals=_PROPOSALS, generator=generator
                 )
             found, _ = optimize(
-                found, opening, iterations=self.effort.refining, notify=steps.begin(self.effort.refining)
+                found, initial_scene, iterations=self.effort.refining, notify=steps.begin(self.effort.refining)
             )
         for keeping in _KEEPING:
             found = anneal_to_palette(found, coarse, colors, keeping, self.seed)
@@ -233,7 +233,7 @@ class Planner:
         paints: Paints | None = Paints(rest.palette.color.to(self.device), rest.paint.to(self.device), first)
         found = rest.strokes.to(self.device)
         # Elsewhere than with pictures and what they mean, the guide is only what the plan began with.
-        guided = self.goal.opening is self.goal.terms or coarse.importance is not None
+        guided = self.goal.initial_terms is self.goal.terms or coarse.importance is not None
         guide = self._guide(coarse) if guided and not sparing else None
         if guide is not None:
             found, paints = relocate(
@@ -283,9 +283,9 @@ class Planner:
     def validation_loss(self, picture: Tensor) -> float:
         """The distance of a picture [3, H, W] of the canvas to the goal, by the validation objective if any."""
         with torch.no_grad():
-            aim = self._aims[self.fine]
-            loss = (aim.validation or aim)(images.fit(picture.to(self.device), self.fine.rows, self.fine.columns))
-            return float(loss)
+            objective = self._objectives[self.fine]
+            seen = images.fit(picture.to(self.device), self.fine.rows, self.fine.columns)
+            return float((objective.validation or objective)(seen))
 
     def _as_plan(self, strokes: Strokes, palette: Palette, paint: Tensor) -> Plan:
         limits = self.model.limits.within(self.size)
@@ -302,15 +302,15 @@ class Planner:
         strokes, kept = self.region.keep_clear(near, self._model, self.size, self.fine.rows)
         return replace(plan, strokes=strokes.to("cpu"), paint=plan.paint[kept])
 
-    def _scene(self, canvas: Tensor, grid: PixelGrid, aim: WeightedObjective | None = None) -> Scene:
-        aim = aim or self._aims[grid]
+    def _scene(self, canvas: Tensor, grid: PixelGrid, objective: WeightedObjective | None = None) -> Scene:
+        objective = objective or self._objectives[grid]
         bare = images.fit(canvas.to(self.device), grid.rows, grid.columns)
-        scene = Scene(bare, self.size, self._model, aim, aim.validation, self._importance(grid))
+        scene = Scene(bare, self.size, self._model, objective, objective.validation, self._importance(grid))
         return scene if self.region is None else self.region.guarded(scene)
 
     def _guide(self, scene: Scene) -> Tensor | None:
         """The picture, of the scene's resolution, that says where strokes are needed; None: only the objective does."""
-        picture = next((term.guide for term in self.goal.opening if term.guide is not None), None)
+        picture = next((term.guide for term in self.goal.initial_terms if term.guide is not None), None)
         if picture is None:
             return None
         guide = images.fit(picture.to(self.device), *scene.canvas.shape[1:])
@@ -318,7 +318,7 @@ class Planner:
 
     def _importance(self, grid: PixelGrid) -> Tensor | None:
         """How much errors matter where, while strokes are placed."""
-        matters = self.goal.opening[0].importance
+        matters = self.goal.initial_terms[0].importance
         return None if matters is None else spread(matters.to(self.device), grid.rows, grid.columns)
 
     def _growing(self, strokes: int) -> int:
@@ -338,7 +338,7 @@ class Planner:
 def _usual_size(goal: Goal) -> CanvasSize:
     """The largest canvas in the proportions of the goal's first picture within 14 x 11 inches, or within 11 x 14."""
     size = CanvasSize.parse("14x11in")
-    pictures = [term.guide for term in goal.opening if term.guide is not None]
+    pictures = [term.guide for term in goal.initial_terms if term.guide is not None]
     if not pictures:
         return size
     shape = pictures[0].shape[1:]

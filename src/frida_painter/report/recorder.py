@@ -52,8 +52,12 @@ _DOWNLOADS = (
 
 
 @dataclass(frozen=True)
-class Occasion:
-    """What is known of a painting before it begins: its title, the picture wanted [3, H, W] or None, and facts."""
+class PaintingAccount:
+    """What is known of a painting before it begins, for its page and record.
+
+    target: the goal picture [3, H, W], None where there is none; facts: (label, value) for the page; settings: plain
+    values for the record.
+    """
 
     title: str
     target: Tensor | None
@@ -65,13 +69,13 @@ class Occasion:
 class Recorder:
     """Writes everything about one painting into `folder`, while it is made; used in a `with` block.
 
-    timelapse_frames: how many pictures the film will get; before: what the journal tells of earlier sittings, if
+    timelapse_frames: how many pictures the film will get; before: what the journal tells of earlier runs, if
     there were any. Every file is whole or not there. While it is painted, pictures for which the disk has
     no room are left out. Raises StorageError where page or painting cannot be written.
     """
 
     folder: Path
-    occasion: Occasion
+    account: PaintingAccount
     model: StrokeModel
     timelapse_frames: int
     before: History | None = None
@@ -97,8 +101,8 @@ class Recorder:
             self._dips, self._cleanings = self.before.dips, self.before.cleanings
             self._started -= self.before.seconds
         self._film = FilmWriter(self.folder / "film.mp4", self.timelapse_frames)
-        if self.occasion.target is not None:
-            images.save(self.occasion.target, self.folder / "target.jpg")
+        if self.account.target is not None:
+            images.save(self.account.target, self.folder / "target.jpg")
         return self
 
     def __exit__(
@@ -178,7 +182,7 @@ class Recorder:
         self._sketchbook.keep_story(self._looks, self._phases)
 
     def _keep_on(self, event: Resumed) -> None:
-        """Takes up film and story where an earlier sitting left them."""
+        """Takes up film and story where an earlier run left them."""
         self._plan = event.plan
         self._keep_recipes(event.plan)
         self._looks, self._phases = self._sketchbook.story()
@@ -200,8 +204,8 @@ class Recorder:
                 raise
 
     @property
-    def _sittings(self) -> int:
-        return 1 if self.before is None else self.before.sittings + 1
+    def _runs(self) -> int:
+        return 1 if self.before is None else self.before.runs + 1
 
     def _keep_recipes(self, plan: Plan) -> None:
         """How to mix the palette, for whoever stands before the wells now."""
@@ -236,9 +240,9 @@ class Recorder:
         rows, columns = first_expected.shape[1:]
         painted = images.fit(photograph, rows, columns)
         against_plan = compare("The painting against the first plan", painted, first_expected)
-        if self.occasion.target is None:
+        if self.account.target is None:
             return (against_plan,)
-        target = images.fit(self.occasion.target, rows, columns)
+        target = images.fit(self.account.target, rows, columns)
         return (
             compare("The first plan against the photograph", first_expected, target),
             compare("The painting against the photograph", painted, target),
@@ -251,7 +255,7 @@ class Recorder:
         count = f"{of} strokes" if painted == of else f"{painted} of {of} strokes"
         looked = f", {len(self._looks)} looks in between" if self._looks else ""
         facts = (
-            *self.occasion.facts,
+            *self.account.facts,
             ("Strokes", f"{painted} of {of}"),
             ("Dips into paint", str(self._dips)),
             ("Brush cleaned", f"{self._cleanings} times"),
@@ -260,9 +264,9 @@ class Recorder:
             *([("Robot's clock", self._clock(painting))] if self._timetable else []),
         )
         return Story(
-            title=self.occasion.title,
+            title=self.account.title,
             summary=f"{count} in {len(plan.palette)} paints on a canvas of {plan.canvas}{looked}.",
-            target=None if self.occasion.target is None else "target.jpg",
+            target=None if self.account.target is None else "target.jpg",
             plan="plan.png",
             painting="painting.png",
             film="film.mp4" if (self.folder / "film.mp4").exists() else None,
@@ -287,7 +291,7 @@ class Recorder:
         """What did not go as it should, for the page."""
         facts: list[tuple[str, str]] = []
         if self.before is not None:
-            facts.append(("Sittings", str(self._sittings)))
+            facts.append(("Sittings", str(self._runs)))
         if self._given_up:
             facts.append(("Strokes given up", ", ".join(map(str, self._given_up))))
         if self._left_out:
@@ -304,15 +308,15 @@ class Recorder:
             {
                 "format": "frida-painter result",
                 "version": 1,
-                "title": self.occasion.title,
+                "title": self.account.title,
                 "stopped": self._stopped,
-                "settings": self.occasion.settings,
+                "settings": self.account.settings,
                 "strokes_planned": len(plan),
                 "strokes_painted": painting.painted,
                 "dips": self._dips,
                 "cleanings": self._cleanings,
                 "seconds": round(time.monotonic() - self._started, 3),
-                "sittings": self._sittings,
+                "sittings": self._runs,
                 "strokes_given_up": self._given_up,
                 "robot_seconds": round(painting.robot_seconds, 3),
                 "robot_seconds_expected": round(self._timetable.total, 3) if self._timetable else None,

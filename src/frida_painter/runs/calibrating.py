@@ -55,8 +55,12 @@ def default_record(easel: str) -> Path:
 
 
 @dataclass(frozen=True)
-class Place:
-    """What procedures may want to know: the easel with the record so far, and where they may leave files."""
+class CalibrationSetup:
+    """What a calibration procedure works with.
+
+    easel: with the record so far; record: the file of the record, beside which procedures put theirs; say: is told
+    the progress in words.
+    """
 
     easel: Easel
     brush: BrushKind
@@ -71,45 +75,45 @@ class Place:
         return beside(self.record, ending)
 
 
-def begin_procedure(name: str, place: Place) -> Procedure[Any]:
-    """The procedure of that name, begun at that place."""
+def begin_procedure(name: str, setup: CalibrationSetup) -> Procedure[Any]:
+    """The procedure of that name, begun with this setup."""
 
     def hear(progress: StrokesProgress) -> None:
-        place.say(f"strokes: {progress.done} of {progress.of}, paper {progress.sheet}")
+        setup.say(f"strokes: {progress.done} of {progress.of}, paper {progress.sheet}")
 
     match name:
         case "canvas":
-            return canvas_procedure(place.easel)
+            return canvas_procedure(setup.easel)
         case "robot":
-            return robot_procedure(place.easel)
+            return robot_procedure(setup.easel)
         case "color":
-            return color_procedure(place.easel)
+            return color_procedure(setup.easel)
         case "brush":
-            return brush_procedure(place.easel, name=place.brush.name)
+            return brush_procedure(setup.easel, name=setup.brush.name)
         case _:
-            library = place.beside("strokes.npz")
+            library = setup.beside("strokes.npz")
             return strokes_procedure(
-                place.easel,
-                place.brush,
+                setup.easel,
+                setup.brush,
                 library,
-                count=place.count,
-                seed=place.seed,
-                refill_every=place.refill_every,
+                count=setup.count,
+                seed=setup.seed,
+                refill_every=setup.refill_every,
                 notify=hear,
             )
 
 
-def learn_from(finding: StrokesFinding, place: Place, record: Calibration) -> Calibration:
+def learn_from(finding: StrokesFinding, setup: CalibrationSetup, record: Calibration) -> Calibration:
     """The record with what the strokes teach of the brush, by which `paint --calibration` plans.
 
     Raises LibraryError where fewer than 5 strokes are clean.
     """
 
     def hear(progress: TrainingProgress) -> None:
-        place.say(f"strokes: learning from them, {progress.epoch} of {progress.epochs}")
+        setup.say(f"strokes: learning from them, {progress.epoch} of {progress.epochs}")
 
-    learned = learn(DEFAULT_MODEL, finding.library, place.brush, seed=place.seed, notify=hear)
-    path = place.beside("weights.safetensors")
+    learned = learn(DEFAULT_MODEL, finding.library, setup.brush, seed=setup.seed, notify=hear)
+    path = setup.beside("weights.safetensors")
     weights = LearnedFile(str(path), learned.model.save(path))
     assert record.library is not None  # the finding has just entered it
     return record.with_strokes(record.library, weights, residual=learned.report.validation_error)

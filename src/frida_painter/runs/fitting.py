@@ -6,7 +6,7 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.runs.goals import Wanted
+from frida_painter.runs.goals import OpenedGoal
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.canvas_observer import PHOTOGRAPH_ROWS
 
@@ -22,12 +22,12 @@ class Fitted:
     """
 
     spec: RunSpec
-    goal: Wanted
+    goal: OpenedGoal
     target: Tensor | None
     remark: str = ""
 
 
-def fitted(spec: RunSpec, goal: Wanted, *, canvas_is_fixed: bool = False) -> Fitted:
+def fitted(spec: RunSpec, goal: OpenedGoal, *, canvas_is_fixed: bool = False) -> Fitted:
     """Brings canvas and pictures together as `spec.fit` says.
 
     canvas_is_fixed: whether the canvas stays as it is: a real one, or that of a painting that was begun. Raises

@@ -49,12 +49,12 @@ def read_spec(folder: Path) -> RunSpec:
     return RunSpec.read(folder / SETTINGS)
 
 
-def keep_goal(wanted: goals.Wanted, folder: Path) -> None:
+def keep_goal(opened: goals.OpenedGoal, folder: Path) -> None:
     """Copies the pictures of a goal into the folder, and how they matter. Raises StorageError."""
     lines: list[str] = []
     number = 0
-    for table, wishes in (("goal", wanted.wishes), ("initial", wanted.begins)):
-        for kind, value, weight in wishes:
+    for table, items in (("goal", opened.items), ("initial", opened.initial)):
+        for kind, value, weight in items:
             number += 1
             if isinstance(value, Path):
                 copy = Path(str(number), value.name)
@@ -64,7 +64,7 @@ def keep_goal(wanted: goals.Wanted, folder: Path) -> None:
     storage.write_text(folder / GOAL / "goal.toml", "\n".join(lines))
 
 
-def read_goal(folder: Path) -> goals.Wanted:
+def read_goal(folder: Path) -> goals.OpenedGoal:
     """The goal as it was kept. Raises ConfigError and ImageError."""
     return goals.read_goal(None, {"goal": folder / GOAL / "goal.toml"})
 

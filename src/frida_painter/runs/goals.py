@@ -31,11 +31,11 @@ class GoalInput(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What a person asked for: the goal, in words for the record, a title, a name for files, and the first picture.
+class OpenedGoal:
+    """A goal whose pictures are read, with its facts for the record, a title, and a name for files.
 
-    picture is None where nothing but words, or words and a style, was asked for. wishes, begins: the same
-    as it was given, what the painting is to be and what it begins with.
+    picture: the first picture, None where only words, or words and a style, were given. items: what the painting is
+    to show, as it was given; initial: what it begins with, as it was given.
     """
 
     goal: Goal
@@ -43,15 +43,15 @@ class Wanted:
     title: str
     name: str
     picture: Tensor | None
-    wishes: tuple[GoalInput, ...]
-    begins: tuple[GoalInput, ...]
+    items: tuple[GoalInput, ...]
+    initial: tuple[GoalInput, ...]
 
-    def fitted(self, grid: PixelGrid, *, pad: bool = False) -> "Wanted":
+    def fitted(self, grid: PixelGrid, *, pad: bool = False) -> "OpenedGoal":
         """The same, with the pictures that are to fill the canvas as they will fill it: cropped, or padded."""
         return replace(self, goal=self.goal.fitted(grid.rows, grid.columns, pad=pad))
 
 
-def read_goal(photo: Path | None, given: Mapping[str, Any]) -> Wanted:
+def read_goal(photo: Path | None, given: Mapping[str, Any]) -> OpenedGoal:
     """The goal of PHOTO, which counts as the first --image, and of the options by their names.
 
     Raises ConfigError and ImageError, before anything is planned, for what makes no goal.
@@ -61,35 +61,36 @@ def read_goal(photo: Path | None, given: Mapping[str, Any]) -> Wanted:
 
 def listed(photo: Path | None, given: Mapping[str, Any]) -> tuple[list[GoalInput], list[GoalInput]]:
     """What PHOTO and the options name: things to paint, and to begin with. Raises ConfigError."""
-    wishes = [] if photo is None else [GoalInput(_PHOTO, photo, _photo_weight(given))]
-    begins: list[GoalInput] = []
+    items = [] if photo is None else [GoalInput(_PHOTO, photo, _photo_weight(given))]
+    initial_items: list[GoalInput] = []
     kinds = goal_kinds()
     for name, kind in kinds.by_name.items():
         values = _read(kind, given.get(name) or [], kind.option)
-        wishes += map(GoalInput, [name] * len(values), values, _weights(kind, photo, values, given))
+        items += map(GoalInput, [name] * len(values), values, _weights(kind, photo, values, given))
         first = _read(kind, given.get(f"init_{name}") or [], kind.initial_option)
-        begins += [GoalInput(name, value, 1.0) for value in first]
+        initial_items += [GoalInput(name, value, 1.0) for value in first]
     if given.get("goal") is not None:
-        more, begun = _from_toml(given["goal"])
-        wishes, begins = wishes + more, begins + begun
-    return wishes, begins
+        more, more_initial = _from_toml(given["goal"])
+        items, initial_items = items + more, initial_items + more_initial
+    return items, initial_items
 
 
-def open_goal(wishes: Sequence[GoalInput], begins: Sequence[GoalInput] = ()) -> Wanted:
+def open_goal(items: Sequence[GoalInput], initial_items: Sequence[GoalInput] = ()) -> OpenedGoal:
     """The goal of these things to paint, and to begin with. Raises ConfigError and ImageError."""
     kinds = goal_kinds()
-    if not wishes:
+    if not items:
         options = ", ".join(f"{kind.option} {kind.gives.value}" for kind in kinds.by_name.values())
         raise ConfigError(f"There is nothing to paint; give a PHOTO, or one or more of {options}.")
-    if len(wishes) + len(begins) > _MOST_TERMS:
-        raise ConfigError(f"{len(wishes) + len(begins)} goals were given; at most {_MOST_TERMS} are pursued together.")
-    terms = tuple(kinds[item.kind].opened(item.value, item.weight, beginning=False) for item in wishes)
-    initial = tuple(kinds[item.kind].opened(item.value, item.weight, beginning=True) for item in begins)
-    facts = [(kinds[item.kind].label, _described(item)) for item in wishes]
-    facts += [(f"Begun with {item.kind}", _described(item)) for item in begins]
-    title, name = _names(wishes[0].value)
+    if len(items) + len(initial_items) > _MOST_TERMS:
+        count = len(items) + len(initial_items)
+        raise ConfigError(f"{count} goals were given; at most {_MOST_TERMS} are pursued together.")
+    terms = tuple(kinds[item.kind].opened(item.value, item.weight, beginning=False) for item in items)
+    initial = tuple(kinds[item.kind].opened(item.value, item.weight, beginning=True) for item in initial_items)
+    facts = [(kinds[item.kind].label, _described(item)) for item in items]
+    facts += [(f"Begun with {item.kind}", _described(item)) for item in initial_items]
+    title, name = _names(items[0].value)
     goal = Goal(terms, initial)
-    return Wanted(goal, tuple(facts), title, name, _first_picture(goal), tuple(wishes), tuple(begins))
+    return OpenedGoal(goal, tuple(facts), title, name, _first_picture(goal), tuple(items), tuple(initial_items))
 
 
 def input_of(item: GoalItem) -> GoalInput:
@@ -132,7 +133,7 @@ def _weights(kind: GoalKind, photo: Path | None, values: Sequence[Any], given: M
 
 
 def _from_toml(path: Path) -> tuple[list[GoalInput], list[GoalInput]]:
-    """The wishes and the beginnings of a goal file; pictures are named relative to it."""
+    """The items and the initial items of a goal file; pictures are named relative to it."""
     content = storage.read_bytes(path, "a goal file (TOML)", _MOST_BYTES, ConfigError)
     example = 'write [[goal]], then lines such as style = "waves.jpg" and weight = 2'
     try:
@@ -146,7 +147,7 @@ def _from_toml(path: Path) -> tuple[list[GoalInput], list[GoalInput]]:
         )
     known = goal_kinds()
     found: dict[str, list[GoalInput]] = {"goal": [], "initial": []}
-    for table, wishes in found.items():
+    for table, items in found.items():
         entries = record.get(table, [])
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
             raise ConfigError(f"{path}: {table} is not a list of tables; {example}.")
@@ -160,7 +161,7 @@ def _from_toml(path: Path) -> tuple[list[GoalInput], list[GoalInput]]:
             said = entry[kind.name]
             words = kind.gives is Gives.WORDS
             value = read_prompt(said, f"{path}: {kind.name}") if words else path.parent / said
-            wishes.append(GoalInput(kind.name, value, float(weight)))
+            items.append(GoalInput(kind.name, value, float(weight)))
     return found["goal"], found["initial"]
 
 

@@ -34,13 +34,13 @@ from frida_painter.planning.planner import Planner
 from frida_painter.report.doubt import doubt
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs import goals
-from frida_painter.runs.account import account
 from frida_painter.runs.controls import Controls
 from frida_painter.runs.easel import needed_calibrations, order, with_operator
 from frida_painter.runs.fitting import Fitted, fitted
 from frida_painter.runs.folder import NOW, SETTINGS, keep_goal, keep_spec, new_folder, read_goal, read_spec
 from frida_painter.runs.folder import rests_on as hashes
 from frida_painter.runs.opening import open_planner, open_session
+from frida_painter.runs.painting_account import painting_account
 from frida_painter.runs.palette_file import read_palette
 from frida_painter.runs.spec import SETTLED, RunSpec, upgraded
 from frida_painter.session import resuming
@@ -58,11 +58,11 @@ _ROOM = 200 * 2**20  # bytes
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RunOutcome:
     """How a run ended.
 
-    painting: what came of it, None where nothing was seen yet; page: the page that tells it; trouble: the fault that
-    ended it, if any.
+    painting: the result, None where no photograph was taken yet; page: its report; trouble: the fault that ended the
+    run, if any.
     """
 
     folder: Path
@@ -72,8 +72,8 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class _Begun:
-    """A painting that broke off: its journal, what that tells, and its plan if there is one."""
+class _ReopenedPainting:
+    """A painting that is resumed: its open journal, the history read from it, and its plan if there is one."""
 
     journal: Journal
     history: History
@@ -98,19 +98,19 @@ class PaintingRun:
         *,
         listeners: Iterable[Notify] = (),
         controls: Controls | None = None,
-        goal: goals.Wanted | None = None,
+        goal: goals.OpenedGoal | None = None,
         state: Path | None = None,
         record_may_differ: bool = False,
-        _begun: _Begun | None = None,
+        _reopened: _ReopenedPainting | None = None,
     ) -> None:
-        self._begun = _begun
-        self.mixed = None if spec.palette is None or _begun else _measured(spec, spec.palette)
+        self._reopened = _reopened
+        self.mixed = None if spec.palette is None or _reopened else _measured(spec, spec.palette)
         if self.mixed is not None:
             spec = spec.changed(colors=len(self.mixed))
         wanted = goal or goals.open_goal(
             [goals.input_of(item) for item in spec.goal], [goals.input_of(item) for item in spec.initial]
         )
-        self._take(fitted(spec, wanted, canvas_is_fixed=_begun is not None))
+        self._take(fitted(spec, wanted, canvas_is_fixed=_reopened is not None))
         self._folder = None if folder is None else Path(folder)
         self.listeners: list[Notify] = list(listeners)
         self.controls = controls or Controls()
@@ -142,7 +142,7 @@ class PaintingRun:
                 _require_unchanged(spec, folder, history, plan, accept_changes=accept_changes)
             goal = read_goal(folder / history.goal)
             spec = spec.model_copy(update={"pace": pace})
-            run = cls(spec, folder, goal=goal, state=state, _begun=_Begun(journal, history, plan))
+            run = cls(spec, folder, goal=goal, state=state, _reopened=_ReopenedPainting(journal, history, plan))
         except BaseException:
             journal.close()
             raise
@@ -155,8 +155,8 @@ class PaintingRun:
         threads = torch.get_num_threads()
         torch.set_num_threads(1)  # tensors are small, and torch's idle threads spin: twice the time on two cores
         self._stack.callback(torch.set_num_threads, threads)
-        if self._begun is not None:
-            self._stack.callback(self._begun.journal.close)
+        if self._reopened is not None:
+            self._stack.callback(self._reopened.journal.close)
         return self
 
     def __exit__(
@@ -167,7 +167,7 @@ class PaintingRun:
     @property
     def history(self) -> History | None:
         """What the journal of a reopened painting tells; None for a new one."""
-        return None if self._begun is None else self._begun.history
+        return None if self._reopened is None else self._reopened.history
 
     @property
     def folder(self) -> Path:
@@ -181,8 +181,8 @@ class PaintingRun:
         """The planner, opened when it is first asked for. Raises WeightsError where a network is missing."""
         if self._planner is None:
             self._planner = open_planner(self.spec, self.goal.goal)
-            if self._begun is not None:
-                self._planner.region = resuming.region(self.folder, self._begun.history)
+            if self._reopened is not None:
+                self._planner.region = resuming.region(self.folder, self._reopened.history)
         return self._planner
 
     @property
@@ -208,7 +208,7 @@ class PaintingRun:
             self.load_easel()
         assert self._process is not None
         planner = self.planner  # before the folder: what cannot be planned leaves no traces
-        fresh = self._begun is None
+        fresh = self._reopened is None
         if fresh:
             self._folder = new_folder(self._folder, self.goal.name, _ROOM)
         with _taken_back(self.folder) if fresh else _nothing():
@@ -224,7 +224,7 @@ class PaintingRun:
         """Starts the easel's process, which loads while the planner does."""
         self._process = self._stack.enter_context(EaselProcess())
 
-    def start(self, plan: Plan | None = None) -> Outcome:
+    def start(self, plan: Plan | None = None) -> RunOutcome:
         """Paints it: plan, paint some strokes, look, plan the rest again.
 
         plan: one of as many strokes that was made before, and is painted instead of a new one. Raises what keeps it
@@ -242,17 +242,17 @@ class PaintingRun:
         spec = self.spec
         return self._to_its_end(session, recorder, lambda: session.run(spec.strokes, spec.colors, plan))
 
-    def resume(self) -> Outcome:
+    def resume(self) -> RunOutcome:
         """Paints what is left: photographs the canvas, asks about the stroke in doubt, cleans the brush, goes on.
 
         Raises FrameRejected where the canvas is not as it was left and nobody wants it painted on.
         """
-        if self._begun is None:
+        if self._reopened is None:
             raise ConfigError("This painting was not begun yet; give its folder to PaintingRun.reopen to resume it.")
         storage.clear_leftovers(self.folder)
         if self._easel is None:
             self.open_easel()
-        journal, history, kept = self._begun.journal, self._begun.history, self._begun.plan
+        journal, history, kept = self._reopened.journal, self._reopened.history, self._reopened.plan
         recorder = self._recorder()
         session = self._open_session(journal, recorder)
         if (bare := resuming.bare_photograph(self.folder)) is not None:
@@ -285,12 +285,12 @@ class PaintingRun:
         return easel
 
     def _recorder(self) -> Recorder:
-        told = account(self.spec, self.goal, self.target, self.planner.encoders)
-        return Recorder(self.folder, told, self.planner.model, self.spec.film_length, self.history)
+        about = painting_account(self.spec, self.goal, self.target, self.planner.encoders)
+        return Recorder(self.folder, about, self.planner.model, self.spec.film_length, self.history)
 
     def _open_session(self, journal: Journal, recorder: Recorder) -> PaintingSession:
         easel = with_operator(self.easel, self.spec, self.controls.answer)
-        kept = self._begun and self._begun.plan
+        kept = self._reopened and self._reopened.plan
 
         def hear(event: Event) -> None:
             if isinstance(event, TimelapseFrame | Looked):
@@ -312,7 +312,7 @@ class PaintingRun:
         )
         return self.session
 
-    def _to_its_end(self, session: PaintingSession, recorder: Recorder, paint: Callable[[], Painting]) -> Outcome:
+    def _to_its_end(self, session: PaintingSession, recorder: Recorder, paint: Callable[[], Painting]) -> RunOutcome:
         """Paints; where robot, camera or person give up on the way, what there is by then is kept as after a stop."""
         trouble: FridaError | None = None
         painting: Painting | None
@@ -329,12 +329,12 @@ class PaintingRun:
         with suppress(FridaError):  # whatever is wrong with it was told before
             session.brushwork.easel.robot.close()  # a film of it ends here
         page = None if painting is None else recorder.finish(painting)
-        return Outcome(self.folder, painting, page, trouble)
+        return RunOutcome(self.folder, painting, page, trouble)
 
     def _is_as_left(self, session: PaintingSession, before: Tensor, now: Tensor) -> bool:
         """Whether the canvas is as it was left; where it is not, somebody has to want it painted on all the same."""
-        assert self._begun is not None
-        history, kept, good = self._begun.history, self._begun.plan, session.observer.good
+        assert self._reopened is not None
+        history, kept, good = self._reopened.history, self._reopened.plan, session.observer.good
         if kept is None or good is None:
             return True
         try:
@@ -349,8 +349,8 @@ class PaintingRun:
 
     def _repaints(self, now: Tensor) -> bool:
         """Whether the stroke in doubt, if there is one, is painted again; a picture of it is kept."""
-        assert self._begun is not None
-        number, kept = self._begun.history.in_doubt, self._begun.plan
+        assert self._reopened is not None
+        number, kept = self._reopened.history.in_doubt, self._reopened.plan
         if number is None or kept is None:
             return False
         painted = self.planner.expected(kept.plan.part(slice(number - 1, number)), now)
@@ -409,7 +409,7 @@ def _nothing() -> Iterator[None]:
 
 def paint(
     photo: str | Path | None = None, *, text: str | None = None, folder: str | Path | None = None, **settings: Any
-) -> Outcome:
+) -> RunOutcome:
     """Paints a photograph, words, or both in the virtual studio, or where the settings say; returns how it ended.
 
     settings: fields of RunSpec, such as strokes=50 or style, sketch and others through goal=[{"style": "waves.jpg"}];

@@ -97,7 +97,7 @@ class CanvasObserver:
         return true_color(self.light.correct(picture), self.easel.calibration)
 
     def learn_good(self, photograph: NDArray[np.uint8]) -> None:
-        """From now on photographs are compared with this one, which an earlier sitting took of the bare canvas."""
+        """From now on photographs are compared with this one, which an earlier run took of the bare canvas."""
         self.good = FrameCheck.learn(photograph, self.easel.calibration, self.easel.canvas)
 
     def photograph(self, last_motion: float) -> Frame:

@@ -51,19 +51,19 @@ def _open_real(order: EaselOrder) -> OpenEasel:
             f"The robot {order.robot[:60]!r} needs a workspace file (--workspace) and a camera (--camera "
             f"{'|'.join(camera_forms())}); `frida-painter workspace example` prints a whole one."
         )
-    stand = WorkcellConfig.load(order.workspace)
-    if max(abs(order.canvas.width - stand.canvas.width), abs(order.canvas.height - stand.canvas.height)) > 0.001:
+    workcell = WorkcellConfig.load(order.workspace)
+    if max(abs(order.canvas.width - workcell.canvas.width), abs(order.canvas.height - workcell.canvas.height)) > 0.001:
         raise ConfigError(
             f"The painting is for a canvas of {order.canvas}, and the one in {str(order.workspace)!r} is "
-            f"{stand.canvas}; leave out --canvas, or put up the other canvas and make the workspace true."
+            f"{workcell.canvas}; leave out --canvas, or put up the other canvas and make the workspace true."
         )
     easel = Easel(
-        robot=robot_named(order.robot, stand.workspace),
+        robot=robot_named(order.robot, workcell.workspace),
         camera=camera_named(order.camera),
         operator=AbsentOperator(),
-        workspace=stand.workspace,
-        calibration=stand.calibration(order.brush, camera=order.camera),
-        canvas=stand.canvas,
-        reach=stand.reach,
+        workspace=workcell.workspace,
+        calibration=workcell.calibration(order.brush, camera=order.camera),
+        canvas=workcell.canvas,
+        reach=workcell.reach,
     )
     return OpenEasel(easel, lambda: None)

@@ -34,7 +34,7 @@ from frida_painter.session.page_events import (
     PlanMade,
     PlanningProgress,
     PlanPreview,
-    PlanWished,
+    PlanRequested,
     ProcedureBegan,
     ProcedureFound,
     ProcedureProgress,
@@ -290,7 +290,7 @@ class GoalChanged:
 Written = (
     PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | StrokePainted | StrokeLeftOut | Photographed
     | Paused | Stopped | Failed | Finished | RegionProtected | GoalChanged
-    | PlanWished | PlanningProgress | PlanPreview | PlanMade | RestReplanned | PaintingStarted | TakenUp | Mixing
+    | PlanRequested | PlanningProgress | PlanPreview | PlanMade | RestReplanned | PaintingStarted | TakenUp | Mixing
     | TimeLeft | PhotographShown | LookShown | Considering | WentOn | Turns | Remark | Finishing | PaintingKept | Asked
     | Answered | Rests
     | CalibrationStarted | CalibrationStatus | ProcedureBegan | ProcedureProgress | ProcedureFound

@@ -17,8 +17,8 @@ from frida_painter.session.replan_policy import ReplanPolicy, looks_on_the_way
 
 
 @dataclass
-class Pace:
-    """Seconds that one unit of some work takes: guessed at first, then measured."""
+class TimeEstimate:
+    """Seconds per unit of one kind of work: a guess first, then the mean of what was measured."""
 
     guess: float
     spent: float = 0.0
@@ -50,8 +50,8 @@ class Forecast:
         self._plan_left = float(planning * strokes)
         self._painted = 0
         self._last = now
-        self._planning = Pace(2.5e-5)
-        self._painting = Pace(0.1)  # of a stroke, until there is a timetable
+        self._planning = TimeEstimate(2.5e-5)
+        self._painting = TimeEstimate(0.1)  # of a stroke, until there is a timetable
         self._after: tuple[float, ...] = ()
         self._end = 0.0
         self._begun = 0
@@ -81,7 +81,7 @@ class Forecast:
                 self._forget_looks(until=done - 1)
             case Scheduled(timetable=timetable, done=done):
                 if not self._after:
-                    self._painting = Pace(0.02)
+                    self._painting = TimeEstimate(0.02)
                 self._after, self._end, self._begun, self._walked = timetable.after, timetable.total, done, 0.0
             case StrokePainted(done=done) | StrokeLeftOut(done=done):
                 self._painted = done

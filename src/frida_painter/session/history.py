@@ -46,11 +46,11 @@ class History:
 
     settings, rests_on: as it was begun; plannings: the plans that were adopted or kept, in order; painted: strokes
     that are done or were given up; in_doubt: the number of the stroke that was begun and not ended;
-    light: of the last look, [3, terms]; looks, dips, cleanings, sittings: how many there were; given_up:
+    light: of the last look, [3, terms]; looks, dips, cleanings, runs: how many there were; given_up:
     numbers of strokes in doubt that were skipped, and of those that a person left out; region: the file of
     what a person drew over the canvas, and whether only there it may be painted, None where nothing is
     protected; goal: the folder of the goal that it is painted towards since it was changed, "" before;
-    finished: whether nothing is left to do; seconds: that were spent on it, pauses between sittings left
+    finished: whether nothing is left to do; seconds: that were spent on it, pauses between runs left
     out; last: when the last record was written.
     """
 
@@ -66,7 +66,7 @@ class History:
     goal: str = ""
     dips: int = 0
     cleanings: int = 0
-    sittings: int = 0
+    runs: int = 0
     given_up: list[int] = field(default_factory=list)
     finished: bool = False
     seconds: float = 0.0
@@ -99,7 +99,7 @@ class History:
 
     def _hear(self, event: Written, at: datetime) -> None:
         if isinstance(event, PaintingBegun | SessionResumed):
-            self.sittings += 1
+            self.runs += 1
         elif self.last is not None:
             # The clock of the machine may have been set back in between.
             self.seconds += max(0.0, (at - self.last).total_seconds())

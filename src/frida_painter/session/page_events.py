@@ -5,8 +5,8 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class PlanWished:
-    """A person asked for plan number `plan`, of this wish."""
+class PlanRequested:
+    """A person asked for plan number `plan`; wish: the request, as the page sent it."""
 
     plan: int
     wish: dict[str, Any]

@@ -21,8 +21,8 @@ _VERSION = 1
 
 
 @dataclass(frozen=True)
-class Order:
-    """What is being recorded: `count` strokes of a brush, drawn with `seed`, refilled every so many, on one easel."""
+class RecordingSettings:
+    """What decides a recording: the easel, the brush, `count` strokes drawn with `seed`, and the strokes per dip."""
 
     easel: str
     kind: BrushKind
@@ -31,7 +31,7 @@ class Order:
     refill_every: int
 
     def record(self) -> dict[str, object]:
-        """The order as plain values."""
+        """The settings as plain values."""
         limits = self.kind.limits
         return {
             "format": _FORMAT,
@@ -48,29 +48,29 @@ class Order:
 
 
 class Recording:
-    """The strokes of one order that were painted so far, by number.
+    """The strokes of one recording that are painted so far, by number.
 
     folder: where they are kept, None for nowhere. Raises ConfigError where the folder holds those of
-    another order, StorageError where it cannot be written or is damaged.
+    another recording, StorageError where it cannot be written or is damaged.
     """
 
-    def __init__(self, folder: Path | None, order: Order, shape: tuple[int, int]) -> None:
-        self.order = order
+    def __init__(self, folder: Path | None, settings: RecordingSettings, shape: tuple[int, int]) -> None:
+        self.settings = settings
         self._folder = folder
         self._shape = shape
         self.prints: dict[int, Print] = {}
         if folder is not None and (folder / "order.json").exists():
             self._require_same(folder)
             self.prints = {
-                number: kept for number in range(order.count) if (kept := self._kept(self._path(folder, number)))
+                number: kept for number in range(settings.count) if (kept := self._kept(self._path(folder, number)))
             }
         elif folder is not None:
-            storage.write_json(folder / "order.json", order.record())
+            storage.write_json(folder / "order.json", settings.record())
 
     @property
     def missing(self) -> list[int]:
         """Numbers of the strokes that are still to be painted."""
-        return [number for number in range(self.order.count) if number not in self.prints]
+        return [number for number in range(self.settings.count) if number not in self.prints]
 
     def keep(self, number: int, stroke: Print) -> None:
         """Puts a stroke to the others, on the disk first. Raises StorageError."""
@@ -91,9 +91,9 @@ class Recording:
         """Removes the folder, once the library is written."""
         if self._folder is None:
             return
-        for number in range(self.order.count):
+        for number in range(self.settings.count):
             self._path(self._folder, number).unlink(missing_ok=True)
-        # The order goes last: without it the strokes would be nobody's.
+        # The settings go last: without them the strokes would be nobody's.
         (self._folder / "order.json").unlink(missing_ok=True)
         if not any(self._folder.iterdir()):
             self._folder.rmdir()
@@ -103,8 +103,8 @@ class Recording:
         return folder / f"stroke-{number:05d}.safetensors"
 
     def _require_same(self, folder: Path) -> None:
-        found = storage.read_json(folder / "order.json", "the order of a recording")
-        wanted = self.order.record()
+        found = storage.read_json(folder / "order.json", "the settings of a recording")
+        wanted = self.settings.record()
         differing = [name for name in wanted if found.get(name) != wanted[name]]
         if differing:
             told = ", ".join(f"{name} {found.get(name)} and not {wanted[name]}" for name in differing)

@@ -23,7 +23,7 @@ _POINTS = 9  # of a path, to tell whether two marks meet
 _ROUNDS = 6
 _GAIN = 1e-3  # metres: less is not worth a move, and would let a hair's breadth decide between equal ways
 
-Place = complex  # metres in the robot's frame from above, x + iy: the distance of two is abs(a - b)
+PlanarPoint = complex  # metres in the robot's frame from above, x + iy: the distance of two is abs(a - b)
 
 
 def shorten_travel(plan: Plan, count: int, choreography: Choreography, load: BrushLoad) -> Plan:
@@ -67,12 +67,12 @@ def _distances(one: NDArray[np.float64], path: NDArray[np.float64]) -> NDArray[n
 class _Tour:
     """Strokes of one paint: where each starts and ends, what it takes, and which must come before it."""
 
-    starts: list[Place]
-    ends: list[Place]
+    starts: list[PlanarPoint]
+    ends: list[PlanarPoint]
     uses: list[float]
     before: list[set[int]]
-    well: Place
-    water: Place
+    well: PlanarPoint
+    water: PlanarPoint
     load: float
     dip_holds: float
     dip_length: float  # metres that a dip itself takes at the speed of travel
@@ -143,7 +143,7 @@ class _Tour:
             open_.remove(chosen)
         return order
 
-    def _step(self, here: Place, left: float, index: int) -> float:
+    def _step(self, here: PlanarPoint, left: float, index: int) -> float:
         if left < self.uses[index]:
             return abs(self.well - here) + self.dip_length + abs(self.starts[index] - self.well)
         return abs(self.starts[index] - here)

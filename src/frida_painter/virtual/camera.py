@@ -113,7 +113,7 @@ class VirtualCamera:
         return frame
 
     def remember(self, exposed: bool) -> None:
-        """Takes up after a photograph of which the diary tells; the photograph itself is gone."""
+        """Takes up after a photograph of which the log tells; the photograph itself is gone."""
         self.photographs += 1
         if exposed:
             self._grain()

@@ -1,4 +1,4 @@
-"""A studio's history: what was done in it, as its diary tells, and how all of it is lived through again.
+"""A studio's history: what was done in it, as its log tells, and how all of it is lived through again.
 
 A studio follows from its seed and from what was done in it, so nothing of the canvas itself is kept:
 the same motions leave the same paint in the same cells, byte for byte.

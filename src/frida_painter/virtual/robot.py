@@ -34,15 +34,15 @@ class VirtualRobot:
     state of the arm after every motion; watcher: looks on.
     """
 
-    def __init__(self, table: Table, stand: StudioLayout, arm: Arm, clock: Clock, pace: float = 0.0) -> None:
+    def __init__(self, table: Table, layout: StudioLayout, arm: Arm, clock: Clock, pace: float = 0.0) -> None:
         self.faults: Faults = NO_FAULTS
         self.motions = 0
         self.note: Note = unnoted
         self.watcher: Watcher = Nobody()
-        self._table, self._workspace, self._arm, self._clock = table, stand.workspace, arm, clock
+        self._table, self._workspace, self._arm, self._clock = table, layout.workspace, arm, clock
         self._pace = pace
-        self._home = np.array(stand.home)
-        self._tip = np.array(stand.home)
+        self._home = np.array(layout.home)
+        self._tip = np.array(layout.home)
         self._connected = False
         self._stopped = threading.Event()
 
@@ -54,12 +54,12 @@ class VirtualRobot:
         self._connected = True
 
     def remember(self, tip: NDArray[np.float64]) -> None:
-        """Takes up after a motion of which the diary tells, which ended at `tip` [3] metres."""
+        """Takes up after a motion of which the log tells, which ended at `tip` [3] metres."""
         self._tip = tip.copy()
         self.motions += 1
 
     def remember_arm(self, state: list[float]) -> None:
-        """Takes up with the arm in the state of which the diary tells."""
+        """Takes up with the arm in the state of which the log tells."""
         self._arm.remember(state)
 
     def rearm(self) -> None:

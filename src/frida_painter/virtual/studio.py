@@ -31,7 +31,7 @@ from frida_painter.virtual.robot import Clock, VirtualRobot
 from frida_painter.virtual.sawyer.arm import TIMING, SawyerArm
 from frida_painter.virtual.sawyer.reach import SawyerReach
 from frida_painter.virtual.simulation_log import SimulationLog, unnoted
-from frida_painter.virtual.studio_layout import StudioLayout, free_stand, sawyer_stand
+from frida_painter.virtual.studio_layout import StudioLayout, free_layout, sawyer_layout
 from frida_painter.virtual.table import HandNoise, PlacementError, Table
 
 _MM = 1000.0
@@ -108,7 +108,7 @@ class Balance:
 class VirtualStudio:
     """A studio that is open. The painter gets `easel` and nothing else; the rest is for tests and films.
 
-    touch_height: robot z (m) at which the tip really meets the canvas. diary: what happened before is
+    touch_height: robot z (m) at which the tip really meets the canvas. log: what happened before is
     lived through again, what happens from now on is put down.
     """
 
@@ -118,7 +118,7 @@ class VirtualStudio:
         brush: BristleBrush,
         settings: StudioSettings,
         seed: int,
-        diary: SimulationLog | None = None,
+        log: SimulationLog | None = None,
     ) -> None:
         for_canvas, for_brush, for_hand, for_camera, for_error, for_checker = (
             np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(6)
@@ -133,15 +133,15 @@ class VirtualStudio:
         )  # fmt: skip
         self.placement_error = settings.placement_error or PlacementError.drawn_from(for_error)
         here = _with_arm(settings.arm, canvas, brush, seed)
-        stand = here.stand
-        touch_height = stand.workspace.canvas_origin[2]
+        layout = here.layout
+        touch_height = layout.workspace.canvas_origin[2]
         self.touch_height = touch_height + settings.rise
         tuft = Tuft(brush, for_brush)
         self.table = Table(
-            self._fresh_canvas(), tuft, stand.workspace, self.touch_height, self.placement_error,
+            self._fresh_canvas(), tuft, layout.workspace, self.touch_height, self.placement_error,
             settings.noise or here.noise, for_hand,
         )  # fmt: skip
-        self.robot = VirtualRobot(self.table, stand, here.arm, self.clock, settings.pace)
+        self.robot = VirtualRobot(self.table, layout, here.arm, self.clock, settings.pace)
         self.camera = VirtualCamera(settings.camera, self.table, self.clock, for_camera)
         calibration = Calibration(
             easel=f"{_EASELS[settings.arm]} {seed}",
@@ -156,21 +156,21 @@ class VirtualStudio:
             lens=self.camera.lens,
         )
         checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
-        self._attendant = StudioOperator(self.table, checker, self._fresh_canvas)
+        self._operator = StudioOperator(self.table, checker, self._fresh_canvas)
         self.easel = Easel(
-            self.robot, self.camera, self._attendant, stand.workspace, calibration, canvas, here.reach, here.timing,
+            self.robot, self.camera, self._operator, layout.workspace, calibration, canvas, here.reach, here.timing,
             simulated=True,
         )  # fmt: skip
-        self._diary, self._note = diary, unnoted
-        if diary is not None:
-            relive(diary.past, self.clock, self.table, self.robot, self.camera, self._attendant)
-            self._note = self.table.note = self.robot.note = self.camera.note = self._attendant.note = diary.note
+        self._log, self._note = log, unnoted
+        if log is not None:
+            relive(log.past, self.clock, self.table, self.robot, self.camera, self._operator)
+            self._note = self.table.note = self.robot.note = self.camera.note = self._operator.note = log.note
         self.break_things(settings.faults)
 
     def close(self) -> None:
-        """Ends the diary. Raises StorageError where not all that happened could be put down."""
-        if self._diary is not None:
-            self._diary.close()
+        """Closes the log. Raises StorageError where not all that happened could be put down."""
+        if self._log is not None:
+            self._log.close()
 
     @property
     def canvas(self) -> Canvas:
@@ -187,7 +187,7 @@ class VirtualStudio:
 
         center: canvas metres; turn: radians counter-clockwise; width: metres of its longer side.
         """
-        self._attendant.place_checker((center[0] * _MM, center[1] * _MM), turn, None if width is None else width * _MM)
+        self._operator.place_checker((center[0] * _MM, center[1] * _MM), turn, None if width is None else width * _MM)
 
     def wait(self, seconds: float) -> None:
         """Lets time pass and paint dry."""
@@ -235,12 +235,12 @@ def open_studio(
         settings = replace(settings, placement_error=placement_error)
     if faults is not None:
         settings = replace(settings, faults=faults)
-    diary = None if state is None else SimulationLog(Path(state), _furnishing(canvas, brush, settings, seed))
-    return VirtualStudio(canvas, brush_named(brush), settings, seed, diary)
+    log = None if state is None else SimulationLog(Path(state), _furnishing(canvas, brush, settings, seed))
+    return VirtualStudio(canvas, brush_named(brush), settings, seed, log)
 
 
 def _furnishing(canvas: CanvasSize, brush: str, settings: StudioSettings, seed: int) -> dict[str, Any]:
-    """What a studio follows from, in plain values; faults come and go, and are told of in its diary."""
+    """What a studio follows from, in plain values; faults come and go, and are told of in its log."""
     furniture = {name: value for name, value in asdict(settings).items() if name not in ("faults", "pace")}
     return {"canvas": asdict(canvas), "brush": brush, "seed": seed, **furniture}
 
@@ -249,7 +249,7 @@ def _furnishing(canvas: CanvasSize, brush: str, settings: StudioSettings, seed: 
 class _ArmAndTable:
     """An arm and what goes with it: how things stand around it, the noise of its hand, its reach, how it moves off."""
 
-    stand: StudioLayout
+    layout: StudioLayout
     arm: Arm
     noise: HandNoise
     reach: Reach | None = None
@@ -259,9 +259,9 @@ class _ArmAndTable:
 def _with_arm(arm: str, canvas: CanvasSize, brush: BristleBrush, seed: int) -> _ArmAndTable:
     """What the studio has for the arm of that name."""
     if arm == FREE:
-        return _ArmAndTable(free_stand(canvas, brush), FreeArm(), HandNoise())
-    stand, none = sawyer_stand(canvas, brush), HandNoise(0.0, 0.0)
+        return _ArmAndTable(free_layout(canvas, brush), FreeArm(), HandNoise())
+    layout, none = sawyer_layout(canvas, brush), HandNoise(0.0, 0.0)
     if arm == KINEMATIC_SAWYER:
-        return _ArmAndTable(stand, FreeArm(TIMING), none, timing=TIMING)
-    sawyer, reach = SawyerArm(stand.workspace, canvas, seed), SawyerReach(stand.workspace, canvas)
-    return _ArmAndTable(stand, sawyer, none, reach, TIMING)
+        return _ArmAndTable(layout, FreeArm(TIMING), none, timing=TIMING)
+    sawyer, reach = SawyerArm(layout.workspace, canvas, seed), SawyerReach(layout.workspace, canvas)
+    return _ArmAndTable(layout, sawyer, none, reach, TIMING)

@@ -35,7 +35,7 @@ class StudioLayout:
     home: Point
 
 
-def free_stand(canvas: CanvasSize, brush: BristleBrush) -> StudioLayout:
+def free_layout(canvas: CanvasSize, brush: BristleBrush) -> StudioLayout:
     """Around an arm that gets everywhere: the canvas in front, wells, water and rag left of it."""
     _, y, z = _FREE_ORIGIN
     corners = _around(canvas, _FREE_ORIGIN, _FREE_ANGLE)
@@ -51,7 +51,7 @@ def free_stand(canvas: CanvasSize, brush: BristleBrush) -> StudioLayout:
     return StudioLayout(replace(workspace, home=home), home)
 
 
-def sawyer_stand(canvas: CanvasSize, brush: BristleBrush) -> StudioLayout:
+def sawyer_layout(canvas: CanvasSize, brush: BristleBrush) -> StudioLayout:
     """Around the simulated Sawyer: the canvas across the table from it, as whoever stands opposite sees it.
 
     The wells are at its right hand, water and rag at its left.

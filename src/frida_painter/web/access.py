@@ -1,4 +1,4 @@
-"""Who may speak to the studio: a door before all routes, which knows tokens, hosts, origins and roles.
+"""Who may speak to the studio: middleware before all routes, which checks tokens, hosts, origins and roles.
 
 The studio commands a machine, so nothing is trusted by where it comes from: every request needs the
 token that was printed when the studio was started, or the cookie that was given for it. The host is

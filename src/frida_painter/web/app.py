@@ -1,4 +1,4 @@
-"""The studio's web application: routes put together, errors made into sentences, the door and the limits before it."""
+"""The studio's web application: its routes, its middleware, and errors as sentences."""
 
 import secrets
 import sys
@@ -18,18 +18,18 @@ from frida_painter.web.lead import Lead, Led
 from frida_painter.web.limits import Bucket, Limits
 from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.presence import Presence
-from frida_painter.web.station import Station
-from frida_painter.web.watch import Watch
+from frida_painter.web.state_stream import StateStreams
+from frida_painter.web.studio_easel import StudioEasel
 from frida_painter.web.workers import Workers
 
 _STATIC = Path(__file__).parent / "static"
 _KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 
-def application(store: PaintingStore, station: Station, presence: Presence) -> FastAPI:
+def application(store: PaintingStore, easel: StudioEasel, presence: Presence) -> FastAPI:
     """The routes alone, for those who are already inside."""
     app = FastAPI(title="frida-painter studio", docs_url=None, redoc_url=None, openapi_url=None)
-    app.state.store, app.state.watch, app.state.workers = store, Watch(), Workers(station)
+    app.state.store, app.state.streams, app.state.workers = store, StateStreams(), Workers(easel)
     app.state.lead, app.state.presence = Lead(), presence
     for part in (in_charge, goals, painting, procedures, gallery):
         app.include_router(part.router)
@@ -59,7 +59,7 @@ def application(store: PaintingStore, station: Station, presence: Presence) -> F
 
 
 def guarded(app: ASGIApp, keys: Keys, hosts: frozenset[str], cookie: str) -> ASGIApp:
-    """The application behind its door and limits, to be served."""
+    """The application with its middleware, to be served."""
     return AuthMiddleware(Limits(app, "/api/pictures", Bucket(rate=40, most=200)), keys, hosts, cookie)
 
 

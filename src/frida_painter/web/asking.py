@@ -14,7 +14,7 @@ from frida_painter.session.procedures.dialogue import Answer, Confirm, Jog, Meas
 from frida_painter.web.answers import understood
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.stop_file import Stop
+from frida_painter.web.stop_file import StopFileWatch
 
 _BETWEEN_GLANCES = 0.04
 
@@ -25,7 +25,7 @@ class Asker:
 
     folder: PaintingFolder
     feed: Feed
-    stop: Stop
+    stop: StopFileWatch
     _pictures: int = field(default=0, init=False)
 
     def answer(self, question: Question) -> Answer:

@@ -13,7 +13,7 @@ from frida_painter.session.page_events import (
     ProcedureFound,
     ProcedureProgress,
 )
-from frida_painter.web.calibrate import PROCEDURES
+from frida_painter.web.calibration_request import PROCEDURES
 
 
 @dataclass

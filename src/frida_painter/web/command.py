@@ -67,11 +67,11 @@ def studio(
     from frida_painter.web.access import Role
     from frida_painter.web.painting_store import PaintingStore
     from frida_painter.web.server import listen, serve
-    from frida_painter.web.station import Station
+    from frida_painter.web.studio_easel import StudioEasel
 
     store = PaintingStore(folder.absolute())
     record = calibration or store.calibration.path / "calibration.json"
-    station = Station(record.absolute(), robot, camera, workspace, pace).surveyed()
+    easel = StudioEasel(record.absolute(), robot, camera, workspace, pace).validated()
 
     def tell(links: dict["Role", str]) -> None:
         print(f"The studio is open: {links[Role.operate]}", flush=True)
@@ -80,7 +80,7 @@ def studio(
         print(
             f"Paintings are kept in {store.root}. Ctrl-C closes the studio; a painting that is being painted goes on."
         )
-        if station.dangerous:
+        if easel.drives_machine:
             print(f"{robot} moves only when somebody beside it has pressed Enter here within the last minute.")
         if address != _LOCAL:
             print(
@@ -91,7 +91,7 @@ def studio(
         if browser:
             webbrowser.open(links[Role.operate])
 
-    serve(store, station, listen(address, port), tuple(name or ()), tell)
+    serve(store, easel, listen(address, port), tuple(name or ()), tell)
 
 
 def _require_address(address: str) -> None:

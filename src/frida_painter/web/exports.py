@@ -20,9 +20,11 @@ def export(plan: Plan, model: StrokeModel, folder: Path) -> None:
 
     Raises StorageError.
     """
-    desk = FlatbedWorkspace()
-    actions = Choreography(desk.motion(plan.canvas), brush_kind(model.brush)).actions(plan, BrushLoad(), 0, len(plan))
-    program = gcode(plan, list(actions), Gcode("grbl", desk.travel_speed), pauses=True)
+    flatbed = FlatbedWorkspace()
+    actions = Choreography(flatbed.motion(plan.canvas), brush_kind(model.brush)).actions(
+        plan, BrushLoad(), 0, len(plan)
+    )
+    program = gcode(plan, list(actions), Gcode("grbl", flatbed.travel_speed), pauses=True)
     storage.write_text(folder / "strokes.svg", svg(plan, mark_widths(plan.strokes, model)))
     storage.write_text(folder / "strokes.csv", table(plan))
     storage.write_text(folder / "strokes.gcode", program)

@@ -1,6 +1,6 @@
 """The folder of one painting, as the page and its worker share it: who writes what, and under which name.
 
-The page writes wishes, commands and the stop file; the worker everything else. All names are ours.
+The page writes requests, commands and the stop file; the worker everything else. All names are ours.
 """
 
 import os
@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from frida_painter import storage
 from frida_painter.errors import StorageError
 from frida_painter.session.names import STOP_FILE
-from frida_painter.web.wish import Wish
+from frida_painter.web.painting_request import PaintingRequest
 
 _SHOWN = re.compile(r"[a-z][a-z0-9-]{0,60}\.(png|jpg|mp4|json|svg|csv|gcode|html)")
 _MOST_PLANS = 24
@@ -23,7 +23,7 @@ _MOST_PLANS = 24
 
 @dataclass(frozen=True)
 class PlanFolder:
-    """What belongs to one plan of a painting: the wish that it came from, the plan, and pictures of it."""
+    """What belongs to one plan of a painting: the request that it came from, the plan, and pictures of it."""
 
     path: Path
 
@@ -42,13 +42,13 @@ class PlanFolder:
         """The plan's own file."""
         return self.path / "plan.json"
 
-    def wish(self) -> Wish:
+    def request(self) -> PaintingRequest:
         """What was asked for. Raises StorageError."""
-        record = storage.read_json(self.path / "wish.json", "what a person wished")
+        record = storage.read_json(self.path / "wish.json", "what a person asked for")
         try:
-            return Wish.model_validate(record["wish"])
+            return PaintingRequest.model_validate(record["wish"])
         except (KeyError, ValidationError) as cause:
-            raise StorageError("What was wished for this plan is damaged; make another plan.") from cause
+            raise StorageError("What was asked for this plan is damaged; make another plan.") from cause
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class PaintingFolder:
         return self.live / f"region-{number}.png"
 
     def change(self, number: int) -> PlanFolder:
-        """What a person wished in the middle of the painting, with its goal; there is no plan in it."""
+        """What a person asked for in the middle of the painting, with its goal; there is no plan in it."""
         return PlanFolder(self.path / "changes" / str(number))
 
     def keep_region(self, picture: Path) -> int:
@@ -117,10 +117,10 @@ class PaintingFolder:
         _copy(picture, self.region(number))
         return number
 
-    def begin_change(self, wish: Wish, pictures: Path) -> int:
-        """A folder with a wish and copies of its `pictures`; returns its number. Raises StorageError."""
+    def begin_change(self, request: PaintingRequest, pictures: Path) -> int:
+        """A folder with a request and copies of its `pictures`; returns its number. Raises StorageError."""
         number = 1 + sum(1 for _ in (self.path / "changes").glob("*"))
-        _fill(self.change(number), wish, pictures)
+        _fill(self.change(number), request, pictures)
         return number
 
     def plans(self) -> list[PlanFolder]:
@@ -132,13 +132,13 @@ class PaintingFolder:
         """The folder of plan `number`, whether it is there or not."""
         return PlanFolder(self.path / "plans" / str(number))
 
-    def begin_plan(self, wish: Wish, pictures: Path) -> PlanFolder:
-        """A new plan's folder with the wish and copies of its `pictures`. Raises StorageError."""
+    def begin_plan(self, request: PaintingRequest, pictures: Path) -> PlanFolder:
+        """A new plan's folder with the request and copies of its `pictures`. Raises StorageError."""
         number = max((folder.number for folder in self.plans()), default=0) + 1
         if number > _MOST_PLANS:
             raise StorageError(f"There are {_MOST_PLANS} plans already; choose one of them, or begin a new painting.")
         plan = self.plan(number)
-        _fill(plan, wish, pictures)
+        _fill(plan, request, pictures)
         return plan
 
     def shown(self, place: str, name: str) -> Path | None:
@@ -162,12 +162,12 @@ def require_disk(folder: Path, needed: int) -> None:
         )
 
 
-def _fill(place: PlanFolder, wish: Wish, pictures: Path) -> None:
+def _fill(place: PlanFolder, request: PaintingRequest, pictures: Path) -> None:
     storage.new_folder(place.path)
-    for name in wish.pictures:
+    for name in request.pictures:
         _copy(pictures / f"{name}.png", place.path / f"{name}.png")
-    storage.write_text(place.goal, wish.toml)
-    storage.write_json(place.path / "wish.json", {"wish": wish.model_dump(mode="json")})
+    storage.write_text(place.goal, request.toml)
+    storage.write_json(place.path / "wish.json", {"wish": request.model_dump(mode="json")})
 
 
 def _copy(picture: Path, to: Path) -> None:

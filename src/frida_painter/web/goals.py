@@ -1,4 +1,4 @@
-"""Routes for saying what is wanted: pictures, wishes, plans."""
+"""Routes for saying what is wanted: pictures, requests for paintings, plans."""
 
 import re
 import time
@@ -10,14 +10,14 @@ from fastapi import APIRouter, HTTPException, Path, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import FileResponse
 
-from frida_painter.session.page_events import PlanWished
+from frida_painter.session.page_events import PlanRequested
 from frida_painter.web import uploads
 from frida_painter.web.abilities import abilities
 from frida_painter.web.feed import Feed
-from frida_painter.web.pace import pace
+from frida_painter.web.painting_request import PaintingRequest
 from frida_painter.web.painting_store import Entry, PaintingStore
 from frida_painter.web.requests import AnySession, Planning, ThePaintingStore, TheWorkers, ThisPainting
-from frida_painter.web.wish import Wish
+from frida_painter.web.studio_pace import pace
 from frida_painter.web.workers import Workers
 
 router = APIRouter(prefix="/api")
@@ -26,17 +26,17 @@ router = APIRouter(prefix="/api")
 @router.get("/studio")
 def studio(session: AnySession, store: ThePaintingStore, workers: TheWorkers) -> dict[str, Any]:
     """What the page needs to know of this studio, and the sign that its requests carry."""
-    station = workers.station
+    easel = workers.easel
     return {
         "csrf": session.csrf,
         "role": session.role.name,
         "abilities": abilities(),
         "now": time.time(),
-        "robot": station.robot,
-        "simulated": station.simulated,
-        "dangerous": station.dangerous,
-        "pace": asdict(pace(store, real_time=not station.simulated)),
-        "canvas": station.canvas,
+        "robot": easel.robot,
+        "simulated": easel.simulated,
+        "dangerous": easel.drives_machine,
+        "pace": asdict(pace(store, real_time=not easel.simulated)),
+        "canvas": easel.canvas,
     }
 
 
@@ -57,41 +57,44 @@ def show_picture(picture: Annotated[str, Path(max_length=64)], store: ThePaintin
 
 
 @router.post("/paintings")
-def begin(wish: Wish, session: Planning, store: ThePaintingStore, workers: TheWorkers) -> Mapping[str, str]:
+def begin(
+    request: PaintingRequest, session: Planning, store: ThePaintingStore, workers: TheWorkers
+) -> Mapping[str, str]:
     """Begins a painting, and its first plan."""
-    require_possible(wish, store)
-    entry = store.begin(wish.title or "Untitled")
-    _plan(entry, wish, store, workers)
+    require_possible(request, store)
+    entry = store.begin(request.title or "Untitled")
+    _plan(entry, request, store, workers)
     return {"id": entry.id}
 
 
 @router.post("/paintings/{identifier}/plans")
 def plan_again(
-    wish: Wish, entry: ThisPainting, session: Planning, store: ThePaintingStore, workers: TheWorkers
+    request: PaintingRequest, entry: ThisPainting, session: Planning, store: ThePaintingStore, workers: TheWorkers
 ) -> Mapping[str, str]:
-    """Has another plan made for a painting, of the same wish or another."""
-    require_possible(wish, store)
-    _plan(entry, wish, store, workers)
+    """Has another plan made for a painting, of the same request or another."""
+    require_possible(request, store)
+    _plan(entry, request, store, workers)
     return {"id": entry.id}
 
 
-def require_possible(wish: Wish, store: PaintingStore) -> None:
+def require_possible(request: PaintingRequest, store: PaintingStore) -> None:
     """Answers 422 where a picture is gone, or a network that is needed is not here."""
-    if not all((store.pictures / f"{name}.png").is_file() for name in wish.pictures):
+    if not all((store.pictures / f"{name}.png").is_file() for name in request.pictures):
         raise HTTPException(422, "A picture of this goal is gone; choose it again.")
-    missing = [kind for kind in {term.kind for term in (*wish.terms, *wish.initial)} if not abilities()[kind]["ready"]]
+    kinds = {term.kind for term in (*request.terms, *request.initial)}
+    missing = [kind for kind in kinds if not abilities()[kind]["ready"]]
     if missing:
         raise HTTPException(422, abilities()[missing[0]]["advice"])
 
 
-def _plan(entry: Entry, wish: Wish, store: PaintingStore, workers: Workers) -> None:
+def _plan(entry: Entry, request: PaintingRequest, store: PaintingStore, workers: Workers) -> None:
     folder = entry.folder
-    with workers.place_at(folder) as place:
+    with workers.slot_at(folder) as slot:
         folder.stop.unlink(missing_ok=True)
-        plan = folder.begin_plan(wish, store.pictures)
+        plan = folder.begin_plan(request, store.pictures)
         feed = Feed(folder)
-        feed.tell(PlanWished(plan.number, wish.model_dump(mode="json")))
+        feed.tell(PlanRequested(plan.number, request.model_dump(mode="json")))
         feed.close()
-        if wish.title and wish.title != entry.title:
-            store.rename(entry.id, wish.title)
-        place.start("plan", plan)
+        if request.title and request.title != entry.title:
+            store.rename(entry.id, request.title)
+        slot.start("plan", plan)

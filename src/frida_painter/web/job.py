@@ -6,12 +6,12 @@ from pathlib import Path
 from frida_painter.frames import CanvasSize
 from frida_painter.runs.spec import GoalItem, RunSpec
 from frida_painter.web.asking import Asker
-from frida_painter.web.calibrate import Calibrate
+from frida_painter.web.calibration_request import CalibrationRequest
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder, PlanFolder
-from frida_painter.web.station import Station
-from frida_painter.web.stop_file import Stop
-from frida_painter.web.wish import Term
+from frida_painter.web.painting_request import GoalRequest
+from frida_painter.web.stop_file import StopFileWatch
+from frida_painter.web.studio_easel import StudioEasel
 
 
 @dataclass(frozen=True)
@@ -19,53 +19,53 @@ class Job:
     """What every piece of work has."""
 
     folder: PaintingFolder
-    station: Station
+    easel: StudioEasel
     feed: Feed
-    stop: Stop
+    stop: StopFileWatch
     asker: Asker
 
     @property
     def state(self) -> Path | None:
         """Where a stop is latched: for a simulated robot in the world of its painting alone, else where all are."""
-        return self.folder.easel if self.station.simulated else None
+        return self.folder.easel if self.easel.simulated else None
 
     def spec(self, place: PlanFolder) -> RunSpec:
         """The painting that a person asked for, at this studio's easel. Raises ConfigError and StorageError."""
-        wish = place.wish()
+        request = place.request()
         return RunSpec.of(
-            title=wish.title or "Untitled",
-            goal=tuple(_item(term, place.path) for term in wish.terms),
-            initial=tuple(_item(term, place.path) for term in wish.initial),
-            strokes=wish.strokes,
-            colors=min(wish.colors, wish.strokes),
-            canvas=CanvasSize(wish.width / 1000, wish.height / 1000),
+            title=request.title or "Untitled",
+            goal=tuple(_item(term, place.path) for term in request.terms),
+            initial=tuple(_item(term, place.path) for term in request.initial),
+            strokes=request.strokes,
+            colors=min(request.colors, request.strokes),
+            canvas=CanvasSize(request.width / 1000, request.height / 1000),
             fit="crop",  # the page chose a canvas in the picture's proportions, or the person another
-            brush=wish.brush,
-            replans=min(wish.replans, wish.strokes - 1),
-            effort=wish.effort,
-            seed=wish.seed,
-            **self._easel,
-            calibration=self.station.known,
+            brush=request.brush,
+            replans=min(request.replans, request.strokes - 1),
+            effort=request.effort,
+            seed=request.seed,
+            **self._easel_fields,
+            calibration=self.easel.known,
         )
 
-    def spec_to_calibrate(self, wish: Calibrate) -> RunSpec:
+    def spec_to_calibrate(self, request: CalibrationRequest) -> RunSpec:
         """The easel that is calibrated; its canvas is that of the workspace file, where there is one."""
         from frida_painter.runs.easel import workspace_canvas
 
-        size = {} if self.station.workspace else {"canvas": CanvasSize(wish.width / 1000, wish.height / 1000)}
-        return workspace_canvas(RunSpec.of(brush=wish.brush, seed=wish.seed, **size, **self._easel))
+        size = {} if self.easel.workspace else {"canvas": CanvasSize(request.width / 1000, request.height / 1000)}
+        return workspace_canvas(RunSpec.of(brush=request.brush, seed=request.seed, **size, **self._easel_fields))
 
     @property
-    def _easel(self) -> dict[str, object]:
-        station = self.station
+    def _easel_fields(self) -> dict[str, object]:
+        easel = self.easel
         return {
-            "robot": station.robot,
-            "camera": station.camera,
-            "workspace": station.workspace,
-            "pace": station.pace if station.simulated else 0.0,
+            "robot": easel.robot,
+            "camera": easel.camera,
+            "workspace": easel.workspace,
+            "pace": easel.pace if easel.simulated else 0.0,
         }
 
 
-def _item(term: Term, folder: Path) -> GoalItem:
+def _item(term: GoalRequest, folder: Path) -> GoalItem:
     value = term.words if term.words is not None else str(folder / f"{term.picture}.png")
     return GoalItem(kind=term.kind, value=value, weight=term.weight)

@@ -13,12 +13,12 @@ from frida_painter.web.commands import tell_painter
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import require_disk, working
 from frida_painter.web.goals import require_possible
+from frida_painter.web.painting_request import Identifier, PaintingRequest
 from frida_painter.web.painting_store import Entry
 from frida_painter.web.procedures import hand_on
-from frida_painter.web.requests import Beside, Operating, ThePaintingStore, TheWatch, TheWorkers, ThisPainting
+from frida_painter.web.requests import Operating, ThePaintingStore, ThePresence, TheStreams, TheWorkers, ThisPainting
 from frida_painter.web.state import PaintingState
-from frida_painter.web.watch import EventStream, current, require_room
-from frida_painter.web.wish import Identifier, Wish
+from frida_painter.web.state_stream import EventStream, current, require_room
 
 router = APIRouter(prefix="/api/paintings/{identifier}")
 
@@ -57,15 +57,20 @@ def state(entry: ThisPainting) -> dict[str, Any]:
 
 
 @router.get("/events", response_model=None)
-def events(entry: ThisPainting, watch: TheWatch) -> EventStream:
+def events(entry: ThisPainting, streams: TheStreams) -> EventStream:
     """The same, told again whenever something changes (server-sent events)."""
-    require_room(watch)
-    return EventStream(watch, entry.id, entry.folder, PaintingState)
+    require_room(streams)
+    return EventStream(streams, entry.id, entry.folder, PaintingState)
 
 
 @router.post("/start")
 def start(
-    order: Start, entry: ThisPainting, session: Operating, beside: Beside, store: ThePaintingStore, workers: TheWorkers
+    order: Start,
+    entry: ThisPainting,
+    session: Operating,
+    presence: ThePresence,
+    store: ThePaintingStore,
+    workers: TheWorkers,
 ) -> Mapping[str, str]:
     """Begins to paint one of the plans."""
     if not order.ready:
@@ -77,20 +82,20 @@ def start(
     if folder.painting.exists():
         raise HTTPException(409, "This painting has been begun already; to paint it once more, take Paint again.")
     require_disk(folder.path, 200 * 2**20)
-    with workers.place_at(folder) as place:
-        beside.allow(folder, workers.station)
+    with workers.slot_at(folder) as slot:
+        presence.allow(folder, workers.easel)
         folder.stop.unlink(missing_ok=True)
         store.note(session.id, entry.id, f"start plan {order.plan}")
         feed = Feed(folder)
-        feed.tell(PaintingStarted(order.plan, plan.wish().strokes))
+        feed.tell(PaintingStarted(order.plan, plan.request().strokes))
         feed.close()
-        place.start("paint", plan)
+        slot.start("paint", plan)
     return {"id": entry.id}
 
 
 @router.post("/resume")
 def resume(
-    entry: ThisPainting, session: Operating, beside: Beside, store: ThePaintingStore, workers: TheWorkers
+    entry: ThisPainting, session: Operating, presence: ThePresence, store: ThePaintingStore, workers: TheWorkers
 ) -> Mapping[str, str]:
     """Goes on with a painting that was stopped, killed or broke off."""
     folder = entry.folder
@@ -100,15 +105,15 @@ def resume(
     if painting["status"] == "finished":
         raise HTTPException(409, "This painting is finished; to paint it once more, take Paint again.")
     require_disk(folder.path, 100 * 2**20)
-    with workers.place_at(folder) as place:
-        beside.allow(folder, workers.station)
+    with workers.slot_at(folder) as slot:
+        presence.allow(folder, workers.easel)
         folder.stop.unlink(missing_ok=True)
         folder.robot_stop.unlink(missing_ok=True)
         store.note(session.id, entry.id, "resume")
         feed = Feed(folder)
         feed.tell(TakenUp(painting["done"]))
         feed.close()
-        place.start("resume", folder.plan(painting["plan"]))
+        slot.start("resume", folder.plan(painting["plan"]))
     return {"id": entry.id}
 
 
@@ -140,11 +145,13 @@ def protect(drawn: Drawn, entry: ThisPainting, session: Operating, store: ThePai
 
 
 @router.post("/goal")
-def change_goal(wish: Wish, entry: ThisPainting, session: Operating, store: ThePaintingStore) -> Mapping[str, str]:
+def change_goal(
+    request: PaintingRequest, entry: ThisPainting, session: Operating, store: ThePaintingStore
+) -> Mapping[str, str]:
     """Tells the painter to go on towards something else; canvas, brush and paints stay."""
     _require_painting(entry)
-    require_possible(wish, store)
-    number = entry.folder.begin_change(wish, store.pictures)
+    require_possible(request, store)
+    number = entry.folder.begin_change(request, store.pictures)
     store.note(session.id, entry.id, f"goal {number}")
     tell_painter(entry.folder, "goal", session.id, record=number)
     return {"id": entry.id}

@@ -25,7 +25,7 @@ _IDENTIFIER = re.compile(r"[0-9a-f]{16}")
 
 @dataclass(frozen=True)
 class Entry:
-    """A painting on the shelf; begun: local time, ISO 8601."""
+    """A painting of the store; begun: local time, ISO 8601."""
 
     id: str
     folder: PaintingFolder

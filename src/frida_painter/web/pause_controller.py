@@ -32,7 +32,7 @@ from frida_painter.session.page_events import Considering, Remark, Turns, WentOn
 from frida_painter.web.commands import CommandReader
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.stop_file import Stop
+from frida_painter.web.stop_file import StopFileWatch
 
 _BETWEEN_GLANCES = 0.04  # seconds
 _ROUNDS = 3  # of planning where the goal has changed
@@ -46,7 +46,7 @@ class PauseController:
 
     folder: PaintingFolder
     feed: Feed
-    stop: Stop
+    stop: StopFileWatch
     opened: Callable[[], PaintingSession | None] = lambda: None
     _commands: deque[PaintingCommand] = field(default_factory=deque, init=False)
     _turns: int = field(default=0, init=False)
@@ -165,7 +165,7 @@ class PauseController:
         wanted = goals.read_goal(None, {"goal": place.goal})
         keep_goal(wanted, self.folder.painting / f"changes/{command.record}")
         wanted = wanted.fitted(grid)
-        changed = GoalChanged(f"changes/{command.record}", place.wish().model_dump(mode="json"))
+        changed = GoalChanged(f"changes/{command.record}", place.request().model_dump(mode="json"))
         session.journal.tell(changed)
         session.planner = session.planner.towards(wanted.goal)
         self.feed.tell(changed)

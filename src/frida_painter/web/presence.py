@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from frida_painter.errors import RobotStopped
 from frida_painter.hardware.latch import latches
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.station import Station
+from frida_painter.web.studio_easel import StudioEasel
 
 GOOD_FOR = 60.0
 """Seconds after a press in which one thing may be begun from the page."""
@@ -35,14 +35,14 @@ class Presence:
         pressed, self._pressed = self._pressed, None
         return pressed is not None and time.monotonic() - pressed <= GOOD_FOR
 
-    def allow(self, folder: PaintingFolder, station: Station) -> None:
+    def allow(self, folder: PaintingFolder, easel: StudioEasel) -> None:
         """Lets a machine that could hurt somebody be moved, or a robot move again that was stopped in that folder.
 
         Raises RobotStopped, saying what to do, where nobody has pressed for it. (A stop of a real robot holds
         until `frida-painter arm`.)
         """
         held = latches(folder.easel)
-        if not (held or station.dangerous):
+        if not (held or easel.drives_machine):
             return
         if not self.use():
             why = "The robot was stopped, and nothing moves until somebody has looked at it. " if held else ""

@@ -8,12 +8,12 @@ from fastapi.responses import FileResponse
 
 from frida_painter.session.page_events import CalibrationStarted
 from frida_painter.web.answers import Reply, reply
-from frida_painter.web.calibrate import Calibrate
+from frida_painter.web.calibration_request import CalibrationRequest
 from frida_painter.web.calibration_state import CalibrationState
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder, require_disk, working
-from frida_painter.web.requests import AnySession, Beside, Operating, ThePaintingStore, TheWatch, TheWorkers
-from frida_painter.web.watch import EventStream, current, require_room
+from frida_painter.web.requests import AnySession, Operating, ThePaintingStore, ThePresence, TheStreams, TheWorkers
+from frida_painter.web.state_stream import EventStream, current, require_room
 
 router = APIRouter(prefix="/api/calibration")
 _ID = "calibration"
@@ -26,28 +26,28 @@ def state(session: AnySession, store: ThePaintingStore) -> dict[str, Any]:
 
 
 @router.get("/events", response_model=None)
-def events(session: AnySession, store: ThePaintingStore, watch: TheWatch) -> EventStream:
+def events(session: AnySession, store: ThePaintingStore, streams: TheStreams) -> EventStream:
     """The same, told again whenever something changes (server-sent events)."""
-    require_room(watch)
-    return EventStream(watch, _ID, store.calibration, CalibrationState)
+    require_room(streams)
+    return EventStream(streams, _ID, store.calibration, CalibrationState)
 
 
 @router.post("/start")
 def start(
-    wish: Calibrate, session: Operating, beside: Beside, store: ThePaintingStore, workers: TheWorkers
+    request: CalibrationRequest, session: Operating, presence: ThePresence, store: ThePaintingStore, workers: TheWorkers
 ) -> Mapping[str, str]:
     """Begins to calibrate."""
     folder = store.calibration
     require_disk(folder.path, 200 * 2**20)
-    with workers.place_at(folder) as place:
-        beside.allow(folder, workers.station)
+    with workers.slot_at(folder) as slot:
+        presence.allow(folder, workers.easel)
         folder.stop.unlink(missing_ok=True)
-        store.note(session.id, _ID, f"calibrate {', '.join(wish.what)}")
-        wish.keep(folder)
+        store.note(session.id, _ID, f"calibrate {', '.join(request.what)}")
+        request.keep(folder)
         feed = Feed(folder)
-        feed.tell(CalibrationStarted(list(wish.what)))
+        feed.tell(CalibrationStarted(list(request.what)))
         feed.close()
-        place.start("calibrate", folder.plan(1))
+        slot.start("calibrate", folder.plan(1))
     return {"id": _ID}
 
 

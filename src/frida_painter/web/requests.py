@@ -10,12 +10,12 @@ from frida_painter.web.access import Role, Session
 from frida_painter.web.lead import Lead
 from frida_painter.web.painting_store import Entry, PaintingStore
 from frida_painter.web.presence import Presence
-from frida_painter.web.watch import Watch
+from frida_painter.web.state_stream import StateStreams
 from frida_painter.web.workers import Workers
 
 
 def session_of(request: Request) -> Session:
-    """Whoever asks; the door has let them in."""
+    """The session of the request, which the middleware has accepted."""
     session: Session = request.state.session
     return session
 
@@ -26,10 +26,10 @@ def painting_store_of(request: Request) -> PaintingStore:
     return store
 
 
-def watch_of(request: Request) -> Watch:
-    """Those who watch."""
-    watch: Watch = request.app.state.watch
-    return watch
+def streams_of(request: Request) -> StateStreams:
+    """The streams of states of this studio."""
+    streams: StateStreams = request.app.state.streams
+    return streams
 
 
 def workers_of(request: Request) -> Workers:
@@ -112,8 +112,8 @@ OperatorSession = Annotated[Session, Depends(operator)]
 Operating = Annotated[Session, Depends(may_operate)]
 ThisPainting = Annotated[Entry, Depends(painting_of)]
 ThePaintingStore = Annotated[PaintingStore, Depends(painting_store_of)]
-TheWatch = Annotated[Watch, Depends(watch_of)]
+TheStreams = Annotated[StateStreams, Depends(streams_of)]
 TheSigns = Annotated[Signs, Depends(signs_of)]
 TheLead = Annotated[Lead, Depends(lead_of)]
-Beside = Annotated[Presence, Depends(presence_of)]
+ThePresence = Annotated[Presence, Depends(presence_of)]
 TheWorkers = Annotated[Workers, Depends(workers_of)]

@@ -12,8 +12,8 @@ from frida_painter.web.access import Keys, Role
 from frida_painter.web.app import application, guarded
 from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.presence import Presence
-from frida_painter.web.station import LOCAL, Station
-from frida_painter.web.watch import Watch
+from frida_painter.web.state_stream import StateStreams
+from frida_painter.web.studio_easel import LOCAL, StudioEasel
 
 _BACKLOG = 256
 
@@ -21,13 +21,13 @@ _BACKLOG = 256
 class _Server(uvicorn.Server):
     """Lets those go who watch before it waits for all requests to end."""
 
-    def __init__(self, config: uvicorn.Config, watch: Watch) -> None:
+    def __init__(self, config: uvicorn.Config, streams: StateStreams) -> None:
         super().__init__(config)
-        self._watch = watch
+        self._streams = streams
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Ends the server."""
-        self._watch.end()
+        self._streams.end()
         await super().shutdown(sockets)
 
 
@@ -58,7 +58,7 @@ def hosts(address: str, port: int, names: tuple[str, ...] = ()) -> frozenset[str
 
 def serve(
     store: PaintingStore,
-    station: Station,
+    easel: StudioEasel,
     listening: socket.socket,
     names: tuple[str, ...],
     tell: Callable[[dict[Role, str]], None],
@@ -71,7 +71,7 @@ def serve(
     known = hosts(address, port, names)
     keys, presence = Keys(), Presence()
     first = f"{names[0]}:{port}" if names else sorted(known)[0]
-    app = application(store, station, presence)
+    app = application(store, easel, presence)
     config = uvicorn.Config(
         guarded(app, keys, known, f"studio-{port}"),
         log_level="warning",
@@ -85,6 +85,6 @@ def serve(
     )
     with contextlib.suppress(OSError, ValueError):  # there may be no standard input at all
         presence.listen(sys.stdin.fileno())
-    server = _Server(config, app.state.watch)
+    server = _Server(config, app.state.streams)
     tell({role: f"http://{first}/?token={token}" for role, token in keys.tokens.items()})
     server.run(sockets=[listening])

@@ -27,7 +27,7 @@ from frida_painter.session.page_events import (
     PlanMade,
     PlanningProgress,
     PlanPreview,
-    PlanWished,
+    PlanRequested,
     Remark,
     RestReplanned,
     TakenUp,
@@ -90,7 +90,7 @@ class PaintState:
 
 @dataclass
 class PaintingState:
-    """A painting from the first wish to the last stroke.
+    """A painting from the first request to the last stroke.
 
     title, seen: version of this state; working: whether a process is at work; trouble: the last
     sentence about what went wrong, until something else is begun; question: what a person is asked, as
@@ -108,7 +108,7 @@ class PaintingState:
         """Takes note of an event; one that does not concern it changes nothing."""
         self.version += 1
         match event:
-            case PlanWished(number, wish):
+            case PlanRequested(number, wish):
                 self._forget_trouble()
                 self.plans[number] = PlanState(number, wish)
             case PlanningProgress(plan=int(number)) | PlanPreview(plan=int(number)) | PlanMade(plan=number):

@@ -11,8 +11,8 @@ class StopPressed(Exception):
     """A person has pressed stop; the worker tells so and ends."""
 
 
-class Stop:
-    """Watches for the stop file, on a thread of its own. (The robot's own process watches for another.)"""
+class StopFileWatch:
+    """Watches for the stop file on a thread of its own. (The robot's process watches for a file of its own.)"""
 
     def __init__(self, path: Path) -> None:
         self.asked = False

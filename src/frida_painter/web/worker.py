@@ -1,8 +1,8 @@
 """The process that does one piece of work: it plans, paints or calibrates; the page starts it and may end before it.
 
-`python -m frida_painter.web.worker JOB FOLDER NUMBER LOCK STATION`: what to do, the painting's folder, the number
-of one of its plans, the open file that holds the lock on the painting until the work is done, and where it
-is painted, as JSON.
+`python -m frida_painter.web.worker JOB FOLDER NUMBER LOCK EASEL`: what to do, the painting's folder, the number of
+one of its plans, the open file that holds the lock on the painting until the work is done, and the studio's easel
+as JSON.
 """
 
 import json
@@ -22,29 +22,29 @@ from frida_painter.session.events import Failed, Stopped
 from frida_painter.session.opening import limit_threads
 from frida_painter.session.page_events import PlanMade, PlanPreview, Rests
 from frida_painter.web.asking import Asker
-from frida_painter.web.calibrating import calibrate
+from frida_painter.web.calibration_worker import calibrate
 from frida_painter.web.exports import export
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder, PlanFolder
 from frida_painter.web.illustrations import Growing, illustrate, mixtures
 from frida_painter.web.job import Job
-from frida_painter.web.sitting import paint, resume
-from frida_painter.web.station import Station
-from frida_painter.web.stop_file import Stop, StopPressed
+from frida_painter.web.painting_worker import paint, resume
+from frida_painter.web.stop_file import StopFileWatch, StopPressed
+from frida_painter.web.studio_easel import StudioEasel
 
 _GROWING_COST = 1.4  # later iterations, with all strokes placed, take longer than the first
 
 
 def main() -> None:
     """Does the job; what goes wrong is told on the page in a sentence."""
-    what, path, number, lock, station = sys.argv[1:]
+    what, path, number, lock, easel = sys.argv[1:]
     folder = PaintingFolder(Path(path))
     folder.live.mkdir(exist_ok=True)
     feed = Feed(folder)
-    stop = Stop(folder.stop)
+    stop = StopFileWatch(folder.stop)
     limit_threads()
     try:
-        job = Job(folder, Station.take(json.loads(station)), feed, stop, Asker(folder, feed, stop))
+        job = Job(folder, StudioEasel.take(json.loads(easel)), feed, stop, Asker(folder, feed, stop))
         work(what, job, folder.plan(int(number)))
     except StopPressed:
         feed.tell(Stopped())
@@ -80,7 +80,7 @@ def work(what: str, job: Job, place: PlanFolder) -> None:
 
 
 def make_plan(job: Job, place: PlanFolder) -> None:
-    """Makes the plan that was wished, and pictures of it."""
+    """Makes the plan that was asked for, and pictures of it."""
     feed = job.feed
     with PaintingRun(job.spec(place)) as run:
         planner = run.planner

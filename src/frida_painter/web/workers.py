@@ -9,7 +9,7 @@ from typing import Literal
 
 from frida_painter.errors import Interrupted, StorageError
 from frida_painter.web.folder import PaintingFolder, PlanFolder, WorkerLock
-from frida_painter.web.station import Station
+from frida_painter.web.studio_easel import StudioEasel
 
 _MOST = 2
 
@@ -17,13 +17,13 @@ _MOST = 2
 class Workers:
     """Those that were started here and are still at work."""
 
-    def __init__(self, station: Station) -> None:
-        self.station = station
+    def __init__(self, easel: StudioEasel) -> None:
+        self.easel = easel
         self._started: list[subprocess.Popen[bytes]] = []
 
     @contextmanager
-    def place_at(self, folder: PaintingFolder) -> Iterator["Place"]:
-        """The one place at a painting, for as long as it takes to prepare the work.
+    def slot_at(self, folder: PaintingFolder) -> Iterator["WorkerSlot"]:
+        """The one worker slot of a painting, held while the work is prepared.
 
         Raises Interrupted where somebody is at this painting already, or too many are at work.
         """
@@ -34,23 +34,23 @@ class Workers:
                 raise Interrupted("The painter is at work on this painting already.")
             if len(self._started) >= _MOST:
                 raise Interrupted("The painter is busy with other paintings; wait until one is done, or stop it.")
-            yield Place(folder, lock, self._started, self.station)
+            yield WorkerSlot(folder, lock, self._started, self.easel)
         finally:
             lock.release()
 
 
-class Place:
-    """Where a worker can be put."""
+class WorkerSlot:
+    """A painting that no worker works on: one worker may be started for it."""
 
     def __init__(
-        self, folder: PaintingFolder, lock: WorkerLock, started: list[subprocess.Popen[bytes]], station: Station
+        self, folder: PaintingFolder, lock: WorkerLock, started: list[subprocess.Popen[bytes]], easel: StudioEasel
     ) -> None:
-        self._folder, self._lock, self._started, self._station = folder, lock, started, station
+        self._folder, self._lock, self._started, self._easel = folder, lock, started, easel
 
     def start(self, job: Literal["plan", "paint", "resume", "calibrate"], plan: PlanFolder) -> None:
         """Starts a worker in a session of its own, and hands it the lock on the painting. Raises StorageError."""
         program = [sys.executable, "-m", "frida_painter.web.worker", job, str(self._folder.path), str(plan.number)]
-        program += [str(self._lock.fileno()), json.dumps(self._station.plain())]
+        program += [str(self._lock.fileno()), json.dumps(self._easel.plain())]
         try:
             with (self._folder.path / "worker.log").open("ab") as log:
                 self._started.append(

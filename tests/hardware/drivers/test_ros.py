@@ -19,7 +19,7 @@ HOME = (0.25, -0.1, 0.3)
 
 @dataclass
 class Air:
-    """All wires between the driver and the arm."""
+    """All connections between the driver and the arm."""
 
     ears: dict[str, list[Callable[[Any], None]]] = field(default_factory=dict)
     broken: set[str] = field(default_factory=set)
@@ -32,8 +32,8 @@ class Air:
 
 
 @dataclass
-class AirWire:
-    """A wire of the test's own; `name` tells which of the two is broken."""
+class AirConnection:
+    """A connection of the test's own; `name` tells which of the two is broken."""
 
     air: Air
     arm: FakeArm
@@ -56,7 +56,7 @@ class AirWire:
 
     def publish(self, topic: str, message: Any) -> None:
         if self.name in self.air.broken or not self.is_open:
-            raise RobotDisconnected("The wire is broken.")
+            raise RobotDisconnected("The connection is broken.")
         self.arm.hear(topic, message)
 
     def close(self) -> None:
@@ -80,7 +80,7 @@ def arm(air: Air) -> Iterator[FakeArm]:
 
 @pytest.fixture
 def robot(air: Air, arm: FakeArm) -> RosRobot:
-    return RosRobot(RosSettings(HOME), AirWire(air, arm, "wire"), AirWire(air, arm, "stopper"))
+    return RosRobot(RosSettings(HOME), AirConnection(air, arm, "connection"), AirConnection(air, arm, "stopper"))
 
 
 def test_the_arm_is_at_each_waypoint_and_its_own_place_is_reported(robot: RosRobot, arm: FakeArm) -> None:
@@ -151,7 +151,7 @@ def _settled(arm: Any) -> tuple[int, int]:
     return before
 
 
-@pytest.mark.parametrize("broken", ["wire", "stopper"])
+@pytest.mark.parametrize("broken", ["connection", "stopper"])
 def test_a_connection_that_fails_halfway_leaves_nothing_open_and_can_be_repeated(
     robot: RosRobot, air: Air, broken: str
 ) -> None:

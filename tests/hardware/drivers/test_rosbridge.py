@@ -7,7 +7,7 @@ import pytest
 
 from frida_painter.errors import RobotDisconnected, RobotError
 from frida_painter.hardware.drivers.ros import RosRobot, RosSettings
-from frida_painter.hardware.drivers.rosbridge import RosbridgeWire
+from frida_painter.hardware.drivers.rosbridge import RosbridgeConnection
 from machines.paths import a_stroke
 
 pytest.importorskip("roslibpy", reason="the extra `ros` is not installed")
@@ -17,8 +17,8 @@ HOME = (0.25, -0.1, 0.3)
 
 
 def robot_behind(bridge: FakeRosbridge, version: int = 1) -> RosRobot:
-    wires = (RosbridgeWire("127.0.0.1", bridge.port) for _ in range(2))
-    return RosRobot(RosSettings(HOME, ros=version), *wires)
+    connections = (RosbridgeConnection("127.0.0.1", bridge.port) for _ in range(2))
+    return RosRobot(RosSettings(HOME, ros=version), *connections)
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -65,7 +65,7 @@ def test_a_network_that_breaks_is_told_and_nothing_is_kept_for_later() -> None:
 def test_nobody_at_the_address_is_told() -> None:
     with socket.create_server(("127.0.0.1", 0)) as closed:
         port = closed.getsockname()[1]
-    robot = RosRobot(RosSettings(HOME), RosbridgeWire("127.0.0.1", port), RosbridgeWire("127.0.0.1", port))
+    robot = RosRobot(RosSettings(HOME), RosbridgeConnection("127.0.0.1", port), RosbridgeConnection("127.0.0.1", port))
     with pytest.raises(RobotDisconnected, match=rf"No rosbridge answers at 127.0.0.1:{port} \(Connection refused\)"):
         robot.connect()
 
@@ -73,4 +73,4 @@ def test_nobody_at_the_address_is_told() -> None:
 def test_without_the_package_a_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "roslibpy", None)
     with pytest.raises(RobotError, match=r"pip install 'frida-painter\[ros\]'"):
-        RosbridgeWire("127.0.0.1").open()
+        RosbridgeConnection("127.0.0.1").open()

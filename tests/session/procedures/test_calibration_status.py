@@ -54,7 +54,7 @@ def complete(library: Path) -> Calibration:
 
 
 def faulty(record: Calibration, easel: Calibration = EASEL) -> list[str]:
-    return [standing.procedure for standing in statuses(record, easel) if standing.fault]
+    return [status.procedure for status in statuses(record, easel) if status.fault]
 
 
 def test_what_was_done_in_order_holds(complete: Calibration) -> None:
@@ -137,8 +137,8 @@ def test_a_lost_or_changed_library_is_found_out(complete: Calibration, library: 
 
 def test_what_is_old_still_holds(complete: Calibration) -> None:
     later = datetime.now(UTC) + timedelta(days=OLD + 1)
-    assert all(standing.is_old and not standing.fault for standing in statuses(complete, EASEL, later))
-    assert not any(standing.is_old for standing in statuses(complete, EASEL))
+    assert all(status.is_old and not status.fault for status in statuses(complete, EASEL, later))
+    assert not any(status.is_old for status in statuses(complete, EASEL))
     undated = replace(complete.done["canvas"], dated="yesterday")
     assert statuses(replace(complete, done={"canvas": undated}), EASEL)[0].days is None
 

@@ -7,19 +7,19 @@ from hypothesis import strategies as st
 
 from frida_painter.frames import CanvasSize
 from frida_painter.virtual.brushes import brush_named
-from frida_painter.virtual.studio_layout import sawyer_stand
+from frida_painter.virtual.studio_layout import sawyer_layout
 
 pytest.importorskip("mink")
 from frida_painter.virtual.sawyer.kinematics import Kinematics
 from frida_painter.virtual.sawyer.surroundings import Surroundings
 
 CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
-STAND = sawyer_stand(CANVAS, brush_named("broad"))
+LAYOUT = sawyer_layout(CANVAS, brush_named("broad"))
 
 
 @pytest.fixture(scope="module")
 def kinematics():
-    return Kinematics(Surroundings(STAND.workspace, CANVAS).model())
+    return Kinematics(Surroundings(LAYOUT.workspace, CANVAS).model())
 
 
 def test_the_description_is_the_published_arm(kinematics):

@@ -7,7 +7,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.virtual.brushes import brush_named
 from frida_painter.virtual.sawyer.meshes import PARTS, Meshes
-from frida_painter.virtual.studio_layout import sawyer_stand
+from frida_painter.virtual.studio_layout import sawyer_layout
 
 CANVAS = CanvasSize(0.2, 0.15)
 CORNERS = [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1)]
@@ -43,7 +43,7 @@ def model(folder):
     pytest.importorskip("mink")
     from frida_painter.virtual.sawyer.surroundings import Surroundings
 
-    return Surroundings(sawyer_stand(CANVAS, brush_named("broad")).workspace, CANVAS, Meshes.in_folder(folder)).model()
+    return Surroundings(sawyer_layout(CANVAS, brush_named("broad")).workspace, CANVAS, Meshes.in_folder(folder)).model()
 
 
 def test_the_makers_shapes_take_the_place_of_our_own_and_the_brush_stays(folder):

@@ -11,7 +11,7 @@ from frida_painter.virtual.sawyer.reel import Reel
 ROWS, COLUMNS = 32, 48
 
 
-def sitting(path, shades, *, killed=False):
+def record_run(path, shades, *, killed=False):
     """Films one picture of each grey; killed: never ends."""
     pixels = np.zeros((ROWS, COLUMNS, 3), np.uint8)
     reel = Reel(path, pixels)
@@ -36,10 +36,10 @@ def shades(path):
 def test_two_sittings_are_one_film(tmp_path):
     path = tmp_path / "it's the arm.mp4"
     first, second = [20 + k for k in range(60)], [120 + k for k in range(30)]
-    assert sitting(path, first) == 0
+    assert record_run(path, first) == 0
     alone = shades(path)
     assert len(alone) == 60 + 48 and len(set(alone[59:])) == 1, "it rests on its last picture"
-    assert sitting(path, second) == 60
+    assert record_run(path, second) == 60
     seen = shades(path)
     assert len(seen) == 60 + 30 + 48 == video.count(path)
     np.testing.assert_allclose(seen[:90], [*first, *second], atol=2)
@@ -47,9 +47,9 @@ def test_two_sittings_are_one_film(tmp_path):
 
 def test_of_a_killed_sitting_all_is_kept_but_its_last_piece(tmp_path):
     path = tmp_path / "arm.mp4"
-    sitting(path, [30] * 100, killed=True)
+    record_run(path, [30] * 100, killed=True)
     assert not path.exists()
-    assert sitting(path, [200] * 5) == 96
+    assert record_run(path, [200] * 5) == 96
     seen = shades(path)
     assert len(seen) == 96 + 5 + 48
     np.testing.assert_allclose(seen[:96], 30, atol=2)
@@ -57,19 +57,19 @@ def test_of_a_killed_sitting_all_is_kept_but_its_last_piece(tmp_path):
 
 def test_a_sitting_in_which_nothing_was_seen_leaves_the_film_as_it_is(tmp_path):
     path = tmp_path / "arm.mp4"
-    sitting(path, [30] * 5)
+    record_run(path, [30] * 5)
     before = path.read_bytes()
-    sitting(path, [])
+    record_run(path, [])
     assert path.read_bytes() == before
 
 
 def test_what_is_no_film_is_refused_and_nothing_is_replaced(tmp_path):
     path, bad = tmp_path / "arm.mp4", tmp_path / ".arm" / "000002.mp4"
-    sitting(path, [30] * 2)
+    record_run(path, [30] * 2)
     before = path.read_bytes()
     bad.write_bytes(b"no film")
     with pytest.raises(StorageError, match=r"000002\.mp4 cannot be read"):
-        sitting(path, [40] * 2)
+        record_run(path, [40] * 2)
     with pytest.raises(StorageError, match="cannot be put together"):
         video.join([tmp_path / "gone.mp4"], path)
     assert path.read_bytes() == before

@@ -1,6 +1,6 @@
 """`ros`: any arm behind ROS that follows Cartesian trajectories of its brush's tip, by four topics of stock messages.
 
-What the arm's node must keep to is told in docs/machines.md. `rospy_wire` speaks with a ROS 1 master,
+What the arm's node must keep to is told in docs/machines.md. `rospy_connection` speaks with a ROS 1 master,
 `rosbridge` with any ROS behind a rosbridge server.
 """
 
@@ -37,7 +37,7 @@ _SILENCE = 2.0
 _POLL = 0.02
 
 
-class Wire(Protocol):
+class RosConnection(Protocol):
     """One connection to ROS."""
 
     def open(self) -> None:
@@ -82,11 +82,11 @@ class RosSettings:
 
 
 class RosRobot:
-    """Implements hardware.robot.Robot. Stops go over a wire of their own."""
+    """Implements hardware.robot.Robot. Stops go over a connection of their own."""
 
-    def __init__(self, settings: RosSettings, wire: Wire, stopper: Wire) -> None:
+    def __init__(self, settings: RosSettings, connection: RosConnection, stopper: RosConnection) -> None:
         self.settings = settings
-        self._wire, self._stopper = wire, stopper
+        self._connection, self._stopper = connection, stopper
         self._interlock = Interlock(f"the arm behind ROS at {settings.namespace}")
         self._news = threading.Condition()
         self._tip: NDArray[np.float64] | None = None
@@ -96,19 +96,19 @@ class RosRobot:
         self._nonsense = ""
 
     def connect(self) -> None:
-        """Connects both wires and waits until the arm says where it is and listens. Moves nothing.
+        """Opens both connections and waits until the arm says where it is and listens. Moves nothing.
 
         Raises RobotDisconnected where there is no ROS, or no arm behind it.
         """
         self.close()
         self._tip, self._heard_at, self._nonsense = None, float("-inf"), ""
         try:
-            for wire in (self._stopper, self._wire):
-                wire.open()
+            for connection in (self._stopper, self._connection):
+                connection.open()
             self._stopper.announce(self._topic(STOP), STOP[1])
-            self._wire.announce(self._topic(FOLLOW), FOLLOW[1])
-            self._wire.hear(self._topic(POSE), POSE[1], self._hear_pose)
-            self._wire.hear(self._topic(STATUS), STATUS[1], self._hear_status)
+            self._connection.announce(self._topic(FOLLOW), FOLLOW[1])
+            self._connection.hear(self._topic(POSE), POSE[1], self._hear_pose)
+            self._connection.hear(self._topic(STATUS), STATUS[1], self._hear_status)
             self._await_arm()
         except FridaError:
             self.close()
@@ -153,18 +153,18 @@ class RosRobot:
         return MotionReport(waypoints.label, started, time.monotonic(), reached)
 
     def stop(self) -> None:
-        """Tells the arm to stop, over the wire for that; what waits in `follow` returns."""
+        """Tells the arm to stop, over the connection for that; what waits in `follow` returns."""
         self._interlock.stop()
         self._halt()
         with self._news:
             self._news.notify_all()
 
     def close(self) -> None:
-        """Lets go of both wires."""
+        """Closes both connections."""
         self._interlock.closed()
-        for wire in (self._wire, self._stopper):
+        for connection in (self._connection, self._stopper):
             with suppress(RobotError):  # What does not even let go is left behind.
-                wire.close()
+                connection.close()
 
     def _topic(self, of: tuple[str, str]) -> str:
         return f"{self.settings.namespace.rstrip('/')}/{of[0]}"
@@ -184,7 +184,7 @@ class RosRobot:
             time.sleep(_POLL)
 
     def _is_heard(self) -> bool:
-        return self._wire.is_heard(self._topic(FOLLOW)) and self._stopper.is_heard(self._topic(STOP))
+        return self._connection.is_heard(self._topic(FOLLOW)) and self._stopper.is_heard(self._topic(STOP))
 
     def _send(self, waypoints: Waypoints, seconds: NDArray[np.float64]) -> None:
         now = time.time_ns()
@@ -202,7 +202,7 @@ class RosRobot:
         header = {"stamp": self._time(*self._goal), "frame_id": self.settings.frame}
         if self._interlock.stopped:
             raise self._stopped_here(waypoints.label)
-        self._wire.publish(self._topic(FOLLOW), {"header": header, "joint_names": [TIP], "points": points})
+        self._connection.publish(self._topic(FOLLOW), {"header": header, "joint_names": [TIP], "points": points})
 
     def _time(self, seconds: int, nanoseconds: int) -> dict[str, int]:
         names = ("secs", "nsecs") if self.settings.ros == 1 else ("sec", "nanosec")
@@ -297,17 +297,17 @@ class RosRobot:
         return RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
 
     def _halt(self) -> None:
-        """Says stop over one wire, or over the other where that fails."""
-        for wire in (self._stopper, self._wire):
+        """Says stop over one connection, or over the other where that fails."""
+        for connection in (self._stopper, self._connection):
             try:
-                wire.publish(self._topic(STOP), {})
+                connection.publish(self._topic(STOP), {})
                 return
             except RobotError:
                 continue
 
 
-def behind(name: MachineName, workspace: Workspace, wire: Callable[[], Wire]) -> RosRobot:
-    """The arm of that name, over wires of one kind. Raises ConfigError where the name makes no sense."""
+def behind(name: MachineName, workspace: Workspace, connection: Callable[[], RosConnection]) -> RosRobot:
+    """The arm of that name, over connections of one kind. Raises ConfigError where the name makes no sense."""
     told = {part: name.options[part] for part in ("namespace", "frame") if part in name.options}
     home, version = require_home(name, workspace), name.choose("ros", int, 1)
-    return RosRobot(RosSettings(home, workspace.travel_speed, ros=version, **told), wire(), wire())
+    return RosRobot(RosSettings(home, workspace.travel_speed, ros=version, **told), connection(), connection())

@@ -1,4 +1,4 @@
-"""A wire to any ROS, 1 or 2, behind a rosbridge server (roslibpy)."""
+"""A connection to any ROS, 1 or 2, behind a rosbridge server (roslibpy)."""
 
 import socket
 from collections.abc import Callable
@@ -15,8 +15,8 @@ from frida_painter.hardware.workspace import Workspace
 _NEEDED = Needed("pip install 'frida-painter[ros]'", "roslibpy")
 
 
-class RosbridgeWire:
-    """Implements drivers.ros.Wire over a websocket of its own to `host`:`port`."""
+class RosbridgeConnection:
+    """Implements drivers.ros.RosConnection over a websocket of its own to `host`:`port`."""
 
     def __init__(self, host: str, port: int = 9090) -> None:
         self.host, self.port = host, port
@@ -90,7 +90,7 @@ def _open(name: MachineName, workspace: Workspace) -> RosRobot:
     host, _, port = name.where.partition(":")
     if port and not (port.isascii() and port.isdigit() and 1 <= int(port) <= 65535):
         raise ConfigError(f"{port[:20]!r} is no port, which is from 1 to 65535; write {name.form}.")
-    return behind(name, workspace, lambda: RosbridgeWire(host, int(port or 9090)))
+    return behind(name, workspace, lambda: RosbridgeConnection(host, int(port or 9090)))
 
 
 KIND = RobotKind(

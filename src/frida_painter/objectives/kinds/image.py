@@ -25,7 +25,7 @@ class ImageTerm(Term):
     image: Tensor
     weight: float = 1.0
     importance: Tensor | None = None
-    opening_order = 0
+    initial_order = 0
     is_pixelwise = True
 
     def __post_init__(self) -> None:

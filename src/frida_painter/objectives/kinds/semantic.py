@@ -22,7 +22,7 @@ class SemanticTerm(Term):
 
     image: Tensor
     weight: float = 1.0
-    opening_order = 2
+    initial_order = 2
     interpretation_order = 4
 
     def __post_init__(self) -> None:

@@ -31,7 +31,7 @@ class SketchTerm(Term):
     image: Tensor
     weight: float = 1.0
     shown: Tensor | None = None
-    opening_order = 1
+    initial_order = 1
     interpretation_order = 1
 
     def __post_init__(self) -> None:

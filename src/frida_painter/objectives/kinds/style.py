@@ -26,7 +26,7 @@ class StyleTerm(Term):
 
     image: Tensor
     weight: float = 1.0
-    opening_order = 3
+    initial_order = 3
     interpretation_order = 3
 
     def __post_init__(self) -> None:

@@ -24,8 +24,8 @@ _RESTS_ON: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True)
-class CalibrationStatus:
-    """How one procedure of a record stands.
+class ProcedureStatus:
+    """The status of one calibration procedure.
 
     done: when and how well, None where never; fault: why it is to be repeated, "" where it holds or
     was never done; days: how old it is, None where never done or its date cannot be read.
@@ -42,7 +42,7 @@ class CalibrationStatus:
         return self.days is not None and self.days > OLD
 
 
-def statuses(record: Calibration, easel: Calibration, now: datetime | None = None) -> tuple[CalibrationStatus, ...]:
+def statuses(record: Calibration, easel: Calibration, now: datetime | None = None) -> tuple[ProcedureStatus, ...]:
     """How the five procedures of a record stand at an easel, of which `easel` is the default record.
 
     Raises CalibrationError where the record is of another easel altogether.
@@ -52,25 +52,25 @@ def statuses(record: Calibration, easel: Calibration, now: datetime | None = Non
             f"The calibration record is of easel {record.easel!r}, and this is {easel.easel!r}; give the record of "
             "this easel, or calibrate it: frida-painter calibrate all"
         )
-    found: dict[str, CalibrationStatus] = {}
+    found: dict[str, ProcedureStatus] = {}
     for procedure in PROCEDURES:
         done = record.done.get(procedure)
         fault = _foreign(procedure, record, easel)
         if not fault and done is not None:
             fault = _outrun(procedure, done, record, found) or _lost(procedure, record)
-        found[procedure] = CalibrationStatus(procedure, done, fault, _days(done, now or datetime.now(UTC)))
+        found[procedure] = ProcedureStatus(procedure, done, fault, _days(done, now or datetime.now(UTC)))
     return tuple(found.values())
 
 
 def require(record: Calibration, easel: Calibration, needed: tuple[str, ...] = NEEDED) -> None:
     """Raises CalibrationError, saying what to do first, unless the `needed` procedures were done and all hold."""
-    for standing in statuses(record, easel):
-        if standing.fault:
-            raise CalibrationError(f"{standing.fault}: frida-painter calibrate {standing.procedure}")
-        if standing.done is None and standing.procedure in needed:
+    for status in statuses(record, easel):
+        if status.fault:
+            raise CalibrationError(f"{status.fault}: frida-painter calibrate {status.procedure}")
+        if status.done is None and status.procedure in needed:
             raise CalibrationError(
-                f"The {standing.procedure} calibration was never done here; do it: "
-                f"frida-painter calibrate {standing.procedure}"
+                f"The {status.procedure} calibration was never done here; do it: "
+                f"frida-painter calibrate {status.procedure}"
             )
 
 
@@ -79,16 +79,14 @@ def require_basis(procedure: str, record: Calibration, easel: Calibration, *, de
 
     defaults_hold: whether the easel's defaults serve where nothing was measured.
     """
-    for standing in statuses(record, easel):
-        if standing.procedure in _all_below(procedure):
-            if standing.fault:
+    for status in statuses(record, easel):
+        if status.procedure in _all_below(procedure):
+            if status.fault:
+                raise CalibrationError(f"{status.fault} before {procedure}: frida-painter calibrate {status.procedure}")
+            if status.done is None and not defaults_hold:
                 raise CalibrationError(
-                    f"{standing.fault} before {procedure}: frida-painter calibrate {standing.procedure}"
-                )
-            if standing.done is None and not defaults_hold:
-                raise CalibrationError(
-                    f"{procedure.capitalize()} rests on {standing.procedure}, which was never done here; do it first: "
-                    f"frida-painter calibrate {standing.procedure}"
+                    f"{procedure.capitalize()} rests on {status.procedure}, which was never done here; do it first: "
+                    f"frida-painter calibrate {status.procedure}"
                 )
 
 
@@ -117,7 +115,7 @@ def _alike(one: CanvasSize | None, other: CanvasSize | None) -> bool:
     return abs(one.width - other.width) <= _SAME and abs(one.height - other.height) <= _SAME
 
 
-def _outrun(procedure: str, done: Done, record: Calibration, found: dict[str, CalibrationStatus]) -> str:
+def _outrun(procedure: str, done: Done, record: Calibration, found: dict[str, ProcedureStatus]) -> str:
     """Whether something that a procedure rests on was renewed after it, or is itself to be repeated."""
     for basis in _RESTS_ON[procedure]:
         renewed = record.done.get(basis)

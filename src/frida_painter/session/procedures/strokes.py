@@ -31,7 +31,7 @@ from frida_painter.session.paper import BLACK, Crop, Paper, Print, Shapes
 from frida_painter.session.procedures.at_the_easel import EaselAccess
 from frida_painter.session.procedures.dialogue import Confirm, Procedure
 from frida_painter.session.procedures.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
-from frida_painter.session.recording import Order, Recording
+from frida_painter.session.recording import Recording, RecordingSettings
 
 _MOST_DIRTY_RUNNING = 8
 _LEAST_CLEAN = 0.5
@@ -115,8 +115,8 @@ def strokes(
     _check(count, refill_every)
     shapes = Shapes.sampled(kind, count, seed)
     crop = Crop.covering(kind.frame)
-    order = Order(easel.calibration.easel, kind, count, seed, refill_every)
-    recording = Recording(unfinished(out) if out else None, order, crop.shape)
+    settings = RecordingSettings(easel.calibration.easel, kind, count, seed, refill_every)
+    recording = Recording(unfinished(out) if out else None, settings, crop.shape)
     access = EaselAccess(easel)
     paper: Paper | None = None
     sheets, on_brush, since_dip = 0, 0, 0.0
@@ -200,7 +200,7 @@ def _seems_empty(stroke: Print, shape: Shapes, kind: BrushKind, pitch: float) ->
 def _finding(
     kind: BrushKind, shapes: Shapes, crop: Crop, recording: Recording, out: Path | None
 ) -> StrokesFinding:  # fmt: skip
-    count = recording.order.count
+    count = recording.settings.count
     prints = [recording.prints[number] for number in range(count)]
     library = StrokeLibrary(
         magnitude=np.stack([stroke.mark for stroke in prints]),

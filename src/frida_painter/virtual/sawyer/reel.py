@@ -1,4 +1,4 @@
-"""A film in the making, put away piece by piece: a crash costs its last two seconds, and the next sitting goes on."""
+"""A film in the making, put away piece by piece: a crash costs its last two seconds, and the next run goes on."""
 
 import contextlib
 from pathlib import Path
@@ -14,10 +14,10 @@ _HELD = 2 * RATE  # at the end
 
 
 class Reel:
-    """Takes pictures until `finish`, which puts together the film of this and all earlier sittings.
+    """Takes pictures until `finish`, which puts together the film of this and all earlier runs.
 
     path: of the film; its pieces stay in a hidden folder beside it. pixels: the array [rows, columns, 3]
-    that every picture is drawn into. count: pictures so far, those of earlier sittings included. Raises
+    that every picture is drawn into. count: pictures so far, those of earlier runs included. Raises
     StorageError.
     """
 

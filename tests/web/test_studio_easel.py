@@ -8,14 +8,14 @@ from frida_painter.errors import ConfigError
 from frida_painter.hardware.workcell import example
 from frida_painter.runs.easel import order
 from frida_painter.session.state_folder import state_folder
-from frida_painter.web import survey, surveying
+from frida_painter.web import workspace_canvas, workspace_reader
 from frida_painter.web.asking import Asker
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.job import Job
-from frida_painter.web.station import Station
-from frida_painter.web.stop_file import Stop
-from frida_painter.web.wish import Wish
+from frida_painter.web.painting_request import PaintingRequest
+from frida_painter.web.stop_file import StopFileWatch
+from frida_painter.web.studio_easel import StudioEasel
 
 
 @pytest.mark.parametrize(
@@ -23,7 +23,7 @@ from frida_painter.web.wish import Wish
 )
 def test_what_cannot_paint_is_refused_before_the_page_opens(tmp_path: Path, robot: str, says: str) -> None:
     with pytest.raises(ConfigError, match=says):
-        Station(tmp_path / "record.json", robot).surveyed()
+        StudioEasel(tmp_path / "record.json", robot).validated()
 
 
 @pytest.mark.parametrize(
@@ -31,13 +31,13 @@ def test_what_cannot_paint_is_refused_before_the_page_opens(tmp_path: Path, robo
     [("virtual", True, False), ("sawyer-sim", True, False), ("human", False, False), ("axidraw", False, True)],
 )
 def test_whose_stops_hold_where(tmp_path: Path, robot: str, simulated: bool, dangerous: bool) -> None:
-    station = Station(tmp_path / "record.json", robot, "opencv:0", tmp_path / "easel.toml", 0.5)
-    assert (station.simulated, station.dangerous) == (simulated, dangerous)
-    assert Station.take(json.loads(json.dumps(station.plain()))) == station
+    easel = StudioEasel(tmp_path / "record.json", robot, "opencv:0", tmp_path / "easel.toml", 0.5)
+    assert (easel.simulated, easel.drives_machine) == (simulated, dangerous)
+    assert StudioEasel.take(json.loads(json.dumps(easel.plain()))) == easel
     folder = PaintingFolder(tmp_path)
-    feed, stop = Feed(folder), Stop(folder.stop)
-    plan = folder.begin_plan(Wish.model_validate({"terms": [{"kind": "text", "words": "a sea"}]}), tmp_path)
-    job = Job(folder, station, feed, stop, Asker(folder, feed, stop))
+    feed, stop = Feed(folder), StopFileWatch(folder.stop)
+    plan = folder.begin_plan(PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a sea"}]}), tmp_path)
+    job = Job(folder, easel, feed, stop, Asker(folder, feed, stop))
     wanted = order(job.spec(plan), "broad", folder.painting, job.state)
     assert wanted.state == (folder.easel if simulated else state_folder())
     assert wanted.pace == (0.5 if simulated else 0.0) and wanted.folder == folder.painting
@@ -48,18 +48,19 @@ def test_the_canvas_is_the_one_of_the_workspace_file(
 ) -> None:
     file = tmp_path / "easel.toml"
     file.write_text(example().replace("width = 0.3556", "width = 0.3"))
-    station = Station(tmp_path / "record.json", "xarm:10.0.0.1", "opencv:0", file).surveyed()
-    assert station.canvas == pytest.approx((300, 279.4))
+    easel = StudioEasel(tmp_path / "record.json", "xarm:10.0.0.1", "opencv:0", file).validated()
+    assert easel.canvas == pytest.approx((300, 279.4))
     file.write_text("canvas = 3")
-    monkeypatch.setattr("sys.argv", ["survey", str(file)])
-    survey.main()
-    monkeypatch.setattr(surveying.subprocess, "run", lambda *_, **__: SimpleNamespace(stdout=capsys.readouterr().out))
+    monkeypatch.setattr("sys.argv", ["workspace_reader", str(file)])
+    workspace_reader.main()
+    printed = capsys.readouterr().out
+    monkeypatch.setattr(workspace_canvas.subprocess, "run", lambda *_, **__: SimpleNamespace(stdout=printed))
     with pytest.raises(ConfigError, match="is no workspace"):
-        station.surveyed()
+        easel.validated()
 
 
 def test_a_record_counts_once_it_is_there(tmp_path: Path) -> None:
-    station = Station(tmp_path / "record.json")
-    assert station.known is None and station.canvas is None
-    station.record.write_text("{}")
-    assert station.known == station.record
+    easel = StudioEasel(tmp_path / "record.json")
+    assert easel.known is None and easel.canvas is None
+    easel.record.write_text("{}")
+    assert easel.known == easel.record

@@ -1,6 +1,6 @@
-"""What the workspace file of a real robot says of the canvas, found out by a short process of its own.
+"""Reads the canvas size from a workspace file in a short process of its own.
 
-Whatever reads such a file comes with arrays and tensors; the page's process stays without them.
+The code that reads such a file imports arrays and tensors, and the web app's process stays without them.
 """
 
 import json
@@ -13,9 +13,9 @@ from frida_painter.errors import ConfigError
 _PATIENCE = 60.0
 
 
-def survey(workspace: Path) -> tuple[float, float]:
+def canvas_of_workspace(workspace: Path) -> tuple[float, float]:
     """Width and height of the canvas in millimetres. Raises ConfigError where the file is no workspace."""
-    program = [sys.executable, "-m", "frida_painter.web.survey", str(workspace)]
+    program = [sys.executable, "-m", "frida_painter.web.workspace_reader", str(workspace)]
     said = subprocess.run(program, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_PATIENCE)
     found = json.loads(said.stdout)
     if "fault" in found:

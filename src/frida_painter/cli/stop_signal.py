@@ -1,4 +1,4 @@
-"""Ctrl-C and its like: the first asks the painter to end well, the second stops the robot at once."""
+"""Signals such as Ctrl-C: the first asks the painter to stop after this stroke, the second stops the robot at once."""
 
 import contextlib
 import os
@@ -11,7 +11,7 @@ from types import FrameType
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-class Stop:
+class StopSignal:
     """Whether somebody has asked to stop, and what stops the robot at once.
 
     asked: finish the stroke, lift, look, and write what there is; signal: the number of the first that
@@ -48,9 +48,9 @@ class Stop:
 
 
 @contextmanager
-def stopping() -> Iterator[Stop]:
+def stop_on_signals() -> Iterator[StopSignal]:
     """While it lasts, signals ask the painter to stop."""
-    stop = Stop()
+    stop = StopSignal()
     before = {number: signal.signal(number, stop.hear) for number in _SIGNALS}
     try:
         yield stop

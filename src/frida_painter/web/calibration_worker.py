@@ -7,55 +7,63 @@ from frida_painter import images, storage
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration
 from frida_painter.hardware.easel import Easel
-from frida_painter.runs.calibrating import Place, begin_procedure, beside, easel_of, learn_from, record_to_renew
+from frida_painter.runs.calibrating import (
+    CalibrationSetup,
+    begin_procedure,
+    beside,
+    easel_of,
+    learn_from,
+    record_to_renew,
+)
 from frida_painter.runs.easel import with_operator
 from frida_painter.session.page_events import CalibrationStatus, ProcedureBegan, ProcedureFound, ProcedureProgress
 from frida_painter.session.procedures.calibration_status import require_basis, statuses
 from frida_painter.session.procedures.dialogue import lead
 from frida_painter.session.procedures.finding import Finding
 from frida_painter.session.procedures.strokes import StrokesFinding
-from frida_painter.web.calibrate import Calibrate
+from frida_painter.web.calibration_request import CalibrationRequest
 from frida_painter.web.feed import Feed
 from frida_painter.web.job import Job
 
 
 def calibrate(job: Job) -> None:
     """Does what was asked for in the folder, one procedure after another; what is done is kept at once."""
-    wish, folder = Calibrate.kept(job.folder), job.folder.painting
+    request, folder = CalibrationRequest.kept(job.folder), job.folder.painting
     shutil.rmtree(folder, ignore_errors=True)  # the world in which was calibrated before
     storage.new_folder(folder)
-    spec = job.spec_to_calibrate(wish)
+    spec = job.spec_to_calibrate(request)
     with easel_of(spec, folder, job.state) as easel:
         here = with_operator(easel, spec, job.asker.answer)
         try:
             here.robot.connect()
             here.camera.connect()
-            _lead_all(job, wish, here)
+            _lead_all(job, request, here)
         finally:
             here.camera.close()
             here.robot.close()
 
 
-def _lead_all(job: Job, wish: Calibrate, here: Easel) -> None:
-    path, feed = job.station.record, job.feed
-    known = record_to_renew(path, here.calibration, anew=wish.whole)
-    _tell_standing(feed, known, here.calibration)
+def _lead_all(job: Job, request: CalibrationRequest, here: Easel) -> None:
+    path, feed = job.easel.record, job.feed
+    known = record_to_renew(path, here.calibration, anew=request.whole)
+    _tell_status(feed, known, here.calibration)
 
     def say(words: str) -> None:
         feed.tell(ProcedureProgress(words))
         job.stop.heed()
 
-    for name in wish.what:
+    for name in request.what:
         require_basis(name, known, here.calibration, defaults_hold=here.simulated)
         feed.tell(ProcedureBegan(name))
-        place = Place(replace(here, calibration=known), brush_kind(wish.brush), path, wish.seed, wish.count, say)
-        finding = lead(begin_procedure(name, place), job.asker.answer)
+        easel = replace(here, calibration=known)
+        setup = CalibrationSetup(easel, brush_kind(request.brush), path, request.seed, request.count, say)
+        finding = lead(begin_procedure(name, setup), job.asker.answer)
         known = finding.enter(known)
         if isinstance(finding, StrokesFinding):
-            known = learn_from(finding, place, known)
+            known = learn_from(finding, setup, known)
         known.save(path)
         feed.tell(ProcedureFound(name, _sentence(finding), _shown(name, finding, job)))
-        _tell_standing(feed, known, here.calibration)
+        _tell_status(feed, known, here.calibration)
 
 
 def _sentence(finding: Finding) -> str:
@@ -68,20 +76,20 @@ def _shown(name: str, finding: Finding, job: Job) -> str | None:
     """The finding's picture, beside the record for good and where the page sees it."""
     if finding.picture is None:
         return None
-    images.save(finding.picture, beside(job.station.record, f"{name}.png"))
+    images.save(finding.picture, beside(job.easel.record, f"{name}.png"))
     images.save(finding.picture, job.folder.live / f"found-{name}.png")
     return f"found-{name}.png"
 
 
-def _tell_standing(feed: Feed, record: Calibration, easel: Calibration) -> None:
-    """How each procedure stands now."""
-    stands = [
+def _tell_status(feed: Feed, record: Calibration, easel: Calibration) -> None:
+    """Tells the status of every procedure."""
+    procedures = [
         {
-            "name": standing.procedure,
-            "dated": None if standing.done is None else standing.done.dated[:10],
-            "fault": standing.fault,
-            "old": standing.is_old,
+            "name": status.procedure,
+            "dated": None if status.done is None else status.done.dated[:10],
+            "fault": status.fault,
+            "old": status.is_old,
         }
-        for standing in statuses(record, easel)
+        for status in statuses(record, easel)
     ]
-    feed.tell(CalibrationStatus(easel.easel, stands))
+    feed.tell(CalibrationStatus(easel.easel, procedures))

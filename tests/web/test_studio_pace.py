@@ -1,8 +1,8 @@
 from pathlib import Path
 
 from frida_painter.event_log import FEED, EventLog
-from frida_painter.web.pace import pace
 from frida_painter.web.painting_store import PaintingStore
+from frida_painter.web.studio_pace import pace
 
 MADE = {"nearer": 0.5, "prefix": "", "frames": [0, 20], "palette": [], "mixtures": []}
 

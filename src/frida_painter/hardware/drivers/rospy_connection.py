@@ -1,4 +1,4 @@
-"""A wire to a ROS 1 master through rospy, which Debian and Ubuntu package outside of virtual environments."""
+"""A connection to a ROS 1 master through rospy, which Debian and Ubuntu package outside of virtual environments."""
 
 import importlib
 import os
@@ -22,11 +22,11 @@ _PACKAGES = ("/usr/lib/python3/dist-packages", "/opt/ros/noetic/lib/python3/dist
 _NODE = "frida_painter"
 
 
-class RospyWire:
-    """Implements drivers.ros.Wire over the topics of one node.
+class RospyConnection:
+    """Implements drivers.ros.RosConnection over the topics of one node.
 
     master: its address, like http://localhost:11311; by default what ROS_MASTER_URI says. A process has
-    one node, so a second wire of the same process speaks through the same one, over sockets of its own.
+    one node, so a second connection of the same process speaks through the same one, over sockets of its own.
     """
 
     def __init__(self, master: str | None = None) -> None:
@@ -125,7 +125,7 @@ def _as_mapping(message: Any) -> Any:
 
 def _open(name: MachineName, workspace: Workspace) -> RosRobot:
     name.require("namespace", "frame", where=False)
-    return behind(name, workspace, lambda: RospyWire(name.where or None))
+    return behind(name, workspace, lambda: RospyConnection(name.where or None))
 
 
 KIND = RobotKind(

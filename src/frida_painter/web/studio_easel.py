@@ -1,4 +1,4 @@
-"""Where a studio's paintings are painted: the robot with its camera and workspace, and the easel's record."""
+"""The easel of a studio: its robot, camera and workspace, and the easel's calibration record."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -7,20 +7,20 @@ from typing import Self
 
 from frida_painter.errors import ConfigError
 from frida_painter.session.names import HUMAN, MACHINES, SIMULATED, require_known
-from frida_painter.web.surveying import survey
+from frida_painter.web.workspace_canvas import canvas_of_workspace
 
 LOCAL = "127.0.0.1"
 """The address at which a studio can be reached from its own machine only."""
 
 
 @dataclass(frozen=True)
-class Station:
-    """Chosen at the terminal that started the studio; no page can change it.
+class StudioEasel:
+    """The easel that was chosen at the terminal which started the studio; no page can change it.
 
-    record: the easel's calibration record, whether it is there already or not; robot, camera: by name;
-    workspace: the file that says where things stand around a real robot; pace: how fast a simulated one
-    moves, 1 as a real one, 0 as fast as can be computed; canvas: width and height in millimetres where the
-    workspace says them, None where any may be chosen.
+    record: the file of the easel's calibration record, which need not exist yet; robot, camera: by name;
+    workspace: the workspace file of a real robot; pace: how fast a simulated robot moves, 1 as a real one, 0 as
+    fast as can be computed; canvas: width and height in millimetres from the workspace file, None where any may
+    be chosen.
     """
 
     record: Path
@@ -36,8 +36,8 @@ class Station:
         return self.robot in SIMULATED
 
     @property
-    def dangerous(self) -> bool:
-        """Whether a machine moves that could hurt somebody."""
+    def drives_machine(self) -> bool:
+        """Whether a machine moves by its own power, so that it could hurt somebody."""
         return not self.simulated and self.robot != HUMAN
 
     @property
@@ -45,8 +45,8 @@ class Station:
         """The record, where there is one."""
         return self.record if self.record.is_file() else None
 
-    def surveyed(self) -> Self:
-        """The same, with the canvas of its workspace file.
+    def validated(self) -> Self:
+        """The same, checked, with the canvas of its workspace file.
 
         Raises ConfigError where there is no such robot, it lacks a workspace file or a camera, or that file is wrong.
         """
@@ -55,7 +55,7 @@ class Station:
                 f"The robot {self.robot[:60]!r} needs a workspace file (--workspace) and a camera (--camera); "
                 "`frida-painter workspace example` prints a whole one."
             )
-        return self if self.workspace is None else replace(self, canvas=survey(self.workspace))
+        return self if self.workspace is None else replace(self, canvas=canvas_of_workspace(self.workspace))
 
     def plain(self) -> dict[str, str]:
         """As plain values, for the processes that work."""

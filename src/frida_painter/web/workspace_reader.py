@@ -1,4 +1,7 @@
-"""Reads a workspace file and tells of its canvas: `python -m frida_painter.web.survey FILE`, for web/surveying.py."""
+"""Prints the canvas size of a workspace file: `python -m frida_painter.web.workspace_reader FILE`.
+
+web/workspace_canvas.py runs it as a process.
+"""
 
 import json
 import sys

@@ -6,17 +6,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from frida_painter.web.wish import Term, Wish
+from frida_painter.web.painting_request import GoalRequest, PaintingRequest
 
 PICTURE = "0" * 32
 
 
-def wish(**more: Any) -> Wish:
-    return Wish.model_validate({"terms": [{"kind": "image", "picture": PICTURE}], **more})
+def request_of(**more: Any) -> PaintingRequest:
+    return PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE}], **more})
 
 
-def test_a_wish_is_told_to_the_command_line_in_its_own_terms() -> None:
-    asked = wish(strokes=5, colors=12, replans=9, width=297, height=210, initial=[{"kind": "text", "words": 'a "sea"'}])
+def test_a_request_is_told_to_the_command_line_in_its_own_terms() -> None:
+    asked = request_of(
+        strokes=5, colors=12, replans=9, width=297, height=210, initial=[{"kind": "text", "words": 'a "sea"'}]
+    )
     assert tomllib.loads(asked.toml) == {
         "goal": [{"image": f"{PICTURE}.png", "weight": 1.0}],
         "initial": [{"text": 'a "sea"', "weight": 1.0}],
@@ -27,7 +29,7 @@ def test_a_wish_is_told_to_the_command_line_in_its_own_terms() -> None:
 @given(st.text(max_size=300))
 def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
     try:
-        term = Term(kind="text", words=words)
+        term = GoalRequest(kind="text", words=words)
     except ValidationError:
         assert not words.strip() or not words.isprintable()
     else:
@@ -59,4 +61,4 @@ def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
 )
 def test_what_makes_no_sense_is_refused(record: dict[str, Any], says: str) -> None:
     with pytest.raises(ValidationError, match=says):
-        wish(**record)
+        request_of(**record)

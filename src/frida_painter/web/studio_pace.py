@@ -13,7 +13,7 @@ from frida_painter.session.events import (
     events_of,
     time_of,
 )
-from frida_painter.session.page_events import Asked, PaintingKept, PaintingStarted, PlanMade, PlanWished, TakenUp
+from frida_painter.session.page_events import Asked, PaintingKept, PaintingStarted, PlanMade, PlanRequested, TakenUp
 from frida_painter.web.painting_store import PaintingStore
 
 _LAST = 6  # paintings that are looked at
@@ -22,17 +22,17 @@ _FEWEST = 10  # strokes that tell something
 
 
 @dataclass
-class Pace:
-    """Seconds: loading, and for every stroke: planning at effort 1, painting with all looks."""
+class StudioPace:
+    """Seconds for loading, and per stroke for planning at effort 1 and for painting with all looks."""
 
     loading: float
     planning: float
     painting: float
 
 
-def pace(store: PaintingStore, *, real_time: bool) -> Pace:
+def pace(store: PaintingStore, *, real_time: bool) -> StudioPace:
     """The pace to expect. real_time: whether the robot takes its time, rather than the computer's."""
-    found = Pace(_LOADING, 0.1, 6.0 if real_time else 0.2)
+    found = StudioPace(_LOADING, 0.1, 6.0 if real_time else 0.2)
     for entry in reversed(store.all()[:_LAST]):
         try:
             told = [(event, time_of(line)) for line in LogReader(entry.folder.feed).read() for event in events_of(line)]
@@ -44,9 +44,9 @@ def pace(store: PaintingStore, *, real_time: bool) -> Pace:
 
 
 def _planning(told: list[Written]) -> float | None:
-    wishes = {event.plan: event.wish for event in told if isinstance(event, PlanWished)}
+    requests = {event.plan: event.wish for event in told if isinstance(event, PlanRequested)}
     took = [
-        max(0.0, event.seconds - _LOADING) / (event.strokes * wishes[event.plan]["effort"])
+        max(0.0, event.seconds - _LOADING) / (event.strokes * requests[event.plan]["effort"])
         for event in told
         if isinstance(event, PlanMade) and event.strokes >= _FEWEST
     ]

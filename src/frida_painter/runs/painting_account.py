@@ -1,4 +1,4 @@
-"""What page and record of a painting tell of it before it begins."""
+"""What the page and the record of a painting say before it begins."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -6,8 +6,8 @@ from pathlib import Path
 from torch import Tensor
 
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.report.recorder import Occasion
-from frida_painter.runs.goals import Wanted
+from frida_painter.report.recorder import PaintingAccount
+from frida_painter.runs.goals import OpenedGoal
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.names import TITLES
 
@@ -18,9 +18,11 @@ _FIT = {
 }
 
 
-def account(spec: RunSpec, goal: Wanted, target: Tensor | None, encoders: EncoderRegistry) -> Occasion:
-    """Title, picture wanted [3, H, W] if there is one, facts for the page, and settings for the record."""
-    kind, first, _ = goal.wishes[0]
+def painting_account(
+    spec: RunSpec, goal: OpenedGoal, target: Tensor | None, encoders: EncoderRegistry
+) -> PaintingAccount:
+    """The account of a run: title, target picture [3, H, W] or None, facts for the page, settings for the record."""
+    kind, first, _ = goal.items[0]
     facts = (
         *goal.facts,
         *((f"{choice.purpose.capitalize()} seen through", choice.used) for choice in encoders.choices),
@@ -41,4 +43,4 @@ def account(spec: RunSpec, goal: Wanted, target: Tensor | None, encoders: Encode
         "remarks": list(encoders.remarks),
         **spec.record(),
     }
-    return Occasion(spec.title or goal.title, target, facts, record)
+    return PaintingAccount(spec.title or goal.title, target, facts, record)

@@ -65,8 +65,8 @@ class _Watched:
             await asyncio.sleep(_BETWEEN_READS)
 
 
-class Watch:
-    """All that is being watched; each painting is read once, however many look at it."""
+class StateStreams:
+    """The states that browsers listen to; each feed is read once, however many listen."""
 
     def __init__(self) -> None:
         self._watched: dict[str, _Watched] = {}
@@ -98,9 +98,9 @@ class Watch:
             watched.changed.set()
 
 
-def require_room(watch: Watch) -> None:
+def require_room(streams: StateStreams) -> None:
     """Answers 503 where too many watch already."""
-    if watch.watchers >= MOST_WATCHERS:
+    if streams.watchers >= MOST_WATCHERS:
         raise HTTPException(503, "Too many are watching already; close another page first.")
 
 
@@ -124,9 +124,11 @@ class EventStream(Response):
 
     media_type = "text/event-stream"
 
-    def __init__(self, watch: Watch, identifier: str, folder: PaintingFolder, fresh: Callable[[], Shown]) -> None:
+    def __init__(
+        self, streams: StateStreams, identifier: str, folder: PaintingFolder, fresh: Callable[[], Shown]
+    ) -> None:
         super().__init__()
-        self._watch, self._identifier, self._folder, self._fresh = watch, identifier, folder, fresh
+        self._streams, self._identifier, self._folder, self._fresh = streams, identifier, folder, fresh
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Sends until the browser is gone, or does not take what is sent."""
@@ -142,7 +144,7 @@ class EventStream(Response):
             await asyncio.gather(gone, telling, return_exceptions=True)
 
     async def _tell(self, send: Send) -> None:
-        async with self._watch.states(self._identifier, self._folder, self._fresh) as states:
+        async with self._streams.states(self._identifier, self._folder, self._fresh) as states:
             async for text in states:
                 body = f"data: {text}\n\n" if text else ": still here\n\n"
                 message = {"type": "http.response.body", "body": body.encode(), "more_body": True}

@@ -14,7 +14,7 @@ _FILE = "asked.json"
 _Side = Annotated[float, Field(ge=60, le=2000, allow_inf_nan=False)]
 
 
-class Calibrate(BaseModel):
+class CalibrationRequest(BaseModel):
     """What is to be found out, in which order; for a simulated easel: its canvas in mm, brush and seed as well.
 
     count: how many strokes the strokes procedure paints and learns from.

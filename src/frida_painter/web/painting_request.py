@@ -1,4 +1,4 @@
-"""What a person says on the page: goals with weights, and how to paint, checked before anything is begun."""
+"""The request for a painting from the page: goals with weights and settings, checked before planning begins."""
 
 import json
 from typing import Annotated, Any, Literal, Self
@@ -37,7 +37,7 @@ class _Checked(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Term(_Checked):
+class GoalRequest(_Checked):
     """One goal: words or the id of an uploaded picture, as its kind asks for; weight: how much it matters."""
 
     kind: Kind
@@ -65,12 +65,12 @@ class Term(_Checked):
         return f"{self.kind} = {json.dumps(value, ensure_ascii=False)}\nweight = {self.weight}\n"
 
 
-class Wish(_Checked):
-    """All that is asked for: goals, what to begin with, and how it shall be painted; canvas in mm."""
+class PaintingRequest(_Checked):
+    """A person's request for a painting: goals, initial items and settings of the run; width and height in mm."""
 
     title: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = ""
-    terms: tuple[Term, ...] = Field(max_length=8)
-    initial: tuple[Term, ...] = Field((), max_length=2)
+    terms: tuple[GoalRequest, ...] = Field(max_length=8)
+    initial: tuple[GoalRequest, ...] = Field((), max_length=2)
     strokes: int = _as_described("strokes")
     colors: int = _as_described("colors")
     width: float = Field(_CANVAS.width * 1000, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
@@ -81,7 +81,7 @@ class Wish(_Checked):
     seed: int = _as_described("seed")
 
     @model_validator(mode="after")
-    def _wants_something(self) -> Self:
+    def _is_possible(self) -> Self:
         if not self.terms:
             raise ValueError("There is nothing to paint yet: give a picture, or words, or draw something.")
         if not self.title.isprintable():

@@ -1,4 +1,4 @@
-"""Painting as it is led from the page: a painting is begun, or one that broke off is gone on with."""
+"""The worker's part of painting: starts or resumes the run of a painting that a person asked for on the page."""
 
 import time
 
@@ -8,7 +8,7 @@ from frida_painter.errors import PaintingPaused, RobotStopped
 from frida_painter.plan import Plan
 from frida_painter.runs.controls import Controls
 from frida_painter.runs.opening import replan_policy
-from frida_painter.runs.run import Outcome, PaintingRun
+from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.session.forecast import Forecast
 from frida_painter.session.names import ARM_FILM
 from frida_painter.session.page_events import PaintingKept, TakenUp
@@ -31,7 +31,7 @@ def paint(job: Job, place: PlanFolder) -> None:
 
 def resume(job: Job, place: PlanFolder) -> None:
     """Goes on with a painting that was stopped, killed or broke off, from what its journal tells."""
-    with PaintingRun.reopen(job.folder.painting, pace=job.station.pace, state=job.state) as run:
+    with PaintingRun.reopen(job.folder.painting, pace=job.easel.pace, state=job.state) as run:
         assert run.history is not None
         job.feed.tell(TakenUp(run.history.painted))
         run.load_easel()
@@ -67,7 +67,7 @@ def _lead(job: Job, run: PaintingRun) -> None:
     )
 
 
-def _conclude(job: Job, run: PaintingRun, outcome: Outcome) -> None:
+def _conclude(job: Job, run: PaintingRun, outcome: RunOutcome) -> None:
     """Tells how it ended, and keeps what other programs and machines take of it."""
     trouble = outcome.trouble
     if trouble is not None and not (isinstance(trouble, RobotStopped | PaintingPaused) and job.stop.asked):
