@@ -78,7 +78,7 @@ def start(
         raise HTTPException(409, "This painting has been begun already; to paint it once more, take Paint again.")
     require_disk(folder.path, 200 * 2**20)
     with workers.place_at(folder) as place:
-        beside.allow(folder, workers.station)
+        beside.allow(workers.station)
         folder.stop.unlink(missing_ok=True)
         store.note(session.id, entry.id, f"start plan {order.plan}")
         feed = Feed(folder)
@@ -101,7 +101,7 @@ def resume(
         raise HTTPException(409, "This painting is finished; to paint it once more, take Paint again.")
     require_disk(folder.path, 100 * 2**20)
     with workers.place_at(folder) as place:
-        beside.allow(folder, workers.station)
+        beside.allow(workers.station)
         folder.stop.unlink(missing_ok=True)
         folder.robot_stop.unlink(missing_ok=True)
         store.note(session.id, entry.id, "resume")

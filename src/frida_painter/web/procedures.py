@@ -40,7 +40,7 @@ def start(
     folder = store.calibration
     require_disk(folder.path, 200 * 2**20)
     with workers.place_at(folder) as place:
-        beside.allow(folder, workers.station)
+        beside.allow(workers.station)
         folder.stop.unlink(missing_ok=True)
         store.note(session.id, _ID, f"calibrate {', '.join(wish.what)}")
         wish.keep(folder)

@@ -24,24 +24,26 @@ _CALL = 60.0
 class Link:
     """Asks the easel's process, one request at a time; after one that was not answered it is broken for good.
 
-    Raises RobotDisconnected, having sent a stop, where there is no answer; otherwise what the easel raised.
+    patience: seconds for an answer, where a request does not say. Raises RobotDisconnected, having sent a stop, where
+    there is no answer; otherwise what the easel raised.
     """
 
     def __init__(self, wire: Wire, pulse: Pulse) -> None:
         self._wire, self._pulse = wire, pulse
+        self.patience = _CALL
         self._turn = threading.Lock()
         self._broken: RobotDisconnected | None = None
 
     def ask(
-        self, do: str, arrays: Arrays | None = None, *, within: float = _CALL, **words: object
+        self, do: str, arrays: Arrays | None = None, *, within: float | None = None, **words: object
     ) -> tuple[Mapping[str, Any], Mapping[str, NDArray[Any]]]:
-        """What the easel's process answers to a request, within so many seconds."""
+        """What the easel's process answers to a request, within so many seconds, by default the link's patience."""
         with self._turn:
             if self._broken is not None:
                 raise RobotDisconnected(str(self._broken))
             try:
                 self._wire.send({"do": do, **words}, arrays)
-                answer, result = self._wire.receive(within)
+                answer, result = self._wire.receive(self.patience if within is None else within)
             except RobotDisconnected as error:
                 self._pulse.stop()
                 self._broken = RobotDisconnected(

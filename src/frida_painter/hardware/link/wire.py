@@ -75,14 +75,15 @@ class Wire:
         content = np.empty(count, np.uint8)
         room, got = content.data, 0
         while got < count:
-            left = None if until is None else until - time.monotonic()
-            if left is not None and left <= 0:
-                raise RobotDisconnected("The other end of the easel's link did not answer in time.")
+            # What is there already is read however late it is: it was this process that did not run.
+            left = None if until is None else max(until - time.monotonic(), 0.0)
             try:
                 self._socket.settimeout(left)
                 part = self._socket.recv_into(room[got:])
-            except TimeoutError:
-                continue  # the next round says so
+            except (TimeoutError, BlockingIOError) as nothing:
+                if left:
+                    continue  # it may have come at the last moment
+                raise RobotDisconnected("The other end of the easel's link did not answer in time.") from nothing
             except OSError as error:
                 raise RobotDisconnected(f"The other end of the easel's link is gone ({error}).") from error
             if not part:
