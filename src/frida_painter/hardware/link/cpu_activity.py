@@ -48,17 +48,17 @@ class CpuActivity:
         threads: dict[str, _Thread] = {}
         longest = 0.0
         try:
-            names = os.listdir(self._place / "task")
+            tasks = list((self._place / "task").iterdir())
         except OSError:
-            names = []
-        for name in names:
+            tasks = []
+        for task in tasks:
             try:
-                state, _ = _state_and_ticks(self._place / "task" / name / "stat")
-                ran, delayed, *_ = map(int, (self._place / "task" / name / "schedstat").read_text().split())
+                state, _ = _state_and_ticks(task / "stat")
+                ran, delayed, *_ = map(int, (task / "schedstat").read_text().split())
             except (OSError, ValueError, IndexError):
                 continue  # it has ended meanwhile, or the system does not count
-            before = self._threads.get(name)
-            threads[name] = after = _Thread.after(before, now, state, ran, delayed / 1e9)
+            before = self._threads.get(task.name)
+            threads[task.name] = after = _Thread.after(before, now, state, ran, delayed / 1e9)
             if before is not None:
                 longest = max(longest, after.waited - before.waited)
         self._threads = threads
