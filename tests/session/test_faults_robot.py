@@ -234,6 +234,24 @@ def test_b11_an_easels_process_that_was_frozen_within_a_stroke_does_not_go_on_by
     assert held is not None and "in the middle of a motion" in held.reason
 
 
+def test_b11_a_painting_process_says_so_when_it_hears_nothing_from_the_easels(tmp_path: Path) -> None:
+    folder = tmp_path / "painting"
+    with easel_of(order_in(folder, pace=1.0)) as (easel, process):
+        easel.robot.home()
+        process._link.most_silence = 2.0
+        path = replace(stroke(easel, 0), speed=0.005)
+        threading.Timer(0.5, process._process.send_signal, (signal.SIGSTOP,)).start()
+        began = time.monotonic()
+        with pytest.raises(RobotDisconnected, match="Nothing has been heard from it for"):
+            easel.robot.follow(path)
+        assert time.monotonic() - began < 8 < path.length / path.speed
+        time.sleep(max(0.0, began + 5.0 - time.monotonic()))
+        process._process.send_signal(signal.SIGCONT)
+        assert "Nothing has been heard" not in until(lambda: latch(folder).read()).reason
+        with pytest.raises(RobotDisconnected):
+            easel.robot.home()
+
+
 def test_b12_a_simulated_robot_that_was_stopped_stands_still_but_is_neither_latched_nor_armed(tmp_path: Path) -> None:
     folder = tmp_path / "painting"
     order = order_in(folder, pace=1.0, robot="virtual")

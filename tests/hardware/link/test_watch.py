@@ -105,6 +105,19 @@ def test_heartbeats_keep_it_calm_and_silence_does_not(line, keeping) -> None:
     assert 0.2 < stops.times[0] - silent < 3.0
 
 
+def test_b11_the_painter_hears_the_watch_and_misses_it(line, keeping) -> None:
+    watching = keeping(Stops())
+    pulse = Pulse(line[0])
+    time.sleep(1.0)
+    assert pulse.silent < 1.0
+    watching.dismiss()
+    before = pulse.silent
+    deadline = time.monotonic() + 30
+    while pulse.silent < before + 1.0:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
 def test_while_nothing_moves_a_painter_may_compute_but_not_forever(line, keeping) -> None:
     stops = Stops()
     keeping(stops, moving=False, thinking=True, silence=0.1, absence=1.0)

@@ -32,7 +32,7 @@ class Patience:
 # A robot is stopped within 3 s of silence; half a second of it is for the stop itself.
 MACHINE = Patience()
 # A simulated robot hurts nobody: whoever commands it is waited for as long as it exists.
-SIMULATED = Patience(*[math.inf] * 5, orphaned=MACHINE.orphaned)
+SIMULATED = Patience(silence=math.inf, starved_moving=math.inf, absence=math.inf, standstill=math.inf, nap=math.inf)
 
 
 @dataclass(frozen=True)

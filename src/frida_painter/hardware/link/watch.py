@@ -5,6 +5,7 @@ may wait for it, has a thread of its own.
 """
 
 import contextlib
+import math
 import select
 import signal
 import socket
@@ -53,7 +54,7 @@ class Watch:
         self._line, self._stop, self._moving, self._process = line, stop, moving, process
         self._nap = patience.nap
         self._rule = SilenceRule(steady(), patience)
-        self._asleep = asleep()
+        self._asleep, self._beaten = asleep(), -math.inf
         self._interrupts = 0
         self._open = True
         self._dismissed = threading.Event()
@@ -78,9 +79,16 @@ class Watch:
             if slept > self._nap:
                 self._stop(f"the computer slept for {slept:.0f} s")
             if self._open:
+                self._beat(now)
                 self._read(now)
             if reason := self._rule.judge(self._look(now)):
                 self._stop(reason)
+
+    def _beat(self, now: float) -> None:
+        if now - self._beaten >= BEAT_EVERY:
+            self._beaten = now
+            with contextlib.suppress(OSError):  # the painting process is gone, or has not read for long
+                self._line.send(BEAT)
 
     def _look(self, now: float) -> Look:
         thinking = self._process.thinking()
@@ -133,7 +141,7 @@ class StopFile:
 
 
 class Pulse:
-    """The painting process's end of the line: sends a heartbeat from a thread of its own, and stop when asked.
+    """The painting process's end of the line: sends and hears heartbeats on a thread of its own; stops when asked.
 
     file: the line's file number, for signal.set_wakeup_fd.
     """
@@ -141,6 +149,7 @@ class Pulse:
     def __init__(self, line: socket.socket) -> None:
         self._line = line
         self._line.setblocking(False)
+        self._silent = 0.0
         self._ended = threading.Event()
         threading.Thread(target=self._beat, name="heartbeat", daemon=True).start()
 
@@ -148,6 +157,11 @@ class Pulse:
     def file(self) -> int:
         """The line's file number."""
         return self._line.fileno()
+
+    @property
+    def silent(self) -> float:
+        """Seconds since the watch was heard; of a time in which this process did not run, next to nothing counts."""
+        return self._silent
 
     def stop(self) -> None:
         """Has the robot stopped at once."""
@@ -160,8 +174,19 @@ class Pulse:
 
     def _beat(self) -> None:
         self._send(BEAT)
+        looked = steady()
         while not self._ended.wait(BEAT_EVERY):
             self._send(BEAT)
+            now = steady()
+            self._silent = 0.0 if self._heard() else self._silent + min(now - looked, 2 * BEAT_EVERY)
+            looked = now
+
+    def _heard(self) -> bool:
+        """Whether anything came since this was asked before."""
+        try:
+            return bool(self._line.recv(4096))
+        except OSError:
+            return False
 
     def _send(self, byte: bytes) -> None:
         with contextlib.suppress(OSError):  # nobody listens any more, or the line is full of heartbeats

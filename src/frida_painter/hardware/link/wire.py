@@ -6,6 +6,7 @@ Eight bytes give the lengths of the object and of the arrays' bytes, each with a
 
 import json
 import math
+import select
 import socket
 import struct
 import threading
@@ -65,6 +66,10 @@ class Wire:
             return said, _unpacked(said.pop("arrays"), body)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise RobotDisconnected(f"What came over the easel's link is no message ({error}).") from error
+
+    def waits(self, seconds: float) -> bool:
+        """Whether something came, or the other end went, within so many seconds: `receive` tells which."""
+        return bool(select.select([self._socket], [], [], seconds)[0])
 
     def close(self) -> None:
         """Closes this end; the other one hears of it."""
