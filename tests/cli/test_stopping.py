@@ -67,6 +67,7 @@ def paint(place: Path, *words: str) -> Painter:
 
 
 def held(painter: Painter) -> list[str]:
+    """Why robots are latched: no simulated one ever is."""
     found = [latch.read() for latch in latches(painter.state / "frida-painter")]
     return [stop.reason for stop in found if stop is not None]
 
@@ -83,41 +84,43 @@ def test_f8_f34_ctrl_c_twice_stops_the_robot_and_writes_the_page(tmp_path: Path)
     time.sleep(0.3)
     asked = time.monotonic()
     painter.process.send_signal(signal.SIGINT)
-    until(lambda: held(painter), 30)
     status, out, err = painter.end()
     assert status == 130, err
     assert time.monotonic() - asked < 60 and "Traceback" not in err
-    assert held(painter) == ["Ctrl-C was pressed twice"]
     told = result(painter)
     assert told["stopped"] and told["strokes_painted"] < 24 and "Stopped after" in out
     count = len(moves(painter.folder))
+    assert not held(painter)
 
-    refused = Painter(tmp_path, "resume", "painted", "--yes")
-    status, _, err = refused.end()
-    assert status == 2 and "frida-painter arm" in err and len(moves(painter.folder)) == count
+    resumed = Painter(tmp_path, "resume", "painted", "--yes")
+    until(lambda: resumed.process.poll() is not None or len(moves(painter.folder)) > count, 300)
+    assert resumed.process.poll() is None, "a simulated robot needs nobody who arms it"
+    resumed.process.send_signal(signal.SIGTERM)
+    resumed.end()
 
 
-@pytest.mark.parametrize(
-    ("number", "status", "latched"), [(signal.SIGTERM, 143, True), (signal.SIGHUP, 129, False)], ids=["TERM", "HUP"]
-)
-def test_f34_the_system_ends_it_within_a_stroke(tmp_path: Path, number: int, status: int, latched: bool) -> None:
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)], ids=["TERM", "HUP"])
+def test_f34_the_system_ends_it_within_a_stroke(tmp_path: Path, number: int, status: int) -> None:
     painter = paint(tmp_path, "--pace", "0.3")
     painter.wait_for("plan.json", strokes=3)
     painter.process.send_signal(number)
     ended, _, err = painter.end()
     assert ended == status and "Traceback" not in err, err
-    assert bool(held(painter)) == latched
+    assert not held(painter)
     told = result(painter)
     assert told["stopped"] and 0 <= told["strokes_painted"] < 24
 
 
-def test_f34_a_closed_terminal_while_planning_leaves_nothing_half_done(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)], ids=["TERM", "HUP"])
+def test_f34_b12_whoever_ends_it_while_planning_leaves_nothing_half_done(
+    tmp_path: Path, number: int, status: int
+) -> None:
     painter = paint(tmp_path, "--effort", "5")
     painter.wait_for("studio.diary")
-    painter.process.send_signal(signal.SIGHUP)
+    painter.process.send_signal(number)
     asked = time.monotonic()
-    status, _, err = painter.end()
-    assert status == 129 and "Traceback" not in err, err
+    ended, _, err = painter.end()
+    assert ended == status and "Traceback" not in err, err
     assert time.monotonic() - asked < 60 and not held(painter)
     assert not (painter.folder / "plan.json").exists()
 
@@ -126,9 +129,9 @@ def test_f8_the_stop_file_stops_a_painting_that_is_planning(tmp_path: Path) -> N
     painter = paint(tmp_path, "--effort", "5")
     painter.wait_for("studio.diary", strokes=1)
     (painter.folder / STOP_FILE).touch()
-    until(lambda: held(painter), 30)
+    until(lambda: not (painter.folder / STOP_FILE).exists(), 30)
     painter.process.send_signal(signal.SIGINT)  # the planner goes on for as long as nobody tells it
     status, _, err = painter.end()
     assert status == 130 and "Traceback" not in err, err
-    assert held(painter) == ["the stop file stop appeared"]
+    assert not held(painter)
     assert len(moves(painter.folder)) == 1, "the first look, and nothing since"

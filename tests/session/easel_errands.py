@@ -8,17 +8,33 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import torch
 
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.palette import Palette
+from frida_painter.registry import EASELS
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.names import DIARY
+from plugins import install
 
 PAINTS = Palette(torch.tensor([[0.9, 0.8, 0.2], [0.1, 0.1, 0.3]]))
+
+MACHINE = "machine"
+_MACHINE_KIND = """
+from frida_painter.session.easel_kind import EaselKind
+from frida_painter.session.easel_kinds.virtual import KIND as STUDIO
+KIND = EaselKind("machine", "a virtual studio that is taken for a machine", STUDIO.open, simulated=False)
+"""
+
+
+def install_machine(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Registers a kind of easel of that name: a virtual studio that is guarded, watched and latched as a real robot."""
+    points = {EASELS: {MACHINE: "taken_for_a_machine:KIND"}}
+    install(folder, monkeypatch, "taken-for-a-machine", points, {"taken_for_a_machine": _MACHINE_KIND})
 
 
 def order_in(folder: Path, **wishes: object) -> EaselOrder:

@@ -1,4 +1,7 @@
-"""Rows of the fault matrix that speak of processes and of time: real processes and signals, a robot at its own pace."""
+"""Rows of the fault matrix that speak of processes and of time: real processes and signals, a robot at its own pace.
+
+The robot is a virtual one that is taken for a machine, so that nothing here is spared to it.
+"""
 
 import os
 import signal
@@ -7,7 +10,8 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +20,12 @@ import pytest
 from frida_painter.errors import MotionFailed, PoseMismatch, RobotDisconnected, RobotStopped
 from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.hardware.robot import Waypoints
+from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.names import STOP_FILE
 from frida_painter.virtual.faults import FailedMotion, Faults
-from session.easel_errands import PAINTS, easel_of, moves, order_in, paint, stroke, until
+from session import easel_errands
+from session.easel_errands import MACHINE, PAINTS, easel_of, install_machine, moves, paint, stroke, until
 
 pytestmark = pytest.mark.slow
 
@@ -29,7 +35,7 @@ PAINTER = """
 import sys, pathlib
 from dataclasses import replace
 from session.easel_errands import PAINTS, dip, easel_of, order_in, stroke
-with easel_of(order_in(pathlib.Path(sys.argv[1]), pace=1.0)) as (easel, process):
+with easel_of(order_in(pathlib.Path(sys.argv[1]), pace=1.0, robot=sys.argv[3])) as (easel, process):
     easel.operator.fill_wells(PAINTS)
     easel.robot.follow(dip(easel, 0))
     for number in range(6):
@@ -37,6 +43,15 @@ with easel_of(order_in(pathlib.Path(sys.argv[1]), pace=1.0)) as (easel, process)
         print(number, process._process.pid, flush=True)
         easel.robot.follow(path)
 """
+
+
+@pytest.fixture(autouse=True)
+def machine(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    install_machine(tmp_path_factory.mktemp("installed"), monkeypatch)
+
+
+def order_in(folder: Path, **wishes: object) -> EaselOrder:
+    return easel_errands.order_in(folder, **{"robot": MACHINE, **wishes})
 
 
 def latch(folder: Path) -> Latch:
@@ -49,11 +64,11 @@ def gone(entry: dict) -> float:
 
 
 @contextmanager
-def painter(folder: Path, speed: float = 0.06) -> Iterator[subprocess.Popen[str]]:
+def painter(folder: Path, speed: float = 0.06, robot: str = MACHINE) -> Iterator[subprocess.Popen[str]]:
     """The painting process; whatever becomes of the test, it is gone afterwards, even where it was held up."""
     tests = str(Path(__file__).parents[1])
     with subprocess.Popen(
-        [sys.executable, "-c", PAINTER, str(folder), str(speed)],
+        [sys.executable, "-c", PAINTER, str(folder), str(speed), robot],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -202,3 +217,96 @@ def test_an_easels_process_that_is_told_to_end_stops_its_robot_and_loses_nothing
     held = latch(folder).read()
     assert held is not None and "SIGTERM" in held.reason
     assert len(moves(folder)) == 1 and gone(moves(folder)[0]) > 0
+
+
+def test_b11_an_easels_process_that_was_frozen_within_a_stroke_does_not_go_on_by_itself(tmp_path: Path) -> None:
+    folder = tmp_path / "painting"
+    with easel_of(order_in(folder, pace=1.0)) as (easel, process):
+        easel.robot.home()
+        path = replace(stroke(easel, 0), speed=0.005)
+        for seconds, number in ((0.5, signal.SIGSTOP), (5.5, signal.SIGCONT)):
+            threading.Timer(seconds, process._process.send_signal, (number,)).start()
+        with pytest.raises(RobotStopped, match="held up for"):
+            easel.robot.follow(path)
+        with pytest.raises(RobotStopped, match="frida-painter arm"):
+            easel.robot.home()
+    held = latch(folder).read()
+    assert held is not None and "in the middle of a motion" in held.reason
+
+
+def test_b11_a_painting_process_says_so_when_it_hears_nothing_from_the_easels(tmp_path: Path) -> None:
+    folder = tmp_path / "painting"
+    with easel_of(order_in(folder, pace=1.0)) as (easel, process):
+        easel.robot.home()
+        process._link.most_silence = 2.0
+        path = replace(stroke(easel, 0), speed=0.005)
+        threading.Timer(0.5, process._process.send_signal, (signal.SIGSTOP,)).start()
+        began = time.monotonic()
+        with pytest.raises(RobotDisconnected, match="Nothing has been heard from it for"):
+            easel.robot.follow(path)
+        assert time.monotonic() - began < 8 < path.length / path.speed
+        time.sleep(max(0.0, began + 5.0 - time.monotonic()))
+        process._process.send_signal(signal.SIGCONT)
+        assert "Nothing has been heard" not in until(lambda: latch(folder).read()).reason
+        with pytest.raises(RobotDisconnected):
+            easel.robot.home()
+
+
+def test_b12_a_simulated_robot_that_was_stopped_stands_still_but_is_neither_latched_nor_armed(tmp_path: Path) -> None:
+    folder = tmp_path / "painting"
+    order = order_in(folder, pace=1.0, robot="virtual")
+    latch(folder).engage("an earlier version latched simulated robots as well")
+    before = latch(folder).path.read_bytes()
+    for way in ("line", "file"):
+        with easel_of(order) as (easel, _):
+            path = replace(stroke(easel, 0), speed=0.005)
+            stop = easel.robot.stop if way == "line" else (folder / STOP_FILE).touch
+            threading.Timer(0.4, stop).start()
+            began = time.monotonic()
+            with pytest.raises(RobotStopped, match="resume the painting"):
+                easel.robot.follow(path)
+            assert time.monotonic() - began < 8 < path.length / path.speed, "at once"
+            count = len(moves(folder))
+            with pytest.raises(RobotStopped, match="resume the painting"):
+                easel.robot.home()
+            assert len(moves(folder)) == count
+    with easel_of(order_in(folder, robot="virtual")) as (easel, _):
+        easel.operator.fill_wells(PAINTS)
+        paint(easel, range(1))
+    assert latch(folder).path.read_bytes() == before, "neither read nor written"
+
+
+def test_b12_a_painting_process_that_is_held_up_has_its_simulated_robot_wait_for_it(tmp_path: Path) -> None:
+    folder = tmp_path / "painting"
+    with painter(folder, robot="virtual") as process:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("0"), process.stderr and process.stderr.read()
+        process.send_signal(signal.SIGSTOP)
+        time.sleep(5.0)
+        process.send_signal(signal.SIGCONT)
+        _, complaint = process.communicate(timeout=120)
+        assert process.returncode == 0, complaint
+    assert len(moves(folder)) == 7, "a dip and six strokes"
+    assert not (tmp_path / "state" / "stopped").exists()
+
+
+def test_b11_a_simulated_robots_process_that_was_frozen_goes_on(tmp_path: Path) -> None:
+    folder = tmp_path / "painting"
+    with easel_of(order_in(folder, pace=1.0, robot="virtual")) as (easel, process):
+        for seconds, number in ((0.5, signal.SIGSTOP), (5.5, signal.SIGCONT)):
+            threading.Timer(seconds, process._process.send_signal, (number,)).start()
+        easel.robot.follow(stroke(easel, 0))
+        easel.robot.home()
+
+
+def test_b12_beside_twelve_busy_loops_a_virtual_painting_is_finished(tmp_path: Path) -> None:
+    folder = tmp_path / "painting"
+    with ExitStack() as loops:
+        for _ in range(12):
+            loop = loops.enter_context(subprocess.Popen([sys.executable, "-c", "while True: pass"]))
+            loops.callback(loop.kill)
+        with painter(folder, robot="virtual") as process:
+            _, complaint = process.communicate(timeout=600)
+            assert process.returncode == 0, complaint
+    assert len(moves(folder)) == 7
+    assert not (tmp_path / "state" / "stopped").exists()

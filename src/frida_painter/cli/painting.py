@@ -37,7 +37,7 @@ def paint(*, ask: AskOption = False, yes: FilledOption = False, **given: Any) ->
 
     Afterwards the folder holds the painting, a film, a palette to mix, the strokes, and a page that
     tells the story. Ctrl-C stops after the current stroke and keeps what was made; once more stops the
-    robot at once, and it stays stopped until `frida-painter arm`.
+    robot at once, and a real one stays stopped until `frida-painter arm`.
     """
     from frida_painter.cli.leading import Leader, say_films, say_networks
     from frida_painter.cli.stop_signal import stop_on_signals

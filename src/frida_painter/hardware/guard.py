@@ -26,13 +26,12 @@ from frida_painter.errors import (
 )
 from frida_painter.hardware import limits
 from frida_painter.hardware.deadline import Caller, in_our_errors, steady
-from frida_painter.hardware.latch import Latch, Stopped
+from frida_painter.hardware.latch import Latch, Stopped, Unlatched
 from frida_painter.hardware.robot import MotionReport, Robot, Waypoints
 from frida_painter.hardware.workspace import Workspace
 
 T = TypeVar("T")
 
-HOW_TO_ARM = "look at it, free what has to be freed, then re-arm it: frida-painter arm"
 # How long, s, a driver may take to end its motion after a stop and to send the stop itself, and a disk to take it down.
 _WIND_DOWN, _SENDING, _WRITING = 1.0, 1.0, 10.0
 _TOLERANCE, _ARRIVED = 1e-6, 0.002
@@ -41,6 +40,7 @@ _TOLERANCE, _ARRIVED = 1e-6, 0.002
 class GuardedRobot:
     """Implements hardware.robot.Robot over another.
 
+    latch: keeps a stop over restarts, or, of a simulated robot, does not.
     patience, grace: a motion is given up after `patience` times the time that its way takes, and
     `grace` seconds more; connecting: seconds that the robot may take to be reached. Raises RobotStopped
     where a person has to re-arm first.
@@ -50,7 +50,7 @@ class GuardedRobot:
         self,
         robot: Robot,
         workspace: Workspace,
-        latch: Latch,
+        latch: Latch | Unlatched,
         *,
         patience: float = 2.0,
         grace: float = 5.0,
@@ -231,7 +231,7 @@ class GuardedRobot:
     def _refusal(self, label: str) -> RobotStopped:
         assert self._stop is not None
         why = self._stop.reason.rstrip(".")
-        return RobotStopped(f"{label}: nothing moves, {self._stop.easel} was stopped ({why}); {HOW_TO_ARM}")
+        return RobotStopped(f"{label}: nothing moves, {self._stop.easel} was stopped ({why}); {self.latch.remedy}")
 
     def _away_from(self, point: NDArray[np.float64]) -> float:
         return 0.0 if self._tip is None else float(np.linalg.norm(point - self._tip))

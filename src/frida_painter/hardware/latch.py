@@ -1,4 +1,7 @@
-"""The latch: a robot that was stopped stays stopped, also after a restart, until a person re-arms it."""
+"""The latch: a robot that was stopped stays stopped, also after a restart, until a person re-arms it.
+
+A simulated robot hurts nobody: it stands still until its process ends, and nothing is kept of that (Unlatched).
+"""
 
 import re
 import time
@@ -9,6 +12,7 @@ from pathlib import Path
 from frida_painter import storage
 from frida_painter.errors import StorageError
 
+HOW_TO_ARM = "look at it, free what has to be freed, then re-arm it: frida-painter arm"
 _FORMAT = "frida-painter stop"
 _VERSION = 1
 
@@ -31,6 +35,9 @@ class Latch:
 
     A file that cannot be read counts as a stop: whatever damaged it, a person has to look.
     """
+
+    remedy = HOW_TO_ARM
+    """What a person has to do before it moves again."""
 
     def __init__(self, path: Path, easel: str) -> None:
         self.path, self.easel = path, easel
@@ -59,6 +66,22 @@ class Latch:
             self.path.unlink(missing_ok=True)
         except OSError as error:
             raise storage.cannot_write(self.path, error) from error
+
+
+class Unlatched:
+    """In place of a latch, for a simulated easel: a stop holds for as long as the easel's process lives."""
+
+    remedy = "it is simulated and needs no re-arming; resume the painting"
+
+    def __init__(self, easel: str) -> None:
+        self.easel = easel
+
+    def read(self) -> None:
+        """No stop holds from before, whatever files say."""
+
+    def engage(self, reason: str) -> Stopped:
+        """The stop, of which nothing is written."""
+        return Stopped(self.easel, reason, time.time())
 
 
 def latch_path(state: Path, easel: str) -> Path:

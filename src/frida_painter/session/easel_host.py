@@ -11,6 +11,7 @@ import signal
 import socket
 import sys
 from contextlib import ExitStack
+from dataclasses import dataclass
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -21,23 +22,40 @@ from frida_painter.calibration import Calibration
 from frida_painter.errors import FridaError, RobotDisconnected, RobotStopped
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.guard import HOW_TO_ARM, GuardedRobot
+from frida_painter.hardware.guard import GuardedRobot
 from frida_painter.hardware.guarded_camera import GuardedCamera
-from frida_painter.hardware.latch import Latch, latch_path
+from frida_painter.hardware.latch import HOW_TO_ARM, Latch, Unlatched, latch_path
 from frida_painter.hardware.link.cpu_activity import CpuActivity
 from frida_painter.hardware.link.host import Host, told
+from frida_painter.hardware.link.silence import MACHINE, SIMULATED
 from frida_painter.hardware.link.watch import StopFile, Watch
 from frida_painter.hardware.link.wire import Wire
 from frida_painter.hardware.lock import RobotLock
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.easels import lock_path, machine, open_easel
-from frida_painter.session.names import SIMULATED, STOP_FILE
+from frida_painter.session.easels import is_simulated, lock_path, machine, open_easel
+from frida_painter.session.names import STOP_FILE
 
-_GRACE = 5.0
-# How many times longer than its way takes a motion may last: a simulated robot has the computer's pace.
-_PATIENCE, _SIMULATED_PATIENCE = 2.0, 20.0
+
+@dataclass(frozen=True)
+class _Deadlines:
+    """Seconds that robot and camera are given; patience: how many times longer than its way takes a motion may last.
+
+    answer: after which the painting process gives this one up, where it asked for no motion.
+    """
+
+    patience: float
+    grace: float
+    connecting: float
+    photograph: float
+    answer: float
+
+
+_REAL = _Deadlines(patience=2.0, grace=5.0, connecting=30.0, photograph=30.0, answer=60.0)
+# A simulated robot has the pace of the computer, which may be busy, or asleep. Whoever does not want to wait stops it.
+_DAY = 86400.0
+_SLOW = _Deadlines(patience=20.0, grace=_DAY, connecting=_DAY, photograph=_DAY, answer=_DAY + 60.0)
 
 
 def main(wire_file: int, line_file: int) -> None:
@@ -70,12 +88,20 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         opened = open_easel(order)
         stack.callback(opened.close)
         easel = opened.easel
-        latch = Latch(latch_path(order.state, easel.calibration.easel), easel.calibration.easel)
-        patience = _SIMULATED_PATIENCE if order.robot in SIMULATED else _PATIENCE
-        robot = GuardedRobot(easel.robot, easel.workspace, latch, patience=patience, grace=_GRACE)
+        simulated, known_as = is_simulated(order), easel.calibration.easel
+        latch = Unlatched(known_as) if simulated else Latch(latch_path(order.state, known_as), known_as)
+        given = _SLOW if simulated else _REAL
+        robot = GuardedRobot(
+            easel.robot,
+            easel.workspace,
+            latch,
+            patience=given.patience,
+            grace=given.grace,
+            connecting=given.connecting,
+        )
         if robot.stopped is not None:
             raise RobotStopped(f"{robot.stopped}. Nothing moves until somebody has looked: {HOW_TO_ARM}")
-        camera = GuardedCamera(easel.camera)
+        camera = GuardedCamera(easel.camera, patience=given.photograph)
         stack.callback(robot.close)
         stack.callback(camera.close)
 
@@ -86,8 +112,10 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         signal.signal(signal.SIGTERM, end)
         if order.folder is not None:
             stack.callback(StopFile(order.folder / STOP_FILE, robot.stop).dismiss)
-        stack.callback(Watch(line, robot.stop, lambda: robot.moving, CpuActivity(os.getppid())).dismiss)
-        wire.send({**_about(easel), "simulated": order.robot in SIMULATED, "patience": patience, "grace": _GRACE})
+        limits = SIMULATED if simulated else MACHINE
+        stack.callback(Watch(line, robot.stop, lambda: robot.moving, CpuActivity(os.getppid()), limits).dismiss)
+        limits_told = {"patience": given.patience, "grace": given.grace, "answer": given.answer}
+        wire.send({**_about(easel), "simulated": simulated, **limits_told})
         return Host(robot, camera, easel.operator, easel.reach).serve(wire)
 
 

@@ -1,6 +1,7 @@
 """An easel in a process of its own, as the painting process sees it: an easel like any other."""
 
 import contextlib
+import math
 import signal
 import socket
 import subprocess
@@ -23,6 +24,7 @@ from frida_painter.hardware.link.wire import Wire
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.session.easel_order import EaselOrder
+from frida_painter.session.easels import is_simulated
 from frida_painter.session.state_folder import state_folder as state_folder
 
 # A diary of many thousand strokes is lived through before the easel is there.
@@ -80,12 +82,16 @@ class EaselProcess:
         """
         try:
             self._wire.send({"order": order.record()})
-            about, _ = self._wire.receive(_OPENING)
+            # A simulated easel takes as long as the computer does; where its process dies, that is heard at once.
+            about, _ = self._wire.receive(None if is_simulated(order) else _OPENING)
         except RobotDisconnected as gone:
             raise RobotDisconnected(f"The easel's process did not start{self._complaint()}.") from gone
         if "error" in about:
             raise heard(about)
         self._opened = True
+        self._link.patience = about["answer"]
+        if is_simulated(order):  # it is waited for, however slow the computer is
+            self._link.most_silence = math.inf
         return _easel(about, self._link)
 
     @contextmanager

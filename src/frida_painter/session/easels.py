@@ -28,12 +28,17 @@ def open_easel(order: EaselOrder) -> OpenEasel:
     return registry.parts(registry.EASELS)[kind].load(EaselKind).open(order)
 
 
+def is_simulated(order: EaselOrder) -> bool:
+    """Whether no real machine is moved: then a stop is not latched, and a slow computer is waited for."""
+    return order.robot in SIMULATED
+
+
 def machine(order: EaselOrder) -> str | None:
     """A name for what only one process may have at a time; None where nobody else could know of it.
 
     Of a simulated machine that is the world of one painting, of a real one the machine.
     """
-    if order.robot in SIMULATED:
+    if is_simulated(order):
         return None if order.folder is None else f"the {order.robot} studio of {order.folder.resolve()}"
     name = MachineName.of(order.robot)
     return f"{name.kind}:{name.where}"

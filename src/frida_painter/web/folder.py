@@ -74,7 +74,7 @@ class PaintingFolder:
 
     @property
     def easel(self) -> Path:
-        """Where stops of a simulated robot are latched, which lives in the world of its painting alone."""
+        """Where a simulated robot is locked, which lives in the world of its painting alone."""
         return self.path / "easel"
 
     @property

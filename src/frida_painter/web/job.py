@@ -26,7 +26,7 @@ class Job:
 
     @property
     def state(self) -> Path | None:
-        """Where a stop is latched: for a simulated robot in the world of its painting alone, else where all are."""
+        """Where the robot is locked: a simulated one in the world of its painting alone, else where all are."""
         return self.folder.easel if self.easel.simulated else None
 
     def spec(self, place: PlanFolder) -> RunSpec:

@@ -83,7 +83,7 @@ def start(
         raise HTTPException(409, "This painting has been begun already; to paint it once more, take Paint again.")
     require_disk(folder.path, 200 * 2**20)
     with workers.slot_at(folder) as slot:
-        presence.allow(folder, workers.easel)
+        presence.allow(workers.easel)
         folder.stop.unlink(missing_ok=True)
         store.note(session.id, entry.id, f"start plan {order.plan}")
         feed = Feed(folder)
@@ -106,7 +106,7 @@ def resume(
         raise HTTPException(409, "This painting is finished; to paint it once more, take Paint again.")
     require_disk(folder.path, 100 * 2**20)
     with workers.slot_at(folder) as slot:
-        presence.allow(folder, workers.easel)
+        presence.allow(workers.easel)
         folder.stop.unlink(missing_ok=True)
         folder.robot_stop.unlink(missing_ok=True)
         store.note(session.id, entry.id, "resume")

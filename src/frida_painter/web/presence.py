@@ -7,8 +7,6 @@ import time
 from dataclasses import dataclass, field
 
 from frida_painter.errors import RobotStopped
-from frida_painter.hardware.latch import latches
-from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.studio_easel import StudioEasel
 
 GOOD_FOR = 60.0
@@ -35,20 +33,14 @@ class Presence:
         pressed, self._pressed = self._pressed, None
         return pressed is not None and time.monotonic() - pressed <= GOOD_FOR
 
-    def allow(self, folder: PaintingFolder, easel: StudioEasel) -> None:
-        """Lets a machine that could hurt somebody be moved, or a robot move again that was stopped in that folder.
+    def allow(self, easel: StudioEasel) -> None:
+        """Lets a machine that could hurt somebody be moved; a simulated one, or a hand, needs nobody's leave.
 
         Raises RobotStopped, saying what to do, where nobody has pressed for it. (A stop of a real robot holds
         until `frida-painter arm`.)
         """
-        held = latches(folder.easel)
-        if not (held or easel.drives_machine):
-            return
-        if not self.use():
-            why = "The robot was stopped, and nothing moves until somebody has looked at it. " if held else ""
-            raise RobotStopped(f"{why}{how_to_press(self)}")
-        for latch in held:
-            latch.release()
+        if easel.drives_machine and not self.use():
+            raise RobotStopped(how_to_press(self))
 
     def listen(self, file: int) -> None:
         """Takes every line that is typed into the terminal (an open file's number) for a press, on a thread."""

@@ -40,7 +40,7 @@ def start(
     folder = store.calibration
     require_disk(folder.path, 200 * 2**20)
     with workers.slot_at(folder) as slot:
-        presence.allow(folder, workers.easel)
+        presence.allow(workers.easel)
         folder.stop.unlink(missing_ok=True)
         store.note(session.id, _ID, f"calibrate {', '.join(request.what)}")
         request.keep(folder)

@@ -1,7 +1,9 @@
+import os
 import signal
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -19,9 +21,9 @@ def test_a_process_that_was_stopped_is_told_from_one_that_computes(monkeypatch: 
 
             def becomes(what: bool) -> bool:
                 deadline = time.monotonic() + 60
-                while asked() is not what and time.monotonic() < deadline:
+                while asked.thinking() is not what and time.monotonic() < deadline:
                     time.sleep(0.02)
-                return asked() is what
+                return asked.thinking() is what
 
             assert becomes(True)
             busy.send_signal(signal.SIGSTOP)
@@ -37,4 +39,41 @@ def test_of_a_process_that_is_gone_nothing_is_believed() -> None:
     gone.wait()
     asked = CpuActivity(gone.pid)
     time.sleep(0.6)
-    assert not asked()
+    assert not asked.thinking() and asked.starved() == 0.0
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="the system does not count waits")
+def test_what_waits_for_a_processor_is_told_from_what_waits_for_nothing() -> None:
+    """Two busy processes that share one processor: each is ready about half of the time. A third one sleeps."""
+    here = [min(os.sched_getaffinity(0))]
+    with ExitStack() as stack:
+
+        def start(program: str) -> CpuActivity:
+            process = stack.enter_context(subprocess.Popen([sys.executable, "-c", program]))
+            stack.callback(process.kill)
+            os.sched_setaffinity(process.pid, here)
+            return CpuActivity(process.pid)
+
+        first, _ = start("while True: pass"), start("while True: pass")
+        sleeper = start("import time; time.sleep(600)")
+        time.sleep(1.0)  # by then it sleeps, on a busy computer too
+        before = first.starved(), sleeper.starved()
+        deadline = time.monotonic() + 60
+        while first.starved() - before[0] < 0.5:
+            sleeper.starved()
+            assert time.monotonic() < deadline, "nothing was counted"
+            time.sleep(0.05)
+        assert sleeper.starved() - before[1] < 0.1
+
+
+def test_a_wait_that_lasts_is_counted_before_the_system_counts_it_and_only_once() -> None:
+    thread = cpu_activity._Thread.after(None, 0.0, "R", 7, 1.0)
+    for now, state, ran, delayed, waited in (
+        (1.0, "R", 7, 1.0, 2.0),  # ready, and does not run: it waits
+        (2.0, "R", 7, 1.0, 3.0),
+        (2.5, "R", 9, 3.4, 3.4),  # it ran at last, and the system counts the whole wait
+        (3.0, "S", 9, 3.4, 3.4),  # it sleeps
+        (9.0, "T", 9, 3.4, 3.4),  # and was halted
+    ):
+        thread = cpu_activity._Thread.after(thread, now, state, ran, delayed)
+        assert thread.waited == pytest.approx(waited)

@@ -1,5 +1,6 @@
 """The watch: heartbeats, stops on a line of their own, the system's signals, a stop file, and a computer that slept."""
 
+import math
 import os
 import signal
 import socket
@@ -7,13 +8,14 @@ import statistics
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
 
 from frida_painter.hardware import deadline
 from frida_painter.hardware.link import watch
+from frida_painter.hardware.link.silence import MACHINE, SIMULATED, Patience
 from frida_painter.hardware.link.watch import BEAT, STOP, Pulse, StopFile, Watch
 
 
@@ -37,6 +39,25 @@ class Stops:
         return self.reasons[0]
 
 
+@dataclass(frozen=True)
+class Painter:
+    """A painting process as it is seen from outside."""
+
+    busy: bool = False
+    counted: Callable[[], float] = float
+
+    def thinking(self) -> bool:
+        return self.busy
+
+    def starved(self) -> float:
+        return self.counted()
+
+
+def patient(**limits: float) -> Patience:
+    """As with a machine, but for these limits; the watch itself may be held up by what else the computer does."""
+    return replace(MACHINE, **{"standstill": math.inf, **limits})
+
+
 @pytest.fixture
 def line() -> Iterator[tuple[socket.socket, socket.socket]]:
     ours, its = socket.socketpair()
@@ -49,8 +70,8 @@ def line() -> Iterator[tuple[socket.socket, socket.socket]]:
 def keeping(line: tuple[socket.socket, socket.socket]) -> Iterator[Callable[..., Watch]]:
     watches: list[Watch] = []
 
-    def keep(stop: Stops, moving: bool = True, thinking: bool = False, **settings: float) -> Watch:
-        watches.append(Watch(line[1], stop, lambda: moving, lambda: thinking, **settings))
+    def keep(stop: Stops, moving: bool = True, thinking: bool = False, **limits: float) -> Watch:
+        watches.append(Watch(line[1], stop, lambda: moving, Painter(thinking), patient(**limits)))
         return watches[-1]
 
     yield keep
@@ -74,7 +95,7 @@ def test_a_stop_is_heeded_within_a_tenth_of_a_second(line, keeping) -> None:
 
 def test_heartbeats_keep_it_calm_and_silence_does_not(line, keeping) -> None:
     stops = Stops()
-    keeping(stops, most_silence=0.6)
+    keeping(stops, silence=0.6)
     pulse = Pulse(line[0])
     time.sleep(1.5)
     assert stops.reasons == []
@@ -84,9 +105,22 @@ def test_heartbeats_keep_it_calm_and_silence_does_not(line, keeping) -> None:
     assert 0.2 < stops.times[0] - silent < 3.0
 
 
+def test_b11_the_painter_hears_the_watch_and_misses_it(line, keeping) -> None:
+    watching = keeping(Stops())
+    pulse = Pulse(line[0])
+    time.sleep(1.0)
+    assert pulse.silent < 1.0
+    watching.dismiss()
+    before = pulse.silent
+    deadline = time.monotonic() + 30
+    while pulse.silent < before + 1.0:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
 def test_while_nothing_moves_a_painter_may_compute_but_not_forever(line, keeping) -> None:
     stops = Stops()
-    keeping(stops, moving=False, thinking=True, most_silence=0.1, most_absence=1.0)
+    keeping(stops, moving=False, thinking=True, silence=0.1, absence=1.0)
     time.sleep(0.6)
     assert stops.reasons == []
     assert "fell silent" in stops.wait()
@@ -94,7 +128,7 @@ def test_while_nothing_moves_a_painter_may_compute_but_not_forever(line, keeping
 
 def test_f12_while_nothing_moves_a_painter_that_stands_still_is_missed_as_soon_as_while_it_moves(line, keeping) -> None:
     stops = Stops()
-    keeping(stops, moving=False, most_silence=0.2)
+    keeping(stops, moving=False, silence=0.2)
     began = time.monotonic()
     assert "fell silent" in stops.wait()
     assert stops.times[0] - began < 2.0
@@ -102,7 +136,7 @@ def test_f12_while_nothing_moves_a_painter_that_stands_still_is_missed_as_soon_a
 
 def test_a_motion_that_was_asked_for_after_a_long_thought_is_not_stopped_for_it(line) -> None:
     stops, moving = Stops(), threading.Event()
-    watching = Watch(line[1], stops, moving.is_set, lambda: True, most_silence=0.5)
+    watching = Watch(line[1], stops, moving.is_set, Painter(busy=True), patient(silence=0.5))
     time.sleep(0.8)
     moving.set()
     time.sleep(0.2)
@@ -113,7 +147,7 @@ def test_a_motion_that_was_asked_for_after_a_long_thought_is_not_stopped_for_it(
 
 def test_what_is_no_heartbeat_does_not_count_as_one(line, keeping) -> None:
     stops = Stops()
-    keeping(stops, most_silence=0.3)
+    keeping(stops, silence=0.3)
     deadline = time.monotonic() + 5
     while not stops.reasons and time.monotonic() < deadline:
         line[0].send(b"\x1c\x07")  # a window was resized
@@ -145,9 +179,9 @@ def test_signals_say_what_they_say_to_the_painter(line, keeping, content: bytes,
 
 def test_where_the_painter_has_ended_a_motion_may_end_as_well_but_not_for_long(line, keeping) -> None:
     still, moving = Stops(), Stops()
-    keeping(still, moving=False, most_silence=0.2)
+    keeping(still, moving=False, silence=0.2)
     other, its = socket.socketpair()
-    second = Watch(its, moving, lambda: True, lambda: False, most_silence=0.2)
+    second = Watch(its, moving, lambda: True, Painter(), patient(orphaned=0.2))
     line[0].close()
     other.close()
     assert "fell silent" in moving.wait()
@@ -155,6 +189,35 @@ def test_where_the_painter_has_ended_a_motion_may_end_as_well_but_not_for_long(l
     its.close()
     time.sleep(0.3)
     assert still.reasons == [], "nothing moves, and nothing needs a person"
+
+
+def test_b12_a_painter_that_waits_for_a_processor_is_waited_for_and_one_that_does_not_is_missed(line, keeping) -> None:
+    began = time.monotonic()
+    starved, dead = Stops(), Stops()
+    limits = patient(silence=0.8, starved_moving=math.inf)
+    watching = Watch(line[1], starved, lambda: True, Painter(counted=lambda: time.monotonic() - began), limits)
+    ours, its = socket.socketpair()
+    second = Watch(its, dead, lambda: True, Painter(), limits)
+    assert "fell silent" in dead.wait()
+    time.sleep(0.5)
+    assert starved.reasons == []
+    for each in (watching, second):
+        each.dismiss()
+    ours.close()
+    its.close()
+
+
+def test_b12_who_commands_a_simulated_robot_may_be_silent_but_has_to_exist(line) -> None:
+    stops = Stops()
+    watching = Watch(line[1], stops, lambda: True, Painter(), replace(SIMULATED, orphaned=0.2))
+    time.sleep(MACHINE.silence + 1.0)
+    assert stops.reasons == []
+    line[0].send(STOP)
+    assert "asked for it" in stops.wait()
+    stops.reasons.clear()
+    line[0].close()
+    assert "fell silent" in stops.wait()
+    watching.dismiss()
 
 
 def test_f31_a_computer_that_slept_stops_the_robot_on_waking_whatever_was_sent_before(
@@ -171,9 +234,20 @@ def test_f31_a_computer_that_slept_stops_the_robot_on_waking_whatever_was_sent_b
     assert "slept" in stops.wait() and "600 s" in stops.reasons[0]
 
 
+def test_f31_a_simulated_robot_goes_on_when_the_computer_wakes(line, monkeypatch: pytest.MonkeyPatch) -> None:
+    stops = Stops()
+    slept = [0.0]
+    monkeypatch.setattr(watch, "asleep", lambda: deadline.asleep() + slept[0])
+    watching = Watch(line[1], stops, lambda: True, Painter(), SIMULATED)
+    slept[0] = 600.0
+    time.sleep(0.3)
+    assert stops.reasons == []
+    watching.dismiss()
+
+
 def test_f31_the_clock_on_the_wall_may_jump(line, keeping, monkeypatch: pytest.MonkeyPatch) -> None:
     stops = Stops()
-    keeping(stops, most_silence=0.6)
+    keeping(stops, silence=0.6)
     Pulse(line[0])
     for jump in (3600, -3600):
         monkeypatch.setattr(time, "time", lambda jump=jump: jump)

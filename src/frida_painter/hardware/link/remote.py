@@ -1,6 +1,7 @@
 """The painting process's end of the link: a robot, a camera and an operator that are really in another process."""
 
 import threading
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -19,29 +20,36 @@ from frida_painter.palette import Palette
 # The guard in the easel's process gives up a driver sooner; this is for a process that hangs as a whole.
 _MARGIN = 10.0
 _CALL = 60.0
+# One that sends no heartbeat for so long hangs, or was frozen.
+_MOST_SILENCE = 10.0
+_LOOK_EVERY = 0.25
+_END = "end"  # while it closes everything there are no heartbeats any more
 
 
 class Link:
     """Asks the easel's process, one request at a time; after one that was not answered it is broken for good.
 
-    Raises RobotDisconnected, having sent a stop, where there is no answer; otherwise what the easel raised.
+    patience: seconds for an answer, where a request does not say; most_silence: seconds without a heartbeat from there,
+    while an answer is waited for. Raises RobotDisconnected, having sent a stop, where
+    there is no answer; otherwise what the easel raised.
     """
 
     def __init__(self, wire: Wire, pulse: Pulse) -> None:
         self._wire, self._pulse = wire, pulse
+        self.patience, self.most_silence = _CALL, _MOST_SILENCE
         self._turn = threading.Lock()
         self._broken: RobotDisconnected | None = None
 
     def ask(
-        self, do: str, arrays: Arrays | None = None, *, within: float = _CALL, **words: object
+        self, do: str, arrays: Arrays | None = None, *, within: float | None = None, **words: object
     ) -> tuple[Mapping[str, Any], Mapping[str, NDArray[Any]]]:
-        """What the easel's process answers to a request, within so many seconds."""
+        """What the easel's process answers to a request, within so many seconds, by default the link's patience."""
         with self._turn:
             if self._broken is not None:
                 raise RobotDisconnected(str(self._broken))
             try:
                 self._wire.send({"do": do, **words}, arrays)
-                answer, result = self._wire.receive(within)
+                answer, result = self._answer(self.patience if within is None else within, listen=do != _END)
             except RobotDisconnected as error:
                 self._pulse.stop()
                 self._broken = RobotDisconnected(
@@ -53,6 +61,15 @@ class Link:
             raise heard(answer)
         return answer, result
 
+    def _answer(self, within: float, *, listen: bool) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        now = began = time.monotonic()
+        while now < began + within and not self._wire.waits(min(_LOOK_EVERY, began + within - now)):
+            now = time.monotonic()
+            silent = min(self._pulse.silent, now - began)
+            if listen and silent > self.most_silence:
+                raise RobotDisconnected(f"Nothing has been heard from it for {silent:.0f} s.")
+        return self._wire.receive(max(began + within - time.monotonic(), 0.0))
+
     def stop(self) -> None:
         """Stops the robot at once, whatever is being asked."""
         self._pulse.stop()
@@ -61,7 +78,7 @@ class Link:
         """Lets go of the easel's process; ask: has it say first that all is closed. Raises what went wrong there."""
         try:
             if ask and self._broken is None:
-                self.ask("end")
+                self.ask(_END)
         finally:
             self._wire.close()
             self._pulse.end()

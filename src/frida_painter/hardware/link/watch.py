@@ -5,33 +5,42 @@ may wait for it, has a thread of its own.
 """
 
 import contextlib
+import math
 import select
 import signal
 import socket
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Protocol
 
 from frida_painter.hardware.deadline import asleep, steady
+from frida_painter.hardware.link.silence import LOOK_EVERY, MACHINE, Look, Patience, SilenceRule
 
 # What comes over the line, one byte each: a heartbeat, a stop, or the number of a signal, which the
 # system's own handler writes there (signal.set_wakeup_fd) whatever the painting process is doing.
 BEAT, STOP = b"\x00", b"\xff"
 BEAT_EVERY = 0.25
-# A robot is stopped within 3 s of silence; half a second of it is for the stop itself. While nothing moves a painting
-# process may compute for longer without a breath, but not so long that everybody has forgotten it.
-MOST_SILENCE, MOST_ABSENCE = 2.5, 30.0
-_LOOK_EVERY = 0.02
-_NAP = 1.0
+
+
+class Process(Protocol):
+    """What is seen of the painting process from outside."""
+
+    def thinking(self) -> bool:
+        """Whether it took processor time of late."""
+        ...
+
+    def starved(self) -> float:
+        """Seconds so far in which it was ready to run and no processor was free."""
+        ...
 
 
 class Watch:
     """Stops the robot by `stop(reason)`, from a thread of its own, until `dismiss`.
 
-    line: bytes as above come over it. Silence of more than `most_silence` seconds stops the robot; where it
-    is not `moving()` and the painting process is seen `thinking()`, silence of more than `most_absence`. So
-    does a computer that slept. A line that was closed (the painting process ended) is silent, and nothing can
-    move any more but what moves already.
+    line: bytes as above come over it. A silence that is longer than `patience` allows stops the robot, as
+    silence.py tells, and so does a computer that slept. Once the line was closed (the painting process
+    ended), nothing can move any more but what moves already.
     """
 
     def __init__(
@@ -39,15 +48,13 @@ class Watch:
         line: socket.socket,
         stop: Callable[[str], None],
         moving: Callable[[], bool],
-        thinking: Callable[[], bool],
-        *,
-        most_silence: float = MOST_SILENCE,
-        most_absence: float = MOST_ABSENCE,
+        process: Process,
+        patience: Patience = MACHINE,
     ) -> None:
-        self._line, self._stop, self._moving, self._thinking = line, stop, moving, thinking
-        self._most_silence, self._most_absence = most_silence, most_absence
-        self._heard = self._still = steady()
-        self._asleep = asleep()
+        self._line, self._stop, self._moving, self._process = line, stop, moving, process
+        self._nap = patience.nap
+        self._rule = SilenceRule(steady(), patience)
+        self._asleep, self._beaten = asleep(), -math.inf
         self._interrupts = 0
         self._open = True
         self._dismissed = threading.Event()
@@ -63,24 +70,31 @@ class Watch:
     def _keep(self) -> None:
         while not self._dismissed.is_set():
             if self._open:
-                select.select([self._line], [], [], _LOOK_EVERY)
+                select.select([self._line], [], [], LOOK_EVERY)
             else:
-                self._dismissed.wait(_LOOK_EVERY)
+                self._dismissed.wait(LOOK_EVERY)
             now = steady()
             # Before anything is read: what was sent before the computer slept says nothing of now.
             slept, self._asleep = asleep() - self._asleep, asleep()
-            if slept > _NAP:
+            if slept > self._nap:
                 self._stop(f"the computer slept for {slept:.0f} s")
             if self._open:
+                self._beat(now)
                 self._read(now)
-            if not self._moving():
-                self._still = now
-            # Whoever asked for a motion was there when it began.
-            silent, absent = now - max(self._heard, self._still), now - self._heard
-            patience = self._most_absence if self._thinking() else self._most_silence
-            if silent > self._most_silence or (self._open and self._still == now and absent > patience):
-                self._stop(f"the painting process fell silent for {absent:.1f} s")
-                self._heard = now
+            if reason := self._rule.judge(self._look(now)):
+                self._stop(reason)
+
+    def _beat(self, now: float) -> None:
+        if now - self._beaten >= BEAT_EVERY:
+            self._beaten = now
+            with contextlib.suppress(OSError):  # the painting process is gone, or has not read for long
+                self._line.send(BEAT)
+
+    def _look(self, now: float) -> Look:
+        thinking = self._process.thinking()
+        # What it waited for is asked of each of its threads, and of no use while it is heard.
+        starved = self._process.starved() if self._rule.silence(now) > 2 * BEAT_EVERY else None
+        return Look(now, self._moving(), not self._open, thinking, starved)
 
     def _read(self, now: float) -> None:
         try:
@@ -93,7 +107,7 @@ class Watch:
             self._open = False
         for byte in content:
             if byte == BEAT[0]:
-                self._heard = now
+                self._rule.hear(now)
             elif byte == STOP[0]:
                 self._stop("the painting process asked for it")
             elif byte == signal.SIGTERM:
@@ -117,7 +131,7 @@ class StopFile:
         self._dismissed.set()
 
     def _keep(self) -> None:
-        while not self._dismissed.wait(_LOOK_EVERY):
+        while not self._dismissed.wait(LOOK_EVERY):
             if self._path.exists():
                 self._stop(f"the stop file {self._path.name} appeared")
                 # Where it cannot be taken away it stops the next painting in this folder as well.
@@ -127,7 +141,7 @@ class StopFile:
 
 
 class Pulse:
-    """The painting process's end of the line: sends a heartbeat from a thread of its own, and stop when asked.
+    """The painting process's end of the line: sends and hears heartbeats on a thread of its own; stops when asked.
 
     file: the line's file number, for signal.set_wakeup_fd.
     """
@@ -135,6 +149,7 @@ class Pulse:
     def __init__(self, line: socket.socket) -> None:
         self._line = line
         self._line.setblocking(False)
+        self._silent = 0.0
         self._ended = threading.Event()
         threading.Thread(target=self._beat, name="heartbeat", daemon=True).start()
 
@@ -142,6 +157,11 @@ class Pulse:
     def file(self) -> int:
         """The line's file number."""
         return self._line.fileno()
+
+    @property
+    def silent(self) -> float:
+        """Seconds since the watch was heard; of a time in which this process did not run, next to nothing counts."""
+        return self._silent
 
     def stop(self) -> None:
         """Has the robot stopped at once."""
@@ -154,8 +174,19 @@ class Pulse:
 
     def _beat(self) -> None:
         self._send(BEAT)
+        looked = steady()
         while not self._ended.wait(BEAT_EVERY):
             self._send(BEAT)
+            now = steady()
+            self._silent = 0.0 if self._heard() else self._silent + min(now - looked, 2 * BEAT_EVERY)
+            looked = now
+
+    def _heard(self) -> bool:
+        """Whether anything came since this was asked before."""
+        try:
+            return bool(self._line.recv(4096))
+        except OSError:
+            return False
 
     def _send(self, byte: bytes) -> None:
         with contextlib.suppress(OSError):  # nobody listens any more, or the line is full of heartbeats

@@ -6,6 +6,7 @@ Eight bytes give the lengths of the object and of the arrays' bytes, each with a
 
 import json
 import math
+import select
 import socket
 import struct
 import threading
@@ -66,6 +67,10 @@ class Wire:
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise RobotDisconnected(f"What came over the easel's link is no message ({error}).") from error
 
+    def waits(self, seconds: float) -> bool:
+        """Whether something came, or the other end went, within so many seconds: `receive` tells which."""
+        return bool(select.select([self._socket], [], [], seconds)[0])
+
     def close(self) -> None:
         """Closes this end; the other one hears of it."""
         self._socket.close()
@@ -75,14 +80,15 @@ class Wire:
         content = np.empty(count, np.uint8)
         room, got = content.data, 0
         while got < count:
-            left = None if until is None else until - time.monotonic()
-            if left is not None and left <= 0:
-                raise RobotDisconnected("The other end of the easel's link did not answer in time.")
+            # What is there already is read however late it is: it was this process that did not run.
+            left = None if until is None else max(until - time.monotonic(), 0.0)
             try:
                 self._socket.settimeout(left)
                 part = self._socket.recv_into(room[got:])
-            except TimeoutError:
-                continue  # the next round says so
+            except (TimeoutError, BlockingIOError) as nothing:
+                if left:
+                    continue  # it may have come at the last moment
+                raise RobotDisconnected("The other end of the easel's link did not answer in time.") from nothing
             except OSError as error:
                 raise RobotDisconnected(f"The other end of the easel's link is gone ({error}).") from error
             if not part:

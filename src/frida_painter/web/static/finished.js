@@ -24,7 +24,7 @@ export function finishedStage(house, here, first) {
 
   const verdict = {
     finished: `${count(painting.done, "stroke", "strokes")} are on the canvas.`,
-    stopped: `You stopped after ${count(painting.done, "stroke", "strokes")} of ${painting.of}. Look at the robot before anything else.`,
+    stopped: `You stopped after ${count(painting.done, "stroke", "strokes")} of ${painting.of}.${house.simulated ? "" : " Look at the robot before anything else."}`,
     failed: `It broke off after ${count(painting.done, "stroke", "strokes")} of ${painting.of}.`,
   }[painting.status];
 
@@ -38,7 +38,7 @@ export function finishedStage(house, here, first) {
     const begun = await house.attempt(() => api.post(`/api/paintings/${here.id}/resume`));
     if (!begun) goOn.disabled = false;
   } }, "Go on with this painting");
-  const rest = painting.status === "finished" ? null : [goOn, h("p", { class: "label beneath" }, painting.status === "stopped"
+  const rest = painting.status === "finished" ? null : [goOn, h("p", { class: "label beneath" }, painting.status === "stopped" && !house.simulated
     ? "Whoever stopped the robot had a reason: look at it, press Enter in the studio's terminal beside it, then go on here within a minute. It photographs the canvas before anything else."
     : "It photographs the canvas before anything else, and asks where it cannot tell what was painted.")];
 
