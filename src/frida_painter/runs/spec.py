@@ -153,7 +153,8 @@ class RunSpec(BaseModel):
         None,
         min_length=1,
         description="When to replan, instead of --replans. every:75 replans after every 75 strokes. when-off-by:0.02 "
-        "replans only if the canvas differs that much from the expected one. Your own packages can add policies.",
+        "looks after every 10 strokes and replans only if the canvas differs more than that from the expected one. "
+        "Your own packages can add policies.",
         json_schema_extra={"metavar": "NAME:VALUE", "default": "evenly spaced, --replans times"},
     )
     effort: float = Field(
