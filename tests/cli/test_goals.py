@@ -155,7 +155,7 @@ def test_a_picture_by_what_it_shows(photo: Path) -> None:
     wanted = read_goal(None, {"semantic": [photo], "semantic_weight": [2.0]})
     (term,) = wanted.goal.terms
     assert isinstance(term, SemanticTerm) and term.weight == 2
-    assert wanted.facts == (("What is shown in", "photo.png (weight 2)"),)
+    assert wanted.facts == (("Content of", "photo.png (weight 2)"),)
 
 
 def test_a_sketch_and_a_blank_sheet(photo: Path) -> None:

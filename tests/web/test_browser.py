@@ -125,7 +125,7 @@ def window(browser: Browser, studio: Studio, width: int, height: int) -> Iterato
     opened.on("pageerror", lambda error: complaints.append(str(error)))
     opened.goto(studio.address)
     assert "token" not in opened.url
-    expect(opened.get_by_text("What shall we paint?")).to_be_visible(timeout=PATIENCE)  # it knows the studio now
+    expect(opened.get_by_text("What do you want to paint?")).to_be_visible(timeout=PATIENCE)  # it knows the studio now
     yield opened
     opened.goto("about:blank")  # it says that it is left, and leads no longer
     context.close()
@@ -148,12 +148,12 @@ def say(page: Page, photograph: Path, strokes: int = 15) -> None:
     """Asks for a small painting of the photograph."""
     page.get_by_role("link", name="New painting").click()
     page.set_input_files("input[type=file]", photograph)
-    page.get_by_label("A quick study").check()
-    page.get_by_text("In detail").click()
+    page.get_by_label("Quick study").check()
+    page.get_by_text("More settings").click()
     slide(page, "Strokes", 0)
     slide(page, "Paints to mix", 3)
-    slide(page, "Looks at the canvas", 1)
-    page.get_by_role("button", name="Plan it").click()
+    slide(page, "Replans", 1)
+    page.get_by_role("button", name="Make a plan").click()
 
 
 def slide(page: Page, label: str, value: int) -> None:
@@ -161,7 +161,7 @@ def slide(page: Page, label: str, value: int) -> None:
 
 
 def start(page: Page, plan: int = 1) -> None:
-    page.get_by_role("button", name=f"Take plan {plan}").click()
+    page.get_by_role("button", name=f"Use plan {plan}").click()
     begin = page.get_by_role("button", name="Start painting")
     expect(begin).to_be_disabled()
     for box in page.locator(".check input").all():
@@ -184,7 +184,7 @@ def test_a_painting_from_the_wish_to_the_gallery(page: Page, studio: Studio, pho
     place = page.url.partition("#")[2]
     studio.fall_over_and_be_started_again()  # the painting goes on
     page.goto(studio.address)
-    expect(page.get_by_text("What shall we paint?")).to_be_visible(timeout=PATIENCE)
+    expect(page.get_by_text("What do you want to paint?")).to_be_visible(timeout=PATIENCE)
     page.evaluate("place => { location.hash = place; }", place)
     expect(page.locator(".looks h3").first).to_be_visible(timeout=PATIENCE)
     expect(page.get_by_role("link", name="The painting, photographed")).to_be_visible(timeout=PATIENCE)
@@ -200,7 +200,7 @@ def test_a_painting_from_the_wish_to_the_gallery(page: Page, studio: Studio, pho
     page.get_by_role("link", name="disc and bar").click()
     page.on("dialog", lambda dialog: dialog.accept())
     page.get_by_role("button", name="Delete").click()
-    expect(page.get_by_text("What shall we paint?")).to_be_visible()
+    expect(page.get_by_text("What do you want to paint?")).to_be_visible()
     expect(page.locator(".shelf li")).to_have_count(0)
 
 
@@ -230,32 +230,32 @@ def test_stopped_while_planning_and_in_a_stroke_with_two_browsers_one_of_them_a_
     page.get_by_role("button", name="Stop", exact=True).click()
     expect(page.get_by_role("button", name="Make another plan")).to_be_enabled(timeout=PATIENCE)
     page.evaluate(AGAIN, {**begun, "wish": {"strokes": 10, "effort": 0.05, "colors": 2, "replans": 1}})
-    expect(page.get_by_role("button", name="Take plan 2")).to_be_visible(timeout=PATIENCE)
+    expect(page.get_by_role("button", name="Use plan 2")).to_be_visible(timeout=PATIENCE)
     with window(browser, studio, 820, 1180) as tablet:
         tablet.evaluate("id => { location.hash = `#/p/${id}`; }", begun["id"])
-        expect(tablet.get_by_role("button", name="Take plan 2")).to_be_visible()
+        expect(tablet.get_by_role("button", name="Use plan 2")).to_be_visible()
         assert tablet.evaluate("document.documentElement.scrollWidth") <= 820
         start(page, 2)
         pause = tablet.get_by_role("button", name="Pause after this stroke")
         pause.click(timeout=PATIENCE)
-        tablet.get_by_role("button", name="Lead from here").click()
-        expect(tablet.get_by_text("This page leads now")).to_be_visible()
+        tablet.get_by_role("button", name="Take control").click()
+        expect(tablet.get_by_text("This page is in control now")).to_be_visible()
         pause.click()
-        expect(page.get_by_role("button", name="Go on", exact=True)).to_be_visible(timeout=PATIENCE)
+        expect(page.get_by_role("button", name="Continue", exact=True)).to_be_visible(timeout=PATIENCE)
         protect(tablet)
         for each in (page, tablet):
             expect(each.locator(".hatching").first).to_be_visible(timeout=PATIENCE)
         keep(page, "protected")
         keep(tablet, "protected-tablet")
-        expect(tablet.get_by_role("button", name="Go on", exact=True)).to_be_visible(timeout=PATIENCE)
-        tablet.get_by_role("button", name="Go on", exact=True).click()
+        expect(tablet.get_by_role("button", name="Continue", exact=True)).to_be_visible(timeout=PATIENCE)
+        tablet.get_by_role("button", name="Continue", exact=True).click()
         expect(page.get_by_role("button", name="Pause after this stroke")).to_be_visible(timeout=PATIENCE)
         page.keyboard.press("Escape")
         page.keyboard.press("Escape")
         for each in (page, tablet):
             expect(each.get_by_text("You stopped after")).to_be_visible(timeout=PATIENCE)
         keep(page, "stopped")
-        go_on = tablet.get_by_role("button", name="Go on with this painting")
+        go_on = tablet.get_by_role("button", name="Continue this painting")
         go_on.click()
         expect(tablet.get_by_text("nothing moves until somebody has looked")).to_be_visible()
         studio.press_enter()
@@ -280,7 +280,7 @@ def protect(page: Page) -> None:
     page.mouse.down()
     page.mouse.move(box["x"] + 0.1 * box["width"], box["y"] + 0.8 * box["height"], steps=4)
     page.mouse.up()
-    page.get_by_role("button", name="The robot must not touch this").click()
+    page.get_by_role("button", name="Do not paint in this part").click()
 
 
 CALIBRATE = """async () => {
@@ -292,7 +292,7 @@ CALIBRATE = """async () => {
 
 def test_corners_are_dragged_and_the_brush_is_lowered_with_a_jog_key(page: Page) -> None:
     page.get_by_role("link", name="Calibrate").click()
-    expect(page.get_by_role("button", name="Do this: Where the canvas is")).to_be_enabled()
+    expect(page.get_by_role("button", name="Run: Canvas position")).to_be_enabled()
     page.evaluate(CALIBRATE)  # two at once, which load what they need but once
     corner = page.get_by_label("The top left corner")
     expect(corner).to_be_visible(timeout=PATIENCE)
@@ -304,7 +304,7 @@ def test_corners_are_dragged_and_the_brush_is_lowered_with_a_jog_key(page: Page)
     corner.press("ArrowLeft")
     expect(corner).to_have_attribute("aria-valuetext", described((dragged[0] - 1, dragged[1])))
     page.get_by_role("button", name="These are the corners").click()
-    page.get_by_role("button", name="This is its length").click(timeout=PATIENCE)
+    page.get_by_role("button", name="Save the length").click(timeout=PATIENCE)
     page.get_by_role("button", name="No", exact=True).click(timeout=PATIENCE)  # not by looking
     height = page.locator(".jog strong")
     expect(height).to_be_visible(timeout=PATIENCE)

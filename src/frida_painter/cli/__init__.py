@@ -19,7 +19,7 @@ def build() -> typer.Typer:
     """The command `frida-painter` with all that it can do."""
     return typer.Typer(
         name="frida-painter",
-        help="A robot that paints with you: it plans brush strokes, paints some, looks at the canvas, and plans again.",
+        help="A robot painter. It plans brush strokes, paints some, looks at the canvas and replans the rest.",
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,

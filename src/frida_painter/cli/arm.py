@@ -17,13 +17,14 @@ def register(app: typer.Typer) -> None:
 
 def arm(
     yes: Annotated[
-        bool, typer.Option("--yes", help="I have looked, do not ask me: for scripts of somebody who stands there.")
+        bool,
+        typer.Option("--yes", help="Do not ask. For scripts of a person who stands beside the robot and has looked."),
     ] = False,
 ) -> None:
-    """Let a robot move again that was stopped, once you have looked at it.
+    """Allow a robot to move again after a stop. Look at the robot first.
 
-    Every stop holds until then, also after a restart: by Ctrl-C twice, by the stop file, because the
-    painter fell silent, or because of a fault of the robot.
+    A stop lasts until you arm the robot, even after a restart. Reasons for a stop are a second Ctrl-C,
+    the stop file, a painter process that does not respond, and a fault of the robot.
     """
     held = latches(state_folder())
     if not held:

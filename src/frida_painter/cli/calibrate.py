@@ -28,7 +28,7 @@ CanvasOption = Annotated[
     str | None,
     typer.Option(
         metavar="SIZE",
-        help="Width x height of the canvas on it in in, cm or mm. [dim]the workspace's, else 14x11in[/]",
+        help="Canvas size, width x height, in in, cm or mm. [dim]the workspace's, else 14x11in[/]",
     ),
 ]
 SeedOption = Annotated[
@@ -36,12 +36,16 @@ SeedOption = Annotated[
     typer.Option(
         parser=whole_number_within(0, 2**31 - 1),
         metavar="N",
-        help="Which virtual studio: each has its own light, hand and tuft. `paint --seed` paints in it.",
+        help="Seed of the virtual studio: its light, robot error and brush. `paint --seed N` uses the same studio.",
     ),
 ]
 RecordOption = Annotated[
     Path | None,
-    typer.Option("--record", metavar="FILE", help="The calibration record. [dim]one per easel in your data folder[/]"),
+    typer.Option(
+        "--record",
+        metavar="FILE",
+        help="The calibration record to write or read. [dim]one per easel in your data folder[/]",
+    ),
 ]
 
 
@@ -52,7 +56,7 @@ def register(app: typer.Typer) -> None:
 
 
 def calibrate(
-    what: Annotated[What, typer.Argument(metavar="canvas|robot|color|brush|strokes|all", help="What to find out.")],
+    what: Annotated[What, typer.Argument(metavar="canvas|robot|color|brush|strokes|all", help="The procedure to run.")],
     robot: RobotOption = "virtual",
     camera: CameraOption = "",
     workspace: WorkspaceOption = None,
@@ -65,7 +69,7 @@ def calibrate(
         typer.Option(
             parser=whole_number_within(FEWEST_STROKES, MOST_STROKES),
             metavar="N",
-            help="How many strokes the strokes procedure paints, and learns the brush from.",
+            help="Number of strokes that the strokes procedure paints for training.",
         ),
     ] = 200,
     refill_every: Annotated[
@@ -73,18 +77,19 @@ def calibrate(
         typer.Option(
             parser=whole_number_within(1, MOST_BETWEEN_REFILLS),
             metavar="N",
-            help="Strokes that the strokes procedure paints with one dip; from 2 on it learns what a dip holds.",
+            help="Strokes per dip in the strokes procedure. With 2 or more it learns how long a dip lasts.",
         ),
     ] = 1,
     ask: Annotated[
-        bool, typer.Option("--ask", help="Ask me, as on a real easel; without it the virtual studio answers itself.")
+        bool,
+        typer.Option("--ask", help="Ask you the questions of a real easel. Without it, the virtual studio answers."),
     ] = False,
     record: RecordOption = None,
 ) -> None:
-    """Get to know an easel: where its canvas is, where its robot paints, how its camera sees, what its brush does.
+    """Calibrate an easel: the position of the canvas, the robot, the camera's colours, the brush and its strokes.
 
-    Each procedure is entered into the easel's record as soon as it is done, with a picture of what
-    was found beside it. `all` does the five in order.
+    Each procedure saves its result in the easel's calibration record, with a picture beside it. `all`
+    runs the five procedures in order.
     """
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.calibration import PROCEDURES
@@ -110,9 +115,9 @@ def doctor(
     seed: SeedOption = 0,
     record: RecordOption = None,
 ) -> None:
-    """Tell how the easel's calibration stands: what was done when and how well, and what to repeat.
+    """Show the state of the calibration and what to repeat, and the robots, cameras and stroke models there are.
 
-    Exit status 1 where painting with this record would be refused.
+    The exit status is 1 if painting with this record would be refused.
     """
     from frida_painter.cli.calibration import easel_spec
     from frida_painter.cli.doctor import examine

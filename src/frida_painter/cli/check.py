@@ -14,7 +14,10 @@ PictureOut = Annotated[Path, typer.Option(metavar="FILE", help="The picture to w
 def register(app: typer.Typer) -> None:
     """Adds the commands."""
     app.command("check")(check)
-    group = typer.Typer(no_args_is_help=True, help="Write down where canvas, wells, water and rag stand, in metres.")
+    group = typer.Typer(
+        no_args_is_help=True,
+        help="Describe the workspace of a robot: where canvas, wells, water and rag stand, in metres.",
+    )
     group.command("example")(print_example)
     group.command("draw")(draw)
     app.add_typer(group, name="workspace")
@@ -28,12 +31,12 @@ def check(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Who is to paint it, as paint --robot names them. [dim]any robot in the workspace, or virtual[/]",
+            help="The robot to check, as in paint --robot. [dim]any robot in the workspace, or virtual[/]",
         ),
     ] = None,
     workspace: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="The workspace of the easel (TOML). [dim]the virtual studio's own[/]"),
+        typer.Option(metavar="FILE", help="The workspace file of the easel (TOML). [dim]the virtual studio's own[/]"),
     ] = None,
     calibration: Annotated[
         Path | None,
@@ -41,7 +44,7 @@ def check(
     ] = None,
     out: PictureOut = Path("check.png"),
 ) -> None:
-    """Check whether a whole plan can be painted on an easel, before anything moves.
+    """Check whether a robot can paint a whole plan on an easel, and how long it takes. Nothing moves.
 
     Every motion is asked for: strokes, dips, rinses, wipes. Where something cannot be done, it is
     told, a picture shows the strokes in red, and the exit status is 1.
@@ -54,17 +57,17 @@ def check(
 
 
 def print_example() -> None:
-    """Print a whole workspace file with comments; redirect it into a file of your own and measure."""
+    """Print an example of a workspace file with comments. Save it as your own file and enter your measures."""
     from frida_painter.hardware.workcell import example
 
     print(example(), end="")
 
 
 def draw(
-    workspace: Annotated[Path, typer.Argument(metavar="FILE", help="A workspace (TOML).", show_default=False)],
+    workspace: Annotated[Path, typer.Argument(metavar="FILE", help="A workspace file (TOML).", show_default=False)],
     out: PictureOut = Path("workspace.png"),
 ) -> None:
-    """Draw a workspace as seen from above, to compare it with the table in front of you."""
+    """Draw a workspace from above. Compare the drawing with your table."""
     from frida_painter import images
     from frida_painter.hardware.workcell import WorkcellConfig
     from frida_painter.report.workspace_plan import workspace_plan

@@ -8,46 +8,56 @@ COMMANDS = (
     Deferred(
         "paint",
         f"{_CLI}.painting",
-        "Paint a photograph, or words: plan, paint some strokes, look, plan the rest again.",
+        "Paint a photograph or a text prompt. Plans, paints some strokes, looks at the canvas and replans the rest.",
     ),
     Deferred(
         "plan",
         f"{_CLI}.painting",
-        "Plan the strokes for a photograph, or for words, without painting: plan, picture of it, palette to mix.",
+        "Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix.",
     ),
     Deferred(
-        "render", f"{_CLI}.painting", "Draw a plan as a picture of any size, as the simulation of the brush sees it."
+        "render", f"{_CLI}.painting", "Render a plan as a picture of any size, with the stroke model of its brush."
     ),
-    Deferred("resume", f"{_CLI}.resume", "Go on with a painting that was stopped or broke off, from its folder."),
-    Deferred("export", f"{_CLI}.export", "Write the strokes of a plan in millimetres."),
+    Deferred("resume", f"{_CLI}.resume", "Continue a painting that was stopped, paused or killed, from its folder."),
+    Deferred("export", f"{_CLI}.export", "Export the strokes of a plan as SVG, G-code or CSV, in millimetres."),
     Deferred(
         "calibrate",
         f"{_CLI}.calibrate",
-        "Get to know an easel: where its canvas is, where its robot paints, how its camera sees, what its brush does.",
+        "Calibrate an easel: the position of the canvas, the robot, the camera's colours, the brush and its strokes.",
     ),
     Deferred(
         "doctor",
         f"{_CLI}.calibrate",
-        "Tell how the easel's calibration stands: what was done when and how well, and what to repeat.",
+        "Show the state of the calibration and what to repeat, and the robots, cameras and stroke models there are.",
     ),
-    Deferred("arm", f"{_CLI}.arm", "Let a robot move again that was stopped, once you have looked at it."),
-    Deferred("check", f"{_CLI}.check", "Check whether a whole plan can be painted on an easel, before anything moves."),
+    Deferred("arm", f"{_CLI}.arm", "Allow a robot to move again after a stop. Look at the robot first."),
+    Deferred(
+        "check",
+        f"{_CLI}.check",
+        "Check whether a robot can paint a whole plan on an easel, and how long it takes. Nothing moves.",
+    ),
     Deferred(
         "mix",
         f"{_CLI}.mix",
-        "Tell how to mix each colour of a palette: parts of the paints you own, and how near they come.",
+        "Give a recipe for each colour of a palette, from the paints that you own, with the predicted error.",
     ),
     Deferred(
         "studio",
         "frida_painter.web.command",
-        "Open the studio: a page on which you say what to paint, see the plan, and paint together with the robot.",
+        "Open the studio, a web page on which you set the goal, see the plan and paint together with the robot.",
     ),
-    Deferred("workspace", f"{_CLI}.check", "Write down where canvas, wells, water and rag stand, in metres."),
-    Deferred("strokes", f"{_CLI}.strokes", "Teach the painter its brush from strokes that it has painted."),
-    Deferred("models", f"{_CLI}.models", "Get the networks that words, styles and meanings are painted by."),
+    Deferred(
+        "workspace",
+        f"{_CLI}.check",
+        "Describe the workspace of a robot: where canvas, wells, water and rag stand, in metres.",
+    ),
+    Deferred("strokes", f"{_CLI}.strokes", "Collect a library of strokes, and train and test stroke models on it."),
+    Deferred(
+        "models", f"{_CLI}.models", "Download the networks for text, styles and sketches, and show which are here."
+    ),
     Deferred(
         "experiments",
         "frida_painter.experiments.command",
-        "The paper's figures and tables, and ours, each one command that measures anew.",
+        "Run the experiments of the paper and more. Each command measures anew and writes tables and pictures.",
     ),
 )

@@ -31,19 +31,21 @@ def evaluate_model(
             "--weights",
             metavar="FILE",
             groups=(registry.STROKE_MODELS,),
-            says="The weights to test (.safetensors), or a brush:",
+            says="The weights to test (.safetensors), or a brush. Available:",
         ),
     ],
-    library: Annotated[Path, typer.Option(metavar="FILE", help="Strokes that the model has not seen (.npz).")],
+    library: Annotated[
+        Path, typer.Option(metavar="FILE", help="A stroke library that the model was not trained on (.npz).")
+    ],
     page: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also write a page with pictures of the strokes (.html).")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print every figure as JSON.")] = False,
 ) -> None:
-    """Compare a stroke model with strokes that were really painted.
+    """Measure the error of a stroke model on strokes that were really painted.
 
-    The figure is the mean absolute error of the magnitude map over the whole crop as it is stored,
-    from 0 to 1. All strokes count, dirty ones too.
+    The error is the mean absolute error of the magnitude map over the whole stored crop, from 0 to 1.
+    All strokes count, also flawed ones.
     """
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.brush.measure import evaluate

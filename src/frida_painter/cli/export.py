@@ -42,7 +42,7 @@ def export(
         typer.Option(
             "--to",
             metavar="KIND",
-            help="svg: for Inkscape and plotters; gcode: for GRBL and Marlin machines; csv: a table.",
+            help="svg is for Inkscape and plotters, gcode for GRBL and Marlin machines, csv is a table.",
         ),
     ] = ExportFormat.svg,
     out: Annotated[
@@ -50,34 +50,39 @@ def export(
     ] = None,
     regroup: Annotated[
         bool,
-        typer.Option(help="svg: one layer per paint even where paints come back later (changes what lies on top)."),
+        typer.Option(
+            help="svg: exactly one layer per paint, even if a paint returns later. Changes which strokes lie on top."
+        ),
     ] = False,
     dips: Annotated[
-        bool, typer.Option(help="svg: a pause, as a layer of its own, wherever the brush is dipped (AxiDraw).")
+        bool, typer.Option(help="svg: add a layer with a pause for every dip of the brush (AxiDraw).")
     ] = False,
     flavour: Annotated[
-        Flavour | None, typer.Option(metavar="NAME", help="gcode: grbl or marlin. [dim]grbl[/]", show_default=False)
+        Flavour | None,
+        typer.Option(metavar="NAME", help="gcode: the dialect, grbl or marlin. [dim]grbl[/]", show_default=False),
     ] = None,
     press: Annotated[
         float | None,
-        typer.Option(parser=number, metavar="MM", help="gcode: how deep the hardest press is; 0 for a pen. [dim]2[/]"),
+        typer.Option(
+            parser=number, metavar="MM", help="gcode: depth of the hardest press in mm; 0 for a pen. [dim]2[/]"
+        ),
     ] = None,
     lift: Annotated[
-        float | None, typer.Option(parser=number, metavar="MM", help="gcode: how high the brush travels. [dim]5[/]")
+        float | None, typer.Option(parser=number, metavar="MM", help="gcode: height of travel moves in mm. [dim]5[/]")
     ] = None,
     workspace: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="gcode: where the wells stand (TOML), for a machine that dips by itself."),
+        typer.Option(metavar="FILE", help="gcode: the workspace file (TOML), for a machine that dips by itself."),
     ] = None,
     calibration: Annotated[
         Path | None, typer.Option(metavar="FILE", help="gcode, with --workspace: the easel's calibration record.")
     ] = None,
 ) -> None:
-    """Write the strokes of a plan in millimetres.
+    """Export the strokes of a plan as SVG, G-code or CSV, in millimetres.
 
-    SVG has a layer per paint, CSV a row per stroke. G-code has its zero at the canvas's bottom-left
-    corner, with the brush at the lightest touch at Z0, and waits (M0) whenever the brush has to be
-    dipped; with --workspace its zero is the workspace's, and the machine dips, rinses and wipes itself.
+    SVG has one layer per paint. CSV has one row per stroke. The zero of the G-code is the bottom-left
+    corner of the canvas, and Z0 is the lightest touch. The machine pauses (M0) at every dip of the brush.
+    With --workspace, the zero is that of the workspace, and the machine dips, rinses and wipes by itself.
     """
     from frida_painter.cli.plan_export import write_gcode, write_svg, write_table
 

@@ -16,15 +16,15 @@ _PANEL = "What to paint"
 
 GoalFile = Annotated[
     Path | None,
-    typer.Option("--goal", metavar="FILE", help="A TOML file with goals and weights.", rich_help_panel=_PANEL),
+    typer.Option("--goal", metavar="FILE", help="A TOML file with goals and their weights.", rich_help_panel=_PANEL),
 ]
 ClipSource = Annotated[
     str | None,
     typer.Option(
         "--clip",
         metavar="NAME|FOLDER",
-        help="The CLIP that words and meaning are seen through: a name on the hub, a folder, or a safetensors file of "
-        "its ResNet kind. [dim]clip-vit-b-32 where it was fetched, or else smaller networks[/]",
+        help="The CLIP model for text and meaning: a name on the hub, a folder, or a safetensors file of a "
+        "CLIP ResNet. [dim]clip-vit-b-32 if it was downloaded, else smaller networks[/]",
         rich_help_panel=_PANEL,
     ),
 ]
@@ -59,7 +59,7 @@ def tell_left_out(taken: Collection[str]) -> None:
 
 def _options(kind: GoalKind) -> list[inspect.Parameter]:
     """The option of a kind's values, and that of their weights."""
-    text = f"How much each {kind.option} matters, in their order. [dim]1[/]"
+    text = f"The weight of each {kind.option}, in the same order. [dim]1[/]"
     weight = typer.Option(parser=number, metavar="X", help=text, rich_help_panel=_PANEL)
     return [
         _repeated(kind.name, kind, kind.help),

@@ -24,28 +24,26 @@ def paint(
     count: Annotated[
         int,
         typer.Option(
-            parser=whole_number_within(1, MOST_STROKES), metavar="N", help="How many strokes; about 200 are enough."
+            parser=whole_number_within(1, MOST_STROKES), metavar="N", help="Number of strokes. About 200 are enough."
         ),
     ] = 200,
-    seed: Annotated[
-        int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Of every random choice.")
-    ] = 0,
+    seed: Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")] = 0,
     refill_every: Annotated[
         int,
         typer.Option(
             parser=whole_number_within(1, MOST_BETWEEN_REFILLS),
             metavar="N",
-            help="Strokes painted with one dip; 1 is a full brush every time.",
+            help="Strokes per dip of the brush. 1 dips before every stroke.",
         ),
     ] = 1,
     out: Annotated[Path, typer.Option(metavar="FILE", help="The stroke library to write (.npz).")] = Path(
         "library.npz"
     ),
 ) -> None:
-    """Paint single strokes of all shapes in the virtual studio, photograph each, and keep them as a library.
+    """Paint single strokes of all shapes in the virtual studio, photograph each, and save them as a library.
 
-    Dirty strokes are marked and never learned from; the contact sheet beside the library shows all.
-    Broken off, the same command goes on where it ended.
+    Flawed strokes are marked and never used for training. The contact sheet beside the library shows
+    all strokes. If the command was interrupted, run it again to continue.
     """
     from frida_painter import images
     from frida_painter.brush.flaw import Flaw
@@ -81,7 +79,7 @@ def inspect(
         Path | None, typer.Option(metavar="FILE", help="The contact sheet to write (.png or .jpg).", show_default=False)
     ] = None,
 ) -> None:
-    """Tell which strokes of a library are dirty, and why, and write a contact sheet of all of them."""
+    """Find the flawed strokes of a library, give the reasons, and write a contact sheet of all strokes."""
     from frida_painter import images
     from frida_painter.brush.flaw import Flaw
     from frida_painter.brush.judge import judge

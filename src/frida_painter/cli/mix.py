@@ -32,21 +32,21 @@ def mix(
     ],
     paints: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="The paints that you own (TOML). [dim]six common acrylics[/]"),
+        typer.Option(metavar="FILE", help="A file of the paints that you own (TOML). [dim]six common acrylics[/]"),
     ] = None,
     most: Annotated[
         int,
-        typer.Option(parser=whole_number_within(1, 4), metavar="N", help="At most so many paints in one mixture."),
+        typer.Option(parser=whole_number_within(1, 4), metavar="N", help="Maximum number of paints in one mixture."),
     ] = 4,
     finish: Annotated[
-        Finish, typer.Option(metavar="NAME", help="What the dry paint looks like: matte, or gloss, which is deeper.")
+        Finish, typer.Option(metavar="NAME", help="The finish of the dry paint: matte, or gloss, which looks darker.")
     ] = Finish.matte,
     out: Annotated[Path, typer.Option(metavar="FILE", help="The sheet to write, .png or .jpg.")] = Path("mixing.png"),
 ) -> None:
-    """Tell how to mix each colour of a palette: parts of the paints you own, and how near they come.
+    """Give a recipe for each colour of a palette, from the paints that you own, with the predicted error.
 
-    For a plan it also says how much of each is needed. Colours out of reach are marked; the sheet
-    is made to lie beside the bowls. docs/mixing.md tells how to write down your own paints.
+    For a plan it also gives the amount of each paint. Colours that your paints cannot reach are marked.
+    The recipes are also written as a sheet to print. docs/mixing.md explains the file of your own paints.
     """
     if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")

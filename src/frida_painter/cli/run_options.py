@@ -24,29 +24,32 @@ _PAINT = ("replans", "replan_policy", "timelapse_frames")
 Photo = Annotated[
     Path | None,
     typer.Argument(
-        metavar="[PHOTO]", help="The picture to paint: JPEG, PNG, WebP, TIFF, BMP or GIF.", show_default=False
+        metavar="[PHOTO]", help="The picture to paint: a JPEG, PNG, WebP, TIFF, BMP or GIF file.", show_default=False
     ),
 ]
 SettingsFile = Annotated[
-    Path | None, typer.Option("--settings", metavar="FILE", help="A TOML file with these settings, like: strokes = 300")
+    Path | None,
+    typer.Option("--settings", metavar="FILE", help="A TOML file with these settings, for example: strokes = 300"),
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(metavar="FOLDER", help="The folder for everything that is made. [dim]paintings/NAME-DATE-TIME[/]"),
+    typer.Option(metavar="FOLDER", help="The output folder. [dim]paintings/NAME-DATE-TIME[/]"),
 ]
 CalibrationFile = Annotated[
     Path | None,
-    typer.Option("--calibration", metavar="FILE", help="The easel's calibration record. [dim]the studio's own[/]"),
+    typer.Option(
+        "--calibration", metavar="FILE", help="The calibration record of the easel. [dim]the virtual studio's own[/]"
+    ),
 ]
 ArmMeshes = Annotated[
     Path | None,
     typer.Option(
         "--arm-meshes",
         metavar="FOLDER",
-        help="The maker's shapes (OBJ or STL), in which the simulated Sawyer is seen in its film. [dim]our own[/]",
+        help="A folder with meshes of the Sawyer arm (OBJ or STL), for the film of the arm. [dim]built-in capsules[/]",
     ),
 ]
-Film = Annotated[bool, typer.Option("--film/--no-film", help="Film how the painting comes into being.")]
+Film = Annotated[bool, typer.Option("--film/--no-film", help="Make a timelapse film of the painting.")]
 _EASEL: Mapping[str, tuple[Any, Any]] = {
     "robot": (RobotOption, RunSpec.model_fields["robot"].default),
     "camera": (CameraOption, ""),

@@ -8,20 +8,22 @@ COMMANDS = (
     Deferred(
         "paint",
         "frida_painter.cli.library",
-        "Paint single strokes of all shapes in the virtual studio, photograph each, and keep them as a library.",
+        "Paint single strokes of all shapes in the virtual studio, photograph each, and save them as a library.",
     ),
     Deferred(
         "inspect",
         "frida_painter.cli.library",
-        "Tell which strokes of a library are dirty, and why, and write a contact sheet of all of them.",
+        "Find the flawed strokes of a library, give the reasons, and write a contact sheet of all strokes.",
     ),
     Deferred(
         "train",
         "frida_painter.cli.training",
-        "Train the stroke model on a library: which mark a stroke of given thickness, length and bend leaves.",
+        "Train a stroke model on a library. It predicts a stroke's mark from its thickness, length and bend.",
     ),
     Deferred(
-        "evaluate", "frida_painter.cli.evaluation", "Compare a stroke model with strokes that were really painted."
+        "evaluate",
+        "frida_painter.cli.evaluation",
+        "Measure the error of a stroke model on strokes that were really painted.",
     ),
 )
 
@@ -30,7 +32,7 @@ def register(app: typer.Typer) -> None:
     """Adds the group of commands."""
     group = typer.Typer(
         no_args_is_help=True,
-        help="Teach the painter its brush from strokes that it has painted.",
+        help="Collect a library of strokes, and train and test stroke models on it.",
         cls=group_of(COMMANDS),
     )
     app.add_typer(group, name="strokes")

@@ -32,14 +32,14 @@ def train(
             "--brush",
             metavar="NAME",
             groups=(registry.STROKE_MODELS,),
-            says="The brush that painted it. Left out, the library says what the brush can do. There are",
+            says="The brush that painted the library. Without it, the limits come from the library. Available:",
             show_default=False,
         ),
     ] = None,
     model: Annotated[
         str,
         typer.Option(
-            metavar="NAME", help=f"{FIELD}: learns from few strokes; {PARAM2STROKE}: the network of the FRIDA paper."
+            metavar="NAME", help=f"{FIELD}: needs few strokes; {PARAM2STROKE}: the network of the FRIDA paper."
         ),
     ] = DEFAULT_MODEL,
     folds: Annotated[
@@ -47,20 +47,18 @@ def train(
         typer.Option(
             parser=whole_number_within(0, MOST_FOLDS),
             metavar="K",
-            help="Train K times more beforehand, each time tested on another part of the library; 0 for not.",
+            help="Cross-validation: train K times before, each time with another part held out. 0 for none.",
         ),
     ] = 0,
-    seed: Annotated[
-        int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Of every random choice.")
-    ] = 0,
+    seed: Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")] = 0,
     out: Annotated[Path, typer.Option(metavar="FILE", help="The weights to write (.safetensors).")] = Path(
         "weights.safetensors"
     ),
 ) -> None:
-    """Train the stroke model on a library: which mark a stroke of given thickness, length and bend leaves.
+    """Train a stroke model on a library. It predicts a stroke's mark from its thickness, length and bend.
 
-    A fifth of the strokes is held out for validation. Beside the weights lie the learning curve (.csv)
-    and a page with pictures (.html).
+    A fifth of the strokes is held out for validation. The learning curve (.csv) and a page with
+    pictures (.html) are written beside the weights.
     """
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.brush.learn import learn

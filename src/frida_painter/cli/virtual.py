@@ -9,7 +9,7 @@ PlacementErrorOption = Annotated[
     typer.Option(
         "--placement-error",
         metavar="X,Y,TURN",
-        help="How far the studio's canvas lies from where its robot believes it to be, like 4mm,2deg or "
-        "3mm,-2mm,1.5deg. [dim]about 2mm and 0.4deg, by the seed[/]",
+        help="Calibration error of the virtual studio: the offset and rotation between its canvas and where "
+        "its robot expects the canvas, like 4mm,2deg or 3mm,-2mm,1.5deg. [dim]about 2mm and 0.4deg, by the seed[/]",
     ),
 ]

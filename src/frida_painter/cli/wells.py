@@ -17,17 +17,20 @@ PaletteOption = Annotated[
     typer.Option(
         "--palette",
         metavar="FILE",
-        help='What you have really mixed: {"paints": ["#f2e9dc", ...]} (JSON), or a photograph of a strip with bare '
-        "paper and a swatch of each.",
+        help='The paints that you really mixed: a JSON file like {"paints": ["#f2e9dc", ...]}, or a photograph of a '
+        "strip with bare paper and one swatch of each paint.",
     ),
 ]
 AskOption = Annotated[
-    bool, typer.Option("--ask", help="Wait until I have filled the wells; I may then tell what I have mixed.")
+    bool,
+    typer.Option(
+        "--ask", help="Wait until you have filled the wells. You can then enter the paints that you really mixed."
+    ),
 ]
 
 FilledOption = Annotated[
     bool,
-    typer.Option("--yes", "-y", help="Do not ask at a real robot whether the wells are filled; for scripts."),
+    typer.Option("--yes", "-y", help="Do not ask whether the wells of a real robot are filled. For scripts."),
 ]
 
 

@@ -8,23 +8,22 @@ import typer
 from frida_painter.options.numbers import whole_number_within
 
 BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
-Seed = Annotated[
-    int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Of every random choice.")
-]
+Seed = Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")]
 Seeds = Annotated[
-    str, typer.Option(metavar="N,N,...", help="Everything is done once with each of these seeds.", show_default=True)
+    str, typer.Option(metavar="N,N,...", help="Random seeds. The experiment runs once with each.", show_default=True)
 ]
 Targets = Annotated[
     list[Path] | None,
     typer.Option(
-        "--target", metavar="PHOTO", help="A picture to paint; may be given again. [dim]five of the project's[/]"
+        "--target", metavar="PHOTO", help="A picture to paint. May be repeated. [dim]five of the project's[/]"
     ),
 ]
-Quick = Annotated[
-    bool, typer.Option("--quick", help="Do only as much as shows that it runs; the figures mean nothing then.")
-]
+Quick = Annotated[bool, typer.Option("--quick", help="Run a very small version as a test. Its figures mean nothing.")]
 Out = Annotated[
-    Path, typer.Option(metavar="FOLDER", help="Where FOLDER/NAME/table.json, table.md and the pictures go.")
+    Path,
+    typer.Option(
+        metavar="FOLDER", help="The output folder. Writes table.json, table.md and pictures into FOLDER/NAME."
+    ),
 ]
 Library = Annotated[
     Path | None,
@@ -37,7 +36,8 @@ _PROMPTS = 20  # that the experiment `text` has
 def register(app: typer.Typer) -> None:
     """Adds the group of commands."""
     group = typer.Typer(
-        no_args_is_help=True, help="The paper's figures and tables, and ours, each one command that measures anew."
+        no_args_is_help=True,
+        help="Run the experiments of the paper and more. Each command measures anew and writes tables and pictures.",
     )
     group.command("list")(list_all)
     group.command("continuous-strokes")(sweep)
@@ -57,7 +57,7 @@ def register(app: typer.Typer) -> None:
 
 
 def list_all(context: typer.Context) -> None:
-    """Say which experiments there are."""
+    """List the experiments."""
     assert context.parent is not None
     for name, command in context.parent.command.commands.items():  # type: ignore[attr-defined]
         if name != "list":
@@ -67,14 +67,14 @@ def list_all(context: typer.Context) -> None:
 def sweep(
     library: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Learn from this stroke library, and show its strokes. [dim]the brush[/]"),
+        typer.Option(metavar="FILE", help="A stroke library to train on and to show. [dim]the brush[/]"),
     ] = None,
     brush: BrushName = "broad",
     seed: Seed = 0,
     quick: Quick = False,
     out: Out = HERE,
 ) -> None:
-    """Thickness, length and bend from one extreme to the other, as modelled and as painted."""
+    """Sweep thickness, length and bend of a stroke, and compare the modelled with the painted strokes."""
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.experiments import continuous_strokes
     from frida_painter.experiments.conduct import conduct
@@ -94,7 +94,7 @@ def sweep(
 def beside(
     library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
 ) -> None:
-    """Strokes held out beside the modelled ones, with paired tests against the fitted Bezier."""
+    """Compare held-out strokes with the stroke model, with paired tests against a fitted Bezier curve."""
     from frida_painter.experiments import stroke_model
     from frida_painter.experiments.conduct import conduct, painted_or_given
     from frida_painter.experiments.outcome import Notify, Outcome
@@ -111,7 +111,7 @@ def beside(
 def needed(
     library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
 ) -> None:
-    """How the error on strokes held out falls with the number of strokes learned from."""
+    """Measure the error on held-out strokes against the number of training strokes."""
     from frida_painter.experiments import strokes_needed
     from frida_painter.experiments.conduct import conduct, painted_or_given
     from frida_painter.experiments.outcome import Notify, Outcome
@@ -132,7 +132,7 @@ def splits(
     quick: Quick = False,
     out: Out = HERE,
 ) -> None:
-    """The table of errors of all models, over several splits of a library."""
+    """Compare the errors of all stroke models over several splits of a library."""
     from frida_painter.experiments import real_strokes
     from frida_painter.experiments.conduct import conduct, painted_or_given
     from frida_painter.experiments.outcome import Notify, Outcome
@@ -150,7 +150,7 @@ def splits(
 def gap(
     brush: BrushName = "broad", seeds: Seeds = "0,1,2", target: Targets = None, quick: Quick = False, out: Out = HERE
 ) -> None:
-    """How far paintings are from their simulation: our planner, and two in the manner of earlier work."""
+    """Measure the sim2real gap of paintings for our planner and two planners like earlier work."""
     from frida_painter.experiments import sim2real, targets
     from frida_painter.experiments.conduct import conduct
 
@@ -173,7 +173,7 @@ def looking(
     quick: Quick = False,
     out: Out = HERE,
 ) -> None:
-    """With and without looking: how far a painting strays from its first plan and from its target."""
+    """Compare paintings with and without replanning: the distance to the first plan and to the target."""
     from frida_painter.experiments import replanning, targets
     from frida_painter.experiments.conduct import conduct
 
@@ -188,7 +188,7 @@ def looking(
 
 
 def dirt(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE) -> None:
-    """What becomes of missing paint, lost focus, other light, moved paper, missing dots and a turned checker."""
+    """Test calibration with missing paint, blur, changed light, moved paper, missing dots and a rotated checker."""
     from frida_painter.experiments import robustness
     from frida_painter.experiments.conduct import conduct
 
@@ -207,7 +207,7 @@ def arms(
     quick: Quick = False,
     out: Out = HERE,
 ) -> None:
-    """The simulated Sawyer beside the same plan executed kinematically: tracking error, and what it does."""
+    """Compare the simulated Sawyer with kinematic execution of the same plan: tracking error and its effect."""
     from frida_painter.experiments import sawyer, targets
     from frida_painter.experiments.conduct import conduct
 
@@ -223,12 +223,12 @@ def words(
     seeds: Seeds = "0",
     first: Annotated[
         int,
-        typer.Option(parser=whole_number_within(1, _PROMPTS), metavar="N", help="Only the first N of the prompts."),
+        typer.Option(parser=whole_number_within(1, _PROMPTS), metavar="N", help="Use only the first N prompts."),
     ] = _PROMPTS,
     quick: Quick = False,
     out: Out = HERE,
 ) -> None:
-    """Paintings towards words, judged by a network that planning never asked, against floors."""
+    """Paint text prompts and score them by a network that planning does not use, against baselines."""
     from frida_painter import weights
     from frida_painter.experiments import text
     from frida_painter.experiments.conduct import conduct
@@ -256,12 +256,14 @@ def styles(
     target: Targets = None,
     image: Annotated[
         list[Path] | None,
-        typer.Option("--style", metavar="PICTURE", help="A style; may be given again. [dim]two of the project's[/]"),
+        typer.Option(
+            "--style", metavar="PICTURE", help="A style picture. May be repeated. [dim]two of the project's[/]"
+        ),
     ] = None,
     quick: Quick = False,
     out: Out = HERE,
 ) -> None:
-    """How near in style a styled painting is, on features that the optimiser did not see."""
+    """Measure the style distance of paintings with features that the optimiser does not use."""
     from frida_painter.experiments import goal_paintings, style, targets
     from frida_painter.experiments.conduct import conduct
 
@@ -280,7 +282,7 @@ def styles(
 def meanings(
     brush: BrushName = "broad", seeds: Seeds = "0,1", target: Targets = None, quick: Quick = False, out: Out = HERE
 ) -> None:
-    """Photographs painted by what they show and by their pixels, judged by what no optimiser asked."""
+    """Compare painting by content with painting by pixels, scored by a network that no optimiser uses."""
     from frida_painter.experiments import goal_paintings, semantic, targets
     from frida_painter.experiments.conduct import conduct
 
@@ -299,12 +301,16 @@ def drawings(
     seeds: Seeds = "0,1",
     target: Annotated[
         list[Path] | None,
-        typer.Option("--target", metavar="DRAWING", help="Called as what it shows. [dim]four of the project's[/]"),
+        typer.Option(
+            "--target",
+            metavar="DRAWING",
+            help="A drawing. Its file name is the text prompt. May be repeated. [dim]four of the project's[/]",
+        ),
     ] = None,
     quick: Quick = False,
     out: Out = HERE,
 ) -> None:
-    """Words painted along the lines of a drawing, with and without the sketch objective."""
+    """Paint text prompts along a drawing, with and without the sketch objective."""
     from frida_painter.experiments import goal_paintings, sketch, targets
     from frida_painter.experiments.conduct import conduct
 
@@ -323,12 +329,14 @@ def compositions(
     seeds: Seeds = "0",
     image: Annotated[
         list[Path] | None,
-        typer.Option("--style", metavar="PICTURE", help="A style; may be given again. [dim]two of the project's[/]"),
+        typer.Option(
+            "--style", metavar="PICTURE", help="A style picture. May be repeated. [dim]two of the project's[/]"
+        ),
     ] = None,
     quick: Quick = False,
     out: Out = HERE,
 ) -> None:
-    """Words painted in a style, begun with the style picture: its composition, and whether the words still show."""
+    """Paint text prompts from a style picture, and measure its composition and whether the prompt is still seen."""
     from frida_painter import weights
     from frida_painter.experiments import composition, goal_paintings, targets, text
     from frida_painter.experiments.conduct import conduct

@@ -36,7 +36,7 @@ def camera_name(text: str) -> str:
 
 BrushOption = Annotated[
     str,
-    ListingOption("--brush", metavar="NAME", groups=(registry.STROKE_MODELS,), says="The brush:"),
+    ListingOption("--brush", metavar="NAME", groups=(registry.STROKE_MODELS,), says="The brush. Available:"),
 ]
 RobotOption = Annotated[
     str,
@@ -44,8 +44,8 @@ RobotOption = Annotated[
         "--robot",
         metavar="NAME",
         groups=(registry.EASELS, registry.ROBOTS),
-        says="Who paints, like virtual or xarm:192.168.1.10; doctor tells how each is written. "
-        "sawyer-sim is the paper's arm with its weight, its friction and a film of it. There are",
+        says="The robot that paints, like virtual or xarm:192.168.1.10. `doctor` shows how to write each "
+        "name. sawyer-sim is a physical simulation of the paper's arm. Available:",
     ),
 ]
 CameraOption = Annotated[
@@ -55,12 +55,17 @@ CameraOption = Annotated[
         parser=camera_name,
         metavar="NAME",
         groups=(registry.CAMERAS,),
-        says="The camera of a real easel, like opencv:0 or folder:PATH; doctor tells how each is written. There are",
+        says="The camera of a real easel, like opencv:0 or folder:PATH. `doctor` shows how to write each "
+        "name. Available:",
     ),
 ]
 WorkspaceOption = Annotated[
     Path | None,
-    typer.Option("--workspace", metavar="FILE", help="Where things stand around a real robot (TOML)."),
+    typer.Option(
+        "--workspace",
+        metavar="FILE",
+        help="The workspace file of a real robot (TOML): where canvas, wells, water and rag stand.",
+    ),
 ]
 PaceOption = Annotated[
     float,
@@ -68,6 +73,6 @@ PaceOption = Annotated[
         "--pace",
         parser=number,
         metavar="X",
-        help="How fast the studio's robot moves: 1 as a real one, 0 as fast as can be computed.",
+        help="Speed of the virtual robot. 1 is real time, 2 is twice as fast, 0 is as fast as possible.",
     ),
 ]

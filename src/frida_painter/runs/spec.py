@@ -122,47 +122,58 @@ class RunSpec(BaseModel):
     title: str = Field("", max_length=80)
     goal: Items = ()
     initial: Items = ()
-    strokes: int = Field(300, ge=1, le=20_000, description="How many brush strokes; exactly so many are painted.")
-    colors: int = Field(12, ge=1, le=24, description="How many paints to mix.")
+    strokes: int = Field(300, ge=1, le=20_000, description="Number of brush strokes. Exactly this number is painted.")
+    colors: int = Field(12, ge=1, le=24, description="Number of paints to mix.")
     canvas: Canvas = Field(
         CanvasSize(14 * 0.0254, 11 * 0.0254),
-        description="Width x height of the canvas in in, cm or mm, like 14x11in or 297x210mm; turned like the picture.",
+        description="Canvas size, width x height, in in, cm or mm, like 14x11in or 297x210mm. It is rotated to match "
+        "the picture.",
         json_schema_extra={"metavar": "SIZE", "default": "14x11in"},
     )
     fit: Literal["canvas", "crop", "pad"] = Field(
         "canvas",
-        description="How a picture of other proportions comes onto the canvas: the canvas takes the picture's "
-        "proportions within its size, the picture is cropped, or it is padded with white. A real canvas cannot change: "
-        "there, canvas means crop.",
+        description="How a picture with another aspect ratio fits onto the canvas. canvas: the canvas takes the aspect "
+        "ratio of the picture, within its size. crop: the picture is cropped. pad: white is added. A real canvas "
+        "keeps its shape; there, canvas means crop.",
         json_schema_extra={"metavar": "canvas|crop|pad"},
     )
     brush: str = Field(
         "broad",
         min_length=1,
-        description="The brush: fine, medium or broad, or a file of weights that you trained.",
+        description="The brush: fine, medium or broad, or a file of stroke model weights that you trained.",
         json_schema_extra={"metavar": "NAME"},
     )
     render_height: int = Field(
         256, ge=64, le=2048, description="Height of the planning image in pixels. Higher is finer and slower."
     )
-    replans: int = Field(4, ge=0, description="How often to look at the canvas and plan the rest again.")
+    replans: int = Field(
+        4, ge=0, description="How many times to look at the canvas and replan the rest, evenly spaced."
+    )
     replan_policy: Policy = Field(
         None,
         min_length=1,
-        description="When to look and plan again instead: every:75 (strokes), or when-off-by:0.02 (only where the "
-        "canvas differs so much from what was expected), or one of a package of your own.",
+        description="When to replan, instead of --replans. every:75 replans after every 75 strokes. when-off-by:0.02 "
+        "looks after every 10 strokes and replans only if the canvas differs more than that from the expected one. "
+        "Your own packages can add policies.",
         json_schema_extra={"metavar": "NAME:VALUE", "default": "evenly spaced, --replans times"},
     )
     effort: float = Field(
-        1.0, ge=0.05, le=20, allow_inf_nan=False, description="How long to plan: 2 plans twice as long, 0.5 half."
+        1.0,
+        ge=0.05,
+        le=20,
+        allow_inf_nan=False,
+        description="Planning effort. 2 plans twice as long, 0.5 half as long.",
     )
     seed: int = Field(
-        0, ge=0, le=2**31 - 1, description="Another seed gives another painting; the same seed gives the same."
+        0,
+        ge=0,
+        le=2**31 - 1,
+        description="Random seed. The same seed gives the same painting, another seed a different one.",
     )
     clip: str | None = Field(None, min_length=1)
     palette: File = None
     film: bool = True
-    timelapse_frames: int = Field(120, ge=0, le=2000, description="Pictures of the film at the most.")
+    timelapse_frames: int = Field(120, ge=0, le=2000, description="Maximum number of frames in the timelapse film.")
     robot: str = Field(VIRTUAL, min_length=1)
     camera: str = ""
     workspace: File = None

@@ -24,22 +24,22 @@ def register(app: typer.Typer) -> None:
 
 
 def studio(
-    folder: Annotated[Path, typer.Option(metavar="FOLDER", help="Where paintings are kept.")] = Path("paintings"),
+    folder: Annotated[Path, typer.Option(metavar="FOLDER", help="The folder of all paintings.")] = Path("paintings"),
     port: Annotated[
-        int, typer.Option(parser=whole_number_within(0, 65535), metavar="N", help="The port; 0 takes a free one.")
+        int, typer.Option(parser=whole_number_within(0, 65535), metavar="N", help="The port. 0 takes a free port.")
     ] = 8350,
     address: Annotated[
         str,
         typer.Option(
             metavar="IP",
-            help="Listen on this address of this machine. Whoever can reach it and has the link can move the robot, "
-            "and the link can be read on the way: only inside a network that you trust, or through a tunnel.",
+            help="The IP address to listen on. Anybody who can reach it and has the link can move the robot. The link "
+            "is not encrypted, so use it only in a network that you trust, or through a tunnel.",
         ),
     ] = _LOCAL,
     name: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="HOST", help="A name by which browsers call that address, like easel.local. May be repeated."
+            metavar="HOST", help="A host name for that address in browsers, like easel.local. May be repeated."
         ),
     ] = None,
     robot: RobotOption = "virtual",
@@ -50,16 +50,16 @@ def studio(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="The easel's calibration record; calibrating on the page renews it. "
+            help="The calibration record of the easel. Calibration on the page updates it. "
             "[dim]FOLDER/calibration/calibration.json[/]",
         ),
     ] = None,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
 ) -> None:
-    """Open the studio: a page on which you say what to paint, see the plan, and paint together with the robot.
+    """Open the studio, a web page on which you set the goal, see the plan and paint together with the robot.
 
-    It can be reached from this machine only, with the address that is printed. With a real robot,
-    whatever makes it move has to be allowed here as well, beside it: by pressing Enter.
+    Only this machine can open it, with the address that is printed. A real robot moves only after
+    somebody beside it has pressed Enter in this terminal.
     """
     _require_address(address)
     extras.require("web", "fastapi", "The studio")

@@ -63,8 +63,8 @@ def open_image(path: Path, weight: float = 1.0) -> ImageTerm:
 KIND = GoalKind(
     name="image",
     gives=Gives.PICTURE,
-    help="A further picture to come near to, pixel by pixel.",
+    help="Another picture to reproduce, pixel by pixel.",
     label="Picture",
     open=open_image,
-    initial_help="A picture to begin with, whose composition shall stay.",
+    initial_help="A picture to start from. The painting keeps its composition.",
 )

@@ -76,8 +76,8 @@ def _open(path: Path, weight: float) -> SemanticTerm:
 KIND = GoalKind(
     name="semantic",
     gives=Gives.PICTURE,
-    help="A picture to paint by what it shows, rather than pixel by pixel.",
-    label="What is shown in",
+    help="A picture to paint by its content, not pixel by pixel.",
+    label="Content of",
     open=_open,
     begin=open_image,
     networks=(("efficientnet-lite0",),),

@@ -101,7 +101,7 @@ def _open(path: Path, weight: float) -> SketchTerm:
 KIND = GoalKind(
     name="sketch",
     gives=Gives.PICTURE,
-    help="A drawing whose lines the painting shall follow: lines on paper, or on nothing.",
+    help="A drawing whose lines the painting follows, on paper or with a transparent background.",
     label="Sketch",
     open=_open,
     begin=open_image,

@@ -66,9 +66,9 @@ def _open(path: Path, weight: float) -> StyleTerm:
 KIND = GoalKind(
     name="style",
     gives=Gives.PICTURE,
-    help="A picture whose colours, textures and marks the painting shall have.",
+    help="A style picture. The painting takes its colours, textures and marks.",
     label="Style of",
     open=_open,
-    initial_help="A style picture to begin with: its composition is kept as well.",
+    initial_help="A style picture to start from. The painting also keeps its composition.",
     networks=(("vgg16", "hed"),),
 )

@@ -53,9 +53,9 @@ class TextTerm(Term):
 KIND = GoalKind(
     name="text",
     gives=Gives.WORDS,
-    help='What to paint, in words, such as "a sailing ship".',
+    help='A text prompt: what to paint, like "a sailing ship".',
     label="Words",
     open=TextTerm,
-    initial_help="Words to begin with, whose composition shall stay.",
+    initial_help="A text prompt to start from. The painting keeps its composition.",
     networks=(("minilm",), ("efficientnet-lite0",)),
 )

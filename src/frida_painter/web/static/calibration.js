@@ -5,18 +5,18 @@ import { choices, h, show, slider, svg } from "./dom.js";
 import { questionCard } from "./question.js";
 
 const PROCEDURES = {
-  canvas: { title: "Where the canvas is", tells: "The camera takes a photograph, and you say whether these are the canvas's corners.",
+  canvas: { title: "Canvas position", tells: "The camera takes a photograph and the program finds the corners of the canvas. You confirm them.",
     drawing: "M8 10 40 6 42 34 6 36ZM8 7v6M5 10h6M40 3v6M37 6h6M42 31v6M39 34h6M6 33v6M3 36h6" },
-  robot: { title: "Where the robot paints", tells: "It paints sixteen small dots, looks where they have landed, and corrects itself.",
+  robot: { title: "Robot position", tells: "The robot paints sixteen small dots. The program measures where they are and corrects the offset.",
     drawing: "M6 6H42V36H6ZM14 14h.1M24 14h.1M34 14h.1M14 21h.1M24 21h.1M34 21h.1M14 28h.1M24 28h.1M34 28h.1" },
-  color: { title: "What the camera sees", tells: "A card of 24 known colours shows what the camera makes of them.",
+  color: { title: "Camera colours", tells: "The camera photographs a colour checker of 24 known colours. The program corrects the camera's colours.",
     drawing: "M6 8H42V34H6ZM6 17H42M6 25H42M15 8V34M24 8V34M33 8V34" },
-  brush: { title: "How far down the brush goes", tells: "From the lightest touch to the hardest press: found by looking, or set by you with jog keys.",
+  brush: { title: "Brush height", tells: "The program finds the heights of the lightest touch and the hardest press, or you set them with jog keys.",
     drawing: "M24 3V20M19 20H29L27 32 24 38 21 32ZM8 38H40" },
-  strokes: { title: "What the brush can do", tells: "It paints strokes of all kinds on paper, photographs each, and learns from them.",
+  strokes: { title: "Brush strokes", tells: "The robot paints strokes of all shapes on paper, photographs each, and trains the stroke model on them.",
     drawing: "M6 12C16 4 22 20 32 10M10 24C20 16 30 30 42 22M6 36C18 28 24 40 38 32" },
 };
-const STATUS = { waiting: "waits its turn", busy: "being done", failed: "did not succeed", stopped: "stopped" };
+const STATUS = { waiting: "waiting", busy: "running", failed: "failed", stopped: "stopped" };
 
 export function calibration(house) {
   const questions = questionCard(house, "/api/calibration", picture);
@@ -25,14 +25,14 @@ export function calibration(house) {
   const trouble = h("div", { class: "trouble", role: "alert" });
   const list = h("ol", { class: "procedures" });
   const asked = { brush: "broad", count: 60 };
-  const all = h("button", { type: "button", class: "button wide", onclick: () => begin(Object.keys(PROCEDURES)) }, "Do all five, one after the other");
-  const how = house.simulated ? h("details", {}, h("summary", {}, "In detail"),
+  const all = h("button", { type: "button", class: "button wide", onclick: () => begin(Object.keys(PROCEDURES)) }, "Run all five procedures");
+  const how = house.simulated ? h("details", {}, h("summary", {}, "More settings"),
     choices({ legend: "Brush", name: "calibrated-brush", value: asked.brush, options: ["fine", "medium", "broad"].map((brush) => ({ value: brush, label: brush })), onchange: (brush) => { asked.brush = brush; } }),
     countSlider()) : countSlider();
-  const panel = h("aside", { class: "panel" }, h("h1", {}, "Get to know the easel"),
+  const panel = h("aside", { class: "panel" }, h("h1", {}, "Calibrate the easel"),
     h("p", {}, house.simulated
-      ? "The virtual studio paints without any of this; here you can see how a real easel is learned. It answers for paper, paint and colour card by itself."
-      : "Before the first painting on this easel, and whenever camera, canvas or brush were moved."),
+      ? "The virtual studio needs no calibration. Here you can try the calibration of a real easel. The virtual studio provides paper, paint and colour checker by itself."
+      : "Calibrate before the first painting on this easel, and whenever the camera, the canvas or the brush was moved."),
     said, all, list, how);
   let shown = "";
   let latest = null;
@@ -40,7 +40,7 @@ export function calibration(house) {
   function picture(name) { return `/api/calibration/files/${name}`; }
 
   function countSlider() {
-    return slider({ label: "Strokes to learn the brush from", min: 20, max: 400, step: 20, value: asked.count, oninput: (value) => { asked.count = value; } });
+    return slider({ label: "Strokes to train on", min: 20, max: 400, step: 20, value: asked.count, oninput: (value) => { asked.count = value; } });
   }
 
   async function begin(what) {
@@ -50,13 +50,13 @@ export function calibration(house) {
 
   function procedure(each, working) {
     const { title, tells, drawing } = PROCEDURES[each.name];
-    const when = each.dated ? `last done on ${new Date(each.dated).toLocaleDateString(undefined, { day: "numeric", month: "long", year: "numeric" })}` : "never done";
+    const when = each.dated ? `last run on ${new Date(each.dated).toLocaleDateString(undefined, { day: "numeric", month: "long", year: "numeric" })}` : "never run";
     const state = each.status === "done" ? when : STATUS[each.status] ?? when;
     return h("li", { class: each.status },
       svg("svg", { viewBox: "0 0 48 44", class: "drawing", "aria-hidden": "true" }, svg("path", { d: drawing })),
       h("div", {}, h("h3", {}, title), h("p", {}, each.status === "done" && each.sentence ? each.sentence : tells),
-        h("p", { class: "label" }, each.fault ? `${each.fault}.` : each.old ? `${state}; it may be time to repeat it` : state)),
-      h("button", { type: "button", class: "quiet", disabled: working || house.role !== "operate", "aria-label": `Do this: ${title}`, onclick: () => begin([each.name]) }, each.dated ? "Again" : "Do this"));
+        h("p", { class: "label" }, each.fault ? `${each.fault}.` : each.old ? `${state}; consider repeating it` : state)),
+      h("button", { type: "button", class: "quiet", disabled: working || house.role !== "operate", "aria-label": `Run: ${title}`, onclick: () => begin([each.name]) }, each.dated ? "Run again" : "Run"));
   }
 
   function hear(state) {
@@ -64,7 +64,7 @@ export function calibration(house) {
     house.active(state.working);
     questions.update(state.question);
     const busy = state.procedures.find((each) => each.status === "busy");
-    said.textContent = !state.working ? "" : state.question ? "It waits for your answer." : state.progress || (busy ? `${PROCEDURES[busy.name].title}: the robot is at work` : "getting ready");
+    said.textContent = !state.working ? "" : state.question ? "It waits for your answer." : state.progress || (busy ? `${PROCEDURES[busy.name].title}: running` : "getting ready");
     const key = JSON.stringify([state.procedures, state.working, state.trouble]);
     if (key === shown) return;
     shown = key;
@@ -74,7 +74,7 @@ export function calibration(house) {
     show(list, state.procedures.map((each) => procedure(each, state.working)));
     const pictures = state.procedures.filter((each) => each.picture).reverse();
     show(found, pictures.length ? pictures.map((each) => h("figure", {}, h("img", { src: `${picture(each.picture)}?${each.dated}-${state.version}`, alt: PROCEDURES[each.name].title }), h("figcaption", {}, `${PROCEDURES[each.name].title}. ${each.sentence}`)))
-      : h("div", { class: "mount empty" }, h("p", {}, "What is found out will be shown here.")));
+      : h("div", { class: "mount empty" }, h("p", {}, "The results will be shown here.")));
   }
 
   let stopFollowing = () => {};

@@ -1,4 +1,4 @@
-// "Say it": what shall be painted, and how.
+// "Set the goal": what to paint, and how.
 
 import * as api from "./api.js";
 import { shape } from "./canvasview.js";
@@ -6,21 +6,21 @@ import { pad } from "./pad.js";
 import { choices, count, duration, h, show, slider } from "./dom.js";
 
 const KINDS = {
-  text: { label: "Words", verb: "In words", button: "Words" },
-  image: { label: "A picture", verb: "Paint this picture", button: "A photograph" },
-  style: { label: "A style", verb: "In the style of this picture", button: "A style" },
-  sketch: { label: "A drawing", verb: "Along these lines", button: "A drawing" },
-  semantic: { label: "A meaning", verb: "What this picture shows, in the robot's own way", button: "A meaning" },
+  text: { label: "Text", verb: "Paint this text", button: "Text" },
+  image: { label: "Picture", verb: "Paint this picture", button: "Picture" },
+  style: { label: "Style", verb: "Use the style of this picture", button: "Style" },
+  sketch: { label: "Drawing", verb: "Follow the lines of this drawing", button: "Drawing" },
+  semantic: { label: "Picture content", verb: "Paint what this picture shows, not its pixels", button: "Picture content" },
 };
-const LATER = { text: "words", style: "a style", sketch: "a drawing", semantic: "a meaning" }; // what may need a network first
-const FIRST = { text: "+ Words", image: "+ A picture", style: "+ A style" };
-const WEIGHTS = [[0.2, "a hint"], [0.5, "a little"], [1, "normally"], [2, "strongly"], [5, "above all"]];
+const LATER = { text: "text", style: "a style", sketch: "a drawing", semantic: "the content of a picture" }; // what may need a network first
+const FIRST = { text: "+ Text", image: "+ Picture", style: "+ Style" };
+const WEIGHTS = [[0.2, "very low"], [0.5, "low"], [1, "normal"], [2, "high"], [5, "very high"]];
 const STROKES = [15, 30, 50, 80, 120, 160, 200, 250, 300, 400, 500, 650, 800, 1000];
 const SIZES = [["14 × 11 in", 355.6, 279.4], ["A4", 297, 210], ["A3", 420, 297], ["30 × 30 cm", 300, 300], ["20 × 20 cm", 200, 200]];
 const PRESETS = [
-  { label: "A quick study", strokes: 80, colors: 6, replans: 2, effort: 0.5 },
-  { label: "A painting", strokes: 300, colors: 12, replans: 4, effort: 1 },
-  { label: "A careful one", strokes: 800, colors: 16, replans: 8, effort: 1.5 },
+  { label: "Quick study", strokes: 80, colors: 6, replans: 2, effort: 0.5 },
+  { label: "Normal", strokes: 300, colors: 12, replans: 4, effort: 1 },
+  { label: "Detailed", strokes: 800, colors: 16, replans: 8, effort: 1.5 },
 ];
 
 export const fresh = () => ({
@@ -95,7 +95,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
     const names = [...new Set(kinds.flatMap((kind) => house.abilities[kind].missing))];
     const words = kinds.map((kind) => LATER[kind]);
     const told = words.length > 1 ? `${words.slice(0, -1).join(", ")} or ${words.at(-1)}` : words[0];
-    return h("p", { class: "label advice" }, `To paint from ${told}, the robot needs networks that are not on this machine yet. Type this once in a terminal, then reload this page:`,
+    return h("p", { class: "label advice" }, `To paint from ${told}, the program needs networks that are not installed. Run this command once in a terminal, then reload this page:`,
       h("code", {}, `frida-painter models fetch ${names.join(" ")}`));
   }
 
@@ -105,9 +105,9 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
       term.picture ? h("img", { src: api.picture(term.picture), alt: KINDS[term.kind].label }) : h("span", { class: "quote", "aria-hidden": "true" }, "“"),
       h("div", {},
         term.kind === "text"
-          ? h("input", { type: "text", maxLength: 300, value: term.words, placeholder: "a sailing ship at dusk", "aria-label": "What it shall be, in words", oninput: (event) => { term.words = event.target.value; changed(); } })
-          : h("p", {}, terms === wish.terms ? KINDS[term.kind].verb : "The painting begins with this, and its composition stays"),
-        terms !== wish.terms ? null : slider({ label: "This matters", min: 0, max: WEIGHTS.length - 1, value: place, words: (index) => WEIGHTS[index][1],
+          ? h("input", { type: "text", maxLength: 300, value: term.words, placeholder: "a sailing ship at dusk", "aria-label": "What to paint", oninput: (event) => { term.words = event.target.value; changed(); } })
+          : h("p", {}, terms === wish.terms ? KINDS[term.kind].verb : "The painting starts from this and keeps its composition"),
+        terms !== wish.terms ? null : slider({ label: "Weight", min: 0, max: WEIGHTS.length - 1, value: place, words: (index) => WEIGHTS[index][1],
           oninput: (index) => { term.weight = WEIGHTS[index][0]; changed(); } })),
       h("button", { type: "button", class: "quiet remove", "aria-label": `Remove: ${KINDS[term.kind].label}`, title: "Remove",
         onclick: () => { terms.splice(terms.indexOf(term), 1); draw(); changed(); } }, "×"));
@@ -119,21 +119,21 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
     const set = (name) => (value) => { wish[name] = value; tellTime(); changed(); };
     tellTime();
     show(how,
-      choices({ legend: "How thorough", name: "preset", value: PRESETS.findIndex(same),
+      choices({ legend: "Detail", name: "preset", value: PRESETS.findIndex(same),
         options: PRESETS.map((preset, index) => ({ value: index, label: preset.label })),
         onchange: (index) => { const { label, ...values } = PRESETS[index]; Object.assign(wish, values); drawHow(); changed(); } }),
       h("details", { open: wish.detailsOpen, ontoggle: (event) => Object.defineProperty(wish, "detailsOpen", { value: event.target.open, writable: true, configurable: true, enumerable: false }) },
-        h("summary", {}, "In detail"),
+        h("summary", {}, "More settings"),
         slider({ label: "Strokes", min: 0, max: STROKES.length - 1, value: nearest, words: (index) => String(STROKES[index]), oninput: (index) => set("strokes")(STROKES[index]) }),
         slider({ label: "Paints to mix", min: 1, max: 24, value: wish.colors, oninput: set("colors") }),
-        slider({ label: "Looks at the canvas", min: 0, max: 12, value: wish.replans, words: (looks) => (looks ? `${looks}, and plans again` : "none"), oninput: set("replans") }),
+        slider({ label: "Replans", min: 0, max: 12, value: wish.replans, words: (looks) => (looks ? `${looks} times it looks at the canvas and replans` : "none"), oninput: set("replans") }),
         choices({ legend: "Brush", name: "brush", value: wish.brush, options: ["fine", "medium", "broad"].map((brush) => ({ value: brush, label: brush })), onchange: set("brush") }),
-        h("div", { class: "field" }, h("span", {}, "To begin with, if it shall begin with something else"), first,
-          h("div", { class: "adders", role: "group", "aria-label": "To begin with" }, Object.entries(FIRST).map(([kind, label]) => adder(kind, wish.initial, label)))),
-        h("label", { class: "field" }, h("span", {}, "Canvas"), house.canvas ? h("span", {}, `${Math.round(wish.width)} × ${Math.round(wish.height)} mm, as the workspace of the robot says`) : canvasChoice()),
-        h("label", { class: "field" }, h("span", {}, "Chance"), h("span", { class: "pair" },
+        h("div", { class: "field" }, h("span", {}, "Start from another picture or text"), first,
+          h("div", { class: "adders", role: "group", "aria-label": "Start from" }, Object.entries(FIRST).map(([kind, label]) => adder(kind, wish.initial, label)))),
+        h("label", { class: "field" }, h("span", {}, "Canvas"), house.canvas ? h("span", {}, `${Math.round(wish.width)} × ${Math.round(wish.height)} mm, from the workspace file of the robot`) : canvasChoice()),
+        h("label", { class: "field" }, h("span", {}, "Seed"), h("span", { class: "pair" },
           h("input", { type: "number", min: 0, max: 2147483647, step: 1, value: wish.seed, onchange: (event) => { wish.seed = Math.max(0, Math.min(2147483647, Math.trunc(Number(event.target.value)) || 0)); event.target.value = wish.seed; changed(); } }),
-          h("small", {}, "Another number gives another painting")))));
+          h("small", {}, "The same seed gives the same painting. Another seed gives a different one.")))));
   }
 
   /** How long it will take, from how long the last paintings took here. */
@@ -158,8 +158,8 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
     return h("span", { class: "pair" },
       h("select", { onchange: (event) => set(event.target.selectedIndex, turned) }, SIZES.map(([name], index) => h("option", { selected: index === place }, name))),
       proportions
-        ? h("button", { type: "button", class: "quiet", title: "The canvas has the picture's proportions. Take the whole sheet instead; the picture is cropped then.", onclick: crop }, "Take the whole sheet")
-        : h("button", { type: "button", class: "quiet", onclick: () => set(place, !turned) }, "Turn"));
+        ? h("button", { type: "button", class: "quiet", title: "The canvas has the aspect ratio of the picture. Use the whole sheet instead and crop the picture.", onclick: crop }, "Use the whole sheet")
+        : h("button", { type: "button", class: "quiet", onclick: () => set(place, !turned) }, "Rotate"));
   }
 
   function draw() {
@@ -172,7 +172,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
   const element = h("div", { class: "wish" },
     goalsOnly ? null : h("label", { class: "field title" }, h("span", {}, "Title"), h("input", { type: "text", maxLength: 80, value: wish.title, placeholder: "Untitled", oninput: (event) => { wish.title = event.target.value; } })),
     cards,
-    h("div", { class: "adders", role: "group", "aria-label": "Add to what shall be painted" }, Object.keys(KINDS).filter((kind) => kind in house.abilities).map((kind) => adder(kind))),
+    h("div", { class: "adders", role: "group", "aria-label": "Add to the goal" }, Object.keys(KINDS).filter((kind) => kind in house.abilities).map((kind) => adder(kind))),
     fetching(),
     chooser, goalsOnly ? null : [how, time]);
   draw();
@@ -183,7 +183,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
 export function composer(house) {
   const wish = fresh();
   const mount = h("div", { class: "mount drop" });
-  const button = h("button", { type: "button", class: "button wide", disabled: true, onclick: begin }, "Plan it");
+  const button = h("button", { type: "button", class: "button wide", disabled: true, onclick: begin }, "Make a plan");
   const missing = h("p", { class: "label beneath", role: "status" });
   const form = wishForm(house, wish, changed, { ondraw: sketch });
   const caption = h("p", { class: "caption" }, "The canvas");
@@ -200,7 +200,7 @@ export function composer(house) {
       back();
       use(blob);
     } }, "Use this drawing");
-    show(easel, drawing.element, drawing.tools, h("p", { class: "pair" }, done, h("button", { type: "button", class: "quiet", onclick: back }, "Leave it")));
+    show(easel, drawing.element, drawing.tools, h("p", { class: "pair" }, done, h("button", { type: "button", class: "quiet", onclick: back }, "Cancel")));
   }
 
   function changed() {
@@ -210,10 +210,10 @@ export function composer(house) {
     const first = wish.terms.find((term) => term.kind === "image") ?? wish.terms.find((term) => term.picture);
     const words = wish.terms.find((term) => term.words);
     show(mount, !first && words ? h("p", { class: "words" }, words.words) : first
-      ? h("img", { src: api.picture(first.picture), alt: "What the canvas will be planned from" })
-      : h("p", {}, "Drop a photograph here, or add something beside it."));
+      ? h("img", { src: api.picture(first.picture), alt: "The picture to paint" })
+      : h("p", {}, "Drop a picture here, or add a goal on the right."));
     const wordless = [...wish.terms, ...wish.initial].some((term) => term.kind === "text" && !term.words.trim());
-    missing.textContent = wordless ? "Type the words first, or remove them." : wish.terms.length ? "" : "There is nothing to plan yet: add words, a picture or a drawing.";
+    missing.textContent = wordless ? "Enter the text first, or remove it." : wish.terms.length ? "" : "There is no goal yet. Add text, a picture or a drawing.";
     button.disabled = Boolean(missing.textContent);
   }
 
@@ -236,16 +236,16 @@ export function composer(house) {
   const element = h("section", { class: "workbench" },
     steps("say"),
     easel,
-    h("aside", { class: "panel" }, h("h1", {}, "Say it"), h("p", {}, "Give the robot something to go by: words, pictures, a style, a drawing of your own. Take several, each mattering as much as you like."), form.element, button, missing));
+    h("aside", { class: "panel" }, h("h1", {}, "Set the goal"), h("p", {}, "Tell the robot what to paint: text, pictures, a style or your own drawing. You can combine several goals. The weight says how much each one counts."), form.element, button, missing));
   return { element };
 }
 
-const STEPS = [["say", "Say it"], ["plan", "See the plan"], ["prepare", "Prepare"], ["paint", "Paint"], ["done", "Finished"]];
+const STEPS = [["say", "Set the goal"], ["plan", "Review the plan"], ["prepare", "Prepare"], ["paint", "Paint"], ["done", "Finished"]];
 
 /** Where one is on the way to a painting; `end` is how it ended, where that was in another way. */
 export function steps(current, end) {
   const place = STEPS.findIndex(([name]) => name === current);
-  return h("ol", { class: "steps", "aria-label": "The way to a painting" }, STEPS.map(([name, label], index) =>
+  return h("ol", { class: "steps", "aria-label": "Steps to a painting" }, STEPS.map(([name, label], index) =>
     h("li", { class: index < place ? "past" : "", "aria-current": index === place ? "step" : null }, (name === "done" && end) || label)));
 }
 

@@ -6,7 +6,7 @@ import { summary } from "./composer.js";
 import { count, h, show } from "./dom.js";
 
 const FILES = [
-  ["painting.png", "The painting, photographed"], ["film.mp4", "The film"], ["palette.png", "The palette, to print"],
+  ["painting.png", "The painting, photographed"], ["film.mp4", "The timelapse film"], ["palette.png", "The palette, to print"],
   ["strokes.svg", "The strokes, for plotters and Inkscape (SVG)"], ["strokes.gcode", "The strokes for GRBL machines (G-code, waits at every dip)"],
   ["strokes.csv", "The strokes as a table (CSV)"], ["plan.json", "The plan"],
 ];
@@ -20,12 +20,12 @@ export function finishedStage(house, here, first) {
   const hero = h("div", { class: "mount" });
   shape(hero, wish);
   const best = whole ? place("painting.png") : painting.photograph && api.file(here.id, "live", painting.photograph);
-  show(hero, best ? h("img", { class: "picture", src: best, alt: `The painting: ${here.title}` }) : h("p", {}, "Nothing was photographed."));
+  show(hero, best ? h("img", { class: "picture", src: best, alt: `The painting: ${here.title}` }) : h("p", {}, "There is no photograph."));
 
   const verdict = {
     finished: `${count(painting.done, "stroke", "strokes")} are on the canvas.`,
     stopped: `You stopped after ${count(painting.done, "stroke", "strokes")} of ${painting.of}.${house.simulated ? "" : " Look at the robot before anything else."}`,
-    failed: `It broke off after ${count(painting.done, "stroke", "strokes")} of ${painting.of}.`,
+    failed: `It failed after ${count(painting.done, "stroke", "strokes")} of ${painting.of}.`,
   }[painting.status];
 
   async function again() {
@@ -37,13 +37,13 @@ export function finishedStage(house, here, first) {
     goOn.disabled = true;
     const begun = await house.attempt(() => api.post(`/api/paintings/${here.id}/resume`));
     if (!begun) goOn.disabled = false;
-  } }, "Go on with this painting");
+  } }, "Continue this painting");
   const rest = painting.status === "finished" ? null : [goOn, h("p", { class: "label beneath" }, painting.status === "stopped" && !house.simulated
-    ? "Whoever stopped the robot had a reason: look at it, press Enter in the studio's terminal beside it, then go on here within a minute. It photographs the canvas before anything else."
-    : "It photographs the canvas before anything else, and asks where it cannot tell what was painted.")];
+    ? "Look at the robot first. Press Enter in the studio's terminal beside it, then continue here within a minute. The robot photographs the canvas before it paints."
+    : "The robot photographs the canvas before it paints. It asks you if it is not sure whether a stroke was painted.")];
 
   async function remove() {
-    if (!window.confirm(`Delete "${here.title}" with all its pictures, for good?`)) return;
+    if (!window.confirm(`Delete "${here.title}" and all its pictures? This cannot be undone.`)) return;
     const gone = await house.attempt(() => api.post(`/api/paintings/${here.id}/delete`));
     if (gone) location.hash = "#/";
   }
@@ -51,16 +51,16 @@ export function finishedStage(house, here, first) {
   const compare = h("div", { class: "trio wide-trio" },
     h("figure", {}, h("img", { src: api.file(here.id, plan.number, "plan.jpg"), alt: "The plan" }), h("figcaption", {}, "The plan")),
     best ? h("figure", {}, h("img", { src: best, alt: "The canvas" }), h("figcaption", {}, "The canvas")) : null,
-    wish.terms.filter((term) => term.picture).slice(0, 1).map((term) => h("figure", {}, h("img", { src: api.picture(term.picture), alt: "What was wished" }), h("figcaption", {}, "What was wished"))));
+    wish.terms.filter((term) => term.picture).slice(0, 1).map((term) => h("figure", {}, h("img", { src: api.picture(term.picture), alt: "The goal" }), h("figcaption", {}, "The goal"))));
 
   const easel = h("div", { class: "easel" }, hero,
-    painting.film ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("film.mp4"), "aria-label": "Film of the painting, stroke by stroke, without sound" })
-      : whole && painting.done ? h("p", { class: "label beneath" }, "There is no film of it: it could not be written, perhaps because the disk is full.") : null,
+    painting.film ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("film.mp4"), "aria-label": "Timelapse film of the painting, without sound" })
+      : whole && painting.done ? h("p", { class: "label beneath" }, "There is no timelapse film. It could not be written; the disk may be full.") : null,
     painting.arm ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("arm.mp4"), "aria-label": "Film of the simulated arm at work, without sound" }) : null,
     compare);
-  const panel = h("aside", { class: "panel" }, h("h1", {}, here.title || "Finished"), h("p", {}, verdict), h("p", { class: "label" }, summary(wish), `, chance ${wish.seed}`), rest,
-    whole ? [h("h2", {}, "To take along"), h("ul", { class: "files" }, FILES.filter(([name]) => name !== "film.mp4" || painting.film).map(([name, label]) => h("li", {}, h("a", { href: place(name), download: name }, label))),
-      h("li", {}, h("a", { href: `/api/paintings/${here.id}/everything.zip`, download: "painting.zip" }, "Everything, with a page that tells the story (ZIP)")))] : null,
+  const panel = h("aside", { class: "panel" }, h("h1", {}, here.title || "Finished"), h("p", {}, verdict), h("p", { class: "label" }, summary(wish), `, seed ${wish.seed}`), rest,
+    whole ? [h("h2", {}, "Downloads"), h("ul", { class: "files" }, FILES.filter(([name]) => name !== "film.mp4" || painting.film).map(([name, label]) => h("li", {}, h("a", { href: place(name), download: name }, label))),
+      h("li", {}, h("a", { href: `/api/paintings/${here.id}/everything.zip`, download: "painting.zip" }, "Everything, with a page about the painting (ZIP)")))] : null,
     h("p", { class: "actions" },
       h("button", { type: "button", class: "button second", disabled: house.role === "watch", onclick: again }, "Paint again"),
       h("button", { type: "button", class: "quiet danger", disabled: house.role !== "operate", onclick: remove }, "Delete")));

@@ -4,8 +4,8 @@ import * as api from "./api.js";
 import { h, show } from "./dom.js";
 
 const STAGES = {
-  planning: "being planned", planned: "planned", preparing: "about to begin", mixing: "being painted", painting: "being painted",
-  paused: "paused", finishing: "nearly done", finished: "", stopped: "stopped", failed: "broken off",
+  planning: "being planned", planned: "planned", preparing: "starting", mixing: "being painted", painting: "being painted",
+  paused: "paused", finishing: "making the film", finished: "", stopped: "stopped", failed: "failed",
 };
 
 export function gallery(house) {
@@ -13,9 +13,9 @@ export function gallery(house) {
   const element = h("section", { class: "gallery" },
     h("div", { class: "welcome" },
       h("p", { class: "label" }, "The studio"),
-      h("h1", {}, "What shall we paint?"),
-      h("p", { class: "lede" }, "Say what you would like to see. The robot plans every stroke and shows you, and when you are ready, you paint it together."),
-      h("p", {}, h("a", { class: "button", href: "#/new" }, "Begin a painting"))),
+      h("h1", {}, "What do you want to paint?"),
+      h("p", { class: "lede" }, "Set a goal. The robot plans every stroke and shows you the plan. Then you paint it together."),
+      h("p", {}, h("a", { class: "button", href: "#/new" }, "Start a painting"))),
     shelf);
   house.attempt(async () => {
     const paintings = await api.get("/api/paintings");

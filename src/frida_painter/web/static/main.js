@@ -25,7 +25,7 @@ function notice(sentence, label = "Close", work = () => {}) {
 
 /** From now on this page has the robot do things. */
 async function lead() {
-  if (await attempt(() => api.post("/api/lead"))) notice("This page leads now. Say again what shall be done.");
+  if (await attempt(() => api.post("/api/lead"))) notice("This page is in control now. Repeat your command.");
 }
 
 /** Does something that may fail, and shows the sentence if it does. */
@@ -35,7 +35,7 @@ async function attempt(work) {
     show(noticeBoard);
     return done;
   } catch (error) {
-    if (error.led) notice(error.message, "Lead from here", lead);
+    if (error.led) notice(error.message, "Take control", lead);
     else notice(error.message);
     return undefined;
   }
@@ -50,7 +50,7 @@ const house = {
   get robot() { return studio.robot; },
   get canvas() { return studio.canvas; },
   get pace() { return studio.pace; },
-  connected(there) { connection.textContent = there ? "" : "No connection; trying again"; },
+  connected(there) { connection.textContent = there ? "" : "No connection. Trying again."; },
   active(working) { stopButton.classList.toggle("live", working); },
 };
 
@@ -75,7 +75,7 @@ async function stop() {
   stopButton.classList.add("pressed");
   setTimeout(() => stopButton.classList.remove("pressed"), 1500);
   const done = await attempt(() => api.post("/api/stop"));
-  if (done && done.stopped === 0) notice("Nothing is being done at the moment.");
+  if (done && done.stopped === 0) notice("Nothing is running.");
 }
 
 let escaped = 0;

@@ -10,7 +10,7 @@ const LONGEST = 1400; // pixels of the drawing that is handed in
  * without, a drawing on white paper.
  */
 export function pad({ shape, mask = false, background = "" }) {
-  const surface = h("canvas", { tabIndex: 0, "aria-label": mask ? "Draw over the part of the canvas that you mean" : "Draw with the pen, a mouse or a finger" });
+  const surface = h("canvas", { tabIndex: 0, "aria-label": mask ? "Draw over a part of the canvas" : "Draw with the pen, a mouse or a finger" });
   const element = h("div", { class: "mount pad" }, background ? h("img", { src: background, alt: "", class: mask ? "" : "faint" }) : null, surface);
   element.style.aspectRatio = shape;
   element.style.setProperty("--shape", shape);

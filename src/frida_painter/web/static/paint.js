@@ -6,8 +6,8 @@ import { count, duration, h, show } from "./dom.js";
 import { togetherTools } from "./tools.js";
 
 const WORDS = {
-  preparing: "getting ready", mixing: "the paints are being laid out", painting: "painting", planning: "looking, and planning the rest again",
-  paused: "paused", finishing: "putting the film and the page together", stopped: "stopped", finished: "finished", failed: "broken off",
+  preparing: "getting ready", mixing: "waiting for the paints", painting: "painting", planning: "looking at the canvas and replanning",
+  paused: "paused", finishing: "making the timelapse film and the page", stopped: "stopped", finished: "finished", failed: "failed",
 };
 
 export function paintStage(house, here, first) {
@@ -20,14 +20,14 @@ export function paintStage(house, here, first) {
   const looks = h("ol", { class: "looks" });
   const easel = h("div", { class: "easel pair-of-canvases" },
     h("figure", {}, photograph.element, h("figcaption", {}, "The canvas, photographed")),
-    h("figure", {}, plan.element, h("figcaption", {}, "The plan, with the stroke that comes next")));
+    h("figure", {}, plan.element, h("figcaption", {}, "The plan and the next stroke")));
   const padPlace = h("div", { class: "easel", hidden: true });
   const tools = togetherTools(house, here, wish, (drawing) => {
     show(padPlace, drawing);
     padPlace.hidden = !drawing;
     easel.hidden = Boolean(drawing);
   });
-  const panel = h("aside", { class: "panel" }, h("h1", {}, "Paint together"), bar, said, left, tools.element, h("h2", {}, "What it saw"), looks);
+  const panel = h("aside", { class: "panel" }, h("h1", {}, "Paint together"), bar, said, left, tools.element, h("h2", {}, "Camera views"), looks);
   let strokes = { key: "", paths: null, palette: [], from: 0, place: "", prefix: "" };
   let shownLooks = "";
 
@@ -46,8 +46,8 @@ export function paintStage(house, here, first) {
   function lookCard(look) {
     const picture = (name, caption) => h("figure", {}, h("img", { src: api.file(here.id, "live", look[name]), alt: `${caption}, after ${look.done} strokes`, loading: "lazy" }), h("figcaption", {}, caption));
     const gain = look.gain === undefined ? "" : look.gain > 0.005
-      ? `It planned the rest again, and means to come ${Math.round(100 * look.gain)} % nearer to the goal than without looking.`
-      : "All was as expected; the plan stays as it was.";
+      ? `It replanned the rest. It expects to come ${Math.round(100 * look.gain)} % closer to the goal than without replanning.`
+      : "The canvas is as expected. The plan stays the same.";
     return h("li", {}, h("h3", {}, `After ${count(look.done, "stroke", "strokes")}`), gain ? h("p", {}, gain) : null,
       h("div", { class: "trio" }, picture("expected", "Expected"), picture("seen", "Seen"), picture("difference", "Difference")));
   }
@@ -71,7 +71,7 @@ export function paintStage(house, here, first) {
     const key = JSON.stringify(painting.looks);
     if (key !== shownLooks) {
       shownLooks = key;
-      show(looks, painting.looks.length ? [...painting.looks].reverse().map(lookCard) : h("li", { class: "label" }, "It has not looked yet."));
+      show(looks, painting.looks.length ? [...painting.looks].reverse().map(lookCard) : h("li", { class: "label" }, "No photograph yet."));
     }
   }
 

@@ -38,7 +38,7 @@ export function painting(house, id) {
       stage = STAGES[next](house, { id, get title() { return title; }, go }, state);
     }
     const shown = name === "plan" ? step : name;
-    const end = name === "done" ? { stopped: "Stopped", failed: "Broken off" }[state.painting.status] : "";
+    const end = name === "done" ? { stopped: "Stopped", failed: "Failed" }[state.painting.status] : "";
     if (element.dataset.step !== `${name}/${shown}`) {
       element.dataset.step = `${name}/${shown}`;
       show(element, steps(shown, end), trouble, asked.element, ...stage.elements);

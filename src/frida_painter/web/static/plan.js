@@ -1,4 +1,4 @@
-// "See the plan" and "Prepare": plans as they grow, side by side, stroke by stroke; then the palette to mix.
+// "Review the plan" and "Prepare": plans as they grow, side by side, stroke by stroke; then the palette to mix.
 
 import * as api from "./api.js";
 import { canvasView } from "./canvasview.js";
@@ -40,7 +40,7 @@ export function planStage(house, here, first) {
     const whole = done >= plan.made.strokes;
     const frame = plan.made.frames.reduce((best, after) => (after <= done ? after : best), 0);
     scrubbing.querySelector("output").textContent = `${done} of ${plan.made.strokes}`;
-    canvas.picture(api.file(here.id, plan.number, whole ? "plan.jpg" : `after-${frame}.jpg`), whole ? "The plan, as it will look" : `The canvas after ${done} strokes`);
+    canvas.picture(api.file(here.id, plan.number, whole ? "plan.jpg" : `after-${frame}.jpg`), whole ? "The finished plan" : `The canvas after ${done} strokes`);
     const paths = await strokesOf(plan);
     if (plan !== current() && plan.number !== chosen) return;
     const paint = paths && done > 0 ? plan.made.palette[paths.paint[done - 1]] : null;
@@ -60,7 +60,7 @@ export function planStage(house, here, first) {
 
   function planCard(plan) {
     const picture = plan.made ? api.file(here.id, plan.number, "after-" + plan.made.frames.at(-1) + ".jpg") : plan.growing && api.file(here.id, plan.number, plan.growing);
-    const said = { planning: `${Math.round(100 * plan.share)} %`, ready: `${Math.round(100 * plan.nearer)} % of the way to the goal`, failed: "did not succeed", stopped: "stopped" }[plan.status];
+    const said = { planning: `${Math.round(100 * plan.share)} %`, ready: `${Math.round(100 * plan.nearer)} % closer to the goal than a bare canvas`, failed: "failed", stopped: "stopped" }[plan.status];
     return h("li", {}, h("button", { type: "button", "aria-pressed": String(plan.number === chosen), onclick: () => choose(plan.number) },
       h("span", { class: "frame" }, picture ? h("img", { src: picture, alt: "" }) : h("span", { class: "bare" })),
       h("strong", {}, `Plan ${plan.number}`), h("small", {}, said)));
@@ -71,15 +71,15 @@ export function planStage(house, here, first) {
   }
 
   function paletteList(plan, withRecipes = false) {
-    const recipe = (mixture) => h("p", { class: "recipe" }, `${mixture.recipe} · about ${Math.max(1, Math.round(mixture.millilitres))} ml`, mixture.near ? "" : " · only comes near");
+    const recipe = (mixture) => h("p", { class: "recipe" }, `${mixture.recipe} · about ${Math.max(1, Math.round(mixture.millilitres))} ml`, mixture.near ? "" : " · not exact");
     return h("ol", { class: "palette" }, plan.made.palette.map((paint, index) =>
       h("li", {}, h("b", { style: { background: paint.hex } }), h("span", {}, h("strong", {}, String(paint.number)), ` ${paint.hex}`),
         h("small", {}, `${count(paint.strokes, "stroke", "strokes")}, ${paint.share < 0.005 ? "hardly any" : Math.round(100 * paint.share) + " %"}`), withRecipes ? recipe(plan.made.mixtures[index]) : null)));
   }
 
   function planning(plan) {
-    show(panel, h("h1", {}, "See the plan"),
-      h("p", {}, "The robot is thinking: it places strokes, moves them about and mixes colours, all in its head. Nothing moves yet."),
+    show(panel, h("h1", {}, "Review the plan"),
+      h("p", {}, "The program plans the strokes: it places them, optimises them and chooses the colours. The robot does not move yet."),
       h("progress", { max: 1, "aria-label": "Planning" }), h("p", { class: "left label" }),
       h("p", { class: "label" }, summary(plan.wish)));
   }
@@ -88,14 +88,14 @@ export function planStage(house, here, first) {
     const again = { ...plan.wish, seed: (Math.max(...state.plans.map((other) => other.wish.seed)) + 1) % 2147483647 };
     const wish = structuredClone(plan.wish);
     const form = wishForm(house, wish, () => {});
-    show(panel, h("h1", {}, "See the plan"),
-      h("p", {}, "This is what the robot means to paint. Move the slider under the canvas to see stroke after stroke."),
-      plan.made ? h("button", { type: "button", class: "button wide", disabled: house.role !== "operate", onclick: () => here.go("prepare") }, `Take plan ${plan.number}`) : null,
-      h("h2", {}, "Not quite it?"),
+    show(panel, h("h1", {}, "Review the plan"),
+      h("p", {}, "This is what the robot will paint. Move the slider under the canvas to see the plan stroke by stroke."),
+      plan.made ? h("button", { type: "button", class: "button wide", disabled: house.role !== "operate", onclick: () => here.go("prepare") }, `Use plan ${plan.number}`) : null,
+      h("h2", {}, "Other plans"),
       h("p", {}, h("button", { type: "button", class: "button second", disabled: state.working || house.role === "watch", onclick: () => another(again) }, "Make another plan")),
-      h("details", {}, h("summary", {}, "Change what was said"), form.element, h("button", { type: "button", class: "button second wide", disabled: state.working || house.role === "watch", onclick: () => another(wish) }, "Plan it so")),
+      h("details", {}, h("summary", {}, "Change the goal"), form.element, h("button", { type: "button", class: "button second wide", disabled: state.working || house.role === "watch", onclick: () => another(wish) }, "Plan with these changes")),
       h("p", { class: "label" }, summary(plan.wish)),
-      plan.made ? [h("h2", {}, "The palette"), paletteList(plan), h("h2", {}, "To take along"), h("ul", { class: "files" }, TAKEN.map(([name, label]) => h("li", {}, h("a", { href: api.file(here.id, plan.number, name), download: name }, label))))] : null);
+      plan.made ? [h("h2", {}, "The palette"), paletteList(plan), h("h2", {}, "Downloads"), h("ul", { class: "files" }, TAKEN.map(([name, label]) => h("li", {}, h("a", { href: api.file(here.id, plan.number, name), download: name }, label))))] : null);
   }
 
   function prepare(plan) {
@@ -110,11 +110,11 @@ export function planStage(house, here, first) {
       return h("label", { class: "check" }, box, h("span", {}, text));
     };
     show(panel, h("h1", {}, "Prepare"),
-      h("p", {}, `Mix ${count(plan.made.palette.length, "paint", "paints")} from light to dark and fill the wells in this order. (The virtual studio fills its own.)`),
+      h("p", {}, `Mix ${count(plan.made.palette.length, "paint", "paints")}. Fill the wells in this order, from light to dark. The virtual studio fills its own wells.`),
       paletteList(plan, true),
-      h("p", { class: "label" }, "Parts of six common acrylics, reckoned from published pigments; try each mixture on paper first."),
-      h("p", {}, h("a", { href: api.file(here.id, plan.number, "palette.png"), download: "palette.png" }, "The palette as a sheet to print")),
-      h("div", { class: "checks" }, check("A bare canvas is on the easel."), check("The paints are in their wells, water and rag beside them.")),
+      h("p", { class: "label" }, "The recipes are for six common acrylics, computed from published pigment data. Test each mixture on paper first."),
+      h("p", {}, h("a", { href: api.file(here.id, plan.number, "palette.png"), download: "palette.png" }, "Download the palette to print")),
+      h("div", { class: "checks" }, check("A bare canvas is on the easel."), check("The paints are in their wells. Water and rag are in place.")),
       start,
       h("p", {}, h("button", { type: "button", class: "quiet", onclick: () => here.go("plan") }, "Back to the plan")));
   }
@@ -145,16 +145,16 @@ export function planStage(house, here, first) {
     }
     if (plan.status === "planning") {
       canvas.highlight(null, null);
-      if (plan.growing) canvas.picture(api.file(here.id, plan.number, plan.growing), "The plan, as far as it has grown");
+      if (plan.growing) canvas.picture(api.file(here.id, plan.number, plan.growing), "The plan so far");
       const bar = panel.querySelector("progress");
       if (bar) {
         const begun = plan.share >= 0.02;
         if (begun) bar.value = plan.share;
         else bar.removeAttribute("value"); // it moves, but nowhere
-        panel.querySelector(".left").textContent = !begun ? "getting ready: it loads what it needs to see and to think" : `about ${duration(plan.left)} left`;
+        panel.querySelector(".left").textContent = !begun ? "loading the planner and its networks" : `about ${duration(plan.left)} left`;
       }
     }
-    caption.textContent = plan.made ? `Plan ${plan.number}` : "The plan, as it grows";
+    caption.textContent = plan.made ? `Plan ${plan.number}` : "The plan so far";
   }
 
   return { elements: [easel, panel, others], update };

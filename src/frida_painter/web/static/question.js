@@ -32,7 +32,7 @@ export function questionCard(house, path, picture) {
     const frame = cornerFrame(asked, picture(asked.picture), places, () => { moved = true; take.textContent = "These are the corners"; });
     const take = button(asked.proposal ? "Yes, these are the corners" : "These are the corners", () => answer(asked.id, { corners: moved ? places : asked.proposal }), "");
     show(element, h("div", { class: "asked" }, h("p", { class: "text" }, asked.text),
-      h("p", { class: "label" }, "Drag the four handles, or move one with the arrow keys (with Shift by ten)."), h("p", {}, take)), frame);
+      h("p", { class: "label" }, "Drag the four handles, or move one with the arrow keys. Shift moves it by ten pixels."), h("p", {}, take)), frame);
   }
 
   function jog(asked) {
@@ -53,20 +53,20 @@ export function questionCard(house, path, picture) {
     document.addEventListener("keydown", onkey);
     leave = () => document.removeEventListener("keydown", onkey);
     show(element, h("div", { class: "asked" }, h("p", { class: "text" }, asked.text), keys,
-      h("p", { class: "label" }, "Arrow up and down move by 1 mm, with Shift by 5, with Alt by 0.2."),
+      h("p", { class: "label" }, "The up and down arrow keys move the brush by 1 mm, with Shift by 5 mm, with Alt by 0.2 mm."),
       h("p", {}, button("The height is right", () => answer(asked.id, { settled: true }), ""))),
-      asked.picture ? h("img", { class: "evidence", src: picture(asked.picture), alt: "Trial strokes, and how wide they are" }) : null);
+      asked.picture ? h("img", { class: "evidence", src: picture(asked.picture), alt: "Test strokes and their widths" }) : null);
   }
 
   function measure(asked) {
     const input = h("input", { type: "number", step: "any", min: 1000 * asked.lowest, max: 1000 * asked.highest, value: asked.proposal === null ? "" : Math.round(10000 * asked.proposal) / 10, "aria-label": "Millimetres" });
     const give = () => {
-      if (input.value === "") house.notice("Measure it, and give the length in millimetres.");
+      if (input.value === "") house.notice("Measure the length and enter it in millimetres.");
       else answer(asked.id, { length: Number(input.value) / 1000 });
     };
     input.addEventListener("keydown", (event) => { if (event.key === "Enter") give(); });
     show(element, h("div", { class: "asked" }, h("p", { class: "text" }, asked.text.replace(" (metres)", "")),
-      h("p", { class: "pair" }, input, h("span", { class: "label" }, "mm"), button("This is its length", give, ""))));
+      h("p", { class: "pair" }, input, h("span", { class: "label" }, "mm"), button("Save the length", give, ""))));
   }
 
   function update(asked) {

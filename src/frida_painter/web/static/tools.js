@@ -21,14 +21,14 @@ export function togetherTools(house, here, wish, onPad) {
     const done = () => { shown = ""; onPad(null); update(state); };
     async function hand(only) {
       const blob = await sheet.picture();
-      if (!blob) return house.notice("Nothing is drawn yet: draw over the part of the canvas that you mean.");
+      if (!blob) return house.notice("Nothing is drawn yet. Draw over the part of the canvas first.");
       await house.attempt(async () => api.post(`/api/paintings/${here.id}/region`, { picture: await api.upload(blob), only }));
       return done();
     }
     onPad(sheet.element);
-    show(element, h("h2", {}, "Draw over the part you mean"), sheet.tools,
-      h("p", { class: "stack" }, button("The robot must not touch this", () => hand(false), "wide"), button("The robot may touch only this", () => hand(true), "second wide")),
-      h("button", { type: "button", class: "quiet", onclick: done }, "Leave it"));
+    show(element, h("h2", {}, "Mark a part of the canvas"), sheet.tools,
+      h("p", { class: "stack" }, button("Do not paint in this part", () => hand(false), "wide"), button("Paint only in this part", () => hand(true), "second wide")),
+      h("button", { type: "button", class: "quiet", onclick: done }, "Cancel"));
   }
 
   /** A drawing over the photograph of the canvas, to go by from now on. */
@@ -40,28 +40,28 @@ export function togetherTools(house, here, wish, onPad) {
       onPad(null);
       use(blob);
     };
-    onPad(h("div", {}, sheet.element, sheet.tools, h("p", { class: "pair" }, button("Use this drawing", done, ""), h("button", { type: "button", class: "quiet", onclick: () => onPad(null) }, "Leave it"))));
+    onPad(h("div", {}, sheet.element, sheet.tools, h("p", { class: "pair" }, button("Use this drawing", done, ""), h("button", { type: "button", class: "quiet", onclick: () => onPad(null) }, "Cancel"))));
   }
 
   function leavingOut(left) {
     let strokes = Math.min(left, 10);
-    return h("details", {}, h("summary", {}, "Leave strokes out"),
+    return h("details", {}, h("summary", {}, "Skip strokes"),
       slider({ label: "The last strokes of the plan", min: 1, max: left, value: strokes, words: (value) => `${value} of ${left}`, oninput: (value) => { strokes = value; } }),
-      button("Leave them out", () => say("leave out", strokes)));
+      button("Skip them", () => say("leave out", strokes)));
   }
 
   function changing(state) {
     const changed = structuredClone(state.painting.wish ?? wish);
     const form = wishForm(house, changed, () => {}, { goalsOnly: true, ondraw: (use) => drawing(state, use) });
-    return h("details", {}, h("summary", {}, "Change what was said"), h("p", {}, "The canvas and the paints stay as they are; the strokes that are left are planned towards the new goal."),
-      form.element, button("Plan towards this", () => house.attempt(() => api.post(`/api/paintings/${here.id}/goal`, changed)), "second wide"));
+    return h("details", {}, h("summary", {}, "Change the goal"), h("p", {}, "The canvas and the paints stay the same. The remaining strokes are replanned for the new goal."),
+      form.element, button("Replan with this goal", () => house.attempt(() => api.post(`/api/paintings/${here.id}/goal`, changed)), "second wide"));
   }
 
   function turns(state) {
     const on = state.painting.turns > 0;
-    return h("details", {}, h("summary", {}, on ? `Taking turns: ${state.painting.turns} strokes, then you` : "Take turns"),
+    return h("details", {}, h("summary", {}, on ? `Turns: the robot paints ${state.painting.turns} strokes, then you paint` : "Take turns"),
       slider({ label: "The robot paints", min: 1, max: 50, value: state.painting.turns || turnsWanted, words: (value) => `${value} strokes, then you`, oninput: (value) => { turnsWanted = value; } }),
-      h("p", { class: "pair" }, button(on ? "Change" : "Take turns", () => say("turns", turnsWanted)), on ? button("No more turns", () => say("turns", 0)) : null));
+      h("p", { class: "pair" }, button(on ? "Change" : "Take turns", () => say("turns", turnsWanted)), on ? button("Stop taking turns", () => say("turns", 0)) : null));
   }
 
   function pausing() {
@@ -85,12 +85,12 @@ export function togetherTools(house, here, wish, onPad) {
     const remark = painting.remark ? h("p", { class: "remark", role: "alert" }, painting.remark) : null;
     if (painting.status === "paused") {
       show(element, remark, h("p", {}, painting.reason),
-        h("p", { class: "stack" }, button("Go on", () => say("go on"), "wide"), button("Look at the canvas and plan again", () => say("look"), "second wide"),
+        h("p", { class: "stack" }, button("Continue", () => say("go on"), "wide"), button("Look at the canvas and replan", () => say("look"), "second wide"),
           button(painting.region ? "Protect another part" : "Protect a part", () => { shown = "drawing"; protecting(state); }, "second wide"),
-          painting.region ? button("Protect nothing any more", () => say("free"), "second wide") : null),
+          painting.region ? button("Remove the protection", () => say("free"), "second wide") : null),
         left > 0 ? leavingOut(left) : null, changing(state), turns(state));
     } else if (painting.held && !["stopped", "failed", "finished"].includes(painting.status)) {
-      show(element, remark, h("p", {}, "It does what you asked for, and waits for you then."));
+      show(element, remark, h("p", {}, "It does what you asked for. Then it waits for you."));
     } else if (["painting", "planning", "mixing"].includes(painting.status)) {
       show(element, remark, h("p", { class: "stack" }, pausing()), turns(state));
     } else {
