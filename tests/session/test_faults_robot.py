@@ -301,12 +301,13 @@ def test_b11_a_simulated_robots_process_that_was_frozen_goes_on(tmp_path: Path) 
 
 def test_b12_beside_twelve_busy_loops_a_virtual_painting_is_finished(tmp_path: Path) -> None:
     folder = tmp_path / "painting"
-    with ExitStack() as loops:
+    with painter(folder, robot="virtual") as process, ExitStack() as loops:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("0"), process.stderr and process.stderr.read()
         for _ in range(12):
             loop = loops.enter_context(subprocess.Popen([sys.executable, "-c", "while True: pass"]))
             loops.callback(loop.kill)
-        with painter(folder, robot="virtual") as process:
-            _, complaint = process.communicate(timeout=600)
-            assert process.returncode == 0, complaint
+        _, complaint = process.communicate(timeout=600)
+        assert process.returncode == 0, complaint
     assert len(moves(folder)) == 7
     assert not (tmp_path / "state" / "stopped").exists()
