@@ -1,5 +1,5 @@
 """What can be put in by other packages, found through entry points: robots, easels, cameras, stroke
-models and kinds of goals.
+models, kinds of goals and replan policies.
 
 A package registers a part with one line of its own pyproject.toml, under the name by which a person asks for it:
 
@@ -25,6 +25,7 @@ EASELS = "frida_painter.easels"
 CAMERAS = "frida_painter.cameras"
 STROKE_MODELS = "frida_painter.stroke_models"
 OBJECTIVES = "frida_painter.objectives"
+REPLAN_POLICIES = "frida_painter.replan_policies"
 
 OURS = "frida-painter"
 OUR_PARTS: Mapping[str, Mapping[str, str]] = {
@@ -57,6 +58,11 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
         "sketch": "frida_painter.objectives.kinds.sketch:KIND",
         "text": "frida_painter.objectives.kinds.text:KIND",
         "style": "frida_painter.objectives.kinds.style:KIND",
+    },
+    REPLAN_POLICIES: {
+        "times": "frida_painter.session.replan_policy:EvenlySpaced.parse",
+        "every": "frida_painter.session.replan_policy:EveryNth.parse",
+        "when-off-by": "frida_painter.session.replan_policy:WhenOffBy.parse",
     },
 }
 """What ships with the project: "module:object" by group and name, as pyproject.toml registers it."""

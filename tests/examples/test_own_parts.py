@@ -3,7 +3,7 @@
 import csv
 import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +21,13 @@ from frida_painter.calibration import Calibration
 from frida_painter.errors import CameraError, ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.workcell import WorkcellConfig, example
+from frida_painter.objectives.registry import goal_kinds
 from frida_painter.plan import Plan
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.machines import camera_named, robot_named
 from frida_painter.session.names import MACHINES
+from frida_painter.session.replan_policy import looks_on_the_way, replan_policy_named
 from marks import coarse_table
 from plugins import install_own_parts
 from session.easel_errands import easel_of, stroke
@@ -45,7 +48,7 @@ Run = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture(autouse=True)
-def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder with a workspace and a photo to paint; the package is installed, and so is the program of its camera."""
     install_own_parts(tmp_path / "installed", monkeypatch)
     (tmp_path / "bin").mkdir()
@@ -58,7 +61,9 @@ def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "easel.toml").write_text(text)
     Image.fromarray(data.coffee()).resize((140, 100)).save(tmp_path / "coffee.png")
     monkeypatch.setattr("frida_painter.runs.opening.cached_table", coarse_table)
-    return tmp_path
+    goal_kinds.cache_clear()
+    yield tmp_path
+    goal_kinds.cache_clear()
 
 
 @pytest.fixture
@@ -82,17 +87,29 @@ def read(sheet: Path) -> list[dict[str, str]]:
 
 def test_help_doctor_and_errors_list_it(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
+    goal_kinds.cache_clear()
     _, said = run("paint", "--help")
+    assert "--mirror" in said and "Make the painting its own mirror image" in said
     assert ", rosbridge, trace." in said and "folder, rpicam." in said
     status, said = run("doctor")
     assert status == 0 and "trace:FILE[,append=yes] a sheet of what" in said and "rpicam[:NUMBER] the camera of" in said
-    assert "marker of own-parts" in said
+    assert "marker of own-parts" in said and "--mirror of own-parts" in said and "late of own-parts" in said
     status, said = run("calibrate", "canvas", "--robot", "kuka")
     assert status == 2 and "take human, virtual, sawyer-sim, or a real one: xarm:" in said
     assert "trace:FILE[,append=yes]" in said
     assert MACHINES["trace"] == "trace:FILE[,append=yes]"
     with pytest.raises(ConfigError, match="brushes are fine, medium, broad, marker"):
         brush_kind("broom")
+
+
+def test_its_policy_and_its_kind_of_goal_are_taken_by_name() -> None:
+    policy = replan_policy_named("late:0.5")
+    assert looks_on_the_way(policy, 16) == [8, 12, 14, 15]
+    with pytest.raises(ConfigError, match="between 0 and 1"):
+        replan_policy_named("late:nan")
+    goal_kinds.cache_clear()
+    assert goal_kinds()["mirror"].opened("top-bottom", 2.0, beginning=False).weight == 2
+    assert RunSpec.of(goal=[{"mirror": "left-right"}], replan_policy="late:0.25").replan_policy == "late:0.25"
 
 
 def test_robot_and_camera_work_in_the_process_of_the_easel(table: Path) -> None:

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from easels import PatientCamera
+from frida_painter import registry
 from frida_painter.errors import ConfigError
 from frida_painter.plan import Plan
-from frida_painter.session import replan_policy
+from frida_painter.registry import REPLAN_POLICIES
 from frida_painter.session.events import Looked, StrokePainted
 from frida_painter.session.journal import Journal
 from frida_painter.session.painting import ResumeState
@@ -53,10 +54,10 @@ def test_what_is_no_policy_is_refused_in_a_sentence(text: str) -> None:
 
 def test_a_plugin_is_found_and_does_not_take_the_place_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
     points = [
-        importlib.metadata.EntryPoint(name, "frida_painter.session.replan_policy:EveryNth.parse", replan_policy.GROUP)
+        importlib.metadata.EntryPoint(name, "frida_painter.session.replan_policy:EveryNth.parse", REPLAN_POLICIES)
         for name in ("twice-as-often", "times")
     ]
-    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: points)
+    monkeypatch.setattr(registry, "entry_points", lambda group: points)
     assert replan_policy_named("twice-as-often:3") == EveryNth(3)
     assert replan_policy_named("4") == EvenlySpaced(4)
 

@@ -2,7 +2,7 @@
 
 import platform
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from frida_painter.brush.kinds import BrushModel
 from frida_painter.calibration import Calibration, previous
 from frida_painter.errors import CalibrationError, PluginError, WeightsError
 from frida_painter.hardware.kinds import CameraKind, Needed, RobotKind
+from frida_painter.objectives.kind import GoalKind
 from frida_painter.session.easel_kind import EaselKind
 from frida_painter.session.opening import planning_device
 from frida_painter.session.procedures.calibration_status import OLD, ProcedureStatus, require, statuses
@@ -104,7 +105,13 @@ def _about(path: Path, easel: Calibration, record: Calibration | None) -> Table:
     for name, file in (("stroke library", shown.library), ("weights", shown.weights)):
         if file is not None:
             table.add_row(name, _plain(file.path))
-    for name, lines in (("robots", _robots()), ("cameras", _cameras()), ("stroke models", _stroke_models())):
+    for name, lines in (
+        ("robots", _robots()),
+        ("cameras", _cameras()),
+        ("stroke models", _stroke_models()),
+        ("goals", _goals()),
+        ("replan policies", _policies()),
+    ):
         for row, line in enumerate(lines):
             table.add_row(name if row == 0 else "", line)
     table.add_row("machine", f"Python {platform.python_version()}, torch {version('torch')}, {_device()}")
@@ -121,7 +128,28 @@ def _robots() -> Iterator[str]:
         yield _told(part, RobotKind, lambda kind: _part(kind.form, kind.title, kind.needed))
 
 
+def _goals() -> Iterator[str]:
+    """The kinds of goals, ours in one line, and those of other packages, each with its package."""
+    return _listed(registry.parts(registry.OBJECTIVES), GoalKind, lambda kind: _plain(kind.option))
+
+
+def _policies() -> Iterator[str]:
+    """The names of replan policies, in the same way."""
+    return _listed(registry.parts(registry.REPLAN_POLICIES), object, lambda policy: "")
+
+
+def _listed(
+    known: Mapping[str, registry.Part], kind: type[registry.Kind], tell: Callable[[registry.Kind], str]
+) -> Iterator[str]:
+    """Ours in one line, and the others below, each with its package; of one that cannot be used, why."""
+    yield ", ".join(_told(part, kind, tell) or _plain(name) for name, part in known.items() if part.is_ours)
+    for name, part in known.items():
+        if not part.is_ours:
+            yield f"{_told(part, kind, tell) or _plain(name)} [dim]of {_plain(', '.join(part.packages))}[/]"
+
+
 def _cameras() -> Iterator[str]:
+    """The same of cameras, after --camera."""
     for part in registry.parts(registry.CAMERAS).values():
         yield _told(part, CameraKind, lambda kind: _part(kind.form, kind.title, kind.needed))
 
@@ -133,11 +161,7 @@ def _stroke_models() -> Iterator[str]:
         model.load()
         return _plain(model.name)
 
-    known = registry.parts(registry.STROKE_MODELS).values()
-    yield ", ".join(_told(part, BrushModel, loaded) for part in known if part.is_ours)
-    for part in known:
-        if not part.is_ours:
-            yield f"{_told(part, BrushModel, loaded)} [dim]of {_plain(', '.join(part.packages))}[/]"
+    return _listed(registry.parts(registry.STROKE_MODELS), BrushModel, loaded)
 
 
 def _part(form: str, title: str, needed: Needed | None) -> str:

@@ -1,14 +1,12 @@
 """When the painter looks at the canvas, and whether it plans the rest again from what it saw."""
 
-import importlib.metadata
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Protocol, Self, cast
 
 from frida_painter.errors import ConfigError
+from frida_painter.registry import REPLAN_POLICIES, parts
 
-GROUP = "frida_painter.replan_policies"
-"""Entry points of this group add policies: each is called with what follows the colon in "name:argument"."""
 _MOST = 20_000
 
 
@@ -141,26 +139,14 @@ def replan_policy_named(text: str) -> ReplanPolicy:
     name, _, argument = text.strip().partition(":")
     if name.isdecimal() and not argument:
         name, argument = "times", name
-    known = _policies()
+    known = parts(REPLAN_POLICIES)
     if name not in known:
         raise ConfigError(
             f"There is no replan policy {text[:60]!r}; there are {', '.join(sorted(known))}: give a number, or "
             "for example every:75 or when-off-by:0.02."
         )
-    return known[name](argument)
-
-
-def _policies() -> Mapping[str, Callable[[str], ReplanPolicy]]:
-    """Ours, and those that other packages have registered; an installation's metadata may be older than this file."""
-    found: dict[str, Callable[[str], ReplanPolicy]] = {
-        "times": EvenlySpaced.parse,
-        "every": EveryNth.parse,
-        "when-off-by": WhenOffBy.parse,
-    }
-    for point in importlib.metadata.entry_points(group=GROUP):
-        if point.name not in found:
-            found[point.name] = point.load()
-    return found
+    parse = cast(Callable[[str], ReplanPolicy], known[name].load(object))
+    return parse(argument)
 
 
 def _whole(what: str, text: str) -> int:
