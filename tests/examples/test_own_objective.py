@@ -16,7 +16,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.objectives import registry
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.registry import OBJECTIVES
-from frida_painter.runs.goals import GoalItem, read_goal
+from frida_painter.runs.goals import GoalInput, read_goal
 from marks import coarse_table
 from scenes import CANVAS, small_table
 
@@ -50,7 +50,7 @@ def test_it_is_planned_for_alone_from_a_goal_file(mirror: None, tmp_path: Path) 
     path = tmp_path / "goal.toml"
     path.write_text('[[goal]]\nmirror = "left-right"\nweight = 2\n')
     wanted = read_goal(None, {"goal": path})
-    assert wanted.items == (GoalItem("mirror", "left-right", 2.0),) and wanted.picture is None
+    assert wanted.items == (GoalInput("mirror", "left-right", 2.0),) and wanted.picture is None
     assert wanted.facts == (("Mirror image", "“Left-right” (weight 2)"),)
     by = Planner(wanted.goal, CANVAS, small_table(), rows=64, effort=Effort().scaled(0.1), seed=0)
     bare = torch.ones(3, 64, 85)

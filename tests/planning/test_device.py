@@ -126,6 +126,6 @@ def test_a_tensor_left_behind_would_be_found() -> None:
     with elsewhere() as device:
         by = planner(goal(), device)
         here = torch.rand(3, by.coarse.rows, by.coarse.columns)
-        by._opening = WeightedObjective([(1.0, ObjectiveTerm(lambda seen: (seen - here).square().mean()))])
+        by._initial_objective = WeightedObjective([(1.0, ObjectiveTerm(lambda seen: (seen - here).square().mean()))])
         with pytest.raises(RuntimeError, match="one device"):
             by.plan(BARE, 4, 2, unheard)
