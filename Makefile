@@ -37,7 +37,7 @@ $(VENV)/docs: $(VENV)/installed
 	@touch $@
 
 paint: $(VENV)/installed
-	@echo "Painting $(PHOTO): about two minutes on a laptop."
+	@echo "Painting $(PHOTO): about a minute on a laptop with nothing else to do."
 	@$(BIN)/frida-painter paint $(PHOTO)
 
 studio: $(VENV)/web
