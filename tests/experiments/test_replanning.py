@@ -22,7 +22,7 @@ def outcome(heard):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(replanning, "cached_table", coarse_table)
         return replanning.run(
-            shipped(["coffee"])[0], brush="fine", canvas=CanvasSize(0.09, 0.07), seeds=(5,), scale=SCALE,
+            shipped(["coffee"])[0], brush="fine", canvas=CanvasSize(0.09, 0.07), seeds=(4,), scale=SCALE,
             notify=heard.append,
         )  # fmt: skip
 
