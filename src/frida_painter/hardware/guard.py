@@ -26,7 +26,7 @@ from frida_painter.errors import (
 )
 from frida_painter.hardware import limits
 from frida_painter.hardware.deadline import Caller, in_our_errors, steady
-from frida_painter.hardware.latch import Latch, Stopped, Unlatched
+from frida_painter.hardware.latch import Latch, StopRecord, Unlatched
 from frida_painter.hardware.robot import MotionReport, Robot, Waypoints
 from frida_painter.hardware.workspace import Workspace
 
@@ -60,7 +60,7 @@ class GuardedRobot:
         self._patience, self._grace, self._connecting = patience, grace, connecting
         self._caller = Caller("robot")
         self._lock = threading.RLock()  # a signal may come while it is held, and stop as well
-        self._stop: Stopped | None = latch.read()
+        self._stop: StopRecord | None = latch.read()
         self._stopped_at = steady()
         self._latching: threading.Thread | None = None
         self._tip: NDArray[np.float64] | None = None
@@ -73,7 +73,7 @@ class GuardedRobot:
         return self._moving.is_set()
 
     @property
-    def stopped(self) -> Stopped | None:
+    def stopped(self) -> StopRecord | None:
         """Why the robot stands still and has to be re-armed; None where it has not."""
         return self._stop
 
@@ -120,7 +120,7 @@ class GuardedRobot:
         with self._lock:
             first = self._stop is None
             if first:
-                self._stop, self._stopped_at = Stopped(self.latch.easel, reason, time.time()), steady()
+                self._stop, self._stopped_at = StopRecord(self.latch.easel, reason, time.time()), steady()
         sending = threading.Thread(target=self._send_stop, daemon=True)
         sending.start()
         if first:  # the disk may be slow or gone; the robot is stopped beside it, and sooner

@@ -18,7 +18,7 @@ _VERSION = 1
 
 
 @dataclass(frozen=True)
-class Stopped:
+class StopRecord:
     """Why and when a robot was stopped; at: seconds since 1970."""
 
     easel: str
@@ -42,19 +42,19 @@ class Latch:
     def __init__(self, path: Path, easel: str) -> None:
         self.path, self.easel = path, easel
 
-    def read(self) -> Stopped | None:
+    def read(self) -> StopRecord | None:
         """The stop that holds, None where the robot may move."""
         if not self.path.exists():
             return None
         try:
             record = storage.read_json(self.path, "the record of a stop")
-            return Stopped(str(record["easel"]), str(record["reason"]), float(record["at"]))
+            return StopRecord(str(record["easel"]), str(record["reason"]), float(record["at"]))
         except (StorageError, KeyError, TypeError, ValueError) as damage:
-            return Stopped(self.easel, f"the record of the stop is damaged ({damage})", self.path.stat().st_mtime)
+            return StopRecord(self.easel, f"the record of the stop is damaged ({damage})", self.path.stat().st_mtime)
 
-    def engage(self, reason: str) -> Stopped:
+    def engage(self, reason: str) -> StopRecord:
         """Puts a stop down, flushed to the disk; the first reason stays. Raises StorageError."""
-        stopped = Stopped(self.easel, reason, time.time())
+        stopped = StopRecord(self.easel, reason, time.time())
         if not self.path.exists():
             record = {"format": _FORMAT, "version": _VERSION, "easel": self.easel, "reason": reason, "at": stopped.at}
             storage.write_json(self.path, record)
@@ -79,9 +79,9 @@ class Unlatched:
     def read(self) -> None:
         """No stop holds from before, whatever files say."""
 
-    def engage(self, reason: str) -> Stopped:
+    def engage(self, reason: str) -> StopRecord:
         """The stop, of which nothing is written."""
-        return Stopped(self.easel, reason, time.time())
+        return StopRecord(self.easel, reason, time.time())
 
 
 def latch_path(state: Path, easel: str) -> Path:
