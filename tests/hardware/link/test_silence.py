@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.hardware.link.silence import LOOK_EVERY, MACHINE, SIMULATED, Look, SilenceRule
+from frida_painter.hardware.link.silence import LOOK_EVERY, MACHINE, SIMULATED, LinkState, SilenceRule
 
 STEP = LOOK_EVERY
 
@@ -26,7 +26,7 @@ def stopped_at(
         while left and left[0] <= now:
             rule.hear(now)
             left.pop(0)
-        if reason := rule.judge(Look(now, moving, gone, thinking, starved * now)):
+        if reason := rule.judge(LinkState(now, moving, gone, thinking, starved * now)):
             return now, reason
     return None
 
@@ -73,19 +73,19 @@ def test_what_it_waited_before_it_fell_silent_is_no_excuse() -> None:
     rule = SilenceRule(0.0)
     for number in range(1, 500):
         rule.hear(number * STEP)
-        assert rule.judge(Look(number * STEP, True, starved=number * STEP)) is None
+        assert rule.judge(LinkState(number * STEP, True, starved=number * STEP)) is None
     heard = 499 * STEP
-    reasons = [rule.judge(Look(heard + number * STEP, True, starved=heard)) for number in range(1, 151)]
+    reasons = [rule.judge(LinkState(heard + number * STEP, True, starved=heard)) for number in range(1, 151)]
     first = next(number for number, reason in enumerate(reasons) if reason)
     assert first * STEP <= MACHINE.silence + STEP
 
 
 def test_a_watch_that_did_not_run_itself_does_not_blame_the_painter() -> None:
     rule = SilenceRule(0.0)
-    assert rule.judge(Look(0.02, False)) is None
-    assert rule.judge(Look(9.0, False)) is None, "it stood still for nine seconds, and so did what it looks at"
-    assert rule.judge(Look(9.02, False)) is None
-    late = [rule.judge(Look(9.02 + number * STEP, False)) for number in range(200)]
+    assert rule.judge(LinkState(0.02, False)) is None
+    assert rule.judge(LinkState(9.0, False)) is None, "it stood still for nine seconds, and so did what it looks at"
+    assert rule.judge(LinkState(9.02, False)) is None
+    late = [rule.judge(LinkState(9.02 + number * STEP, False)) for number in range(200)]
     assert any(late), "but not for ever"
 
 
@@ -93,24 +93,24 @@ def test_a_watch_that_did_not_run_itself_does_not_blame_the_painter() -> None:
 def test_b11_an_easels_process_that_stood_still_within_a_motion(gap: float, says: bool) -> None:
     rule, spared = SilenceRule(0.0), SilenceRule(0.0, SIMULATED)
     for each in (rule, spared):
-        assert each.judge(Look(0.02, True)) is None
+        assert each.judge(LinkState(0.02, True)) is None
         each.hear(gap)
-    assert spared.judge(Look(gap, True)) is None
-    reason = rule.judge(Look(gap, True))
+    assert spared.judge(LinkState(gap, True)) is None
+    reason = rule.judge(LinkState(gap, True))
     assert (reason is not None and "held up" in reason) == says
-    assert rule.judge(Look(gap + STEP, True)) is None, "it is said once"
+    assert rule.judge(LinkState(gap + STEP, True)) is None, "it is said once"
 
 
 def test_b11_where_nothing_moved_it_may_stand_still() -> None:
     rule = SilenceRule(0.0)
-    assert rule.judge(Look(0.02, False)) is None
+    assert rule.judge(LinkState(0.02, False)) is None
     rule.hear(20.0)
-    assert rule.judge(Look(20.0, True)) is None, "a motion that was asked for meanwhile begins now"
+    assert rule.judge(LinkState(20.0, True)) is None, "a motion that was asked for meanwhile begins now"
 
 
 def test_a_silence_is_told_of_once_and_then_counted_anew() -> None:
     rule = SilenceRule(0.0)
-    times = [n * STEP for n in range(1, 400) if rule.judge(Look(n * STEP, True))]
+    times = [n * STEP for n in range(1, 400) if rule.judge(LinkState(n * STEP, True))]
     assert len(times) == 3 and times[1] - times[0] > MACHINE.silence
 
 

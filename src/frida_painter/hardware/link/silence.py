@@ -36,7 +36,7 @@ SIMULATED = Patience(silence=math.inf, starved_moving=math.inf, absence=math.inf
 
 
 @dataclass(frozen=True)
-class Look:
+class LinkState:
     """What is seen at one moment.
 
     at: seconds; moving: whether a motion is on its way; gone: whether the painting process closed its line;
@@ -67,7 +67,7 @@ class SilenceRule:
         """Seconds since the last heartbeat."""
         return at - self._heard.since
 
-    def judge(self, look: Look) -> str | None:
+    def judge(self, look: LinkState) -> str | None:
         """Why the robot is to be stopped; None where it is not. A silence is reported once, then counted anew."""
         late = max(look.at - self._looked - _USUAL, 0.0)
         stood_still = late if self._moved else 0.0
@@ -85,7 +85,7 @@ class SilenceRule:
         self._heard = self._still = _Span(look.at)
         return f"the painting process fell silent for {absent:.1f} s"
 
-    def _too_long(self, look: Look) -> bool:
+    def _too_long(self, look: LinkState) -> bool:
         most = self._patience
         if look.moving:
             # Whoever asked for a motion was there when it began.
@@ -109,7 +109,7 @@ class _Span:
         self._starved_before: float | None = None
         self._noticed = False
 
-    def notice(self, look: Look, late: float) -> None:
+    def notice(self, look: LinkState, late: float) -> None:
         self._late += late if self._noticed else min(late, look.at - self.since)
         self._noticed = True
         if look.starved is not None:
@@ -117,6 +117,6 @@ class _Span:
                 self._starved_before = look.starved
             self._starved = look.starved - self._starved_before
 
-    def counted(self, look: Look) -> float:
+    def counted(self, look: LinkState) -> float:
         """Seconds that count: without those in which the process, or the watch, had no processor."""
         return look.at - self.since - max(0.0 if look.gone else self._starved, self._late)

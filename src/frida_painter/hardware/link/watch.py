@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Protocol
 
 from frida_painter.hardware.deadline import asleep, steady
-from frida_painter.hardware.link.silence import LOOK_EVERY, MACHINE, Look, Patience, SilenceRule
+from frida_painter.hardware.link.silence import LOOK_EVERY, MACHINE, LinkState, Patience, SilenceRule
 
 # What comes over the line, one byte each: a heartbeat, a stop, or the number of a signal, which the
 # system's own handler writes there (signal.set_wakeup_fd) whatever the painting process is doing.
@@ -90,11 +90,11 @@ class Watch:
             with contextlib.suppress(OSError):  # the painting process is gone, or has not read for long
                 self._line.send(BEAT)
 
-    def _look(self, now: float) -> Look:
+    def _look(self, now: float) -> LinkState:
         thinking = self._process.thinking()
         # What it waited for is asked of each of its threads, and of no use while it is heard.
         starved = self._process.starved() if self._rule.silence(now) > 2 * BEAT_EVERY else None
-        return Look(now, self._moving(), not self._open, thinking, starved)
+        return LinkState(now, self._moving(), not self._open, thinking, starved)
 
     def _read(self, now: float) -> None:
         try:
