@@ -34,7 +34,8 @@ def test_what_was_written_is_read_again_and_goes_on(tmp_path: Path) -> None:
     assert {item.name for item in tmp_path.iterdir()} == {"journal"}, "the reserve is given back"
 
 
-def test_f03_killed_at_every_byte_of_a_write_the_tail_is_dropped_and_all_before_is_whole(tmp_path: Path) -> None:
+def test_killed_at_every_byte_of_a_write_the_tail_is_dropped_and_all_before_is_whole(tmp_path: Path) -> None:
+    """Fault F3: a process is killed at any byte of a write."""
     path = tmp_path / "journal"
     content = written(path)
     ends = [number for number, byte in enumerate(content, 1) if byte == ord("\n")]
@@ -56,10 +57,11 @@ def test_what_a_power_cut_leaves_in_place_of_a_record_is_dropped(tmp_path: Path,
         assert book.found == RECORDS and book.torn == len(rubbish)
 
 
-def test_f04_a_power_cut_loses_nothing_that_was_told_to_be_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Everything that was not flushed is dropped: the disk holds what it held at the last flush of the file."""
+def test_a_power_cut_loses_nothing_that_was_told_to_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fault F4: a power cut loses what was not flushed.
+
+    Everything that was not flushed is dropped: the disk holds what it held at the last flush of the file.
+    """
     path = tmp_path / "journal"
     safe: list[bytes] = []
     flush = os.fsync
@@ -128,10 +130,13 @@ def test_only_one_process_writes(tmp_path: Path) -> None:
     EventLog(tmp_path / "journal").close()
 
 
-def test_f05_a_record_that_finds_no_room_is_refused_and_the_next_one_after_room_was_made_is_kept(
+def test_a_record_that_finds_no_room_is_refused_and_the_next_one_after_room_was_made_is_kept(
     tmp_path: Path,
 ) -> None:
-    """A file size limit stops the write midway, as a disk that fills up does."""
+    """Fault F5: the disk is full in mid-painting.
+
+    A file size limit stops the write midway, as a disk that fills up does.
+    """
     path = tmp_path / "journal"
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     with EventLog.begin(path, RECORDS[0]) as book:
@@ -171,7 +176,8 @@ def test_on_a_full_disk_the_reserve_is_given_up_first(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.parametrize("gone", ["file", "folder"])
-def test_f07_a_journal_that_vanished_is_noticed(tmp_path: Path, gone: str) -> None:
+def test_a_journal_that_vanished_is_noticed(tmp_path: Path, gone: str) -> None:
+    """Fault F7: the painting's folder vanishes or becomes read-only."""
     folder = tmp_path / "painting"
     with EventLog.begin(folder / "journal", RECORDS[0]) as book:
         if gone == "file":

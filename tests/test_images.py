@@ -45,8 +45,9 @@ def test_the_name_of_a_file_does_not_decide_what_it_is(tmp_path: Path, scene: np
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_f24_exif_turns_a_photograph_upright(tmp_path: Path, scene: np.ndarray, orientation: int) -> None:
+def test_exif_turns_a_photograph_upright(tmp_path: Path, scene: np.ndarray, orientation: int) -> None:
     # How a camera stores an upright scene when it notes each orientation (EXIF 2.32, tag 0x0112).
+    """Fault F24: a damaged or unusual picture file."""
     stored = {
         1: scene,
         2: scene[:, ::-1],
@@ -105,7 +106,8 @@ def test_sixteen_bit_gray_is_scaled_by_its_own_range(tmp_path: Path, suffix: str
     assert torch.allclose(image[1, 7], torch.linspace(0, 1, COLUMNS), atol=1e-4)
 
 
-def test_f24_sixteen_bit_color_is_scaled_by_its_own_range(tmp_path: Path, scene: np.ndarray) -> None:
+def test_sixteen_bit_color_is_scaled_by_its_own_range(tmp_path: Path, scene: np.ndarray) -> None:
+    """Fault F24: a damaged or unusual picture file."""
     cv2.imwrite(str(tmp_path / "deep.png"), scene[..., ::-1].astype(np.uint16) * 257)
     assert mean_difference(images.load(tmp_path / "deep.png"), scene) < 1e-6
 
@@ -212,7 +214,8 @@ def test_what_is_not_a_picture_is_refused_in_one_sentence(tmp_path: Path, conten
     assert "photo.jpg" in message and message.endswith(".") and "\n" not in message
 
 
-def test_f24_a_cut_off_photograph_is_refused(tmp_path: Path, scene: np.ndarray) -> None:
+def test_a_cut_off_photograph_is_refused(tmp_path: Path, scene: np.ndarray) -> None:
+    """Fault F24: a damaged or unusual picture file."""
     for suffix in ("jpg", "webp", "bmp", "tif"):
         path = tmp_path / f"cut.{suffix}"
         Image.fromarray(scene).resize((600, 400)).save(path)

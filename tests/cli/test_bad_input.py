@@ -142,7 +142,10 @@ def test_photographs_that_are_none(command: str, refuse: Callable[..., str], tmp
 
 
 @pytest.mark.parametrize("command", ["paint", "plan"])
-def test_f06_a_full_disk(command: str, refuse: Callable[..., str], photo: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_told_before_anything_is_made(
+    command: str, refuse: Callable[..., str], photo: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fault F6: the disk is nearly full."""
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(shutil, "disk_usage", lambda path: usage(2**40, 2**40 - 2**20, 2**20))
     message = refuse(command, photo, "--out", "new", "--strokes", "5")

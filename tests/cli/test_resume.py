@@ -131,7 +131,8 @@ def test_in_scripts_the_stroke_in_doubt_is_painted_again_only_where_that_is_said
         assert picture.width > picture.height > 700
 
 
-def test_f33_what_was_changed_is_shown_and_refused_until_it_is_accepted(resume: Resume, painting: Path) -> None:
+def test_what_was_changed_is_shown_and_refused_until_it_is_accepted(resume: Resume, painting: Path) -> None:
+    """Fault F33: the plan or the settings were changed before resuming."""
     settings = painting / "settings.json"
     settings.write_text(settings.read_text().replace('"effort": 0.05', '"effort": 0.06'))
     Image.new("RGB", (64, 64), "blue").save(painting / "goal" / "1" / "coffee.jpg")
@@ -145,7 +146,8 @@ def test_f33_what_was_changed_is_shown_and_refused_until_it_is_accepted(resume: 
     assert status == 0 and told(painting).finished
 
 
-def test_f33_what_is_painted_cannot_become_something_else(resume: Resume, painting: Path) -> None:
+def test_what_is_painted_cannot_become_something_else(resume: Resume, painting: Path) -> None:
+    """Fault F33: the plan or the settings were changed before resuming."""
     settings = painting / "settings.json"
     settings.write_text(settings.read_text().replace('"strokes": 10', '"strokes": 12'))
     status, said = resume("painting", "--yes", "--accept-changes")

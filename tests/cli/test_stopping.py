@@ -77,7 +77,8 @@ def result(painter: Painter) -> dict:
     return json.loads((painter.folder / "result.json").read_text())
 
 
-def test_f8_f34_ctrl_c_twice_stops_the_robot_and_writes_the_page(tmp_path: Path) -> None:
+def test_ctrl_c_twice_stops_the_robot_and_writes_the_page(tmp_path: Path) -> None:
+    """Faults F8: a stop is pressed; F34: a signal ends the program at any moment."""
     painter = paint(tmp_path, "--pace", "1")
     painter.wait_for("plan.json", strokes=4)
     painter.process.send_signal(signal.SIGINT)
@@ -100,7 +101,8 @@ def test_f8_f34_ctrl_c_twice_stops_the_robot_and_writes_the_page(tmp_path: Path)
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)], ids=["TERM", "HUP"])
-def test_f34_the_system_ends_it_within_a_stroke(tmp_path: Path, number: int, status: int) -> None:
+def test_the_system_ends_it_within_a_stroke(tmp_path: Path, number: int, status: int) -> None:
+    """Fault F34: a signal ends the program at any moment."""
     painter = paint(tmp_path, "--pace", "0.3")
     painter.wait_for("plan.json", strokes=3)
     painter.process.send_signal(number)
@@ -112,9 +114,8 @@ def test_f34_the_system_ends_it_within_a_stroke(tmp_path: Path, number: int, sta
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)], ids=["TERM", "HUP"])
-def test_f34_b12_whoever_ends_it_while_planning_leaves_nothing_half_done(
-    tmp_path: Path, number: int, status: int
-) -> None:
+def test_whoever_ends_it_while_planning_leaves_nothing_half_done(tmp_path: Path, number: int, status: int) -> None:
+    """Faults F34: a signal ends the program at any moment; B12: a very busy machine and a simulated robot."""
     painter = paint(tmp_path, "--effort", "5")
     painter.wait_for("studio.diary")
     painter.process.send_signal(number)
@@ -125,7 +126,8 @@ def test_f34_b12_whoever_ends_it_while_planning_leaves_nothing_half_done(
     assert not (painter.folder / "plan.json").exists()
 
 
-def test_f8_the_stop_file_stops_a_painting_that_is_planning(tmp_path: Path) -> None:
+def test_the_stop_file_stops_a_painting_that_is_planning(tmp_path: Path) -> None:
+    """Fault F8: a stop is pressed."""
     painter = paint(tmp_path, "--effort", "5")
     painter.wait_for("studio.diary", strokes=1)
     (painter.folder / STOP_FILE).touch()

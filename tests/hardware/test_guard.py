@@ -153,9 +153,10 @@ def test_a_stop_latches_before_any_disk_has_answered_and_survives_a_restart(
 
 
 @pytest.mark.parametrize("tip", [(0.0, 0.0, 1.0), (9.0, 0.0, 0.2), (0.0, 0.0, 0.0)])
-def test_f20_a_robot_that_stands_outside_the_workspace_is_not_painted_with(
+def test_a_robot_that_stands_outside_the_workspace_is_not_painted_with(
     tip: tuple[float, float, float], tmp_path: Path
 ) -> None:
+    """Fault F20: the robot starts outside the workspace or at an unknown position."""
     robot = MisbehavingRobot("pose", fine, np.array(tip))
     guard = guarded(robot, tmp_path)
     with pytest.raises(WorkspaceViolation, match="guide it into the workspace by hand"):
@@ -163,7 +164,8 @@ def test_f20_a_robot_that_stands_outside_the_workspace_is_not_painted_with(
     assert robot.motions == [] and guard.stopped is None
 
 
-def test_f20_a_robot_that_does_not_know_where_it_is_is_not_painted_with(tmp_path: Path) -> None:
+def test_a_robot_that_does_not_know_where_it_is_is_not_painted_with(tmp_path: Path) -> None:
+    """Fault F20: the robot starts outside the workspace or at an unknown position."""
     studio = open_studio(CanvasSize(0.12, 0.09), "fine", faults=Faults(unknown_pose=True))
     guard = GuardedRobot(studio.easel.robot, studio.easel.workspace, Latch(tmp_path / "latch", "studio"))
     with pytest.raises(RobotError, match="does not know where its tip is"):
@@ -185,7 +187,8 @@ def test_a_brush_that_was_left_low_is_lifted_first_and_straight_up(tmp_path: Pat
 @pytest.mark.parametrize(
     "position", [[[0.0, 0.0, np.nan]], [[0.0, 0.0, 200.0]], [[0.0, 0.0, 0.0]], [[np.inf, 0.0, 0.2]]]
 )
-def test_f19_the_easels_process_checks_once_more(position: list[list[float]], tmp_path: Path) -> None:
+def test_the_easels_process_checks_once_more(position: list[list[float]], tmp_path: Path) -> None:
+    """Fault F19: a waypoint outside the workspace or not a number."""
     robot = MisbehavingRobot()
     guard = in_state("connected", robot, tmp_path)
     with pytest.raises(WorkspaceViolation, match="stroke 9"):
@@ -193,10 +196,13 @@ def test_f19_the_easels_process_checks_once_more(position: list[list[float]], tm
     assert robot.motions == [] and guard.stopped is None, "nothing has moved, and nothing has to be re-armed"
 
 
-def test_f31_a_computer_that_slept_in_the_middle_of_a_motion_gives_it_up(
+def test_a_computer_that_slept_in_the_middle_of_a_motion_gives_it_up(
     tmp_path: Path, hang: Hang, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The clock that counts goes on while the computer sleeps; the one on the wall may say what it likes."""
+    """Fault F31: the clock jumps or the computer sleeps.
+
+    The clock that counts goes on while the computer sleeps; the one on the wall may say what it likes.
+    """
     robot = MisbehavingRobot("follow", hang)
     guard = in_state("connected", robot, tmp_path)
     guard._patience = guard._grace = 100.0
@@ -263,8 +269,11 @@ def test_a_slow_robot_is_waited_for(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_f10_whenever_and_however_often_it_is_stopped_nothing_moves_afterwards(tmp_path: Path) -> None:
-    """1000 stops at random moments of a motion that would take 0.3 s, half of them twice or once more afterwards."""
+def test_whenever_and_however_often_it_is_stopped_nothing_moves_afterwards(tmp_path: Path) -> None:
+    """Fault F10: stops at any moment, twice, and while stopping.
+
+    1000 stops at random moments of a motion that would take 0.3 s, half of them twice or once more afterwards.
+    """
     chance = random.Random(7)
     studio = open_studio(CanvasSize(0.12, 0.09), "fine", settings=StudioSettings(pace=0.1))
     walked: list[dict] = []

@@ -29,7 +29,8 @@ def test_one_at_a_time(tmp_path: Path) -> None:
     RobotLock(path, "the arm").release()
 
 
-def test_f32_a_lock_of_a_dead_process_is_free(tmp_path: Path) -> None:
+def test_a_lock_of_a_dead_process_is_free(tmp_path: Path) -> None:
+    """Fault F32: two painters, one robot."""
     path = tmp_path / "robot.lock"
     other = subprocess.Popen(
         [sys.executable, "-c", HOLD, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

@@ -72,15 +72,17 @@ def test_a_good_photograph_is_trusted(stage: Stage) -> None:
         (Faults(lost_focus=(LostFocus(0, blur=0.01),)), "is blurred"),
     ],
 )
-def test_f23_what_cannot_be_trusted_is_refused_with_the_reason(stage: Stage, faults: Faults, reason: str) -> None:
+def test_what_cannot_be_trusted_is_refused_with_the_reason(stage: Stage, faults: Faults, reason: str) -> None:
+    """Fault F23: the photograph cannot be trusted."""
     with pytest.raises(FrameRejected, match=reason):
         stage.judge(stage.photograph(faults=faults), stage.expected)
 
 
 @pytest.mark.parametrize("shift", [(0.005, 0.0), (0.0, -0.005), (-0.003, 0.004), (0.004, 0.003)])
-def test_f23_a_canvas_that_was_bumped_by_5_mm_is_noticed_also_when_anything_may_be_on_it(
+def test_a_canvas_that_was_bumped_by_5_mm_is_noticed_also_when_anything_may_be_on_it(
     stage: Stage, shift: tuple[float, float]
 ) -> None:
+    """Fault F23: the photograph cannot be trusted."""
     image = stage.photograph(knock=PlacementError(shift, 0.0))
     for expected in (stage.expected, None):
         with pytest.raises(FrameRejected, match=r"no longer where it was: its edge is (4\.[5-9]|5\.[0-5]) mm away"):
@@ -91,7 +93,8 @@ def test_a_millimetre_is_not_worth_an_alarm(stage: Stage) -> None:
     stage.judge(stage.photograph(knock=PlacementError((0.0007, 0.0007), 0.0)), stage.expected)
 
 
-def test_f23_a_lens_that_was_turned_is_noticed(stage: Stage) -> None:
+def test_a_lens_that_was_turned_is_noticed(stage: Stage) -> None:
+    """Fault F23: the photograph cannot be trusted."""
     image = stage.photograph()
     rows, columns = image.shape[:2]
     nearer = cv2.getRotationMatrix2D((columns / 2, rows / 2), 0, 1.06)

@@ -82,7 +82,8 @@ def test_any_order_may_be_kept() -> None:
     assert (to_lab(found.color)[:, 0].diff() >= -3).all()
 
 
-def test_f29_the_third_step_that_is_not_finite_ends_it() -> None:
+def test_the_third_step_that_is_not_finite_ends_it() -> None:
+    """Fault F29: values that are not finite while planning."""
     steps: list[Step] = []
     with pytest.raises(PlanningDiverged, match=r"not finite in iteration 6, for the 3\. time.*another seed"):
         optimize(some_strokes(10), turning_nan(after=4), iterations=30, notify=steps.append)
@@ -94,7 +95,8 @@ def test_a_loss_that_was_never_finite_ends_at_once() -> None:
         optimize(some_strokes(10), turning_nan(after=0), iterations=30)
 
 
-def test_f29_one_step_that_is_not_finite_is_discarded_and_the_best_is_kept() -> None:
+def test_one_step_that_is_not_finite_is_discarded_and_the_best_is_kept() -> None:
+    """Fault F29: values that are not finite while planning."""
     strokes = some_strokes(10)
     found, _ = optimize(strokes, turning_nan(after=6, for_good=False), iterations=20)
     assert judged(found) < 0.95 * judged(strokes)
@@ -102,7 +104,9 @@ def test_f29_one_step_that_is_not_finite_is_discarded_and_the_best_is_kept() -> 
     assert all(bool(torch.isfinite(part).all()) for part in found.arrays().values())
 
 
-def test_f29_gradients_that_are_not_finite_never_reach_the_strokes() -> None:
+def test_gradients_that_are_not_finite_never_reach_the_strokes() -> None:
+    """Fault F29: values that are not finite while planning."""
+
     def objective(picture: Tensor) -> Tensor:  # its slope at 0 is 0 x infinity
         return SCENE.objective(picture) + 0 * (picture - picture.detach()).sqrt().mean()
 

@@ -127,7 +127,8 @@ def test_planning_a_quarter_again_takes_a_small_part_of_the_work() -> None:
     assert time.process_time() - started < whole / 3
 
 
-def test_f29_where_planning_again_diverges_the_plan_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_planning_again_diverges_the_plan_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fault F29: values that are not finite while planning."""
     by, plan = planner(), planned(8)
     calls = 0
 
@@ -198,9 +199,10 @@ def test_meaning_is_come_nearer_to_and_planning_again_never_leads_away() -> None
         RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried to allocate 99 bytes."),
     ],
 )
-def test_f28_without_memory_enough_it_is_planned_again_with_less_and_else_the_plan_stays(
+def test_without_memory_enough_it_is_planned_again_with_less_and_else_the_plan_stays(
     monkeypatch: pytest.MonkeyPatch, failure: Exception
 ) -> None:
+    """Fault F28: no memory left while planning."""
     by, plan = planner(effort=Effort().scaled(0.1)), planned(8)
     photograph = BARE * 0.7
     sizes: list[int] = []

@@ -82,7 +82,8 @@ def test_what_cannot_be_opened_says_so_at_once(tmp_path: Path) -> None:
         assert time.monotonic() - began < 60
 
 
-def test_f32_a_robot_that_another_process_has_is_busy_and_free_when_that_one_is_dead(tmp_path: Path) -> None:
+def test_a_robot_that_another_process_has_is_busy_and_free_when_that_one_is_dead(tmp_path: Path) -> None:
+    """Fault F32: two painters, one robot."""
     order = order_in(tmp_path)
     with easel_of(order) as (_, first):
         with EaselProcess() as second, pytest.raises(RobotBusy, match=f"process {first._process.pid}") as busy:

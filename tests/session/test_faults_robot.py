@@ -81,7 +81,8 @@ def painter(folder: Path, speed: float = 0.06, robot: str = MACHINE) -> Iterator
 
 
 @pytest.mark.parametrize("way", ["line", "file"])
-def test_f8_stop_within_a_stroke_acts_at_once_and_f9_holds_until_a_person_re_arms(tmp_path: Path, way: str) -> None:
+def test_stop_within_a_stroke_acts_at_once_and_holds_until_a_person_re_arms(tmp_path: Path, way: str) -> None:
+    """Faults F8: a stop is pressed; F9: somebody tries to go on after a stop."""
     folder = tmp_path / "painting"
     order = order_in(folder, pace=1.0)
     asked = []
@@ -127,7 +128,8 @@ def test_f8_stop_within_a_stroke_acts_at_once_and_f9_holds_until_a_person_re_arm
     assert lifted["path"][0] == cut["path"][-1] and home["path"][0] == lifted["path"][-1]
 
 
-def test_f12_a_painting_process_that_is_held_up_has_its_robot_stopped_within_three_seconds(tmp_path: Path) -> None:
+def test_a_painting_process_that_is_held_up_has_its_robot_stopped_within_three_seconds(tmp_path: Path) -> None:
+    """Fault F12: the painting process is held up (SIGSTOP)."""
     folder = tmp_path / "painting"
     with painter(folder, speed=0.005) as process:
         assert process.stdout is not None
@@ -143,7 +145,8 @@ def test_f12_a_painting_process_that_is_held_up_has_its_robot_stopped_within_thr
         assert "RobotStopped" in complaint and len(moves(folder)) <= told + 1
 
 
-def test_f2_a_painting_process_killed_within_a_stroke_leaves_it_done_and_nothing_moves_on(tmp_path: Path) -> None:
+def test_a_painting_process_killed_within_a_stroke_leaves_it_done_and_nothing_moves_on(tmp_path: Path) -> None:
+    """Fault F2: the painting process is killed within a stroke."""
     folder = tmp_path / "painting"
     with painter(folder) as process:
         assert process.stdout is not None
@@ -161,7 +164,8 @@ def test_f2_a_painting_process_killed_within_a_stroke_leaves_it_done_and_nothing
         paint(easel, range(1, 2))
 
 
-def test_f15_f17_a_robot_that_lies_and_then_fails_is_told_of_as_it_is(tmp_path: Path) -> None:
+def test_a_robot_that_lies_and_then_fails_is_told_of_as_it_is(tmp_path: Path) -> None:
+    """Faults F15: the robot returns an error; F17: the robot reports success from a wrong position."""
     folder = tmp_path / "painting"
     faults = Faults(lying_motions=frozenset({1}), failed_motions=(FailedMotion(2, 3, 31),))
     with easel_of(order_in(folder, faults=faults)) as (easel, _):
@@ -179,7 +183,8 @@ def test_f15_f17_a_robot_that_lies_and_then_fails_is_told_of_as_it_is(tmp_path: 
     assert len(moves(folder)) == 3
 
 
-def test_f14_f18_a_robot_that_meets_with_resistance_and_one_that_is_gone(tmp_path: Path) -> None:
+def test_a_robot_that_meets_with_resistance_and_one_that_is_gone(tmp_path: Path) -> None:
+    """Faults F14: the connection to the robot breaks; F18: the robot meets resistance (protective stop)."""
     for name, faults, kind in (
         ("resisted", Faults(protective_stops=frozenset({0})), RobotStopped),
         ("gone", Faults(dead_from_motion=0), RobotDisconnected),
@@ -194,7 +199,8 @@ def test_f14_f18_a_robot_that_meets_with_resistance_and_one_that_is_gone(tmp_pat
         assert latch(folder).read() is not None
 
 
-def test_f16_a_robot_whose_call_never_returns_is_given_up(tmp_path: Path) -> None:
+def test_a_robot_whose_call_never_returns_is_given_up(tmp_path: Path) -> None:
+    """Fault F16: a call to the robot never returns."""
     folder = tmp_path / "painting"
     with easel_of(order_in(folder, faults=Faults(hanging_motions=frozenset({1})))) as (easel, _):
         easel.robot.home()
@@ -219,7 +225,8 @@ def test_an_easels_process_that_is_told_to_end_stops_its_robot_and_loses_nothing
     assert len(moves(folder)) == 1 and gone(moves(folder)[0]) > 0
 
 
-def test_b11_an_easels_process_that_was_frozen_within_a_stroke_does_not_go_on_by_itself(tmp_path: Path) -> None:
+def test_an_easels_process_that_was_frozen_within_a_stroke_does_not_go_on_by_itself(tmp_path: Path) -> None:
+    """Fault B11: the easel's process is frozen."""
     folder = tmp_path / "painting"
     with easel_of(order_in(folder, pace=1.0)) as (easel, process):
         easel.robot.home()
@@ -234,7 +241,8 @@ def test_b11_an_easels_process_that_was_frozen_within_a_stroke_does_not_go_on_by
     assert held is not None and "in the middle of a motion" in held.reason
 
 
-def test_b11_a_painting_process_says_so_when_it_hears_nothing_from_the_easels(tmp_path: Path) -> None:
+def test_a_painting_process_says_so_when_it_hears_nothing_from_the_easels(tmp_path: Path) -> None:
+    """Fault B11: the easel's process is frozen."""
     folder = tmp_path / "painting"
     with easel_of(order_in(folder, pace=1.0)) as (easel, process):
         easel.robot.home()
@@ -252,7 +260,8 @@ def test_b11_a_painting_process_says_so_when_it_hears_nothing_from_the_easels(tm
             easel.robot.home()
 
 
-def test_b12_a_simulated_robot_that_was_stopped_stands_still_but_is_neither_latched_nor_armed(tmp_path: Path) -> None:
+def test_a_simulated_robot_that_was_stopped_stands_still_but_is_neither_latched_nor_armed(tmp_path: Path) -> None:
+    """Fault B12: a very busy machine and a simulated robot."""
     folder = tmp_path / "painting"
     order = order_in(folder, pace=1.0, robot="virtual")
     latch(folder).engage("an earlier version latched simulated robots as well")
@@ -276,7 +285,8 @@ def test_b12_a_simulated_robot_that_was_stopped_stands_still_but_is_neither_latc
     assert latch(folder).path.read_bytes() == before, "neither read nor written"
 
 
-def test_b12_a_painting_process_that_is_held_up_has_its_simulated_robot_wait_for_it(tmp_path: Path) -> None:
+def test_a_painting_process_that_is_held_up_has_its_simulated_robot_wait_for_it(tmp_path: Path) -> None:
+    """Fault B12: a very busy machine and a simulated robot."""
     folder = tmp_path / "painting"
     with painter(folder, robot="virtual") as process:
         assert process.stdout is not None
@@ -290,7 +300,8 @@ def test_b12_a_painting_process_that_is_held_up_has_its_simulated_robot_wait_for
     assert not (tmp_path / "state" / "stopped").exists()
 
 
-def test_b11_a_simulated_robots_process_that_was_frozen_goes_on(tmp_path: Path) -> None:
+def test_a_simulated_robots_process_that_was_frozen_goes_on(tmp_path: Path) -> None:
+    """Fault B11: the easel's process is frozen."""
     folder = tmp_path / "painting"
     with easel_of(order_in(folder, pace=1.0, robot="virtual")) as (easel, process):
         for seconds, number in ((0.5, signal.SIGSTOP), (5.5, signal.SIGCONT)):
@@ -299,7 +310,8 @@ def test_b11_a_simulated_robots_process_that_was_frozen_goes_on(tmp_path: Path) 
         easel.robot.home()
 
 
-def test_b12_beside_twelve_busy_loops_a_virtual_painting_is_finished(tmp_path: Path) -> None:
+def test_beside_twelve_busy_loops_a_virtual_painting_is_finished(tmp_path: Path) -> None:
+    """Fault B12: a very busy machine and a simulated robot."""
     folder = tmp_path / "painting"
     with painter(folder, robot="virtual") as process, ExitStack() as loops:
         assert process.stdout is not None

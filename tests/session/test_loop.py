@@ -41,7 +41,8 @@ def test_the_film_gets_as_many_glimpses_as_it_asked_for_and_the_last_stroke_is_o
 
 
 @pytest.mark.parametrize(("strokes", "replans"), [(1, 0), (1, 4), (3, 1), (7, 3), (5, 50), (12, 11)])
-def test_f35_exactly_so_many_strokes_are_painted(strokes: int, replans: int) -> None:
+def test_exactly_so_many_strokes_are_painted(strokes: int, replans: int) -> None:
+    """Fault F35: unusual counts of strokes and batches."""
     evening = Evening(strokes, replans)
     painting = evening.run()
     assert painting.painted == strokes and painting.rest is not None and len(painting.rest) == 0

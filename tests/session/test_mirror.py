@@ -53,8 +53,11 @@ def test_the_letter_as_drawn_is_an_f() -> None:
         assert np.corrcoef(ink.ravel(), flipped.ravel())[0, 1] < 0.5
 
 
-def test_f36_an_f_painted_through_the_whole_path_comes_back_as_an_f() -> None:
-    """Frames, motion, robot, paint, camera, rectification: an error of sign in any of them mirrors the letter."""
+def test_an_f_painted_through_the_whole_path_comes_back_as_an_f() -> None:
+    """Fault F36: a mirrored canvas.
+
+    Frames, motion, robot, paint, camera, rectification: an error of sign in any of them mirrors the letter.
+    """
     studio = open_studio(CANVAS, "fine", seed=3, settings=StudioSettings(cell=0.4))
     easel = studio.easel
     easel.robot.connect()

@@ -36,7 +36,8 @@ def pauses(evening: Evening) -> list[Paused]:
 
 
 @pytest.mark.parametrize("stroke", [1, 4, 6])
-def test_f11_a_pause_in_a_stroke_lets_it_be_finished_and_the_arm_is_aside_with_a_clean_brush(stroke: int) -> None:
+def test_a_pause_in_a_stroke_lets_it_be_finished_and_the_arm_is_aside_with_a_clean_brush(stroke: int) -> None:
+    """Fault F11: a pause while planning or within a stroke."""
     seen: list[list[str]] = []
 
     def answer(paused: Paused) -> bool:
@@ -52,7 +53,8 @@ def test_f11_a_pause_in_a_stroke_lets_it_be_finished_and_the_arm_is_aside_with_a
     assert evening.painted() == list(range(1, 10)), "and every stroke is painted once"
 
 
-def test_f11_a_pause_while_planning_is_heeded_at_the_next_step_and_planning_goes_on() -> None:
+def test_a_pause_while_planning_is_heeded_at_the_next_step_and_planning_goes_on() -> None:
+    """Fault F11: a pause while planning or within a stroke."""
     evening = Evening(
         5, pause_at=lambda event: isinstance(event, PlanningStep) and event.iteration == 1, go_on=lambda paused: True
     )
@@ -61,7 +63,8 @@ def test_f11_a_pause_while_planning_is_heeded_at_the_next_step_and_planning_goes
     assert kinds[:3] == ["PlanningStep", "Paused", "PlanningStep"]
 
 
-def test_f11_a_pause_that_nobody_ends_ends_the_painting_resumably(tmp_path: Path) -> None:
+def test_a_pause_that_nobody_ends_ends_the_painting_resumably(tmp_path: Path) -> None:
+    """Fault F11: a pause while planning or within a stroke."""
     evening = Evening(9, pause_at=after(4), journal=begun(tmp_path))
     with pytest.raises(PaintingPaused, match=r"You asked for a pause\. The painting has paused after 4 strokes"):
         evening.run()
@@ -85,9 +88,10 @@ class FullDisk:
         monkeypatch.setattr(os, "pwrite", writing)
 
 
-def test_f05_on_a_full_disk_it_pauses_before_the_next_stroke_and_goes_on_when_there_is_room(
+def test_on_a_full_disk_it_pauses_before_the_next_stroke_and_goes_on_when_there_is_room(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Fault F5: the disk is full in mid-painting."""
     disk = FullDisk(monkeypatch, tmp_path)
 
     def fill(event: Event) -> bool:
@@ -108,9 +112,10 @@ def test_f05_on_a_full_disk_it_pauses_before_the_next_stroke_and_goes_on_when_th
     assert told(tmp_path).finished and told(tmp_path).painted == 7
 
 
-def test_f05_where_nobody_makes_room_it_ends_and_can_be_resumed_later(
+def test_where_nobody_makes_room_it_ends_and_can_be_resumed_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Fault F5: the disk is full in mid-painting."""
     disk = FullDisk(monkeypatch, tmp_path)
 
     def fill(event: Event) -> bool:
@@ -129,7 +134,8 @@ def test_f05_where_nobody_makes_room_it_ends_and_can_be_resumed_later(
     journal.resumed(history, repaint=False)
 
 
-def test_f07_a_folder_that_vanishes_pauses_it_as_a_full_disk_does(tmp_path: Path) -> None:
+def test_a_folder_that_vanishes_pauses_it_as_a_full_disk_does(tmp_path: Path) -> None:
+    """Fault F7: the painting's folder vanishes or becomes read-only."""
     folder = tmp_path / "painting"
 
     def vanish(event: Event) -> bool:
@@ -147,7 +153,9 @@ def test_f07_a_folder_that_vanishes_pauses_it_as_a_full_disk_does(tmp_path: Path
     assert told(folder).finished
 
 
-def test_f06_photographs_are_given_up_before_the_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_photographs_are_given_up_before_the_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fault F6: the disk is nearly full."""
+
     def full(pixels: object, path: Path) -> None:
         raise StorageError(f"{path} cannot be written (No space left on device)")
 
@@ -172,12 +180,14 @@ class Blind(PatientCamera):
         return frame
 
 
-def test_f21_a_camera_that_answers_at_the_third_time_of_asking_is_no_reason_to_pause() -> None:
+def test_a_camera_that_answers_at_the_third_time_of_asking_is_no_reason_to_pause() -> None:
+    """Fault F21: the camera is gone."""
     evening = Evening(4, replans=1, camera=Blind({2, 3}))
     assert evening.run().painted == 4 and pauses(evening) == []
 
 
-def test_f21_without_a_camera_it_pauses_with_the_arm_aside_and_plans_nothing_again() -> None:
+def test_without_a_camera_it_pauses_with_the_arm_aside_and_plans_nothing_again() -> None:
+    """Fault F21: the camera is gone."""
     asked: list[int] = []
 
     def answer(paused: Paused) -> bool:
@@ -193,13 +203,15 @@ def test_f21_without_a_camera_it_pauses_with_the_arm_aside_and_plans_nothing_aga
         Evening(6, replans=1, camera=Blind({2, 3, 4})).run()
 
 
-def test_f21_a_glimpse_for_the_film_is_rather_left_out() -> None:
+def test_a_glimpse_for_the_film_is_rather_left_out() -> None:
+    """Fault F21: the camera is gone."""
     evening = Evening(4, replans=0, timelapse_frames=2, camera=Blind({2, 3, 4}))
     assert evening.run().painted == 4 and pauses(evening) == []
     assert evening.kinds().count("TimelapseFrame") == 1
 
 
-def test_f22_an_old_frame_is_asked_for_again_and_then_it_pauses() -> None:
+def test_an_old_frame_is_asked_for_again_and_then_it_pauses() -> None:
+    """Fault F22: the camera repeats an old frame."""
     stale = (0.5, 1)
     camera = PatientCamera([(100.0, 1), stale, stale, stale])
     evening = Evening(4, replans=1, camera=camera, robot=NotingRobot(now=50.0), go_on=lambda paused: True)

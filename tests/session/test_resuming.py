@@ -90,9 +90,10 @@ def off(canvas: Tensor, undisturbed: Undisturbed, but_for: int | None = None) ->
     return float(difference.mean())
 
 
-def test_f01_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_brush(
+def test_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_brush(
     world: World, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
+    """Fault F1: the painting process is killed between two strokes."""
     before = killed(world, tmp_path, ended(5))
     assert before.painted == 5 and before.in_doubt is None
     assert off(resumed(world, tmp_path), undisturbed) < CLEANED
@@ -103,10 +104,13 @@ def test_f01_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_bru
 
 
 @pytest.mark.parametrize("repaint", [False, True])
-def test_f02_killed_in_a_stroke_that_one_is_in_doubt_and_only_painted_again_when_told_so(
+def test_killed_in_a_stroke_that_one_is_in_doubt_and_only_painted_again_when_told_so(
     world: World, undisturbed: Undisturbed, tmp_path: Path, repaint: bool
 ) -> None:
-    """In the last batch, after which nothing is planned again: all other strokes are the same ones."""
+    """Fault F2: the painting process is killed within a stroke.
+
+    In the last batch, after which nothing is planned again: all other strokes are the same ones.
+    """
     before = killed(world, tmp_path, began(10))
     assert before.painted == 9 and before.in_doubt == 10
     canvas = resumed(world, tmp_path, repaint=repaint)
@@ -229,7 +233,8 @@ def test_without_the_photograph_of_its_batch_a_painting_goes_on_as_well(
     assert world.planner.validation_loss(resumed(world, tmp_path)) < 1.35 * undisturbed.loss
 
 
-def test_f33_another_plan_is_noticed(world: World, undisturbed: Undisturbed, tmp_path: Path) -> None:
+def test_another_plan_is_noticed(world: World, undisturbed: Undisturbed, tmp_path: Path) -> None:
+    """Fault F33: the plan or the settings were changed before resuming."""
     killed(world, tmp_path, ended(6))
     plan = Plan.load(tmp_path)
     turned = plan.strokes.with_groups(thickness=1 - plan.strokes.thickness)
@@ -244,7 +249,8 @@ def test_f33_another_plan_is_noticed(world: World, undisturbed: Undisturbed, tmp
         resuming.kept_plan(tmp_path, history)
 
 
-def test_f33_changed_settings_and_files_are_told_one_by_one() -> None:
+def test_changed_settings_and_files_are_told_one_by_one() -> None:
+    """Fault F33: the plan or the settings were changed before resuming."""
     history = History({"strokes": 12, "effort": 1.0, "old": 1}, {"goal": "a" * 64, "brush": "none"})
     told = resuming.changes(
         history, {"strokes": 12, "effort": 2.0, "new": None}, {"goal": "b" * 64, "brush": "gone"}, None

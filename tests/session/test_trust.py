@@ -45,15 +45,19 @@ def paint(world: World, folder: Path, faults: Faults, seed: int = 0, plan: Plan 
         (Faults(failed_photographs=frozenset(range(2, 20))), 8, "does not answer"),
     ],
 )
-def test_f21_f22_f23_what_cannot_be_trusted_is_taken_again_and_then_the_painting_pauses(
+def test_what_cannot_be_trusted_is_taken_again_and_then_the_painting_pauses(
     world: World, tmp_path: Path, faults: Faults, done: int, reason: str
 ) -> None:
+    """Faults F21: the camera is gone; F22: the camera repeats an old frame; F23: the photograph cannot be trusted."""
     (paused,) = paint(world, tmp_path, faults)
     assert paused.done == done and reason in paused.reason
 
 
-def test_f23_what_goes_away_by_itself_is_waited_for(world: World, tmp_path: Path) -> None:
-    """A hand in two photographs, focus lost in one, a frozen one: none is decided by, and nobody is asked."""
+def test_what_goes_away_by_itself_is_waited_for(world: World, tmp_path: Path) -> None:
+    """Fault F23: the photograph cannot be trusted.
+
+    A hand in two photographs, focus lost in one, a frozen one: none is decided by, and nobody is asked.
+    """
     faults = Faults(
         in_sight=(InSight("hand", 1, 2),), lost_focus=(LostFocus(4, 4, 0.015),), frozen_photographs=frozenset({6})
     )

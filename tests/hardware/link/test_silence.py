@@ -90,7 +90,8 @@ def test_a_watch_that_did_not_run_itself_does_not_blame_the_painter() -> None:
 
 
 @pytest.mark.parametrize(("gap", "says"), [(2.5, False), (3.5, True), (20.0, True)])
-def test_b11_an_easels_process_that_stood_still_within_a_motion(gap: float, says: bool) -> None:
+def test_an_easels_process_that_stood_still_within_a_motion(gap: float, says: bool) -> None:
+    """Fault B11: the easel's process is frozen."""
     rule, spared = SilenceRule(0.0), SilenceRule(0.0, SIMULATED)
     for each in (rule, spared):
         assert each.judge(LinkState(0.02, True)) is None
@@ -101,7 +102,8 @@ def test_b11_an_easels_process_that_stood_still_within_a_motion(gap: float, says
     assert rule.judge(LinkState(gap + STEP, True)) is None, "it is said once"
 
 
-def test_b11_where_nothing_moved_it_may_stand_still() -> None:
+def test_where_nothing_moved_it_may_stand_still() -> None:
+    """Fault B11: the easel's process is frozen."""
     rule = SilenceRule(0.0)
     assert rule.judge(LinkState(0.02, False)) is None
     rule.hear(20.0)

@@ -105,7 +105,8 @@ def test_heartbeats_keep_it_calm_and_silence_does_not(line, keeping) -> None:
     assert 0.2 < stops.times[0] - silent < 3.0
 
 
-def test_b11_the_painter_hears_the_watch_and_misses_it(line, keeping) -> None:
+def test_the_painter_hears_the_watch_and_misses_it(line, keeping) -> None:
+    """Fault B11: the easel's process is frozen."""
     watching = keeping(Stops())
     pulse = Pulse(line[0])
     time.sleep(1.0)
@@ -126,7 +127,8 @@ def test_while_nothing_moves_a_painter_may_compute_but_not_forever(line, keeping
     assert "fell silent" in stops.wait()
 
 
-def test_f12_while_nothing_moves_a_painter_that_stands_still_is_missed_as_soon_as_while_it_moves(line, keeping) -> None:
+def test_while_nothing_moves_a_painter_that_stands_still_is_missed_as_soon_as_while_it_moves(line, keeping) -> None:
+    """Fault F12: the painting process is held up (SIGSTOP)."""
     stops = Stops()
     keeping(stops, moving=False, silence=0.2)
     began = time.monotonic()
@@ -191,7 +193,8 @@ def test_where_the_painter_has_ended_a_motion_may_end_as_well_but_not_for_long(l
     assert still.reasons == [], "nothing moves, and nothing needs a person"
 
 
-def test_b12_a_painter_that_waits_for_a_processor_is_waited_for_and_one_that_does_not_is_missed(line, keeping) -> None:
+def test_a_painter_that_waits_for_a_processor_is_waited_for_and_one_that_does_not_is_missed(line, keeping) -> None:
+    """Fault B12: a very busy machine and a simulated robot."""
     began = time.monotonic()
     starved, dead = Stops(), Stops()
     limits = patient(silence=0.8, starved_moving=math.inf)
@@ -207,7 +210,8 @@ def test_b12_a_painter_that_waits_for_a_processor_is_waited_for_and_one_that_doe
     its.close()
 
 
-def test_b12_who_commands_a_simulated_robot_may_be_silent_but_has_to_exist(line) -> None:
+def test_who_commands_a_simulated_robot_may_be_silent_but_has_to_exist(line) -> None:
+    """Fault B12: a very busy machine and a simulated robot."""
     stops = Stops()
     watching = Watch(line[1], stops, lambda: True, Painter(), replace(SIMULATED, orphaned=0.2))
     time.sleep(MACHINE.silence + 1.0)
@@ -220,9 +224,10 @@ def test_b12_who_commands_a_simulated_robot_may_be_silent_but_has_to_exist(line)
     watching.dismiss()
 
 
-def test_f31_a_computer_that_slept_stops_the_robot_on_waking_whatever_was_sent_before(
+def test_a_computer_that_slept_stops_the_robot_on_waking_whatever_was_sent_before(
     line, keeping, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Fault F31: the clock jumps or the computer sleeps."""
     stops = Stops()
     slept = [0.0]
     monkeypatch.setattr(watch, "asleep", lambda: deadline.asleep() + slept[0])
@@ -234,7 +239,8 @@ def test_f31_a_computer_that_slept_stops_the_robot_on_waking_whatever_was_sent_b
     assert "slept" in stops.wait() and "600 s" in stops.reasons[0]
 
 
-def test_f31_a_simulated_robot_goes_on_when_the_computer_wakes(line, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_simulated_robot_goes_on_when_the_computer_wakes(line, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fault F31: the clock jumps or the computer sleeps."""
     stops = Stops()
     slept = [0.0]
     monkeypatch.setattr(watch, "asleep", lambda: deadline.asleep() + slept[0])
@@ -245,7 +251,8 @@ def test_f31_a_simulated_robot_goes_on_when_the_computer_wakes(line, monkeypatch
     watching.dismiss()
 
 
-def test_f31_the_clock_on_the_wall_may_jump(line, keeping, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_clock_on_the_wall_may_jump(line, keeping, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fault F31: the clock jumps or the computer sleeps."""
     stops = Stops()
     keeping(stops, silence=0.6)
     Pulse(line[0])

@@ -249,7 +249,8 @@ class Crash(Exception):
 @pytest.mark.parametrize(
     ("stage", "call"), [("lay_paper", 1), ("fill_wells", 0), ("capture", 0), ("capture", 2), ("follow", 1), ("home", 3)]
 )
-def test_f26_a_crash_at_any_stage_loses_at_most_the_stroke_that_it_hit(stage, call, tmp_path, monkeypatch):
+def test_a_crash_at_any_stage_loses_at_most_the_stroke_that_it_hit(stage, call, tmp_path, monkeypatch):
+    """Fault F26: a crash in the middle of a calibration."""
     out = tmp_path / "library.npz"
     studio = paper_studio()
     part = {"capture": studio.camera, "follow": studio.robot, "home": studio.robot}.get(stage, studio.easel.operator)
@@ -301,7 +302,8 @@ lead(strokes(paper_studio().easel, KIND, Path(sys.argv[1]), count=16, seed=4), p
 
 
 @pytest.mark.slow
-def test_f26_a_killed_process_leaves_whole_strokes(tmp_path):
+def test_a_killed_process_leaves_whole_strokes(tmp_path):
+    """Fault F26: a crash in the middle of a calibration."""
     out = tmp_path / "library.npz"
     tests = str(next(path for path in sys.path if path.endswith("tests")))
     process = subprocess.Popen([sys.executable, "-c", SCRIPT, str(out), tests])
