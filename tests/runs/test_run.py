@@ -1,14 +1,17 @@
 """One painting from Python: planned, painted, and gone on with."""
 
 import json
+import shutil
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 from skimage import data
 
+from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.runs.controls import Controls
 from frida_painter.runs.run import PaintingRun, history_of, paint
@@ -36,10 +39,21 @@ def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def stopped(photo: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a painting of six strokes that a person stopped after the third."""
+    """The folder of a painting of six strokes that a person stopped after the third; beside it, its picture then."""
     folder = tmp_path_factory.mktemp("stopped") / "painting"
-    stop = threading.Event()
     heard: list[Event] = []
+    with stopping_after_three(photo, heard, folder) as run:
+        outcome = run.start()
+    assert outcome.painting is not None and outcome.painting.painted == 3 and outcome.trouble is None
+    assert outcome.page == folder / "index.html"
+    assert [it.done for it in heard if isinstance(it, StrokePainted)] == [1, 2, 3]
+    shutil.copy(folder / "painting.png", folder.parent)
+    return folder
+
+
+def stopping_after_three(photo: Path, heard: list[Event], folder: Path | None = None) -> PaintingRun:
+    """A painting of six strokes that is stopped after the third."""
+    stop = threading.Event()
 
     def hear(event: Event) -> None:
         heard.append(event)
@@ -47,12 +61,7 @@ def stopped(photo: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
             stop.set()
 
     spec = RunSpec.of(goal=[{"image": str(photo)}], strokes=6, replans=1, **SMALL)
-    with PaintingRun(spec, folder, listeners=[hear], controls=Controls(stop_asked=stop.is_set)) as run:
-        outcome = run.start()
-    assert outcome.painting is not None and outcome.painting.painted == 3 and outcome.trouble is None
-    assert outcome.page == folder / "index.html"
-    assert [it.done for it in heard if isinstance(it, StrokePainted)] == [1, 2, 3]
-    return folder
+    return PaintingRun(spec, folder, listeners=[hear], controls=Controls(stop_asked=stop.is_set))
 
 
 def test_a_plan_is_made_without_an_easel_or_a_folder(photo: Path) -> None:
@@ -61,6 +70,25 @@ def test_a_plan_is_made_without_an_easel_or_a_folder(photo: Path) -> None:
         with pytest.raises(ConfigError, match="no folder yet"):
             print(run.folder)
     assert len(plan) == 4 and len(plan.palette) == 2
+
+
+def test_a_simulated_painting_is_the_same_and_leaves_no_file(
+    photo: Path, stopped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    heard: list[Event] = []
+    with stopping_after_three(photo, heard) as run:
+        painting = run.simulate()
+    assert painting.painted == 3 and [it.done for it in heard if isinstance(it, StrokePainted)] == [1, 2, 3]
+    with Image.open(stopped.parent / "painting.png") as painted:
+        assert np.array_equal(np.asarray(painted), images.to_uint8(painting.photograph))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_would_move_a_real_robot_is_not_simulated(photo: Path) -> None:
+    spec = RunSpec.of(goal=[{"image": str(photo)}], strokes=6, robot="human", **SMALL)
+    with PaintingRun(spec) as run, pytest.raises(ConfigError, match="'human'; use start"):
+        run.simulate()
 
 
 def test_a_stopped_painting_is_gone_on_with_to_its_last_stroke(stopped: Path) -> None:

@@ -29,10 +29,11 @@ from frida_painter.session.timelapse import Timelapse
 _GROUND = (1.0, 1.0, 1.0)
 
 
-def open_planner(spec: RunSpec, goal: Goal) -> Planner:
+def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = None) -> Planner:
     """The planner that the description means.
 
     What the easel's own strokes taught of the brush, by its calibration record, goes before what the project ships.
+    encoders: the networks that the goal is seen through, by default those that were fetched.
     Raises CalibrationError where the record is damaged, and WeightsError and ConfigError where there is no such
     brush, or a network that the goal needs is missing.
     """
@@ -49,7 +50,7 @@ def open_planner(spec: RunSpec, goal: Goal) -> Planner:
         rows=spec.render_height,
         effort=Effort().scaled(spec.effort),
         seed=spec.seed,
-        encoders=EncoderRegistry(clip=spec.clip, device=device),
+        encoders=encoders or EncoderRegistry(clip=spec.clip, device=device),
         device=device,
     )
 

@@ -27,6 +27,7 @@ from frida_painter.errors import (
     RobotError,
 )
 from frida_painter.hardware.easel import Easel
+from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
@@ -45,6 +46,7 @@ from frida_painter.runs.palette_file import read_palette
 from frida_painter.runs.spec import SETTLED, RunSpec, upgraded
 from frida_painter.session import resuming
 from frida_painter.session.easel_process import EaselProcess
+from frida_painter.session.easels import open_easel
 from frida_painter.session.events import Event, Looked, Notify, Stopped, TimelapseFrame
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
@@ -81,13 +83,14 @@ class _ReopenedPainting:
 
 
 class PaintingRun:
-    """One painting, used in a `with` block: `plan`, `start`, or, for one that was reopened, `resume`.
+    """One painting, used in a `with` block: `plan`, `start`, `simulate`, or, for one that was reopened, `resume`.
 
     spec: its description, with the final canvas; goal: what is to be painted, with pictures as they fill the canvas;
     target [3, H, W]: the first of them; folder: where everything goes, made when painting begins; listeners: hear all
     events; controls: by what it is led; state: where stops are latched; record_may_differ: whether a simulated easel
-    is painted on as it is delivered where the calibration record is of another one; mixed: the paints that the
-    description says were mixed, None where those of the plan are; remarks: sentences for the person.
+    is painted on as it is delivered where the calibration record is of another one; encoders: the networks that the
+    goal is seen through, by default those that were fetched; mixed: the paints that the description says were mixed,
+    None where those of the plan are; remarks: sentences for the person.
     Raises ConfigError and ImageError where the description makes no painting.
     """
 
@@ -101,6 +104,7 @@ class PaintingRun:
         goal: goals.OpenedGoal | None = None,
         state: Path | None = None,
         record_may_differ: bool = False,
+        encoders: EncoderRegistry | None = None,
         _reopened: _ReopenedPainting | None = None,
     ) -> None:
         self._reopened = _reopened
@@ -116,6 +120,7 @@ class PaintingRun:
         self.controls = controls or Controls()
         self._state = state
         self._record_may_differ = record_may_differ
+        self._encoders = encoders
         self._planner: Planner | None = None
         self._stack = ExitStack()
         self._process: EaselProcess | None = None
@@ -180,7 +185,7 @@ class PaintingRun:
     def planner(self) -> Planner:
         """The planner, opened when it is first asked for. Raises WeightsError where a network is missing."""
         if self._planner is None:
-            self._planner = open_planner(self.spec, self.goal.goal)
+            self._planner = open_planner(self.spec, self.goal.goal, self._encoders)
             if self._reopened is not None:
                 self._planner.region = resuming.region(self.folder, self._reopened.history)
         return self._planner
@@ -238,9 +243,30 @@ class PaintingRun:
         self._stack.callback(journal.close)
         recorder = self._recorder()
         self._stack.enter_context(recorder)
-        session = self._open_session(journal, recorder)
+        session = self._open_session(self.easel, journal, recorder.hear)
         spec = self.spec
         return self._to_its_end(session, recorder, lambda: session.run(spec.strokes, spec.colors, plan))
+
+    def simulate(self, plan: Plan | None = None) -> Painting:
+        """Paints it on its simulated easel inside this process and writes nothing: for experiments and sweeps.
+
+        The picture is the one that `start` paints. plan: as for `start`. Raises ConfigError where a real robot would
+        move, or where the painting was begun before.
+        """
+        if not self.spec.simulated or self._reopened is not None:
+            raise ConfigError(
+                f"Only a new painting on a simulated easel is painted without a folder, and this one is for "
+                f"{self.spec.robot!r}; use start, or resume."
+            )
+        opened = open_easel(order(self.spec, self.planner.model.brush, None, self._state))
+        try:
+            easel = self._on_record(opened.easel)
+            easel.robot.connect()
+            easel.camera.connect()
+            session = self._open_session(easel, Journal.nowhere())
+            return session.run(self.spec.strokes, self.spec.colors, plan)
+        finally:
+            opened.close()
 
     def resume(self) -> RunOutcome:
         """Paints what is left: photographs the canvas, asks about the stroke in doubt, cleans the brush, goes on.
@@ -254,7 +280,7 @@ class PaintingRun:
             self.open_easel()
         journal, history, kept = self._reopened.journal, self._reopened.history, self._reopened.plan
         recorder = self._recorder()
-        session = self._open_session(journal, recorder)
+        session = self._open_session(self.easel, journal, recorder.hear)
         if (bare := resuming.bare_photograph(self.folder)) is not None:
             session.observer.learn_good(bare)
         now = session.look()
@@ -288,14 +314,14 @@ class PaintingRun:
         about = painting_account(self.spec, self.goal, self.target, self.planner.encoders)
         return Recorder(self.folder, about, self.planner.model, self.spec.film_length, self.history)
 
-    def _open_session(self, journal: Journal, recorder: Recorder) -> PaintingSession:
-        easel = with_operator(self.easel, self.spec, self.controls.answer)
+    def _open_session(self, easel: Easel, journal: Journal, record: Notify = lambda event: None) -> PaintingSession:
+        easel = with_operator(easel, self.spec, self.controls.answer)
         kept = self._reopened and self._reopened.plan
 
         def hear(event: Event) -> None:
             if isinstance(event, TimelapseFrame | Looked):
                 self._seen = event.photograph
-            recorder.hear(event)
+            record(event)
             for listener in self.listeners:
                 listener(event)
 
