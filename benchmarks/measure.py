@@ -24,7 +24,7 @@ from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal
-from frida_painter.objectives.base import prepare
+from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.planning.scene import Scene
 

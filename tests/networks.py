@@ -11,8 +11,7 @@ from torch.nn import functional
 from torch.nn.functional import avg_pool2d
 
 from frida_painter.objectives.encoders.base import Reader
-from frida_painter.objectives.encoders.class_names import class_names
-from frida_painter.objectives.encoders.conse import ConSE
+from frida_painter.objectives.encoders.conse import ConSE, class_names
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.hed import Hed
 from frida_painter.objectives.encoders.registry import Choice, EncoderRegistry

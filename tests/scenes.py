@@ -9,7 +9,7 @@ from frida_painter import images
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal
-from frida_painter.objectives.base import prepare
+from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.palette import to_lab
 from frida_painter.planning.scene import Scene

@@ -13,13 +13,12 @@ from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_observer import CanvasObserver
+from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
 from frida_painter.session.events import Event, Paused
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.painting import Painting, ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy
-from frida_painter.session.timelapse import Timelapse
 from marks import SMALL
 from scenes import CANVAS, some_strokes
 

@@ -89,7 +89,7 @@ def test_names_are_listed_without_anything_that_computes_or_drives(tmp_path: Pat
         "assert 'xarm' in names.MACHINES and 'virtual' in names.SIMULATED and 'human' not in names.SIMULATED\n"
         "assert names.require_known('xarm:1.2.3.4') == 'xarm'\n"
         "assert 'numpy' not in sys.modules\n"
-        "from frida_painter.options.easel import camera_name\n"
+        "from frida_painter.options import camera_name\n"
         "assert camera_name('folder:shots') == 'folder:' + sys.argv[1] and camera_name('opencv:0') == 'opencv:0'\n"
         "print(*sys.modules)"
     )

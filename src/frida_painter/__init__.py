@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from frida_painter.planning.planner import Planner
     from frida_painter.render.painting import render as render_strokes
     from frida_painter.render.plan_picture import render_plan
+    from frida_painter.runs.goals import make_goal
     from frida_painter.runs.run import PaintingRun
     from frida_painter.runs.run import paint as paint
-    from frida_painter.runs.simple_goal import make_goal
     from frida_painter.runs.spec import RunSpec
     from frida_painter.strokes import Strokes
     from frida_painter.virtual.studio import open_studio as open_virtual_studio

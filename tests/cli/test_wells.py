@@ -9,7 +9,7 @@ from frida_painter import images
 from frida_painter.cli.wells import Wells
 from frida_painter.errors import ConfigError, FrameRejected, ImageError, Interrupted
 from frida_painter.palette import Palette, from_hex
-from frida_painter.runs.palette_file import read_palette
+from frida_painter.perception.swatches import read_palette
 
 WANTED = Palette(torch.tensor([[0.9, 0.9, 0.8], [0.3, 0.2, 0.2]]))
 MIXED = ["#ddddcc", "#553333"]

@@ -10,10 +10,9 @@ from types import ModuleType
 import pytest
 import torch
 
-from frida_painter import cli
-from frida_painter import registry as parts_registry
+from frida_painter import cli, registry
 from frida_painter.errors import ConfigError
-from frida_painter.objectives import registry
+from frida_painter.objectives.kind import goal_kinds
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.registry import OBJECTIVES
 from frida_painter.runs.goals import GoalInput, read_goal
@@ -31,11 +30,11 @@ def mirror(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     module.KIND = EXAMPLE["KIND"]  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, module.__name__, module)
     point = EntryPoint("mirror", f"{module.__name__}:KIND", OBJECTIVES)
-    monkeypatch.setattr(parts_registry, "entry_points", lambda group: (point,) if group == OBJECTIVES else ())
-    registry.goal_kinds.cache_clear()
+    monkeypatch.setattr(registry, "entry_points", lambda group: (point,) if group == OBJECTIVES else ())
+    goal_kinds.cache_clear()
     yield
     monkeypatch.undo()
-    registry.goal_kinds.cache_clear()
+    goal_kinds.cache_clear()
 
 
 @pytest.mark.slow

@@ -21,11 +21,11 @@ from frida_painter.calibration import Calibration
 from frida_painter.errors import CameraError, ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.workcell import WorkcellConfig, example
-from frida_painter.objectives.registry import goal_kinds
+from frida_painter.objectives.kind import goal_kinds
 from frida_painter.plan import Plan
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.machines import camera_named, robot_named
+from frida_painter.session.easels import camera_named, robot_named
 from frida_painter.session.names import MACHINES
 from frida_painter.session.replan_policy import looks_on_the_way, replan_policy_named
 from marks import coarse_table

@@ -6,7 +6,7 @@ import torch
 from frida_painter.experiments import text
 from frida_painter.experiments.text import PROMPTS, QUICK, WAYS, Unjudged
 from frida_painter.frames import CanvasSize
-from frida_painter.objectives.encoders.class_names import class_names
+from frida_painter.objectives.encoders.conse import class_names
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from marks import coarse_table
 from networks import QuickEncoders, random_lite_tensors

@@ -3,7 +3,7 @@ import torch
 from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal
-from frida_painter.objectives.base import prepare
+from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.objectives.kinds.sketch import SketchTerm
 from frida_painter.objectives.kinds.text import TextTerm

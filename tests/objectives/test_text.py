@@ -2,7 +2,7 @@ import torch
 
 from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal
-from frida_painter.objectives.base import prepare
+from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.objectives.text import Text, distance_to
 from networks import QuickEncoders, random_reader

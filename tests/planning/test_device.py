@@ -7,16 +7,17 @@ import torch
 
 from elsewhere import elsewhere
 from frida_painter.goal import Goal
-from frida_painter.objectives.base import ObjectiveTerm, WeightedObjective
 from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.clip_resnet import ClipResNet
 from frida_painter.objectives.encoders.hed import Hed
 from frida_painter.objectives.encoders.vgg import Vgg16
+from frida_painter.objectives.interpretation import WeightedObjective
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.objectives.kinds.semantic import SemanticTerm
 from frida_painter.objectives.kinds.sketch import SketchTerm
 from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.objectives.kinds.text import TextTerm
+from frida_painter.objectives.objective import ObjectiveTerm
 from frida_painter.objectives.text import distance_to
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan

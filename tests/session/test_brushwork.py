@@ -1,18 +1,24 @@
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
 from easels import CALIBRATION, CANVAS, NotingRobot, PatientCamera, stub_easel
+from frida_painter.brush.dip import Dip
 from frida_painter.brush.kinds import BrushKind, brush_kind
-from frida_painter.errors import PoseMismatch, WorkspaceViolation
+from frida_painter.brush.library import StrokeLibrary
+from frida_painter.calibration import Calibration, LearnedFile
+from frida_painter.errors import LibraryError, PoseMismatch, WorkspaceViolation
 from frida_painter.frames import CanvasSize
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.brushwork import STROKES_PER_DIP, Brushwork, refilled
 from frida_painter.session.events import Dipped, StrokePainted
 from frida_painter.strokes import StrokeLimits, Strokes
 from frida_painter.virtual.studio import SAWYER, StudioSettings, open_studio
+from marks import SMALL, small_library
 from plans import made_up_strokes
 
 LIMITS = StrokeLimits((0.01, 0.03), (-0.008, 0.008))
@@ -147,3 +153,33 @@ def test_a_batch_that_the_simulated_sawyer_does_not_reach_is_refused_before_anyt
     with pytest.raises(WorkspaceViolation, match=r"stroke \d: the arm does not reach .* Nothing was sent to the robot"):
         Brushwork(studio.easel, brush_kind("broad")).prepare(which, 0, 6)
     assert studio.robot.motions == 0
+
+
+def record_of(library: StrokeLibrary, folder: Path) -> Calibration:
+    """A record with that stroke library."""
+    library.save(folder / "strokes.npz")
+    return replace(CALIBRATION, library=LearnedFile(str(folder / "strokes.npz"), "0" * 64))
+
+
+def test_a_library_with_fewer_dips_than_strokes_tells_what_a_dip_paints(tmp_path: Path) -> None:
+    library = small_library(40)
+    since = np.where(np.arange(40) % 2 == 0, 0, 1e-4).astype(np.float32)
+    known = record_of(replace(library, since_dip=since, flaws=np.zeros(40, np.uint8)), tmp_path)
+    for simulated in (False, True):
+        dip = refilled(SMALL, known, simulated=simulated).dip
+        assert 1e-4 < dip.holds < 4e-4 and not dip.by_strokes
+    other = replace(SMALL, name="other")
+    assert refilled(other, known, simulated=False).dip == Dip.of_strokes(STROKES_PER_DIP), "it is of another brush"
+
+
+def test_where_nothing_shows_it_strokes_are_counted_but_the_projects_own_brushes_are_known(tmp_path: Path) -> None:
+    for record in (CALIBRATION, record_of(small_library(4), tmp_path)):
+        assert refilled(SMALL, record, simulated=False).dip == Dip.of_strokes(4)
+        assert refilled(SMALL, record, simulated=True) is SMALL
+
+
+def test_a_damaged_library_is_told(tmp_path: Path) -> None:
+    record = record_of(small_library(4), tmp_path)
+    (tmp_path / "strokes.npz").write_bytes(b"PK")
+    with pytest.raises(LibraryError, match=r"strokes\.npz"):
+        refilled(SMALL, record, simulated=False)

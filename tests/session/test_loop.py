@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from easels import NotingRobot
 from frida_painter.errors import PlanError, PoseMismatch
 from frida_painter.palette import Palette
+from frida_painter.session.canvas_observer import Timelapse
 from frida_painter.session.events import (
     Dipped,
     Looked,
@@ -20,7 +21,6 @@ from frida_painter.session.events import (
     TimelapseFrame,
 )
 from frida_painter.session.replan_policy import EvenlySpaced
-from frida_painter.session.timelapse import Timelapse
 from sittings import Evening
 
 

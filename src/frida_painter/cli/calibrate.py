@@ -7,9 +7,14 @@ from typing import Annotated
 import typer
 
 from frida_painter.brush.limits import FEWEST_STROKES
-from frida_painter.cli.virtual import PlacementErrorOption
-from frida_painter.options.easel import BrushOption, CameraOption, RobotOption, WorkspaceOption
-from frida_painter.options.numbers import whole_number_within
+from frida_painter.options import (
+    BrushOption,
+    CameraOption,
+    PlacementErrorOption,
+    RobotOption,
+    WorkspaceOption,
+    whole_number_within,
+)
 from frida_painter.session.procedures.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
 
 

@@ -12,8 +12,7 @@ from frida_painter.runs.calibrating import CalibrationSetup, begin_procedure, be
 from frida_painter.runs.easel import workspace_canvas
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.procedures.calibration_status import require_basis
-from frida_painter.session.procedures.dialogue import Answer, Question, lead
-from frida_painter.session.procedures.finding import Finding
+from frida_painter.session.procedures.dialogue import Answer, Finding, Question, lead
 from frida_painter.session.procedures.strokes import StrokesFinding
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from frida_painter.errors import ConfigError
-from frida_painter.options.numbers import count_of
+from frida_painter.options import count_of
 
 PictureOut = Annotated[Path, typer.Option(metavar="FILE", help="The picture to write, .png or .jpg.")]
 

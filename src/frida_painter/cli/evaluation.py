@@ -10,7 +10,7 @@ from rich.table import Table
 
 from frida_painter import registry, storage
 from frida_painter.errors import ConfigError
-from frida_painter.options.easel import ListingOption
+from frida_painter.options import ListingOption
 
 if TYPE_CHECKING:
     from frida_painter.brush.library import StrokeLibrary

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from frida_painter.errors import ConfigError
-from frida_painter.options.numbers import number
+from frida_painter.options import number
 
 
 class ExportFormat(StrEnum):

@@ -8,9 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from frida_painter.objectives.kind import Gives, GoalKind
-from frida_painter.objectives.registry import goal_kinds
-from frida_painter.options.numbers import number
+from frida_painter.objectives.kind import Gives, GoalKind, goal_kinds
+from frida_painter.options import number
 
 _PANEL = "What to paint"
 

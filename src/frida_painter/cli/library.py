@@ -8,8 +8,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from frida_painter.errors import ConfigError
-from frida_painter.options.easel import BrushOption
-from frida_painter.options.numbers import whole_number_within
+from frida_painter.options import BrushOption, whole_number_within
 from frida_painter.session.procedures.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
 
 

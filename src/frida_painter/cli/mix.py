@@ -9,7 +9,7 @@ from rich.table import Table
 
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.finish import Finish
-from frida_painter.options.numbers import whole_number_within
+from frida_painter.options import whole_number_within
 
 if TYPE_CHECKING:
     from frida_painter.mixing.recipe import Recipe

@@ -11,7 +11,7 @@ from frida_painter.cli.goal_options import tell_left_out
 from frida_painter.cli.run_options import TAKEN, painting_options, planning_options, spec_of, taking
 from frida_painter.cli.wells import AskOption, FilledOption
 from frida_painter.errors import ConfigError
-from frida_painter.options.numbers import whole_number
+from frida_painter.options import whole_number
 
 PlanFile = Annotated[
     Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)

@@ -14,19 +14,18 @@ from frida_painter.hardware.reach import Reach
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.hardware.workspace import Workspace
-from frida_painter.options.numbers import count_of
+from frida_painter.options import count_of
 from frida_painter.plan import Plan
 from frida_painter.render.plan_picture import render_plan
 from frida_painter.report.offending_strokes import offending_strokes
+from frida_painter.session.brushwork import refilled
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.easels import open_easel
+from frida_painter.session.easels import open_easel, robot_named
 from frida_painter.session.forecast import duration
-from frida_painter.session.machines import robot_named
 from frida_painter.session.names import MACHINES, SAWYER_SIM, SIMULATED, VIRTUAL, require_known
 from frida_painter.session.opening import limit_threads
 from frida_painter.session.procedures.calibration_status import require
-from frida_painter.session.refilling import refilled
 from frida_painter.session.rehearsal import Rehearsal, rehearse
 from frida_painter.session.state_folder import state_folder
 from frida_painter.session.timetable import Timetable

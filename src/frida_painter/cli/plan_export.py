@@ -17,11 +17,11 @@ from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.plan import Plan
+from frida_painter.session.brushwork import refilled
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
 from frida_painter.session.events import Dipped, StrokePainted
 from frida_painter.session.flatbed_workspace import FlatbedWorkspace
 from frida_painter.session.procedures.calibration_status import require
-from frida_painter.session.refilling import refilled
 from frida_painter.session.rehearsal import rehearse
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frida_painter.options.easel import PaceOption
+from frida_painter.options import PaceOption
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,10 +10,16 @@ import typer
 from pydantic.fields import FieldInfo
 
 from frida_painter.cli import goal_options
-from frida_painter.cli.virtual import PlacementErrorOption
 from frida_painter.cli.wells import PaletteOption
-from frida_painter.options.easel import CameraOption, PaceOption, RobotOption, WorkspaceOption
-from frida_painter.options.numbers import number, whole_number
+from frida_painter.options import (
+    CameraOption,
+    PaceOption,
+    PlacementErrorOption,
+    RobotOption,
+    WorkspaceOption,
+    number,
+    whole_number,
+)
 from frida_painter.runs.spec import GoalItem, RunSpec
 
 TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip"} | {"photo", "settings", "out", "ask", "yes"}

@@ -12,8 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from frida_painter import registry, storage
 from frida_painter.brush.limits import DEFAULT_MODEL, FIELD, MODELS, MOST_FOLDS, PARAM2STROKE
 from frida_painter.errors import ConfigError
-from frida_painter.options.easel import ListingOption
-from frida_painter.options.numbers import whole_number_within
+from frida_painter.options import ListingOption, whole_number_within
 
 if TYPE_CHECKING:
     from frida_painter.brush.learn import Learned

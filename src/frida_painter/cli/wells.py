@@ -50,7 +50,7 @@ class Wells:
 
     def filled(self, wanted: "Palette") -> "Palette | None":
         """Returns when the wells are filled. Raises Interrupted where the person leaves."""
-        from frida_painter.runs.palette_file import read_palette
+        from frida_painter.perception.swatches import read_palette
 
         if self.ask is None:
             return self.given

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from frida_painter.options.numbers import whole_number_within
+from frida_painter.options import whole_number_within
 
 BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
 Seed = Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")]

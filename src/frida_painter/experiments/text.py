@@ -26,7 +26,7 @@ from frida_painter.experiments.scale import CANVAS, PlanningScale
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.base import Reader
-from frida_painter.objectives.encoders.class_names import class_names
+from frida_painter.objectives.encoders.conse import class_names
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.kinds.image import ImageTerm

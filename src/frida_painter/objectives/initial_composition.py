@@ -11,7 +11,7 @@ from frida_painter.drawing import colored
 from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal
 from frida_painter.objectives.compositing import lay, resized, side_by_side
-from frida_painter.objectives.encoders.class_names import synonyms
+from frida_painter.objectives.encoders.conse import synonyms
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.grounds import Ground, ground_of

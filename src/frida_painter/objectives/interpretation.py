@@ -1,9 +1,13 @@
-"""From what a person said to what is planned towards."""
+"""From a goal to one objective: what a person said is interpreted, its terms are prepared and weighed."""
+
+from collections.abc import Sequence
+
+from torch import Tensor
 
 from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.objectives.objective import ObjectiveContext
+from frida_painter.objectives.objective import Objective, ObjectiveContext, ObjectiveTerm
 
 
 def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
@@ -18,3 +22,38 @@ def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: in
     for kind in sorted(kinds, key=lambda kind: (kind.interpretation_order, kind.__qualname__)):
         goal = kind.interpret(goal, context)
     return goal
+
+
+class WeightedObjective:
+    """The weighted sum of a goal's terms (paper, Eq. for p_next): itself an objective."""
+
+    def __init__(self, terms: Sequence[tuple[float, ObjectiveTerm]]) -> None:
+        self._terms = tuple(terms)
+
+    def __call__(self, picture: Tensor) -> Tensor:
+        """picture [3, H, W] in [0, 1] -> a number, the less the better; differentiable."""
+        total = picture.new_zeros(())
+        for weight, term in self._terms:
+            total = total + weight * term.objective(picture)
+        return total
+
+    @property
+    def validation(self) -> Objective | None:
+        """What says which of several pictures is best; None where the sum itself says it."""
+        return self._validation if any(term.validation is not None for _, term in self._terms) else None
+
+    def _validation(self, picture: Tensor) -> Tensor:
+        total = picture.new_zeros(())
+        for weight, term in self._terms:
+            total = total + weight * (term.validation or term.objective)(picture)
+        return total
+
+
+def prepare(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry | None = None, seed: int = 0) -> WeightedObjective:
+    """The objective of the goal for pictures of that grid.
+
+    encoders: the networks that terms other than pictures are seen through; by default those that
+    were fetched. Raises WeightsError where one is missing.
+    """
+    context = ObjectiveContext(grid, encoders or EncoderRegistry(), seed)
+    return WeightedObjective([(term.weight, term.prepare(context)) for term in goal.terms])

@@ -1,9 +1,12 @@
 """What was really mixed, read from a photograph of a strip of swatches whose first field is bare white paper."""
 
+from pathlib import Path
+
 import torch
 from torch import Tensor
 
-from frida_painter.errors import FrameRejected
+from frida_painter import images
+from frida_painter.errors import ConfigError, FrameRejected
 from frida_painter.palette import MOST_COLORS, Palette
 from frida_painter.perception.light import to_linear, to_srgb
 
@@ -55,3 +58,18 @@ def _field(strip: Tensor, number: int, pitch: float) -> Tensor:
             "equally long and nothing shines on them."
         )
     return to_linear(inner.median(1).values)
+
+
+def read_palette(path: Path, count: int | None) -> Palette:
+    """The palette of a JSON file, or of a photograph of `count` swatches.
+
+    Raises ConfigError, ImageError and FrameRejected; ConfigError also where it has not `count` paints.
+    """
+    if path.suffix.lower() == ".json":
+        palette = Palette.load(path)
+        if count is not None and len(palette) != count:
+            raise ConfigError(f"{path} has {len(palette)} paints, and {count} are wanted; give one colour for each.")
+        return palette
+    if count is None:
+        raise ConfigError(f"How many swatches {path} shows is not known; say it with --colors.")
+    return read_swatches(images.load(path), count)

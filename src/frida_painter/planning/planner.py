@@ -15,9 +15,8 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import ConfigError, PlanningDiverged
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal
-from frida_painter.objectives.base import WeightedObjective, prepare
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.objectives.interpretation import interpreted
+from frida_painter.objectives.interpretation import WeightedObjective, interpreted, prepare
 from frida_painter.objectives.replication import spread
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan

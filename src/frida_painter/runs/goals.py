@@ -1,10 +1,12 @@
 """What shall be painted, as it is said on the command line or in a TOML file, made into a goal."""
 
+import re
 import tomllib
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from torch import Tensor
 
@@ -12,9 +14,11 @@ from frida_painter import storage
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal, Term
-from frida_painter.objectives.kind import Gives, GoalKind
-from frida_painter.objectives.registry import goal_kinds
-from frida_painter.runs.prompts import name_of, read_prompt, title_of
+from frida_painter.objectives.kind import Gives, GoalKind, goal_kinds
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.semantic import SemanticTerm
+from frida_painter.objectives.kinds.sketch import SketchTerm
+from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.runs.spec import GoalItem
 
 _PHOTO = "image"  # the kind of goal that PHOTO is
@@ -176,3 +180,96 @@ def _names(first: Path | str) -> tuple[str, str]:
         return title_of(first), name_of(first)
     stem = first.stem
     return stem.replace("_", " ").replace("-", " ").strip().capitalize() or "Untitled", stem
+
+
+MOST = 10_000  # characters
+_TITLE = 60
+
+
+def read_prompt(text: str, option: str) -> str:
+    """The words as one line; signs such as emoji become what they are called.
+
+    Raises ConfigError for no words, more than 10,000 characters, control characters (an escape sequence
+    of a terminal, say), and words without any Latin letter, for the networks that read them know English.
+    """
+    if len(text) > MOST:
+        raise ConfigError(f"{option} was given {len(text)} characters; say it in at most {MOST}.")
+    line = " ".join(text.split())
+    if not line:
+        raise ConfigError(f'{option} was given no words; say what shall be painted, such as {option} "a sailing ship".')
+    bad = next((mark for mark in line if unicodedata.category(mark) in ("Cc", "Cs", "Co", "Cn")), None)
+    if bad is not None:
+        raise ConfigError(
+            f"{option} was given a control character (U+{ord(bad):04X}), which is no word; "
+            "say what shall be painted in plain words."
+        )
+    spoken = " ".join("".join(_spoken(mark) for mark in line).split())
+    if not re.search("[A-Za-z]", unicodedata.normalize("NFKD", spoken)):
+        raise ConfigError(
+            f"{option} was given {line[:40]!r}, without a word in Latin letters; "
+            "the networks that read it know English, so say it in English."
+        )
+    return spoken
+
+
+def title_of(prompt: str) -> str:
+    """The words as a title: their beginning where they are many."""
+    short = prompt if len(prompt) <= _TITLE else f"{prompt[: _TITLE - 1].rstrip()}…"
+    return short[0].upper() + short[1:]
+
+
+def name_of(prompt: str) -> str:
+    """The words as a name for files: small letters, digits and hyphens, at most 40 of them."""
+    plain = unicodedata.normalize("NFKD", prompt).encode("ascii", "ignore").decode().lower()
+    return re.sub("[^a-z0-9]+", "-", plain)[:40].strip("-") or "words"
+
+
+def _spoken(mark: str) -> str:
+    category = unicodedata.category(mark)
+    if category == "So":
+        return f" {unicodedata.name(mark, '').lower()} "
+    return "" if category in ("Cf", "Mn", "Sk") and not unicodedata.combining(mark) else mark
+
+
+Picture = str | Path | Tensor
+"""A picture file, or sRGB [3, H, W] in [0, 1]."""
+_KINDS = ("image", "semantic", "sketch", "text", "style")
+
+
+def make_goal(
+    image: Picture | Sequence[Picture] = (),
+    *,
+    semantic: Picture | Sequence[Picture] = (),
+    sketch: Picture | Sequence[Picture] = (),
+    text: str | Sequence[str] = (),
+    style: Picture | Sequence[Picture] = (),
+    weights: Mapping[str, float] | None = None,
+) -> Goal:
+    """What shall be painted: one or more of these, each a single one or a sequence; `make_goal("photo.jpg")`.
+
+    image: to come near to, pixel by pixel; semantic: to paint by what it shows; sketch: a drawing to follow;
+    text: words; style: a picture whose colours and marks the painting shall have. weights: how much a kind
+    matters, by its name, above 0; 1 where it is not named. Everything but images is seen through networks that
+    `frida-painter models fetch` gets. Raises ConfigError where there is nothing to paint or a kind is not
+    known, and ImageError where a picture cannot be read.
+    """
+    given = dict(zip(_KINDS, (image, semantic, sketch, text, style), strict=True))
+    weights = weights or {}
+    if unknown := sorted(set(weights) - set(_KINDS)):
+        raise ConfigError(f"A weight was given to {unknown[0][:40]!r}; weights are given to {', '.join(_KINDS)}.")
+    return Goal(
+        tuple(_term(kind, one, float(weights.get(kind, 1.0))) for kind, some in given.items() for one in _each(some))
+    )
+
+
+def _each(some: Picture | Sequence[Picture]) -> Sequence[Picture]:
+    return [some] if isinstance(some, str | Path | Tensor) else some
+
+
+def _term(kind: str, one: Picture, weight: float) -> Term:
+    if not isinstance(one, Tensor):
+        return goal_kinds()[kind].opened(one if kind == "text" else Path(one), weight, beginning=False)
+    if one.dim() != 3 or one.shape[0] != 3:
+        raise ConfigError(f"A picture of shape {tuple(one.shape)} was given to {kind}; it is [3, height, width].")
+    terms = {"image": ImageTerm, "semantic": SemanticTerm, "sketch": SketchTerm, "style": StyleTerm}
+    return cast(Term, terms[kind](one, weight))

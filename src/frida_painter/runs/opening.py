@@ -16,15 +16,13 @@ from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.runs.controls import Controls
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_observer import CanvasObserver
+from frida_painter.session.brushwork import Brushwork, refilled
+from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
 from frida_painter.session.events import Notify
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.opening import planning_device
-from frida_painter.session.refilling import refilled
 from frida_painter.session.replan_policy import ReplanPolicy, replan_policy_named
-from frida_painter.session.timelapse import Timelapse
 
 _GROUND = (1.0, 1.0, 1.0)
 

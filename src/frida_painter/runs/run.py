@@ -29,6 +29,7 @@ from frida_painter.errors import (
 from frida_painter.hardware.easel import Easel
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.palette import Palette
+from frida_painter.perception.swatches import read_palette
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
@@ -42,7 +43,6 @@ from frida_painter.runs.folder import NOW, SETTINGS, keep_goal, keep_spec, new_f
 from frida_painter.runs.folder import rests_on as hashes
 from frida_painter.runs.opening import open_planner, open_session
 from frida_painter.runs.painting_account import painting_account
-from frida_painter.runs.palette_file import read_palette
 from frida_painter.runs.spec import SETTLED, RunSpec, upgraded
 from frida_painter.session import resuming
 from frida_painter.session.easel_process import EaselProcess

@@ -10,13 +10,12 @@ from frida_painter.errors import StorageError
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_observer import CanvasObserver
+from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import Dipped, MotionBegan, Notify, PaintsWanted, StrokeLeftOut, StrokePainted
 from frida_painter.session.interruptions import Interruptions
 from frida_painter.session.journal import Journal
 from frida_painter.session.painting import PaintingProgress
-from frida_painter.session.timelapse import Timelapse
 
 
 class BatchExecutor:
@@ -88,6 +87,6 @@ class BatchExecutor:
     def _take_frame(self, painted: StrokePainted | StrokeLeftOut) -> None:
         if isinstance(painted, StrokePainted) and self._timelapse.wants_frame(painted.done, painted.of):
             self._interruptions.retry(self.step_aside)
-            frame = self._timelapse.frame(painted, self._brushwork, self._observer)
+            frame = self._timelapse.frame(painted, self._observer, self._brushwork.last_motion)
             if frame is not None:
                 self._tell(frame)

@@ -1,27 +1,61 @@
 """The eye of the painter: photographs of the easel become pictures of the canvas, straight on and in true colours."""
 
+import contextlib
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter.errors import FrameRejected, StaleFrame
+from frida_painter.errors import CameraError, FrameRejected, StaleFrame
 from frida_painter.frames import PixelGrid
-from frida_painter.hardware.camera import Frame
+from frida_painter.hardware.camera import Camera, Frame
 from frida_painter.hardware.easel import Easel
 from frida_painter.perception.color import true_color
 from frida_painter.perception.film_view import FilmView
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify
-from frida_painter.session.photographer import Photographer
+from frida_painter.session.events import StrokePainted, TimelapseFrame
 
 PHOTOGRAPH_ROWS = 864
 """Height in pixels of the canvas in a look by which something is decided."""
+TIMELAPSE_ROWS = 540
 _ATTEMPTS = 3
 _BETWEEN = 0.5  # seconds before a frame that was refused is taken again: a hand goes away
+
+
+class Photographer:
+    """Asks a camera until it gives a photograph that is newer than all before it."""
+
+    def __init__(self, camera: Camera) -> None:
+        self._camera = camera
+        self._last_sequence = -1
+
+    def photograph(self, last_motion: float) -> Frame:
+        """A photograph taken after `last_motion` (s of the robot's clock), never one that was seen before.
+
+        It is tried three times. Raises StaleFrame, or whatever else the camera complained of last.
+        """
+        trouble: CameraError | None = None
+        for _ in range(_ATTEMPTS):
+            trouble = None
+            try:
+                frame = self._camera.capture(last_motion)
+            except StaleFrame:
+                continue
+            except CameraError as complaint:
+                trouble = complaint
+                continue
+            if frame.captured_at > last_motion and frame.sequence > self._last_sequence:
+                self._last_sequence = frame.sequence
+                return frame
+        raise trouble or StaleFrame(
+            f"The camera was asked {_ATTEMPTS} times and gave no new photograph taken after the arm's last motion "
+            f"(at {last_motion:.1f} s). Look whether the camera is still connected, then start again."
+        )
 
 
 class CanvasObserver:
@@ -118,3 +152,24 @@ class CanvasObserver:
                 "since. Look whether it still works, and start it again."
             )
         self.good.require(photograph, canvas, expected)
+
+
+@dataclass(frozen=True)
+class Timelapse:
+    """Timelapse frames: pictures for the film, taken evenly over a painting, by which nothing is decided.
+
+    frames: how many the film gets.
+    """
+
+    frames: int = 0
+
+    def wants_frame(self, done: int, of: int) -> bool:
+        """Whether the film gets a picture after stroke `done` of `of`."""
+        return done * self.frames // of > (done - 1) * self.frames // of
+
+    def frame(self, painted: StrokePainted, observer: CanvasObserver, last_motion: float) -> TimelapseFrame | None:
+        """The picture after a stroke, the arm having moved aside by `last_motion`; None where the camera gives none."""
+        with contextlib.suppress(CameraError):
+            picture = observer.film(last_motion, TIMELAPSE_ROWS)
+            return TimelapseFrame(picture, painted.done, painted.of, painted.color)
+        return None

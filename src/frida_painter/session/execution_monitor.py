@@ -4,12 +4,11 @@ from torch import Tensor
 
 from frida_painter.session.batch_executor import BatchExecutor
 from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_memory import difference
 from frida_painter.session.canvas_observer import PHOTOGRAPH_ROWS, CanvasObserver
 from frida_painter.session.events import Looked, Notify
 from frida_painter.session.interruptions import Interruptions
 from frida_painter.session.journal import Journal
-from frida_painter.session.painting import PaintingProgress
+from frida_painter.session.painting import PaintingProgress, difference
 from frida_painter.session.plan_keeper import PlanKeeper
 from frida_painter.session.replan_policy import CanvasSeen
 

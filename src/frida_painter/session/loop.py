@@ -26,7 +26,7 @@ from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.session.batch_executor import BatchExecutor
 from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_observer import CanvasObserver
+from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
 from frida_painter.session.events import Event, Failed, Finished, Notify, Paused, Resumed, Stopped
 from frida_painter.session.execution_monitor import ExecutionMonitor
 from frida_painter.session.interruptions import Interruptions, StopAsked
@@ -34,7 +34,6 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.painting import Painting, PaintingProgress, ResumeState
 from frida_painter.session.plan_keeper import PlanKeeper
 from frida_painter.session.replan_policy import ReplanPolicy
-from frida_painter.session.timelapse import Timelapse
 
 
 class PaintingSession:

@@ -13,12 +13,12 @@ from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.canvas_observer import Timelapse
 from frida_painter.session.events import Notify, Planned, PlanningStep, Scheduled
 from frida_painter.session.interruptions import Interruptions
 from frida_painter.session.journal import Journal
 from frida_painter.session.painting import PaintingProgress
 from frida_painter.session.replan_policy import ReplanPolicy
-from frida_painter.session.timelapse import Timelapse
 
 
 class PlanKeeper:

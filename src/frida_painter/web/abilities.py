@@ -2,7 +2,7 @@
 
 from frida_painter import extras
 from frida_painter.model_folder import are_here
-from frida_painter.objectives.registry import goal_kinds
+from frida_painter.objectives.kind import goal_kinds
 
 # Which extra a kind of goal needs beside its networks, and a package of it.
 _EXTRAS = {"text": ("words", "transformers")}

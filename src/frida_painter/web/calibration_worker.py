@@ -18,8 +18,7 @@ from frida_painter.runs.calibrating import (
 from frida_painter.runs.easel import with_operator
 from frida_painter.session.page_events import CalibrationStatus, ProcedureBegan, ProcedureFound, ProcedureProgress
 from frida_painter.session.procedures.calibration_status import require_basis, statuses
-from frida_painter.session.procedures.dialogue import lead
-from frida_painter.session.procedures.finding import Finding
+from frida_painter.session.procedures.dialogue import Finding, lead
 from frida_painter.session.procedures.strokes import StrokesFinding
 from frida_painter.web.calibration_request import CalibrationRequest
 from frida_painter.web.feed import Feed

@@ -9,8 +9,7 @@ import typer
 
 from frida_painter import extras
 from frida_painter.errors import ConfigError
-from frida_painter.options.easel import CameraOption, PaceOption, RobotOption, WorkspaceOption
-from frida_painter.options.numbers import whole_number_within
+from frida_painter.options import CameraOption, PaceOption, RobotOption, WorkspaceOption, whole_number_within
 
 if TYPE_CHECKING:
     from frida_painter.web.access import Role

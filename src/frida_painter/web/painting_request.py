@@ -6,8 +6,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.objectives.kind import Gives
-from frida_painter.objectives.registry import goal_kinds
+from frida_painter.objectives.kind import Gives, goal_kinds
 from frida_painter.runs.spec import RunSpec
 
 Identifier = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]

@@ -11,6 +11,7 @@ from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import StorageError
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.report.difference import difference
+from frida_painter.session.canvas_observer import TIMELAPSE_ROWS
 from frida_painter.session.events import (
     Dipped,
     Event,
@@ -33,7 +34,6 @@ from frida_painter.session.page_events import (
     RestReplanned,
     TimeLeft,
 )
-from frida_painter.session.timelapse import TIMELAPSE_ROWS
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.illustrations import Growing, illustrate

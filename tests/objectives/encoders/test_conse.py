@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from frida_painter import weights
-from frida_painter.objectives.encoders.class_names import class_names
+from frida_painter.objectives.encoders.conse import class_names, synonyms
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from networks import WordBag, random_reader
 
@@ -61,3 +61,15 @@ def test_the_real_one_tells_photographs_apart_by_words() -> None:
     reader = EncoderRegistry().readers()[0]
     words = torch.stack([reader.embed_text(prompt) for prompt in ("a cup of coffee", "a cat", "a rocket")])
     assert (reader.embed_pictures(photographs) @ words.T).argmax(0).tolist() == [0, 1, 2]
+
+
+def test_a_thousand_classes_each_with_a_name() -> None:
+    names = class_names()
+    assert len(names) == 1000
+    assert all(name.strip() == name and name for some in names for name in some)
+    assert names[437][:2] == ("beacon", "lighthouse") and names[949] == ("strawberry",) and names[0][0] == "tench"
+
+
+def test_a_class_has_other_names() -> None:
+    assert "lady beetle" in synonyms("ladybird") and "ladybird" not in synonyms("Ladybird")
+    assert synonyms("no such thing") == []

@@ -11,9 +11,9 @@ import torch
 from frida_painter.errors import WeightsError
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal
-from frida_painter.objectives.base import prepare
 from frida_painter.objectives.encoders import registry
 from frida_painter.objectives.encoders.registry import Choice, EncoderRegistry
+from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.kinds.text import TextTerm
 from scenes import picture
 

@@ -210,8 +210,7 @@ class EncoderRegistry:
         return {part: tensor.to(self._device) for part, tensor in weights.tensors(name, self._cache).items()}
 
     def _conse(self, number: int) -> "ConSE":
-        from frida_painter.objectives.encoders.class_names import class_names
-        from frida_painter.objectives.encoders.conse import ConSE
+        from frida_painter.objectives.encoders.conse import ConSE, class_names
         from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 
         classifier = EfficientNetLite(self._tensors(f"efficientnet-lite{number}"))

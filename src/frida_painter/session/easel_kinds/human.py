@@ -15,8 +15,8 @@ def _open(order: "EaselOrder") -> "OpenEasel":
     from frida_painter.hardware.drivers.human import HumanRobot
     from frida_painter.hardware.easel import Easel
     from frida_painter.session.easel_order import OpenEasel
+    from frida_painter.session.easels import camera_named
     from frida_painter.session.flatbed_workspace import FlatbedWorkspace
-    from frida_painter.session.machines import camera_named
     from frida_painter.session.operator import AbsentOperator
 
     if not order.camera:

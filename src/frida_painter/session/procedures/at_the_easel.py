@@ -9,7 +9,7 @@ from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.session.photographer import Photographer
+from frida_painter.session.canvas_observer import Photographer
 
 
 class EaselAccess:

@@ -1,13 +1,15 @@
-"""Calibration as a conversation: a procedure asks, whoever leads it answers; the terminal now, a page later."""
+"""Calibration as a conversation: a procedure asks, whoever leads it answers, and in the end there is a finding."""
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 if TYPE_CHECKING:  # who only passes answers on needs no pictures
     from torch import Tensor
 
-Finding = TypeVar("Finding")
+    from frida_painter.calibration import Calibration
+
+Found = TypeVar("Found")
 Corners = tuple[tuple[float, float], ...]
 
 
@@ -76,10 +78,25 @@ class Measure:
 
 Question = Confirm | PointCorners | Jog | Measure
 Answer = bool | Corners | JogMove | float
-Procedure = Generator[Question, Answer, Finding]
+Procedure = Generator[Question, Answer, Found]
 
 
-def lead(procedure: Procedure[Finding], answer: Callable[[Question], Answer]) -> Finding:
+class Finding(Protocol):
+    """What a procedure found at an easel; implemented by a frozen dataclass of each procedure."""
+
+    @property
+    def sentence(self) -> str:
+        """What was found and how exactly, in plain words of one or two lines."""
+
+    @property
+    def picture(self) -> "Tensor | None":
+        """What was found, to look at: sRGB [3, h, w] in [0, 1]; None where there is nothing to see."""
+
+    def enter(self, record: "Calibration") -> "Calibration":
+        """The record with this part renewed, by way of `record.with_<procedure>(...)`."""
+
+
+def lead(procedure: Procedure[Found], answer: Callable[[Question], Answer]) -> Found:
     """Leads a procedure to its end by answering all that it asks, and returns what it found.
 
     Raises whatever the procedure or the answers raise; the procedure is closed then.

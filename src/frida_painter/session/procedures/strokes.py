@@ -52,7 +52,7 @@ class StrokesProgress:
 
 @dataclass(frozen=True)
 class StrokesFinding:
-    """A stroke library, judged; implements finding.Finding. file: where it was saved, None for nowhere."""
+    """A stroke library, judged; implements dialogue.Finding. file: where it was saved, None for nowhere."""
 
     kind: BrushKind
     library: StrokeLibrary

@@ -14,8 +14,7 @@ from frida_painter.hardware.drivers.ros import RosRobot
 from frida_painter.hardware.drivers.xarm import XarmRobot
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.easels import machine, open_easel
-from frida_painter.session.machines import camera_named, robot_named
+from frida_painter.session.easels import camera_named, machine, open_easel, robot_named
 from frida_painter.session.names import SIMULATED
 from plugins import install
 

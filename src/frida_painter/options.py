@@ -1,5 +1,6 @@
-"""How robots, cameras and workspaces are given on the command line."""
+"""How numbers, brushes, robots, cameras and workspaces are given on the command line."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,7 +9,44 @@ from typer.models import OptionInfo
 
 from frida_painter import registry
 from frida_painter.hardware.kinds import CameraKind
-from frida_painter.options.numbers import number
+
+
+def whole_number_within(least: int, most: int) -> Callable[[str], int]:
+    """Reads whole numbers from `least` to `most`. What it makes raises typer.BadParameter."""
+
+    def read(text: str) -> int:
+        value = whole_number(text)
+        if not least <= value <= most:
+            raise typer.BadParameter(f"{value} is not from {least} to {most}")
+        return value
+
+    return read
+
+
+def whole_number(text: str) -> int:
+    """ "300" as 300. Raises typer.BadParameter."""
+    try:
+        return int(text)
+    except ValueError as error:
+        raise typer.BadParameter(f"{str(text)[:40]!r} is not a whole number, like 300") from error
+
+
+def number(text: str) -> float:
+    """ "0.5" as 0.5. Raises typer.BadParameter."""
+    try:
+        return float(text)
+    except ValueError as error:
+        raise typer.BadParameter(f"{str(text)[:40]!r} is not a number, like 0.5") from error
+
+
+def count_of(number: int, what: str) -> str:
+    """ "1 stroke", "2 strokes"."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def megabytes(size: int) -> str:
+    """Bytes as "12 MB"."""
+    return f"{size / 1e6:.0f} MB"
 
 
 class ListingOption(OptionInfo):
@@ -74,5 +112,14 @@ PaceOption = Annotated[
         parser=number,
         metavar="X",
         help="Speed of the virtual robot. 1 is real time, 2 is twice as fast, 0 is as fast as possible.",
+    ),
+]
+PlacementErrorOption = Annotated[
+    str | None,
+    typer.Option(
+        "--placement-error",
+        metavar="X,Y,TURN",
+        help="Calibration error of the virtual studio: the offset and rotation between its canvas and where "
+        "its robot expects the canvas, like 4mm,2deg or 3mm,-2mm,1.5deg. [dim]about 2mm and 0.4deg, by the seed[/]",
     ),
 ]

@@ -12,18 +12,17 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from frida_painter import registry as parts_registry
+from frida_painter import registry
 from frida_painter.cli.goal_options import free_goal_options, goal_options, tell_left_out
 from frida_painter.errors import ConfigError
-from frida_painter.objectives import registry
-from frida_painter.objectives.kind import Gives, GoalKind
+from frida_painter.objectives.kind import Gives, GoalKind, KnownKinds, goal_kinds
 from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.registry import OBJECTIVES
 from frida_painter.web.abilities import abilities
 from frida_painter.web.painting_request import GoalRequest
 
 OURS = ["image", "semantic", "sketch", "text", "style"]
-Install = Callable[..., registry.KnownKinds]
+Install = Callable[..., KnownKinds]
 
 
 def kind(name: str = "mood", **more: Any) -> GoalKind:
@@ -36,15 +35,15 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
     module = ModuleType("of_somebody")
     monkeypatch.setitem(sys.modules, "of_somebody", module)
 
-    def installed(**named: Any) -> registry.KnownKinds:
+    def installed(**named: Any) -> KnownKinds:
         vars(module).update(named)
         points = [EntryPoint(name, f"of_somebody:{name}", OBJECTIVES) for name in (*named, "absent")]
-        monkeypatch.setattr(parts_registry, "entry_points", lambda group: points if group == OBJECTIVES else [])
-        registry.goal_kinds.cache_clear()
-        return registry.goal_kinds()
+        monkeypatch.setattr(registry, "entry_points", lambda group: points if group == OBJECTIVES else [])
+        goal_kinds.cache_clear()
+        return goal_kinds()
 
     yield installed
-    registry.goal_kinds.cache_clear()
+    goal_kinds.cache_clear()
 
 
 def test_ours_are_there_whatever_was_installed_and_are_entry_points_too(install: Install) -> None:
@@ -53,13 +52,13 @@ def test_ours_are_there_whatever_was_installed_and_are_entry_points_too(install:
     named = record["project"]["entry-points"][OBJECTIVES]
     assert list(named) == OURS
     for name, value in named.items():
-        assert EntryPoint(name, value, OBJECTIVES).load() is registry.goal_kinds()[name]
-        assert registry.goal_kinds()[name].name == name
+        assert EntryPoint(name, value, OBJECTIVES).load() is goal_kinds()[name]
+        assert goal_kinds()[name].name == name
 
 
 def test_they_are_known_without_loading_what_plans() -> None:
     program = (
-        "import sys; from frida_painter.objectives.registry import goal_kinds; assert len(goal_kinds().by_name) >= 5; "
+        "import sys; from frida_painter.objectives.kind import goal_kinds; assert len(goal_kinds().by_name) >= 5; "
         "print(sorted({'torch', 'cv2', 'numba', 'transformers'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -1,1 +1,0 @@
-"""How settings are given on a command line: what the commands of all faces share."""
