@@ -31,8 +31,8 @@ OURS = "frida-painter"
 OUR_PARTS: Mapping[str, Mapping[str, str]] = {
     EASELS: {
         "human": "frida_painter.session.easel_kinds.human:KIND",
-        "virtual": "frida_painter.session.easel_kinds.virtual:KIND",
-        "sawyer-sim": "frida_painter.session.easel_kinds.sawyer_sim:KIND",
+        "virtual": "frida_painter.session.easel_kinds.studio:VIRTUAL_KIND",
+        "sawyer-sim": "frida_painter.session.easel_kinds.studio:SAWYER_KIND",
     },
     ROBOTS: {
         "xarm": "frida_painter.hardware.drivers.xarm:KIND",

@@ -4,7 +4,7 @@ import pytest
 
 from frida_painter import cli
 from frida_painter.hardware.latch import Latch, latch_path
-from frida_painter.session.state_folder import state_folder
+from frida_painter.session.names import state_folder
 
 
 def arm(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:

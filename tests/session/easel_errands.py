@@ -26,7 +26,7 @@ PAINTS = Palette(torch.tensor([[0.9, 0.8, 0.2], [0.1, 0.1, 0.3]]))
 MACHINE = "machine"
 _MACHINE_KIND = """
 from frida_painter.session.easel_kind import EaselKind
-from frida_painter.session.easel_kinds.virtual import KIND as STUDIO
+from frida_painter.session.easel_kinds.studio import VIRTUAL_KIND as STUDIO
 KIND = EaselKind("machine", "a virtual studio that is taken for a machine", STUDIO.open, simulated=False)
 """
 

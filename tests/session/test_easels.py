@@ -127,7 +127,7 @@ def test_a_real_easel_with_something_missing_is_told(tmp_path: Path, values: dic
 EASELS_OF_OTHERS = """
 from dataclasses import replace
 from frida_painter.session.easel_kind import EaselKind
-from frida_painter.session.easel_kinds.virtual import KIND as VIRTUAL
+from frida_painter.session.easel_kinds.studio import VIRTUAL_KIND as VIRTUAL
 
 def _open(order):
     return VIRTUAL.open(replace(order, seed=order.seed + 1))

@@ -7,7 +7,7 @@ import pytest
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.workcell import example
 from frida_painter.runs.easel import order
-from frida_painter.session.state_folder import state_folder
+from frida_painter.session.names import state_folder
 from frida_painter.web import workspace_canvas, workspace_reader
 from frida_painter.web.asking import Asker
 from frida_painter.web.feed import Feed

@@ -1,5 +1,8 @@
-"""What may be learned from how many strokes, and by which models: read without loading anything that learns."""
+"""How many strokes a library may have, and what is learned of them: read without loading anything that learns."""
 
+MOST_STROKES = 10_000
+MOST_BETWEEN_REFILLS = 100
+"""Strokes painted with one dip."""
 FEWEST_STROKES = 5
 """Clean strokes that training needs."""
 MOST_FOLDS = 20

@@ -7,7 +7,7 @@ import typer
 
 from frida_painter.errors import Interrupted, RobotStopped
 from frida_painter.hardware.latch import latches
-from frida_painter.session.state_folder import state_folder
+from frida_painter.session.names import state_folder
 
 
 def register(app: typer.Typer) -> None:

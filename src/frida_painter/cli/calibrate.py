@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from frida_painter.brush.limits import FEWEST_STROKES
+from frida_painter.brush.limits import FEWEST_STROKES, MOST_BETWEEN_REFILLS, MOST_STROKES
 from frida_painter.options import (
     BrushOption,
     CameraOption,
@@ -15,7 +15,6 @@ from frida_painter.options import (
     WorkspaceOption,
     whole_number_within,
 )
-from frida_painter.session.procedures.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
 
 
 class What(StrEnum):

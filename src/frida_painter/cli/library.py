@@ -7,9 +7,9 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from frida_painter.brush.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
 from frida_painter.errors import ConfigError
 from frida_painter.options import BrushOption, whole_number_within
-from frida_painter.session.procedures.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
 
 
 def register(app: typer.Typer) -> None:

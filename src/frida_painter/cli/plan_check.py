@@ -23,11 +23,10 @@ from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easels import open_easel, robot_named
 from frida_painter.session.forecast import duration
-from frida_painter.session.names import MACHINES, SAWYER_SIM, SIMULATED, VIRTUAL, require_known
+from frida_painter.session.names import MACHINES, SAWYER_SIM, SIMULATED, VIRTUAL, require_known, state_folder
 from frida_painter.session.opening import limit_threads
 from frida_painter.session.procedures.calibration_status import require
 from frida_painter.session.rehearsal import Rehearsal, rehearse
-from frida_painter.session.state_folder import state_folder
 from frida_painter.session.timetable import Timetable
 from frida_painter.session.timing import reckon
 from frida_painter.virtual.sawyer.arm import TIMING

@@ -11,11 +11,10 @@ from frida_painter.runs.placement_error import millimetres_and_degrees
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.by_hand import ByHand
 from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.names import SAWYER_SIM
+from frida_painter.session.names import SAWYER_SIM, state_folder
 from frida_painter.session.operator import PersonAsOperator
 from frida_painter.session.procedures.calibration_status import NEEDED
 from frida_painter.session.procedures.dialogue import Answer, Question
-from frida_painter.session.state_folder import state_folder
 from frida_painter.virtual.sawyer.meshes import Meshes
 from frida_painter.virtual.table import PlacementError
 

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING
 from frida_painter.hardware.kinds import Needed
 
 if TYPE_CHECKING:  # the page knows of easels without what computes them
-    from frida_painter.session.easel_order import EaselOrder, OpenEasel
+    from frida_painter.hardware.easel import Easel
+    from frida_painter.session.easel_order import EaselOrder
+
+
+@dataclass(frozen=True)
+class OpenEasel:
+    """An easel that is open. close: ends what is beyond robot and camera, such as a diary; may raise StorageError."""
+
+    easel: "Easel"
+    close: Callable[[], None]
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
-"""An order of an easel, and an easel that is open."""
+"""An order of an easel: what is wanted, as it goes to the process of the easel."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
@@ -9,7 +9,6 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
-from frida_painter.hardware.easel import Easel
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.table import PlacementError
 
@@ -56,11 +55,3 @@ class EaselOrder:
                 f"{'.'.join(map(str, fault['loc']))}: {fault['msg'].lower()}" for fault in error.errors()
             )
             raise ConfigError(f"The order of an easel is not as it must be ({faults}).") from error
-
-
-@dataclass(frozen=True)
-class OpenEasel:
-    """An easel that is open. close: ends what is beyond robot and camera, such as a diary; may raise StorageError."""
-
-    easel: Easel
-    close: Callable[[], None]

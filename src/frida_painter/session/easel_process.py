@@ -25,7 +25,6 @@ from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easels import is_simulated
-from frida_painter.session.state_folder import state_folder as state_folder
 
 # A diary of many thousand strokes is lived through before the easel is there.
 _OPENING = 600.0

@@ -17,8 +17,8 @@ from frida_painter.hardware.machine_name import MachineName
 from frida_painter.hardware.robot import Robot
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.hardware.workspace import Workspace
-from frida_painter.session.easel_kind import EaselKind
-from frida_painter.session.easel_order import EaselOrder, OpenEasel
+from frida_painter.session.easel_kind import EaselKind, OpenEasel
+from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.names import MACHINES, SIMULATED, camera_forms, require_known, robot_forms
 from frida_painter.session.operator import AbsentOperator
 

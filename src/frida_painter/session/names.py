@@ -1,4 +1,4 @@
-"""Names on which processes agree: of robots and cameras, as a person gives them, and of files in a painting's folder.
+"""Names on which processes agree: robots and cameras, as a person gives them, a painting's files, the state's folder.
 
 A real robot is named like "xarm:192.168.1.10" or "gcode:/dev/ttyUSB0,homing=yes", its camera like "opencv:0".
 Whoever only passes names on loads no driver for that, nor anything that computes.
@@ -6,6 +6,9 @@ Whoever only passes names on loads no driver for that, nor anything that compute
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+
+from platformdirs import user_state_path
 
 from frida_painter import registry
 from frida_painter.errors import ConfigError, PluginError
@@ -67,6 +70,11 @@ MACHINES: Mapping[str, str] = _Machines(registry.ROBOTS, _form_of_robot)
 SIMULATED: Mapping[str, str] = _Registered(registry.EASELS, _title_of_simulated)
 """The simulated robots, with what pages call them."""
 TITLES = SIMULATED
+
+
+def state_folder() -> Path:
+    """Where stops are latched and robots locked when nobody says otherwise."""
+    return user_state_path("frida-painter", appauthor=False)
 
 
 def robot_forms() -> list[str]:

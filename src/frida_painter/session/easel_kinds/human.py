@@ -4,17 +4,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from frida_painter.errors import ConfigError
-from frida_painter.session.easel_kind import EaselKind
+from frida_painter.session.easel_kind import EaselKind, OpenEasel
 from frida_painter.session.names import camera_forms
 
 if TYPE_CHECKING:
-    from frida_painter.session.easel_order import EaselOrder, OpenEasel
+    from frida_painter.session.easel_order import EaselOrder
 
 
-def _open(order: "EaselOrder") -> "OpenEasel":
+def _open(order: "EaselOrder") -> OpenEasel:
     from frida_painter.hardware.drivers.human import HumanRobot
     from frida_painter.hardware.easel import Easel
-    from frida_painter.session.easel_order import OpenEasel
     from frida_painter.session.easels import camera_named
     from frida_painter.session.flatbed_workspace import FlatbedWorkspace
     from frida_painter.session.operator import AbsentOperator

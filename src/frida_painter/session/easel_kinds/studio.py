@@ -1,21 +1,31 @@
-"""The virtual studio as it is ordered: with the brush that stands in it for the painting's."""
+"""The virtual studio with either of its arms: `virtual`, which does exactly what it is told, and `sawyer-sim`.
 
+The latter is the paper's Rethink Sawyer, simulated with its weight and its friction.
+"""
+
+import contextlib
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from frida_painter import registry
-from frida_painter.brush.kinds import BrushModel
-from frida_painter.hardware.easel import Easel
-from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.names import DIARY
-from frida_painter.virtual.kernels import load_kernels
-from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
+from frida_painter.hardware.kinds import Needed
+from frida_painter.session.easel_kind import EaselKind, OpenEasel
+from frida_painter.session.names import ARM_FILM, DIARY
+
+if TYPE_CHECKING:  # pages and help know these kinds without what computes them
+    from frida_painter.hardware.easel import Easel
+    from frida_painter.session.easel_order import EaselOrder
+    from frida_painter.virtual.studio import VirtualStudio
 
 
-def furnished(order: EaselOrder, arm: str) -> tuple[VirtualStudio, Easel]:
+def furnished(order: "EaselOrder", arm: str) -> "tuple[VirtualStudio, Easel]":
     """The studio with one of its arms, and its easel, which knows the brush by the name in the order.
 
     Raises ConfigError where the studio has no such brush, and StorageError.
     """
+    from frida_painter.virtual.kernels import load_kernels
+    from frida_painter.virtual.studio import StudioSettings, open_studio
+
     own = studio_brush(order.brush)
     load_kernels(own)
     studio = open_studio(
@@ -30,10 +40,51 @@ def furnished(order: EaselOrder, arm: str) -> tuple[VirtualStudio, Easel]:
 
 def studio_brush(name: str) -> str:
     """The brush that paints in the studio for the one of that name. Raises PluginError."""
+    from frida_painter.brush.kinds import BrushModel
+
     known = registry.parts(registry.STROKE_MODELS).get(name)
     return name if known is None else known.load(BrushModel).kind.in_studio
 
 
-def with_brush(easel: Easel, name: str) -> Easel:
+def with_brush(easel: "Easel", name: str) -> "Easel":
     """The same easel, which knows its brush by that name."""
     return replace(easel, calibration=replace(easel.calibration, brush=name))
+
+
+def _open_virtual(order: "EaselOrder") -> OpenEasel:
+    from frida_painter.virtual.studio import FREE
+
+    studio, easel = furnished(order, FREE)
+    return OpenEasel(easel, studio.close)
+
+
+def _open_sawyer(order: "EaselOrder") -> OpenEasel:
+    """With a film of the arm at work where one is ordered."""
+    from frida_painter.virtual.sawyer.meshes import Meshes
+    from frida_painter.virtual.studio import SAWYER
+
+    studio, easel = furnished(order, SAWYER)
+    if order.film and order.folder is not None:
+        with contextlib.suppress(ImportError):  # connecting the arm says what to install
+            from frida_painter.virtual.sawyer.film import ArmFilm
+            from frida_painter.virtual.sawyer.surroundings import Surroundings
+
+            seen = None if order.meshes is None else Meshes.in_folder(order.meshes)
+            before = Surroundings(easel.workspace, order.canvas, seen)
+            studio.robot.watcher = ArmFilm(order.folder / ARM_FILM, before, studio.table)
+
+    def close() -> None:
+        studio.robot.watcher.close()
+        studio.close()
+
+    return OpenEasel(easel, close)
+
+
+VIRTUAL_KIND = EaselKind("virtual", "virtual studio", _open_virtual, simulated=True)
+SAWYER_KIND = EaselKind(
+    "sawyer-sim",
+    "Rethink Sawyer, simulated",
+    _open_sawyer,
+    simulated=True,
+    needed=Needed("pip install 'frida-painter[mujoco]'", "mujoco"),
+)

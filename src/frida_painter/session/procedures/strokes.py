@@ -21,6 +21,7 @@ from frida_painter.brush.flaw import Flaw
 from frida_painter.brush.judge import clean, judge_marks
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.brush.library import StrokeLibrary
+from frida_painter.brush.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
 from frida_painter.calibration import Calibration, LearnedFile
 from frida_painter.errors import CalibrationError, ConfigError, FrameRejected
 from frida_painter.hardware.easel import Easel
@@ -30,7 +31,6 @@ from frida_painter.session.contact_sheet import contact_sheet
 from frida_painter.session.paper import BLACK, Crop, Paper, Print, Shapes
 from frida_painter.session.procedures.at_the_easel import EaselAccess
 from frida_painter.session.procedures.dialogue import Confirm, Procedure
-from frida_painter.session.procedures.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
 from frida_painter.session.recording import Recording, RecordingSettings
 
 _MOST_DIRTY_RUNNING = 8
