@@ -54,7 +54,7 @@ __all__ = [
 _HOMES = {
     "Camera": ("hardware.camera", "Camera"),
     "FridaError": ("errors", "FridaError"),
-    "Objective": ("objectives.base", "Objective"),
+    "Objective": ("objectives.objective", "Objective"),
     "PaintingRun": ("runs.run", "PaintingRun"),
     "Palette": ("palette", "Palette"),
     "Plan": ("plan", "Plan"),
@@ -65,7 +65,7 @@ _HOMES = {
     "Strokes": ("strokes", "Strokes"),
     "load_picture": ("images", "load"),
     "load_stroke_model": ("brush.weights", "load_stroke_model"),
-    "make_goal": ("runs.simple_goal", "make_goal"),
+    "make_goal": ("runs.goals", "make_goal"),
     "open_virtual_studio": ("virtual.studio", "open_studio"),
     "paint": ("runs.run", "paint"),
     "render_plan": ("render.plan_picture", "render_plan"),
