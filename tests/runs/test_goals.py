@@ -27,6 +27,7 @@ from scenes import picture
         ("café à la crème", "café à la crème"),
         ("<script>alert(1)</script>", "<script>alert(1)</script>"),
         ("x" * 10_000, "x" * 10_000),
+        ("3", "3"),
     ],
 )
 def test_words_become_one_plain_line(text: str, read: str) -> None:
@@ -42,14 +43,19 @@ def test_words_become_one_plain_line(text: str, read: str) -> None:
         ("a \x1b[31mred\x1b[0m ship", "U\\+001B"),
         ("a ship\x00", "U\\+0000"),
         ("a \ud800", "U\\+D800"),
-        ("一艘帆船", "say it in English"),
-        ("!!! 123", "say it in English"),
+        ("\u200d\u200b", "was given no words"),
     ],
 )
-def test_what_cannot_be_painted_is_refused_in_a_sentence(text: str, says: str) -> None:
+def test_what_is_no_line_of_words_is_refused_in_a_sentence(text: str, says: str) -> None:
     with pytest.raises(ConfigError, match=says) as refused:
         read_prompt(text, "--text")
     assert len(str(refused.value)) < 250
+
+
+@pytest.mark.parametrize("text", ["一艘帆船", "!!! 123"])
+def test_a_text_prompt_has_to_be_english(text: str) -> None:
+    with pytest.raises(ConfigError, match="say it in English"):
+        make_goal(text=text)
 
 
 @given(st.text(max_size=200))

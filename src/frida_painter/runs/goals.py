@@ -189,14 +189,12 @@ _TITLE = 60
 def read_prompt(text: str, option: str) -> str:
     """The words as one line; signs such as emoji become what they are called.
 
-    Raises ConfigError for no words, more than 10,000 characters, control characters (an escape sequence
-    of a terminal, say), and words without any Latin letter, for the networks that read them know English.
+    Raises ConfigError for no words, more than 10,000 characters, and control characters (an escape sequence
+    of a terminal, say). Which words a kind of goal understands, its own term says.
     """
     if len(text) > MOST:
         raise ConfigError(f"{option} was given {len(text)} characters; say it in at most {MOST}.")
     line = " ".join(text.split())
-    if not line:
-        raise ConfigError(f'{option} was given no words; say what shall be painted, such as {option} "a sailing ship".')
     bad = next((mark for mark in line if unicodedata.category(mark) in ("Cc", "Cs", "Co", "Cn")), None)
     if bad is not None:
         raise ConfigError(
@@ -204,11 +202,8 @@ def read_prompt(text: str, option: str) -> str:
             "say what shall be painted in plain words."
         )
     spoken = " ".join("".join(_spoken(mark) for mark in line).split())
-    if not re.search("[A-Za-z]", unicodedata.normalize("NFKD", spoken)):
-        raise ConfigError(
-            f"{option} was given {line[:40]!r}, without a word in Latin letters; "
-            "the networks that read it know English, so say it in English."
-        )
+    if not spoken:
+        raise ConfigError(f'{option} was given no words; say what shall be painted, such as {option} "a sailing ship".')
     return spoken
 
 

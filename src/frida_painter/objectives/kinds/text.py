@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from dataclasses import dataclass
 
 from frida_painter.errors import ConfigError
@@ -12,7 +14,7 @@ from frida_painter.objectives.objective import ObjectiveContext, ObjectiveTerm
 
 @dataclass(frozen=True)
 class TextTerm(Term):
-    """Paint what these words say: `prompt`, one line of them. Raises ConfigError."""
+    """Paint what these words say: `prompt`, one line of them with a Latin letter. Raises ConfigError."""
 
     prompt: str
     weight: float = 1.0
@@ -22,6 +24,11 @@ class TextTerm(Term):
         require_weight(self.weight, "words")
         if not self.prompt.strip():
             raise ConfigError("Words to paint were given that are empty; say what shall be painted.")
+        if not re.search("[A-Za-z]", unicodedata.normalize("NFKD", self.prompt)):
+            raise ConfigError(
+                f"{self.prompt[:40]!r} has no word in Latin letters; the networks that read it know English, "
+                "so say it in English."
+            )
 
     @property
     def words(self) -> str:
