@@ -1,6 +1,7 @@
 """The house: imports only go down, no module imports itself in a circle, and some things never enter."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,20 @@ REALITY = {"virtual": {"brush", "render", "perception", "mixing", "objectives", 
 # Pickles run what they hold, and torchvision does not import beside the build of torch that is pinned.
 FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "joblib", "yaml", "shelve", "marshal", "torchvision"}
 MOST_LINES = 450
+# Whatever a person names is read through storage.opened: a plain file of a size that was checked. These read their own.
+OWN_FILES = {
+    "hardware/lock.py",
+    "hardware/link/cpu_activity.py",  # of the system
+    "hardware/workcell.py",  # the rest are packaged
+    "mixing/paint.py",
+    "objectives/encoders/class_names.py",
+    "virtual/sawyer/surroundings.py",
+    "web/app.py",
+    "web/folder.py",
+    "weights/cache.py",  # what was fetched
+    "weights/wheel.py",
+}
+READING = {"read_bytes", "read_text", "copyfile", "imread", "fromfile", "loadtxt", "genfromtxt", "safe_open", "memmap"}
 
 
 def modules(root: Path) -> dict[str, ast.Module]:
@@ -189,3 +204,38 @@ def test_what_never_enters(path: Path) -> None:
             for keyword in node.keywords:
                 true = isinstance(keyword.value, ast.Constant) and keyword.value.value is True
                 assert not (keyword.arg in ("shell", "allow_pickle") and true), node.lineno
+
+
+def files_opened(tree: ast.Module) -> list[int]:
+    """Lines in which a file is opened by its path, past `storage`."""
+    found = []
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        called = node.func
+        if isinstance(called, ast.Name):
+            if called.id == "open":
+                found.append(node.lineno)
+        elif isinstance(called, ast.Attribute):
+            owner = called.value.id if isinstance(called.value, ast.Name) else ""
+            mode = [one.value for one in node.args if isinstance(one, ast.Constant)]
+            named = [word.arg for word in node.keywords]
+            by_mode = any(isinstance(one, str) and re.fullmatch("r[bt+]*", one) for one in mode)
+            path_opened = called.attr == "open" and owner != "os" and (by_mode or "encoding" in named)
+            if owner != "storage" and (called.attr in READING or path_opened):
+                found.append(node.lineno)
+    return found
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.rglob("*.py")), ids=lambda path: str(path.relative_to(ROOT)))
+def test_files_that_a_person_names_have_one_door(path: Path) -> None:
+    opened = files_opened(ast.parse(path.read_text(encoding="utf-8")))
+    own = str(path.relative_to(ROOT)) in OWN_FILES
+    assert bool(opened) == own, f"lines {opened} open files past storage.opened" if not own else "opens none any more"
+
+
+def test_the_door_is_watched() -> None:
+    said = "open('a')", "path.open('rb')", "path.open(encoding='utf-8')", "path.read_bytes()", "shutil.copyfile(a, b)"
+    assert [files_opened(ast.parse(line)) for line in said] == [[1]] * 5
+    for line in ("storage.read_bytes(a, 'b', 1)", "kind.open(order)", "archive.open(info)"):
+        assert files_opened(ast.parse(line)) == []

@@ -1,6 +1,7 @@
 import errno
 import json
 import os
+import socket
 from pathlib import Path
 from typing import NoReturn
 
@@ -9,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter import storage
-from frida_painter.errors import PlanError, StorageError
+from frida_painter.errors import ConfigError, PlanError, StorageError
 
 RECORDS = st.dictionaries(
     st.text(max_size=8).filter(lambda key: key != "sha256"),
@@ -116,7 +117,7 @@ def test_an_edited_record_is_refused(tmp_path: Path) -> None:
 def test_missing_folder_and_too_large(tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="does not exist; give the path of a record"):
         storage.read_bytes(tmp_path / "a", "a record", 10)
-    with pytest.raises(StorageError, match="cannot be read"):
+    with pytest.raises(StorageError, match="is a folder; give the path of a record"):
         storage.read_bytes(tmp_path, "a record", 10**6)
     (tmp_path / "a").write_bytes(b"12345678901")
     with pytest.raises(StorageError, match="11 bytes; a record has at most 10"):
@@ -152,3 +153,52 @@ def test_what_killed_writes_left_behind_is_cleared_away_and_nothing_else(tmp_pat
         path.write_text("")
     storage.clear_leftovers(tmp_path)
     assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == sorted(kept)
+
+
+def what_is_no_file(folder: Path) -> dict[str, Path]:
+    """A device, a pipe and a socket, links to them, and names that no file can have."""
+    os.mkfifo(folder / "pipe")
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(folder / "socket"))
+    found = {"a device": Path("/dev/zero"), "a pipe": folder / "pipe", "a socket": folder / "socket"}
+    for number, target in enumerate(list(found.values())):
+        (folder / f"link-{number}").symlink_to(target)
+    links = {f"{what}, by a link": folder / f"link-{number}" for number, what in enumerate(found)}
+    return found | links | {"long": folder / ("x" * 5000), "nul": Path("a\0b"), "surrogate": Path("\udcff/\ud800")}
+
+
+def test_b8_only_plain_files_are_read_and_nothing_else_is_even_opened(tmp_path: Path) -> None:
+    for what, path in what_is_no_file(tmp_path).items():
+        with pytest.raises(PlanError) as refusal:
+            storage.read_bytes(path, "a plan", 10**6, PlanError)
+        said = str(refusal.value)
+        assert said.endswith("give the path of a plan.") and len(said) < 400, said
+        assert what in ("long", "nul", "surrogate") or f"is not a plain file (but {what.split(',')[0]})" in said
+        assert not storage.exists(path) or what not in ("long", "nul", "surrogate")
+
+
+def test_b8_a_file_that_is_longer_than_it_says_is_not_read_to_its_end() -> None:
+    endless = next(Path(f"/proc/self/{name}") for name in ("smaps", "maps") if Path(f"/proc/self/{name}").exists())
+    assert endless.stat().st_size == 0
+    with pytest.raises(StorageError, match="more than 100 bytes; a record has at most 100"):
+        storage.read_bytes(endless, "a record", 100)
+
+
+def test_b14_neither_a_device_nor_a_pipe_nor_a_folder_is_written_over(tmp_path: Path) -> None:
+    for path in (*what_is_no_file(tmp_path).values(), tmp_path):
+        with pytest.raises(StorageError, match="cannot be written"):
+            storage.require_place(path)
+        with pytest.raises(StorageError, match="cannot be written"):
+            storage.write_text(path, "mine")
+    with pytest.raises(StorageError, match="is not a folder"):
+        storage.require_place(Path("/dev/null"), folder=True)
+    assert (tmp_path / "pipe").is_fifo()
+    storage.require_place(tmp_path / "not" / "yet" / "a.png")
+    assert not (tmp_path / "not").exists()
+
+
+@pytest.mark.parametrize("text", [f"weight = {'9' * 400}", f"a = [{{b = -{'9' * 20}}}]", "a = ", "a = 1\na = 2"])
+def test_b9_numbers_that_fit_into_nothing_are_no_toml(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(ConfigError, match=r"is not TOML \(.*\); write lines"):
+        storage.read_toml(tmp_path / "a.toml", "a goal file", 10**6, "write lines")

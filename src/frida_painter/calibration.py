@@ -167,7 +167,7 @@ class Calibration:
             except CalibrationError:
                 pass  # What is damaged must not take the place of the last good one.
             else:
-                storage.write_bytes(previous(path), path.read_bytes())
+                storage.copy(path, previous(path), "a calibration record", storage.MAX_JSON_BYTES)
         storage.write_json(path, {"format": _FORMAT, "version": VERSION, **asdict(self)})
 
     @classmethod
@@ -197,7 +197,7 @@ class Calibration:
 
 def previous(path: Path) -> Path:
     """Where `Calibration.save` keeps the record that was there before."""
-    return path.with_name(path.name + ".prev")
+    return path.parent / f"{path.name}.prev"  # also of what has no name, such as "."
 
 
 def _turns_clockwise(corners: NDArray[np.float64]) -> bool:

@@ -63,7 +63,10 @@ class EventLog:
         try:
             if policy.forgiving:
                 _convert_bare_lines(path)
-            self._descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | make, 0o644)
+            if path.exists():
+                with storage.opened(path, policy.what, MOST_BYTES):  # a plain file, and not something that waits
+                    pass
+            self._descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC | make, 0o644)
             with self._locked():
                 content = storage.read_bytes(path, policy.what, MOST_BYTES)
                 read = _forgiving(content) if policy.forgiving else _strict(content, path, policy.what)
@@ -242,14 +245,14 @@ class LogReader:
     def read(self) -> list[dict[str, Any]]:
         """New records, in order. A line that is not whole yet is waited for, one that is damaged left out."""
         try:
-            with self._path.open("rb") as file:
+            with storage.opened(self._path, FEED.what, MOST_BYTES) as file:
                 stat, again = os.fstat(file.fileno()), 0
                 if (stat.st_dev, stat.st_ino) != self._file:
                     self._file, again = (stat.st_dev, stat.st_ino), self._read
                     self._last, self._offset, self._read = _START, 0, 0
                 file.seek(self._offset)
                 content = file.read()
-        except OSError:
+        except (OSError, StorageError):
             return []
         found = _forgiving(content, self._last)
         self._last, self._offset = found.last, self._offset + found.length
@@ -337,7 +340,7 @@ def _convert_bare_lines(path: Path) -> None:
     """Writes a file of bare lines of JSON, as earlier versions left it, as a log. Raises StorageError, OSError."""
     if not path.exists():
         return
-    with path.open("rb") as file:
+    with storage.opened(path, FEED.what, MOST_BYTES) as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         content = file.read()
         bare = content[:1] not in b"0123456789abcdef"

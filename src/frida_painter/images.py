@@ -45,7 +45,10 @@ def save_exactly(pixels: NDArray[np.uint8], path: Path) -> None:
 def load_exactly(path: Path) -> NDArray[np.uint8]:
     """The bytes [H, W, 3] that `save_exactly` wrote. Raises ImageError where the file is gone or damaged."""
     try:
-        with Image.open(path, formats=("PNG",)) as file:
+        with (
+            storage.opened(path, "a picture", storage.MAX_BYTES, ImageError) as content,
+            Image.open(content, formats=("PNG",)) as file,
+        ):
             picture_file.require_size(path, *file.size)
             return np.array(file.convert("RGB"))
     except ImageError:

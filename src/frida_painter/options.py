@@ -1,4 +1,4 @@
-"""How numbers, brushes, robots, cameras and workspaces are given on the command line."""
+"""How numbers, places to write to, brushes, robots, cameras and workspaces are given on the command line."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 from typer.models import OptionInfo
 
-from frida_painter import registry
+from frida_painter import registry, storage
 from frida_painter.hardware.kinds import CameraKind
 
 
@@ -47,6 +47,24 @@ def count_of(number: int, what: str) -> str:
 def megabytes(size: int) -> str:
     """Bytes as "12 MB"."""
     return f"{size / 1e6:.0f} MB"
+
+
+def out_file(text: str | Path) -> Path:
+    """Reads the path of a file to write. Raises StorageError, and typer.BadParameter for no path at all."""
+    return _place(text, folder=False)
+
+
+def out_folder(text: str | Path) -> Path:
+    """Reads the path of a folder to write into. Raises as `out_file` does."""
+    return _place(text, folder=True)
+
+
+def _place(text: str | Path, *, folder: bool) -> Path:
+    if not str(text):
+        raise typer.BadParameter("it is empty; give a path")
+    path = Path(text)
+    storage.require_place(path, folder=folder)
+    return path
 
 
 class ListingOption(OptionInfo):

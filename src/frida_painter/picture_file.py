@@ -8,11 +8,13 @@ import io
 import re
 import warnings
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageCms, ImageOps, UnidentifiedImageError
 
+from frida_painter import storage
 from frida_painter.errors import ImageError
 
 FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "BMP", "GIF")
@@ -20,7 +22,9 @@ MOST_PIXELS = 100_000_000
 MOST_SIDE = 30_000
 LEAST_SIDE = 16
 LONGEST = 4096
-_ADVICE = "give a JPEG, PNG, WebP, TIFF, BMP or GIF picture"
+WHAT = "a JPEG, PNG, WebP, TIFF, BMP or GIF picture"
+_ADVICE = f"give {WHAT}"
+_MOST_BYTES = 2**30
 
 
 def decode(path: Path, *, most_pixels: int = MOST_PIXELS, longest: int = LONGEST) -> Image.Image:
@@ -31,18 +35,27 @@ def decode(path: Path, *, most_pixels: int = MOST_PIXELS, longest: int = LONGEST
     more than `longest` pixels is made smaller. Raises ImageError for everything that is not such a
     picture, or has more than `most_pixels`, a side above 30,000 or one below 16 pixels.
     """
-    _require_file(path)
+    with storage.opened(path, WHAT, _MOST_BYTES, ImageError) as file:
+        start = file.read(512)
+        if not start:
+            raise ImageError(f"{path} is empty (0 bytes); {_ADVICE}.")
+        file.seek(0)
+        return _opened(path, file, start, most_pixels, longest)
+
+
+def _opened(path: Path, content: BinaryIO, start: bytes, most_pixels: int, longest: int) -> Image.Image:
+    """The picture in an open file, which begins with `start`."""
     try:
         # Pillow warns about odd metadata and large pictures, neither of which a painter can act upon.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            with Image.open(path, formats=FORMATS) as file:
+            with Image.open(content, formats=FORMATS) as file:
                 require_size(path, *file.size, most_pixels)
                 return _decode(path, file, longest)
     except ImageError:
         raise
     except UnidentifiedImageError as cause:
-        raise ImageError(f"{path} is {_looks_like(path)}, not a picture that can be read; {_ADVICE}.") from cause
+        raise ImageError(f"{path} is {_looks_like(start)}, not a picture that can be read; {_ADVICE}.") from cause
     except Image.DecompressionBombError as cause:
         count = int(re.findall(r"\d+", f"{cause} 0")[0])
         raise ImageError(
@@ -70,20 +83,6 @@ def require_size(path: Path, width: int, height: int, most_pixels: int = MOST_PI
 def one_line(cause: BaseException) -> str:
     """What a decoder complains of, in one short line."""
     return " ".join(str(cause).split())[:120] or type(cause).__name__
-
-
-def _require_file(path: Path) -> None:
-    try:
-        if path.is_dir():
-            raise ImageError(f"{path} is a folder; {_ADVICE}.")
-        if not path.exists():
-            raise ImageError(f"{path} does not exist; {_ADVICE}.")
-        if not path.is_file():
-            raise ImageError(f"{path} is not a plain file; {_ADVICE}.")
-        if path.stat().st_size == 0:
-            raise ImageError(f"{path} is empty (0 bytes); {_ADVICE}.")
-    except (OSError, ValueError) as cause:
-        raise ImageError(f"{str(path)[:200]!r} cannot be read ({one_line(cause)}); {_ADVICE}.") from cause
 
 
 def _decode(path: Path, file: Image.Image, longest: int) -> Image.Image:
@@ -147,9 +146,7 @@ def _to_srgb(picture: Image.Image, info: dict[str | tuple[int, int], object]) ->
     return picture.convert("RGB")
 
 
-def _looks_like(path: Path) -> str:
-    with path.open("rb") as file:
-        start = file.read(512)
+def _looks_like(start: bytes) -> str:
     if start[4:8] == b"ftyp":
         return "a HEIC photograph or a film"
     if start.lstrip()[:1] == b"<":

@@ -120,7 +120,8 @@ class Plan:
             raise PlanError(f"{path} is not a plan; give the plan.json of a painting.")
         if record.get("version") != VERSION:
             raise PlanError(
-                f"{path} is a plan of version {record.get('version')}; this program reads version {VERSION}; update it."
+                f"{path} is a plan of version {record.get('version')!r}; this program reads version {VERSION}; "
+                "update it."
             )
         try:
             beside = path.with_name(Path(record["tensors"]).name)

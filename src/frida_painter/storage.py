@@ -6,20 +6,25 @@ the old file or the new one, never half of either.
 """
 
 import contextlib
+import errno
 import hashlib
 import json
 import math
 import os
 import re
 import shutil
+import stat
 import tempfile
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-from frida_painter.errors import FridaError, StorageError
+from frida_painter.errors import ConfigError, FridaError, StorageError
 
 MAX_JSON_BYTES = 32 * 2**20
+MAX_BYTES = 16 * 2**30
+"""Of any file that is read piece by piece."""
 _TEMPORARY = re.compile(r"\..+-[a-z0-9_]{8}(\.[^.]+)?")  # as tempfile names those of `replacing`
 
 
@@ -31,10 +36,12 @@ def replacing(path: Path) -> Iterator[Path]:
     written to or the disk is full.
     """
     try:
+        if path.exists() and not path.is_file():  # neither a device nor a pipe is a place for a file
+            raise OSError(errno.EEXIST, "it is there and is not a plain file")
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
         os.close(handle)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise cannot_write(path, error) from error
     temporary = Path(name)
     try:
@@ -95,17 +102,103 @@ def read_json(path: Path, what: str, error: type[FridaError] = StorageError) -> 
     return record
 
 
+def read_toml(path: Path, what: str, most: int, advice: str, error: type[FridaError] = ConfigError) -> dict[str, Any]:
+    """The values of a TOML file of at most `most` bytes that a person wrote; `advice` ends the messages.
+
+    Whole numbers have 64 bits, as TOML has it: longer ones fit into nothing. Raises `error`.
+    """
+    content = read_bytes(path, what, most, error)
+    try:
+        values = tomllib.loads(content.decode("utf-8-sig"))
+        _require_plain_numbers(values)
+    except (ValueError, RecursionError) as cause:
+        raise error(f"{shown(path)} is not TOML ({cause}); {advice}.") from cause
+    return values
+
+
 def read_bytes(path: Path, what: str, most: int, error: type[FridaError] = StorageError) -> bytes:
     """The content of a file of at most `most` bytes. Raises `error` otherwise."""
+    with opened(path, what, most, error) as file:
+        content = file.read(most + 1)
+        if len(content) > most:  # it grew, or is one of those of the system that do not say how much they hold
+            raise error(f"{shown(path)} has more than {most} bytes; {what} has at most {most}.")
+        return content
+
+
+@contextlib.contextmanager
+def opened(path: Path, what: str, most: int, error: type[FridaError] = StorageError) -> Iterator[BinaryIO]:
+    """A file of at most `most` bytes that somebody named, open for reading: the one door for all such files.
+
+    what: names it in messages ("the plan"). Devices, pipes, sockets and folders, and links to them, are refused
+    before they are opened, for a device does things when it is opened, and a pipe waits; and again once open,
+    where another took the file's place. Raises `error`, also where the disk fails while it is read.
+    """
+    with _open(path, what, most, error) as file:
+        try:
+            yield file
+        except OSError as cause:
+            if cause.errno is None:  # a decoder's own complaint
+                raise
+            raise error(f"{shown(path)} cannot be read ({cause.strerror}); give the path of {what}.") from cause
+
+
+def _open(path: Path, what: str, most: int, error: type[FridaError]) -> BinaryIO:
     try:
-        size = path.stat().st_size
-        if size > most:
-            raise error(f"{path} has {size} bytes; {what} has at most {most}.")
-        return path.read_bytes()
+        _require_regular(path, what, most, path.stat(), error)
+        file = os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")
     except FileNotFoundError as cause:
-        raise error(f"{path} does not exist; give the path of {what}.") from cause
+        raise error(f"{shown(path)} does not exist; give the path of {what}.") from cause
     except OSError as cause:
-        raise error(f"{path} cannot be read ({cause.strerror}); give the path of {what}.") from cause
+        raise error(f"{shown(path)} cannot be read ({cause.strerror}); give the path of {what}.") from cause
+    except ValueError as cause:
+        raise error(f"{shown(path)!r} cannot be a path ({cause}); give the path of {what}.") from cause
+    try:
+        _require_regular(path, what, most, os.fstat(file.fileno()), error)
+    except FridaError:
+        file.close()
+        raise
+    return file
+
+
+def copy(source: Path, target: Path, what: str, most: int, error: type[FridaError] = StorageError) -> None:
+    """Copies a file that somebody named. Raises `error` where it cannot be read, StorageError where not written."""
+    with opened(source, what, most, error) as file, replacing(target) as temporary, temporary.open("wb") as made:
+        shutil.copyfileobj(file, made)
+
+
+def sha256(path: Path, what: str, error: type[FridaError] = StorageError) -> str:
+    """The hash of a file that somebody named, in hexadecimal digits. Raises `error` where it cannot be read."""
+    with opened(path, what, MAX_BYTES, error) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def exists(path: Path) -> bool:
+    """Whether there is something of that name, also where it is longer than a name can be."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
+
+
+def shown(path: Path | str) -> str:
+    """A path as it stands in messages: of one that is very long, both ends."""
+    text = str(path)
+    return text if len(text) <= 240 else f"{text[:120]}...{text[-100:]}"
+
+
+def _require_regular(path: Path, what: str, most: int, facts: os.stat_result, error: type[FridaError]) -> None:
+    if stat.S_ISDIR(facts.st_mode):
+        raise error(f"{shown(path)} is a folder; give the path of {what}.")
+    if not stat.S_ISREG(facts.st_mode):
+        raise error(f"{shown(path)} is not a plain file (but {_kind(facts.st_mode)}); give the path of {what}.")
+    if facts.st_size > most:
+        raise error(f"{shown(path)} has {facts.st_size} bytes; {what} has at most {most}.")
+
+
+def _kind(mode: int) -> str:
+    if stat.S_ISFIFO(mode):
+        return "a pipe"
+    return "a socket" if stat.S_ISSOCK(mode) else "a device"
 
 
 def require_space(folder: Path, needed: int) -> None:
@@ -115,13 +208,35 @@ def require_space(folder: Path, needed: int) -> None:
         while not existing.exists():
             existing = existing.parent
         free = shutil.disk_usage(existing).free
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise cannot_write(folder, error) from error
     if free < needed:
         raise StorageError(
-            f"{folder} is on a disk with {free // 2**20} MB free; this painting needs {needed // 2**20} MB; "
+            f"{shown(folder)} is on a disk with {free // 2**20} MB free; this painting needs {needed // 2**20} MB; "
             "free some space or choose another folder with --out."
         )
+
+
+def require_place(path: Path, *, folder: bool = False) -> None:
+    """Raises StorageError at once, before any work, where no file (or `folder`) can be written at `path`."""
+    try:
+        os.lstat(path.parent / f"{path.name}.part")  # which no name can be that is none, or too long
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError) as error:
+        raise cannot_write(path, error) from error
+    try:
+        if path.exists() and not (path.is_dir() if folder else path.is_file()):
+            raise OSError(errno.EEXIST, f"it is there and is not {'a folder' if folder else 'a plain file'}")
+        nearest = path if folder else path.parent
+        while not nearest.exists():
+            nearest = nearest.parent
+        if not nearest.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, f"{shown(nearest)} is not a folder")
+        if not os.access(nearest, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except (OSError, ValueError) as error:
+        raise cannot_write(path, error) from error
 
 
 def new_folder(folder: Path) -> None:
@@ -131,16 +246,20 @@ def new_folder(folder: Path) -> None:
         occupied = any(folder.iterdir())
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"0")
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise cannot_write(folder, error) from error
     if occupied:
-        raise StorageError(f"{folder} is not empty, and nothing there is overwritten; choose a new folder with --out.")
+        raise StorageError(
+            f"{shown(folder)} is not empty, and nothing there is overwritten; choose a new folder with --out."
+        )
 
 
-def cannot_write(path: Path, error: OSError) -> StorageError:
-    """The error to raise where the system refuses to write to `path`."""
-    reason = error.strerror or str(error)
-    return StorageError(f"{path} cannot be written ({reason}); choose a folder that you may write to with --out.")
+def cannot_write(path: Path, error: OSError | ValueError) -> StorageError:
+    """The error to raise where the system refuses to write to `path`, or it is no path."""
+    reason = getattr(error, "strerror", None) or str(error)
+    return StorageError(
+        f"{shown(path)} cannot be written ({reason}); choose a folder that you may write to with --out."
+    )
 
 
 def _flush(path: Path) -> None:
@@ -172,3 +291,11 @@ def _all_finite(value: Any) -> bool:
         return math.isfinite(value)
     children: Callable[[], Any] = value.values if isinstance(value, dict) else lambda: value
     return all(_all_finite(child) for child in children()) if isinstance(value, dict | list) else True
+
+
+def _require_plain_numbers(value: Any) -> None:
+    """Raises ValueError where a whole number has more than 64 bits."""
+    if isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise ValueError(f"{str(value)[:12]}... is a whole number of {len(str(value))} digits, and one has at most 19")
+    for child in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        _require_plain_numbers(child)

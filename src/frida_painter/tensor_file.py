@@ -13,6 +13,7 @@ from frida_painter import storage
 from frida_painter.errors import FridaError, StorageError
 
 MOST_BYTES = 2 * 2**30
+_MOST_HEADER = 100_000_000  # bytes, as safetensors itself has it
 
 
 def write_tensors(path: Path, tensors: Mapping[str, torch.Tensor], metadata: Mapping[str, str] | None = None) -> str:
@@ -33,7 +34,10 @@ def read_tensors(
     Raises `error` where the file is missing, damaged, not safetensors (a pickle is never run),
     holds numbers that are not finite, or has another sha256 than the one given.
     """
-    content = storage.read_bytes(path, what, MOST_BYTES, error)
+    with storage.opened(path, what, MOST_BYTES, error) as file:
+        _require_header(file.read(8), path, what, error)  # before as much memory is filled as the file is long
+        file.seek(0)
+        content = file.read(MOST_BYTES + 1)
     if sha256 is not None and hashlib.sha256(content).hexdigest() != sha256:
         raise error(f"{path} is not the file that belongs to {what} (its sha256 differs); take an unchanged copy.")
     try:
@@ -45,3 +49,8 @@ def read_tensors(
         if tensor.is_floating_point() and not bool(torch.isfinite(tensor).all()):
             raise error(f"{path} holds numbers that are not finite in {name!r}; take an undamaged copy.")
     return tensors, dict(header.get("__metadata__", {}))
+
+
+def _require_header(start: bytes, path: Path, what: str, error: type[FridaError]) -> None:
+    if not (len(start) == 8 and 2 <= int.from_bytes(start, "little") <= _MOST_HEADER):
+        raise error(f"{path} is not {what}: it is damaged or not safetensors.")

@@ -2,7 +2,10 @@
 
 import hashlib
 import json
+import os
 import shutil
+import signal
+import time
 from collections import namedtuple
 from collections.abc import Callable
 from pathlib import Path
@@ -10,10 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+import typer
 from PIL import Image
 from safetensors.torch import load_file, save
 
 from frida_painter import cli, storage
+from frida_painter.__main__ import main as command
+from frida_painter.errors import ConfigError
+from frida_painter.hardware.workcell import example
 from plans import made_up_plan
 
 MOST_WIDE = 40_000
@@ -28,6 +35,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
+    """What lies there, without what is read for ever."""
     return {str(path): path.read_bytes() if path.is_file() else b"" for path in sorted(folder.rglob("*"))}
 
 
@@ -96,6 +104,12 @@ def photo(tmp_path: Path) -> str:
         (("--palette", "odd.toml"), ("--colors",)),
         (("--palette", "odd.json"), ("paint 2: 'red' is not a colour",)),
         (("--palette", "two.json", "--colors", "3"), ("two.json has 2 paints, and 3 are wanted",)),
+        (("--brush", "zero.safetensors"), ("zero.safetensors is not a plain file",)),
+        (("--settings", "pipe"), ("pipe is not a plain file (but a pipe)",)),
+        (("--goal", "pipe"), ("pipe is not a plain file",)),
+        (("--goal", "heavy.toml"), ("heavy.toml is not TOML", "400 digits")),
+        (("--image", "/dev/zero"), ("/dev/zero is not a plain file (but a device)",)),
+        (("--clip", "nowhere"), ("nothing of this goal is seen through a CLIP",)),
         (("--palette", "photo.png", "--colors", "2"), ("40 x 30 pixels is too small", "photograph it from nearer")),
     ],
 )  # fmt: skip
@@ -108,10 +122,29 @@ def test_wishes_that_cannot_be_fulfilled(
     (tmp_path / "nan.toml").write_text("effort = nan")
     (tmp_path / "twice.toml").write_text("seed = 1\nseed = 2")
     torch.save({"weights": torch.zeros(3)}, tmp_path / "pickle.pt")
+    (tmp_path / "heavy.toml").write_text(f'[[goal]]\nimage = "photo.png"\nweight = {"9" * 400}')
+    (tmp_path / "zero.safetensors").symlink_to("/dev/zero")
+    os.mkfifo(tmp_path / "pipe")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "letter.txt").write_text("dear")
     message = refuse(command, photo, *words)
     assert all(part in message for part in says), message
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--camera", "folder:/nowhere"), "--camera is for real robots, and --robot virtual is a simulated one"),
+        (("--camera", "opencv:0", "--workspace", "w.toml"), "--camera and --workspace are for real robots"),
+        (("--calibration", ""), "is a folder; give the path of a calibration record"),
+        (("--robot", "human", "--pace", "2"), "--pace is for simulated robots, and --robot human is a real one"),
+    ],
+)
+def test_b14_what_is_said_of_another_kind_of_robot(
+    words: tuple[str, ...], says: str, refuse: Callable[..., str], photo: str, tmp_path: Path
+) -> None:
+    (tmp_path / "w.toml").write_text(example())
+    assert says in refuse("paint", photo, *words)
 
 
 @pytest.mark.parametrize("replans", ["5", "6", "10000000"])
@@ -205,6 +238,7 @@ def another_s(path: Path) -> None:
         (half, "cut off or not JSON"),
         (one_digit, "was changed after it was written"),
         (lambda path: mended(path, version=2), "of version 2; this program reads version 1"),
+        (lambda path: mended(path, version="1"), "of version '1'; this program reads version 1"),
         (lambda path: mended(path, strokes=10_000_000), "at most 100000"),
         (lambda path: half(next(path.parent.glob("*.safetensors"))), "sha256 differs"),
         (another_s, "sha256 differs"),
@@ -246,6 +280,10 @@ def test_plans_that_are_damaged_edited_or_of_the_future(
         (("export", "kept", "--out", "strokes"), "with --to svg the file ends in .svg"),
         (("export", "kept", "--to", "csv", "--out", "strokes.svg"), "the file ends in .csv"),
         (("export", "kept", "--out", "kept/plan.json/s.svg"), "cannot be written"),
+        (("render", "kept", "--out", "pipe.png"), "pipe.png cannot be written (it is there and is not a plain file)"),
+        (("mix", "/dev/zero"), "/dev/zero is not a plain file"),
+        (("resume", "x" * 5000), "is not the folder of a painting"),
+        (("experiments", "robustness", "--out", "/dev/null"), "(it is there and is not a folder)"),
         (("render",), "PLAN"),
         (("nothing",), "No such command 'nothing'"),
         (("strokes", "nothing"), "No such command 'nothing'"),
@@ -258,6 +296,7 @@ def test_plans_that_are_damaged_edited_or_of_the_future(
     ],
 )  # fmt: skip
 def test_other_commands(words: tuple[str, ...], says: str, refuse: Callable[..., str], plan: Path) -> None:
+    os.mkfifo(plan.parent.parent / "pipe.png")
     message = refuse(*words)
     assert says in message, message
 
@@ -265,3 +304,40 @@ def test_other_commands(words: tuple[str, ...], says: str, refuse: Callable[...,
 def test_control_characters_in_names_do_not_reach_the_terminal(refuse: Callable[..., str]) -> None:
     assert "\x1b" not in refuse("paint", "bad\x1b[31mname.jpg")
     assert "[red]name.jpg" in refuse("paint", "[red]name.jpg")
+
+
+def test_b10_what_is_said_in_several_lines_arrives_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refused(**given: object) -> None:
+        raise ConfigError("Something was changed:\n  seed: it was 1\x1b, and is 2\nChange it back.")
+
+    monkeypatch.setattr(cli, "build", lambda: refused)
+    assert run(monkeypatch, "resume") == 2
+    told = capsys.readouterr().err
+    assert told.splitlines()[1:] == ["  seed: it was 1\N{REPLACEMENT CHARACTER}, and is 2", "Change it back."]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_b9_a_signal_at_any_moment_ends_it_in_a_sentence(
+    number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def loading(**given: object) -> None:
+        try:
+            os.kill(os.getpid(), number)
+            time.sleep(5)
+        except KeyboardInterrupt as end:  # as Typer does
+            raise typer.Abort from end
+
+    monkeypatch.setattr(cli, "build", lambda: loading)
+    known = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {each: signal.getsignal(each) for each in known}
+    try:
+        with pytest.raises(SystemExit) as end:
+            command()
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+    told = capsys.readouterr().err
+    assert end.value.code == 128 + number
+    assert told == f"\nfrida-painter: it was ended ({number.name}); nothing more is done.\n"

@@ -183,17 +183,17 @@ class StrokeLibrary:
 def _read(path: Path) -> dict[str, NDArray[np.generic]]:
     """The arrays of a library's file by name. Raises LibraryError."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            unpacked = sum(member.file_size for member in archive.infolist())
-        if unpacked > MOST_BYTES:
-            raise LibraryError(f"{path} unpacks to {unpacked} bytes; a stroke library has at most {MOST_BYTES}.")
-        with np.load(path, allow_pickle=False) as stored:
-            missing = [name for name in _KEYS if name not in stored]
-            if missing:
-                raise LibraryError(f"{path} is not a stroke library: it has no {', '.join(missing)}.")
-            return {name: stored[name] for name in (*_KEYS, *_OPTIONAL_KEYS) if name in stored}
-    except FileNotFoundError as cause:
-        raise LibraryError(f"{path} does not exist; give the path of a stroke library (.npz).") from cause
+        with storage.opened(path, "a stroke library (.npz)", MOST_BYTES, LibraryError) as file:
+            with zipfile.ZipFile(file) as archive:
+                unpacked = sum(member.file_size for member in archive.infolist())
+            if unpacked > MOST_BYTES:
+                raise LibraryError(f"{path} unpacks to {unpacked} bytes; a stroke library has at most {MOST_BYTES}.")
+            file.seek(0)
+            with np.load(file, allow_pickle=False) as stored:
+                missing = [name for name in _KEYS if name not in stored]
+                if missing:
+                    raise LibraryError(f"{path} is not a stroke library: it has no {', '.join(missing)}.")
+                return {name: stored[name] for name in (*_KEYS, *_OPTIONAL_KEYS) if name in stored}
     except _DAMAGED as cause:
         raise LibraryError(
             f"{path} is not a stroke library: it is cut off, damaged or of another kind ({cause}); "

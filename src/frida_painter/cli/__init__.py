@@ -1,5 +1,6 @@
 """The command line: parse, call, show. commands.py lists the commands; a command's module is imported when it runs."""
 
+import signal
 import sys
 from typing import Any
 
@@ -8,7 +9,9 @@ from rich.console import Console
 
 from frida_painter.cli.commands import COMMANDS
 from frida_painter.cli.deferred import group_of, nothing_first
+from frida_painter.cli.stop_signal import leave_terminal
 from frida_painter.errors import FridaError, PaintingPaused
+from frida_painter.storage import shown
 
 _PAUSED = 3
 # Typer keeps the class of all errors of usage to itself; this one of its children is public.
@@ -34,15 +37,23 @@ def main() -> None:
     """Runs the command line.
 
     Exit status 0 when done, 2 with one sentence when something has to be mended, 3 when a painting has
-    paused and can be resumed, 130 when stopped.
+    paused and can be resumed, 130 when stopped. Raises KeyboardInterrupt where a signal ended it (__main__.py).
     """
     try:
         status = build()(prog_name="frida-painter", standalone_mode=False)
+    except typer.Abort as abort:  # Typer's word for a signal
+        raise abort.__cause__ if isinstance(abort.__cause__, KeyboardInterrupt) else KeyboardInterrupt from None
     except FridaError as error:
         _complain(str(error))
         status = _PAUSED if isinstance(error, PaintingPaused) else 2
     except _UsageError as error:
         _complain(_advice(error))
+        status = 2
+    except BrokenPipeError:  # whoever read the output wants no more of it
+        leave_terminal((1,))
+        status = 128 + signal.SIGPIPE
+    except OSError as error:
+        _complain(f"{shown(str(error.filename or 'The system'))}: {error.strerror or error}; nothing more was done.")
         status = 2
     sys.exit(status)
 
@@ -61,6 +72,9 @@ def _advice(error: Any) -> str:
 
 
 def _plain(message: str) -> str:
-    """A message without control characters (a file's name may hold them) and without rich's markup."""
-    printable = "".join(character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in message)
+    """A message in lines without control characters (a file's name may hold them) and without rich's markup."""
+    printable = "".join(
+        character if character.isprintable() or character == "\n" else "\N{REPLACEMENT CHARACTER}"
+        for character in message
+    )
     return printable.replace("[", r"\[")

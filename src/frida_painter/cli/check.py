@@ -6,9 +6,9 @@ from typing import Annotated
 import typer
 
 from frida_painter.errors import ConfigError
-from frida_painter.options import count_of
+from frida_painter.options import count_of, out_file
 
-PictureOut = Annotated[Path, typer.Option(metavar="FILE", help="The picture to write, .png or .jpg.")]
+PictureOut = Annotated[Path, typer.Option(parser=out_file, metavar="FILE", help="The picture to write, .png or .jpg.")]
 
 
 def register(app: typer.Typer) -> None:

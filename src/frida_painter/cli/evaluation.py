@@ -10,7 +10,7 @@ from rich.table import Table
 
 from frida_painter import registry, storage
 from frida_painter.errors import ConfigError
-from frida_painter.options import ListingOption
+from frida_painter.options import ListingOption, out_file
 
 if TYPE_CHECKING:
     from frida_painter.brush.library import StrokeLibrary
@@ -38,7 +38,8 @@ def evaluate_model(
         Path, typer.Option(metavar="FILE", help="A stroke library that the model was not trained on (.npz).")
     ],
     page: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also write a page with pictures of the strokes (.html).")
+        Path | None,
+        typer.Option(parser=out_file, metavar="FILE", help="Also write a page with pictures of the strokes (.html)."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print every figure as JSON.")] = False,
 ) -> None:

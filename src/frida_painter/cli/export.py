@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from frida_painter.errors import ConfigError
-from frida_painter.options import number
+from frida_painter.options import number, out_file
 
 
 class ExportFormat(StrEnum):
@@ -46,7 +46,8 @@ def export(
         ),
     ] = ExportFormat.svg,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The file to write. [dim]strokes.svg, .gcode or .csv[/]")
+        Path | None,
+        typer.Option(parser=out_file, metavar="FILE", help="The file to write. [dim]strokes.svg, .gcode or .csv[/]"),
     ] = None,
     regroup: Annotated[
         bool,

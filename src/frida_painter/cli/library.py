@@ -9,7 +9,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from frida_painter.brush.limits import MOST_BETWEEN_REFILLS, MOST_STROKES
 from frida_painter.errors import ConfigError
-from frida_painter.options import BrushOption, whole_number_within
+from frida_painter.options import BrushOption, out_file, whole_number_within
 
 
 def register(app: typer.Typer) -> None:
@@ -35,9 +35,9 @@ def paint(
             help="Strokes per dip of the brush. 1 dips before every stroke.",
         ),
     ] = 1,
-    out: Annotated[Path, typer.Option(metavar="FILE", help="The stroke library to write (.npz).")] = Path(
-        "library.npz"
-    ),
+    out: Annotated[
+        Path, typer.Option(parser=out_file, metavar="FILE", help="The stroke library to write (.npz).")
+    ] = Path("library.npz"),
 ) -> None:
     """Paint single strokes of all shapes in the virtual studio, photograph each, and save them as a library.
 
@@ -75,7 +75,10 @@ def paint(
 def inspect(
     library: Annotated[Path, typer.Argument(metavar="LIBRARY", help="A stroke library (.npz).")],
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="The contact sheet to write (.png or .jpg).", show_default=False)
+        Path | None,
+        typer.Option(
+            parser=out_file, metavar="FILE", help="The contact sheet to write (.png or .jpg).", show_default=False
+        ),
     ] = None,
 ) -> None:
     """Find the flawed strokes of a library, give the reasons, and write a contact sheet of all strokes."""

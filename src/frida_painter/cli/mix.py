@@ -7,9 +7,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from frida_painter import storage
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.finish import Finish
-from frida_painter.options import whole_number_within
+from frida_painter.options import out_file, whole_number_within
 
 if TYPE_CHECKING:
     from frida_painter.mixing.recipe import Recipe
@@ -41,7 +42,9 @@ def mix(
     finish: Annotated[
         Finish, typer.Option(metavar="NAME", help="The finish of the dry paint: matte, or gloss, which looks darker.")
     ] = Finish.matte,
-    out: Annotated[Path, typer.Option(metavar="FILE", help="The sheet to write, .png or .jpg.")] = Path("mixing.png"),
+    out: Annotated[
+        Path, typer.Option(parser=out_file, metavar="FILE", help="The sheet to write, .png or .jpg.")
+    ] = Path("mixing.png"),
 ) -> None:
     """Give a recipe for each colour of a palette, from the paints that you own, with the predicted error.
 
@@ -71,10 +74,16 @@ def _wanted(path: Path) -> tuple["Palette", list[float] | None]:
     from frida_painter.palette import Palette
     from frida_painter.plan import Plan
 
-    if path.is_dir() or (path.exists() and b'"frida-painter plan"' in path.read_bytes()[:200]):
+    if path.is_dir() or _is_plan(path):
         plan = Plan.load(path)
         return plan.palette, volumes(plan).tolist()
     return Palette.load(path), None
+
+
+def _is_plan(path: Path) -> bool:
+    """Whether a file begins as a plan does. Raises ConfigError where there is no such file."""
+    with storage.opened(path, "a plan or a palette", storage.MAX_JSON_BYTES, ConfigError) as file:
+        return b'"frida-painter plan"' in file.read(200)
 
 
 def _show(found: list["Recipe"], wanted: list[float] | None) -> None:

@@ -11,7 +11,7 @@ from frida_painter.cli.goal_options import tell_left_out
 from frida_painter.cli.run_options import TAKEN, painting_options, planning_options, spec_of, taking
 from frida_painter.cli.wells import AskOption, FilledOption
 from frida_painter.errors import ConfigError
-from frida_painter.options import whole_number
+from frida_painter.options import out_file, whole_number
 
 PlanFile = Annotated[
     Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
@@ -105,7 +105,9 @@ def render(
         int,
         typer.Option(parser=whole_number, metavar="PIXELS", help="Height of the picture in pixels, from 16 to 10000."),
     ] = 1080,
-    out: Annotated[Path, typer.Option(metavar="FILE", help="The picture to write, .png or .jpg.")] = Path("render.png"),
+    out: Annotated[
+        Path, typer.Option(parser=out_file, metavar="FILE", help="The picture to write, .png or .jpg.")
+    ] = Path("render.png"),
 ) -> None:
     """Render a plan as a picture of any size, with the stroke model of its brush."""
     if not 16 <= height <= 10_000:

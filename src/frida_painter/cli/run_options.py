@@ -18,6 +18,7 @@ from frida_painter.options import (
     RobotOption,
     WorkspaceOption,
     number,
+    out_folder,
     whole_number,
 )
 from frida_painter.runs.spec import GoalItem, RunSpec
@@ -39,7 +40,7 @@ SettingsFile = Annotated[
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(metavar="FOLDER", help="The output folder. [dim]paintings/NAME-DATE-TIME[/]"),
+    typer.Option(parser=out_folder, metavar="FOLDER", help="The output folder. [dim]paintings/NAME-DATE-TIME[/]"),
 ]
 CalibrationFile = Annotated[
     Path | None,

@@ -4,7 +4,7 @@ import contextlib
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -19,6 +19,7 @@ class StopSignal:
     """
 
     def __init__(self) -> None:
+        self.terminal = tuple(filter(os.isatty, (0, 1, 2)))
         self.asked = False
         self.signal: int | None = None
         self.at_once: Callable[[], None] = _nothing
@@ -33,7 +34,7 @@ class StopSignal:
         """A handler: SIGHUP and the first SIGINT ask, SIGTERM and the second SIGINT stop, a third ends the program."""
         self.asked, self.signal = True, self.signal or number
         if number == signal.SIGHUP:
-            _leave_terminal()
+            leave_terminal(self.terminal)
         elif number == signal.SIGTERM:
             self.at_once()
         else:
@@ -51,7 +52,8 @@ class StopSignal:
 def stop_on_signals() -> Iterator[StopSignal]:
     """While it lasts, signals ask the painter to stop."""
     stop = StopSignal()
-    before = {number: signal.signal(number, stop.hear) for number in _SIGNALS}
+    heard = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]  # as by nohup
+    before = {number: signal.signal(number, stop.hear) for number in heard}
     try:
         yield stop
     finally:
@@ -68,10 +70,12 @@ def _say(line: str) -> None:
         print(line, file=sys.stderr)
 
 
-def _leave_terminal() -> None:
-    """The terminal was closed: whatever is still said goes nowhere, instead of failing."""
+def leave_terminal(files: Iterable[int]) -> None:
+    """Whatever is still said to these files goes nowhere, instead of failing: what they led to was closed.
+
+    They are those that were a terminal: one that was closed says itself that it is none.
+    """
     nowhere = os.open(os.devnull, os.O_RDWR)
-    for file in (0, 1, 2):
-        if os.isatty(file):
-            os.dup2(nowhere, file)
+    for file in files:
+        os.dup2(nowhere, file)
     os.close(nowhere)

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from frida_painter import registry, storage
 from frida_painter.brush.limits import DEFAULT_MODEL, FIELD, MODELS, MOST_FOLDS, PARAM2STROKE
 from frida_painter.errors import ConfigError
-from frida_painter.options import ListingOption, whole_number_within
+from frida_painter.options import ListingOption, out_file, whole_number_within
 
 if TYPE_CHECKING:
     from frida_painter.brush.learn import Learned
@@ -50,9 +50,9 @@ def train(
         ),
     ] = 0,
     seed: Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")] = 0,
-    out: Annotated[Path, typer.Option(metavar="FILE", help="The weights to write (.safetensors).")] = Path(
-        "weights.safetensors"
-    ),
+    out: Annotated[
+        Path, typer.Option(parser=out_file, metavar="FILE", help="The weights to write (.safetensors).")
+    ] = Path("weights.safetensors"),
 ) -> None:
     """Train a stroke model on a library. It predicts a stroke's mark from its thickness, length and bend.
 

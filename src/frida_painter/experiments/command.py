@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from frida_painter.options import whole_number_within
+from frida_painter.options import out_folder, whole_number_within
 
 BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
 Seed = Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")]
@@ -22,7 +22,9 @@ Quick = Annotated[bool, typer.Option("--quick", help="Run a very small version a
 Out = Annotated[
     Path,
     typer.Option(
-        metavar="FOLDER", help="The output folder. Writes table.json, table.md and pictures into FOLDER/NAME."
+        parser=out_folder,
+        metavar="FOLDER",
+        help="The output folder. Writes table.json, table.md and pictures into FOLDER/NAME.",
     ),
 ]
 Library = Annotated[

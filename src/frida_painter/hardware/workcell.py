@@ -1,7 +1,6 @@
 """A workspace file: a person's TOML of where things stand, read whole or refused with all its faults at once."""
 
 import math
-import tomllib
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -75,12 +74,7 @@ class WorkcellConfig:
     @classmethod
     def load(cls, path: Path) -> Self:
         """Reads a TOML file. Raises ConfigError naming every entry that is missing, unknown, wrong or contradictory."""
-        content = storage.read_bytes(path, "a workspace file (TOML)", _MOST_BYTES, ConfigError)
-        try:
-            values = tomllib.loads(content.decode("utf-8-sig"))
-        except (ValueError, RecursionError) as error:
-            raise ConfigError(f"{path} is not TOML ({error}); {_ADVICE}.") from error
-        return cls.of(values, str(path))
+        return cls.of(storage.read_toml(path, "a workspace file (TOML)", _MOST_BYTES, _ADVICE), str(path))
 
     @classmethod
     def of(cls, values: dict[str, Any], name: str) -> Self:

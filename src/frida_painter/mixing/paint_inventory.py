@@ -1,7 +1,6 @@
 """The paints that a person owns, from a small TOML file; without one, a set of six that mixes most colours."""
 
 import math
-import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -32,11 +31,7 @@ def read_paints(path: Path) -> tuple[Paint, ...]:
     ("#rrggbb" of a thick mark), better still with the tint that one part of it gives with `white`
     parts of titanium white, or over_white and over_black of one film.
     """
-    content = storage.read_bytes(path, "a file of paints (TOML)", _MOST_BYTES, ConfigError)
-    try:
-        values = tomllib.loads(content.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{path} is not TOML ({error}); {_ADVICE}.") from error
+    values = storage.read_toml(path, "a file of paints (TOML)", _MOST_BYTES, _ADVICE)
     entries = values.get("paint")
     if set(values) != {"paint"} or not isinstance(entries, list) or not 1 <= len(entries) <= MOST_PAINTS:
         raise ConfigError(f"{path} is no file of paints: it has 1 to {MOST_PAINTS} [[paint]] entries; {_ADVICE}.")

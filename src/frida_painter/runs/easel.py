@@ -66,6 +66,26 @@ def require_possible(spec: RunSpec, *, asked: bool) -> None:
     Meshes.in_folder(spec.arm_meshes)
 
 
+def require_sensible(spec: RunSpec) -> None:
+    """Raises ConfigError where something is said of a real easel that is simulated, or of a simulated one that is not.
+
+    For new paintings: whoever goes on with an old one is not told that it was begun with more than it needs.
+    """
+    if spec.simulated:
+        said = {"--camera": spec.camera, "--workspace": spec.workspace}
+        whose, is_a = "real", "simulated"
+    else:
+        said = {"--pace": spec.pace, "--placement-error": spec.placement_error}
+        whose, is_a = "simulated", "real"
+    named = [option for option, value in said.items() if value]
+    them = "it" if len(named) == 1 else "them"
+    if named:
+        raise ConfigError(
+            f"{' and '.join(named)} {'is' if len(named) == 1 else 'are'} for {whose} robots, and --robot "
+            f"{spec.robot[:60]} is a {is_a} one; leave {them} out, or name another robot."
+        )
+
+
 def with_operator(easel: Easel, spec: RunSpec, answer: Callable[[Question], Answer] | None) -> Easel:
     """A real easel with the person beside it, or painting on it, who answers questions; a simulated one as it is."""
     if easel.simulated or answer is None:

@@ -1,7 +1,6 @@
 """What shall be painted, as it is said on the command line or in a TOML file, made into a goal."""
 
 import re
-import tomllib
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -138,12 +137,8 @@ def _weights(kind: GoalKind, photo: Path | None, values: Sequence[Any], given: M
 
 def _from_toml(path: Path) -> tuple[list[GoalInput], list[GoalInput]]:
     """The items and the initial items of a goal file; pictures are named relative to it."""
-    content = storage.read_bytes(path, "a goal file (TOML)", _MOST_BYTES, ConfigError)
     example = 'write [[goal]], then lines such as style = "waves.jpg" and weight = 2'
-    try:
-        record = tomllib.loads(content.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{path} is not TOML ({error}); {example}.") from error
+    record = storage.read_toml(path, "a goal file (TOML)", _MOST_BYTES, example)
     unknown = set(record) - {"goal", "initial"}
     if unknown:
         raise ConfigError(

@@ -7,6 +7,7 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration
+from frida_painter.errors import ConfigError
 from frida_painter.goal import Goal
 from frida_painter.hardware.easel import Easel
 from frida_painter.objectives.encoders.registry import EncoderRegistry
@@ -41,16 +42,23 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
         if known.weights is not None and known.brush == spec.brush:
             source = Path(known.weights.path)
     device = planning_device()
-    return Planner(
+    networks = encoders or EncoderRegistry(clip=spec.clip, device=device)
+    planner = Planner(
         goal,
         spec.canvas,
         cached_table(load_stroke_model(source)),
         rows=spec.render_height,
         effort=Effort().scaled(spec.effort),
         seed=spec.seed,
-        encoders=encoders or EncoderRegistry(clip=spec.clip, device=device),
+        encoders=networks,
         device=device,
     )
+    if networks.idle_clip is not None:
+        raise ConfigError(
+            f"--clip was given {networks.idle_clip[:60]!r}, and nothing of this goal is seen through a CLIP; leave it "
+            "out, or give words (--text) or a meaning (--semantic)."
+        )
+    return planner
 
 
 def replan_policy(spec: RunSpec) -> ReplanPolicy:

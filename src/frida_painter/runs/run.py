@@ -37,7 +37,7 @@ from frida_painter.report.doubt import doubt
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs import goals
 from frida_painter.runs.controls import Controls
-from frida_painter.runs.easel import needed_calibrations, order, with_operator
+from frida_painter.runs.easel import needed_calibrations, order, require_sensible, with_operator
 from frida_painter.runs.fitting import Fitted, fitted
 from frida_painter.runs.folder import NOW, SETTINGS, keep_goal, keep_spec, new_folder, read_goal, read_spec
 from frida_painter.runs.folder import rests_on as hashes
@@ -108,6 +108,8 @@ class PaintingRun:
         _reopened: _ReopenedPainting | None = None,
     ) -> None:
         self._reopened = _reopened
+        if _reopened is None:
+            require_sensible(spec)
         self.mixed = None if spec.palette is None or _reopened else _measured(spec, spec.palette)
         if self.mixed is not None:
             spec = spec.changed(colors=len(self.mixed))

@@ -4,7 +4,6 @@ Command line, page, TOML files, experiments and notebooks describe a painting by
 """
 
 import json
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -211,11 +210,7 @@ class RunSpec(BaseModel):
     @classmethod
     def from_toml(cls, path: Path, **overrides: Any) -> Self:
         """A description from a TOML file, with `overrides` on top; files in it are named relative to it."""
-        content = storage.read_bytes(path, "a settings file (TOML)", _MOST_BYTES, ConfigError)
-        try:
-            values = tomllib.loads(content.decode("utf-8-sig"))
-        except (ValueError, RecursionError) as error:
-            raise ConfigError(f"{path} is not TOML ({error}); write lines such as: strokes = 300") from error
+        values = storage.read_toml(path, "a settings file (TOML)", _MOST_BYTES, "write lines such as: strokes = 300")
         for name in ("palette", "workspace", "calibration", "arm_meshes"):
             if isinstance(values.get(name), str):
                 values[name] = path.parent / values[name]

@@ -80,7 +80,7 @@ class History:
             raise StorageError(f"{folder} holds a journal that is not a painting's; give the folder of a painting.")
         if first.get("version") not in range(1, VERSION + 1):
             raise StorageError(
-                f"{folder} holds a journal of version {first.get('version')}; this program reads versions up to "
+                f"{folder} holds a journal of version {first.get('version')!r}; this program reads versions up to "
                 f"{VERSION}; resume it with the program that it was begun with, or a newer one."
             )
         try:

@@ -17,7 +17,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter import images
+from frida_painter import images, storage
 from frida_painter.errors import StorageError
 from frida_painter.event_log import EventLog
 from frida_painter.hardware.camera import Frame
@@ -77,8 +77,10 @@ class Journal:
     @classmethod
     def reopen(cls, folder: Path) -> tuple[Self, History]:
         """The journal of a painting that broke off, and what it tells; one of an earlier version is written anew."""
-        if not (folder / JOURNAL).is_file():
-            raise StorageError(f"{folder} is not the folder of a painting: it holds no journal; give one that does.")
+        if not storage.exists(folder / JOURNAL):
+            raise StorageError(
+                f"{storage.shown(folder)} is not the folder of a painting: it holds no journal; give one that does."
+            )
         book = EventLog(folder / JOURNAL)
         try:
             history = History.of(book.found, folder)

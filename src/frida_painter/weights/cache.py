@@ -5,7 +5,6 @@ nothing is there. <cache>/partial/ holds what is on its way.
 """
 
 import contextlib
-import hashlib
 import shutil
 from pathlib import Path
 from typing import Any
@@ -232,8 +231,7 @@ def _mend(name: str, cache: Path | None) -> str:
 
 
 def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return storage.sha256(path, "weights of a network", WeightsError)
 
 
 def _counter(name: str, size: int, hear: Listener) -> Counter:

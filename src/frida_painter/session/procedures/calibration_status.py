@@ -1,12 +1,12 @@
 """How a calibration record stands: which of its procedures hold at this easel, and which are to be repeated."""
 
-import hashlib
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from frida_painter import storage
 from frida_painter.calibration import PROCEDURES, Calibration, Done, LearnedFile
-from frida_painter.errors import CalibrationError
+from frida_painter.errors import CalibrationError, StorageError
 from frida_painter.frames import CanvasSize
 
 OLD = 90
@@ -137,8 +137,8 @@ def _lost(procedure: str, record: Calibration) -> str:
 
 def _is_there(file: LearnedFile) -> bool:
     try:
-        return hashlib.sha256(Path(file.path).read_bytes()).hexdigest() == file.sha256
-    except OSError:
+        return storage.sha256(Path(file.path), "a file of the record") == file.sha256
+    except StorageError:
         return False
 
 

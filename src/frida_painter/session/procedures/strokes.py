@@ -4,7 +4,6 @@ Paper, "Real Data to Simulation": strokes of random thickness, length and bend, 
 several to a sheet, from which the stroke model is learned. Dirty ones are kept and flagged.
 """
 
-import hashlib
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from frida_painter import storage
 from frida_painter.brush.bezier import BezierStroke, RibbonShape, fit_bezier
 from frida_painter.brush.dip import painted_area
 from frida_painter.brush.endurance import dip_shown
@@ -217,7 +217,7 @@ def _finding(
     file = None
     if out is not None:
         library.save(out)
-        file = LearnedFile(str(out), hashlib.sha256(out.read_bytes()).hexdigest())
+        file = LearnedFile(str(out), storage.sha256(out, "the stroke library"))
         recording.clear_away()
     finding = StrokesFinding(kind, library, file)
     share = float((library.flaws == Flaw.NONE).mean()) if library.flaws is not None else 0.0

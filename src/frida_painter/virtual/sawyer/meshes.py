@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from frida_painter import storage
 from frida_painter.errors import ConfigError
 
 Color = tuple[float, float, float]
@@ -80,7 +81,8 @@ def _colors(path: Path) -> dict[str, Color]:
     if not path.is_file():
         return {}
     colors, name = {}, ""
-    for line in path.read_text("utf-8", "replace").splitlines():
+    content = storage.read_bytes(path, "the colours of a mesh (MTL)", _MOST_BYTES, ConfigError)
+    for line in content.decode("utf-8", "replace").splitlines():
         if named := re.match(r"\s*newmtl\s+(\S+)", line):
             name = named[1]
         elif diffuse := re.match(r"\s*Kd\s+([\d.]+)\s+([\d.]+)\s+([\d.]+)", line):
@@ -93,8 +95,8 @@ def _color(path: Path, colors: dict[str, Color]) -> Color:
     """The colour that an OBJ file names first."""
     if not colors or path.suffix.lower() != ".obj":
         return _GREY
-    with path.open(encoding="utf-8", errors="replace") as lines:
+    with storage.opened(path, "a mesh (OBJ)", _MOST_BYTES, ConfigError) as lines:
         for _, line in zip(range(_HEAD_LINES), lines, strict=False):
-            if named := re.match(r"\s*usemtl\s+(\S+)", line):
+            if named := re.match(r"\s*usemtl\s+(\S+)", line.decode("utf-8", "replace")):
                 return colors.get(named[1], _GREY)
     return _GREY
