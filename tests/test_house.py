@@ -57,7 +57,7 @@ OWN_FILES = {
     "hardware/link/cpu_activity.py",  # of the system
     "hardware/workcell.py",  # the rest are packaged
     "mixing/paint.py",
-    "objectives/encoders/class_names.py",
+    "objectives/encoders/conse.py",
     "virtual/sawyer/surroundings.py",
     "web/app.py",
     "web/folder.py",

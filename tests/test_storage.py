@@ -167,7 +167,7 @@ def what_is_no_file(folder: Path) -> dict[str, Path]:
     return found | links | {"long": folder / ("x" * 5000), "nul": Path("a\0b"), "surrogate": Path("\udcff/\ud800")}
 
 
-def test_b8_only_plain_files_are_read_and_nothing_else_is_even_opened(tmp_path: Path) -> None:
+def test_only_plain_files_are_read_and_nothing_else_is_even_opened(tmp_path: Path) -> None:
     for what, path in what_is_no_file(tmp_path).items():
         with pytest.raises(PlanError) as refusal:
             storage.read_bytes(path, "a plan", 10**6, PlanError)
@@ -177,14 +177,14 @@ def test_b8_only_plain_files_are_read_and_nothing_else_is_even_opened(tmp_path: 
         assert not storage.exists(path) or what not in ("long", "nul", "surrogate")
 
 
-def test_b8_a_file_that_is_longer_than_it_says_is_not_read_to_its_end() -> None:
+def test_a_file_that_is_longer_than_it_says_is_not_read_to_its_end() -> None:
     endless = next(Path(f"/proc/self/{name}") for name in ("smaps", "maps") if Path(f"/proc/self/{name}").exists())
     assert endless.stat().st_size == 0
     with pytest.raises(StorageError, match="more than 100 bytes; a record has at most 100"):
         storage.read_bytes(endless, "a record", 100)
 
 
-def test_b14_neither_a_device_nor_a_pipe_nor_a_folder_is_written_over(tmp_path: Path) -> None:
+def test_neither_a_device_nor_a_pipe_nor_a_folder_is_written_over(tmp_path: Path) -> None:
     for path in (*what_is_no_file(tmp_path).values(), tmp_path):
         with pytest.raises(StorageError, match="cannot be written"):
             storage.require_place(path)
@@ -198,7 +198,7 @@ def test_b14_neither_a_device_nor_a_pipe_nor_a_folder_is_written_over(tmp_path: 
 
 
 @pytest.mark.parametrize("text", [f"weight = {'9' * 400}", f"a = [{{b = -{'9' * 20}}}]", "a = ", "a = 1\na = 2"])
-def test_b9_numbers_that_fit_into_nothing_are_no_toml(tmp_path: Path, text: str) -> None:
+def test_numbers_that_fit_into_nothing_are_no_toml(tmp_path: Path, text: str) -> None:
     (tmp_path / "a.toml").write_text(text)
     with pytest.raises(ConfigError, match=r"is not TOML \(.*\); write lines"):
         storage.read_toml(tmp_path / "a.toml", "a goal file", 10**6, "write lines")

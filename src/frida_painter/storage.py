@@ -17,8 +17,9 @@ import stat
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from frida_painter.errors import ConfigError, FridaError, StorageError
 
@@ -126,7 +127,7 @@ def read_bytes(path: Path, what: str, most: int, error: type[FridaError] = Stora
 
 
 @contextlib.contextmanager
-def opened(path: Path, what: str, most: int, error: type[FridaError] = StorageError) -> Iterator[BinaryIO]:
+def opened(path: Path, what: str, most: int, error: type[FridaError] = StorageError) -> Iterator[BufferedReader]:
     """A file of at most `most` bytes that somebody named, open for reading: the one door for all such files.
 
     what: names it in messages ("the plan"). Devices, pipes, sockets and folders, and links to them, are refused
@@ -142,7 +143,7 @@ def opened(path: Path, what: str, most: int, error: type[FridaError] = StorageEr
             raise error(f"{shown(path)} cannot be read ({cause.strerror}); give the path of {what}.") from cause
 
 
-def _open(path: Path, what: str, most: int, error: type[FridaError]) -> BinaryIO:
+def _open(path: Path, what: str, most: int, error: type[FridaError]) -> BufferedReader:
     try:
         _require_regular(path, what, most, path.stat(), error)
         file = os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")

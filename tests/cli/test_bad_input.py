@@ -140,7 +140,7 @@ def test_wishes_that_cannot_be_fulfilled(
         (("--robot", "human", "--pace", "2"), "--pace is for simulated robots, and --robot human is a real one"),
     ],
 )
-def test_b14_what_is_said_of_another_kind_of_robot(
+def test_what_is_said_of_another_kind_of_robot(
     words: tuple[str, ...], says: str, refuse: Callable[..., str], photo: str, tmp_path: Path
 ) -> None:
     (tmp_path / "w.toml").write_text(example())
@@ -306,7 +306,7 @@ def test_control_characters_in_names_do_not_reach_the_terminal(refuse: Callable[
     assert "[red]name.jpg" in refuse("paint", "[red]name.jpg")
 
 
-def test_b10_what_is_said_in_several_lines_arrives_so(
+def test_what_is_said_in_several_lines_arrives_so(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def refused(**given: object) -> None:
@@ -319,7 +319,7 @@ def test_b10_what_is_said_in_several_lines_arrives_so(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_b9_a_signal_at_any_moment_ends_it_in_a_sentence(
+def test_a_signal_at_any_moment_ends_it_in_a_sentence(
     number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def loading(**given: object) -> None:

@@ -72,7 +72,7 @@ def require_sensible(spec: RunSpec) -> None:
     For new paintings: whoever goes on with an old one is not told that it was begun with more than it needs.
     """
     if spec.simulated:
-        said = {"--camera": spec.camera, "--workspace": spec.workspace}
+        said: dict[str, object] = {"--camera": spec.camera, "--workspace": spec.workspace}
         whose, is_a = "real", "simulated"
     else:
         said = {"--pace": spec.pace, "--placement-error": spec.placement_error}
