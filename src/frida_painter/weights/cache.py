@@ -5,6 +5,7 @@ nothing is there. <cache>/partial/ holds what is on its way.
 """
 
 import contextlib
+import hashlib
 import shutil
 from pathlib import Path
 from typing import Any
