@@ -1,3 +1,4 @@
+import hashlib
 import io
 import sqlite3
 import zipfile
@@ -74,10 +75,29 @@ def test_the_page_and_all_that_it_needs_come_from_here(visitor: Visitor) -> None
     assert "style=" not in page.text and "<script>" not in page.text
     static = Path(web.__file__).parent / "static"
     for file in static.iterdir():
-        assert file.suffix != ".js" or f"/static/{file.name}" in page.text, f"{file.name} is fetched late"
+        late = file.suffix == ".js" and file.name != "sw.js" and f"/static/{file.name}" not in page.text
+        assert not late, f"{file.name} is fetched late"
         answer = visitor.get(f"/static/{file.name}")
         assert answer.status_code == 200 and answer.content == file.read_bytes()
         assert "http" not in answer.text.replace("http://www.w3.org/2000/svg", ""), f"{file.name} asks somebody else"
+
+
+def test_the_page_weighs_little_and_what_it_takes_from_others_is_as_they_published_it() -> None:
+    static = Path(web.__file__).parent / "static"
+    assert sum(file.stat().st_size for file in static.iterdir()) <= 150_000
+    notice, _, module = (static / "perfect-freehand.js").read_bytes().partition(b"*/\n")
+    assert b"1.2.3" in notice and b"Permission is hereby granted" in notice
+    published = "a02e221f71a757e46915a51d8f5ffc8d1788d9134e063b3edd21f429c973d46c"  # dist/esm/index.mjs of that version
+    assert hashlib.sha256(module).hexdigest() == published
+
+
+def test_the_page_can_be_installed(visitor: Visitor) -> None:
+    manifest = visitor.get("/static/manifest.webmanifest")
+    assert manifest.headers["content-type"].startswith("application/manifest+json")
+    for icon in manifest.json()["icons"]:
+        assert visitor.get(icon["src"]).headers["content-type"].startswith(icon["type"])
+    assert visitor.get("/sw.js").headers["content-type"].startswith("text/javascript")
+    assert visitor.get("/static/offline.html").status_code == 200
 
 
 def test_a_picture_is_taken_and_given_back(visitor: Visitor) -> None:

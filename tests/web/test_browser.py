@@ -1,131 +1,38 @@
 """The whole story in a real browser, on the virtual studio; skipped where there is no Chromium."""
 
 import contextlib
-import faulthandler
-import os
 import re
-import select
-import shutil
-import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Locator, Page, TimeoutError, expect, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, TimeoutError, expect
 
+from browsing import PATIENCE, SCREENSHOTS, WITH_CHROMIUM, OpenStudio, chromium, deadline, opened_studio, window
 from frida_painter import images
 from scenes import picture
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-PATIENCE = 60_000  # ms; the machine that tests may be busy
-SCREENSHOTS = Path(__file__).parents[2] / ".screenshots"  # of every run, for people to look at
-ENOUGH = 600.0  # seconds for everything here; a browser that hangs is not waited for by any other clock
-ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium; `make browser` installs it where it can"),
-]
-
-
-expect.set_options(timeout=PATIENCE)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def deadline() -> Iterator[None]:
-    """Ends this process, hard, where a browser or its driver does not answer any more.
-
-    Playwright waits on an event loop of its own, which an exception from outside (Ctrl-C, SIGALRM) breaks
-    without ending the wait.
-    """
-    faulthandler.dump_traceback_later(ENOUGH, exit=True)
-    yield
-    faulthandler.cancel_dump_traceback_later()
-
-
-class Studio:
-    """A studio that is started, and may be killed and started again."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self._start()
-
-    def _start(self) -> None:
-        program = [sys.executable, "-m", "frida_painter", "studio", "--folder", str(self.folder), "--port", "0"]
-        self._process = subprocess.Popen(
-            [*program, "--pace", "0.05", "--no-browser"],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env={**os.environ},
-        )  # fmt: skip
-        assert self._process.stdin is not None and self._process.stdout is not None
-        self._terminal, self._said = self._process.stdin, self._process.stdout
-        assert select.select([self._said], [], [], 60)[0], "the studio says nothing"
-        match = re.search(r"http://\S+", self._said.readline())
-        assert match is not None
-        self.address = match[0]
-
-    def fall_over_and_be_started_again(self) -> None:
-        """Killed; the new one has another address and other tokens."""
-        self.kill()
-        self._start()
-
-    def close(self) -> None:
-        """Ends it as a person does, and whatever a test that failed has left at work."""
-        for painting in self.folder.glob("*/feed.jsonl"):
-            painting.with_name("stop").touch()
-        self._process.send_signal(signal.SIGINT)
-        self._process.wait(120)
-
-    def kill(self) -> None:
-        """Ends it in any case."""
-        self._process.kill()
-        self._process.wait(10)
-        self._terminal.close()
-        self._said.close()
+pytestmark = [pytest.mark.slow, WITH_CHROMIUM]
 
 
 @pytest.fixture(scope="module")
-def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Studio]:
-    opened = Studio(tmp_path_factory.mktemp("studio") / "paintings")
-    try:
+def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenStudio]:
+    with opened_studio(tmp_path_factory.mktemp("studio") / "paintings") as opened:
         yield opened
-        opened.close()
-    finally:
-        opened.kill()
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS, timeout=PATIENCE)
-        yield chromium
-        chromium.close()
-
-
-@pytest.fixture
-def page(browser: Browser, studio: Studio) -> Iterator[Page]:
-    """A window on the studio."""
-    with window(browser, studio, 1280, 860) as opened:
+    with deadline(), chromium() as opened:
         yield opened
 
 
-@contextmanager
-def window(browser: Browser, studio: Studio, width: int, height: int) -> Iterator[Page]:
-    """A window of that size, in which nothing may go wrong unnoticed."""
-    context = browser.new_context(viewport={"width": width, "height": height})
-    opened = context.new_page()
-    opened.set_default_timeout(PATIENCE)
-    complaints: list[str] = []
-    opened.on("pageerror", lambda error: complaints.append(str(error)))
-    opened.goto(studio.address)
-    assert "token" not in opened.url
-    expect(opened.get_by_text("What do you want to paint?")).to_be_visible(timeout=PATIENCE)  # it knows the studio now
-    yield opened
-    opened.goto("about:blank")  # it says that it is left, and leads no longer
-    context.close()
-    assert complaints == []
+@pytest.fixture
+def page(browser: Browser, studio: OpenStudio) -> Iterator[Page]:
+    """A window on the studio."""
+    with window(browser, studio, 1280, 860) as opened:
+        yield opened
 
 
 @pytest.fixture(scope="module")
@@ -165,7 +72,7 @@ def start(page: Page, plan: int = 1) -> None:
     begin.click()
 
 
-def test_a_painting_from_the_wish_to_the_gallery(page: Page, studio: Studio, photograph: Path) -> None:
+def test_a_painting_from_the_wish_to_the_gallery(page: Page, studio: OpenStudio, photograph: Path) -> None:
     say(page, photograph)
     expect(page.locator(".palette li")).to_have_count(3, timeout=PATIENCE)
     scrub = page.get_by_label("Strokes painted so far")
@@ -219,7 +126,7 @@ AGAIN = """async ({ id, picture, wish }) => {
 
 
 def test_stopped_while_planning_and_in_a_stroke_with_two_browsers_one_of_them_a_tablet(
-    page: Page, browser: Browser, studio: Studio
+    page: Page, browser: Browser, studio: OpenStudio
 ) -> None:
     begun = page.evaluate(BEGIN, {"title": "Red", "strokes": 300, "effort": 2, "colors": 2})
     expect(page.get_by_label("Planning")).to_be_visible()

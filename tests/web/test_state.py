@@ -55,7 +55,7 @@ def test_a_painting_is_followed_stroke_by_stroke() -> None:
     assert (painting["status"], painting["done"], painting["of"], painting["paint"]) == ("painting", 3, 4, 2)
     assert painting["looks"] == [
         {
-            "done": 2, "seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg", "gain": 0.25,
+            "done": 2, "seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg", "why": "", "gain": 0.25,
             "plan": "plan-2-plan.jpg",
         }
     ]  # fmt: skip
@@ -113,3 +113,28 @@ def test_whatever_stands_in_the_feed_something_can_be_shown(lines: list[tuple[st
     state = told(*PLANNED, *({"kind": kind, **facts} for kind, facts in lines))
     assert json.loads(json.dumps(state.shown(working=True)))["version"] >= len(PLANNED)
     assert isinstance(state.stage, str)
+
+
+def test_a_look_tells_what_a_person_had_asked_for_before_it() -> None:
+    look = {"kind": "look_shown", "done": 3, "seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg"}
+    considering, went_on = {"kind": "considering"}, {"kind": "went_on"}
+    region = {"kind": "region_protected", "region": "regions/1.png", "picture": "region-1.png"}
+    asked: dict[str, list[dict[str, Any]]] = {
+        "region": [considering, {**region, "only": False}],
+        "only": [considering, {**region, "only": True}],
+        "freed": [considering, {"kind": "region_protected", "region": None}],
+        "goal": [considering, {"kind": "goal_changed", "goal": "changes/1", "wish": {"terms": []}}],
+        "asked": [considering],
+    }
+    for why, lines in asked.items():
+        shown = told(*PLANNED, *PAINTED, *lines, look, went_on, look).shown(working=True)["painting"]
+        assert [each["why"] for each in shown["looks"][-2:]] == [why, ""], why
+
+
+def test_dips_into_each_well_are_counted_and_strokes_since_the_last() -> None:
+    first, third = {"kind": "dipped", "paint": 0}, {"kind": "dipped", "paint": 2}
+    strokes = [{"kind": "stroke_painted", "done": done, "of": 9} for done in (1, 2, 3, 4)]
+    begun = {"kind": "begun", "plan": 1, "of": 9}
+    lines = [begun, first, strokes[0], third, strokes[1], strokes[2], third, strokes[3]]
+    painting = told(*PLANNED, *lines).shown(working=True)["painting"]
+    assert (painting["paint"], painting["dips"], painting["since_dip"]) == (2, {0: 1, 2: 2}, 1)

@@ -1,25 +1,67 @@
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from frida_painter.event_log import FEED, EventLog
 from frida_painter.web.painting_store import PaintingStore
-from frida_painter.web.studio_pace import pace
+from frida_painter.web.studio_pace import StudioPace, pace
 
 MADE = {"nearer": 0.5, "prefix": "", "frames": [0, 20], "palette": [], "mixtures": []}
+PLANNED: list[dict[str, Any]] = [
+    {"kind": "wished", "at": 0.0, "plan": 1, "wish": {"effort": 0.5}},
+    {"kind": "planned", "at": 0.0, "plan": 1, "strokes": 20, "seconds": 34.0, **MADE},
+]
 
 
-def test_the_pace_is_that_of_the_last_painting(tmp_path: Path) -> None:
-    store = PaintingStore(tmp_path)
-    guessed = pace(store, real_time=False)
-    assert pace(store, real_time=True).painting > guessed.painting
+@pytest.fixture
+def store(tmp_path: Path) -> PaintingStore:
+    return PaintingStore(tmp_path)
+
+
+def write(store: PaintingStore, *lines: dict[str, Any]) -> None:
     writer = EventLog(store.begin("A").folder.feed, FEED)
-    writer.append({"kind": "wished", "at": 0.0, "plan": 1, "wish": {"effort": 0.5}})
-    writer.append({"kind": "planned", "at": 0.0, "plan": 1, "strokes": 20, "seconds": guessed.loading + 30.0, **MADE})
-    writer.append({"kind": "begun", "at": 100.0, "plan": 1, "of": 20})
-    for done in range(1, 21):
-        writer.append({"kind": "stroke", "at": 100.0 + 2 * done, "done": done, "of": 20, "left": 1.0})
-    writer.append({"kind": "finished", "at": 200.0, "film": True})
+    for line in lines:
+        writer.append(line)
     writer.close()
+
+
+def strokes(first: int, last: int, since: float, each: float) -> list[dict[str, Any]]:
+    """Strokes `first` to `last` of 20, the first one `each` seconds after `since`."""
+    return [
+        {"kind": "stroke", "at": since + each * (done - first + 1), "done": done, "of": 20, "left": 1.0}
+        for done in range(first, last + 1)
+    ]
+
+
+def look(at: float, done: int, until: float) -> list[dict[str, Any]]:
+    """A look after `done` strokes, and the rest replanned until then."""
+    seen = {"kind": "looked", "at": at, "done": done, "seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg"}
+    return [seen, {"kind": "replanned", "at": until, "done": done, "gain": 0.1, **MADE, "strokes": 20 - done}]
+
+
+def test_the_pace_is_that_of_the_last_painting(store: PaintingStore) -> None:
+    guessed = pace(store, real_time=False)
+    assert pace(store, real_time=True).painting > guessed.painting and not guessed.known
+    begun = {"kind": "begun", "at": 100.0, "plan": 1, "of": 20}
+    write(store, *PLANNED, begun, *strokes(1, 10, 107.0, 2.0), *look(130.0, 10, 140.0), *strokes(11, 20, 140.0, 2.0))
     found = pace(store, real_time=False)
-    assert (found.planning, found.painting) == (3.0, 2.0)
-    EventLog(store.begin("B").folder.feed, FEED).append({"kind": "plan_made", "at": "yesterday"})
+    assert found == StudioPace(loading=4.0, planning=3.0, opening=9.0, painting=2.0, replanning=2.0, known=True)
+    write(store, {"kind": "plan_made", "at": "yesterday"})
     assert pace(store, real_time=False) == found
+
+
+def test_pauses_and_stops_are_not_counted_and_what_was_painted_around_them_is(store: PaintingStore) -> None:
+    begun = {"kind": "begun", "at": 100.0, "plan": 1, "of": 20}
+    paused = [{"kind": "paused", "at": 117.0, "reason": "You asked for a pause."}, {"kind": "went_on", "at": 900.0}]
+    stopped = [{"kind": "stopped", "at": 913.0, "done": 12}, {"kind": "taken_up", "at": 5000.0, "done": 12}]
+    parts = strokes(1, 6, 104.0, 2.0), paused, strokes(7, 12, 900.0, 2.0), stopped, strokes(13, 20, 5030.0, 2.0)
+    write(store, *PLANNED, begun, *(line for part in parts for line in part))
+    found = pace(store, real_time=False)
+    assert (found.opening, found.painting, found.known) == (6.0, 2.0, True)
+
+
+def test_one_slow_painting_does_not_change_what_is_expected_of_the_next(store: PaintingStore) -> None:
+    for each in (1.0, 1.2, 60.0):
+        write(store, *PLANNED, {"kind": "begun", "at": 100.0, "plan": 1, "of": 20}, *strokes(1, 20, 100.0, each))
+    assert pace(store, real_time=False).painting == pytest.approx(1.2)

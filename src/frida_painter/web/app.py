@@ -23,7 +23,10 @@ from frida_painter.web.studio_easel import StudioEasel
 from frida_painter.web.workers import Workers
 
 _STATIC = Path(__file__).parent / "static"
-_KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+_KINDS = {
+    ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".png": "image/png",
+    ".webmanifest": "application/manifest+json",
+}  # fmt: skip
 
 
 def application(store: PaintingStore, easel: StudioEasel, presence: Presence) -> FastAPI:
@@ -41,6 +44,12 @@ def application(store: PaintingStore, easel: StudioEasel, presence: Presence) ->
     async def page() -> Response:
         """The page."""
         content, kind = parts["index.html"]
+        return Response(content, media_type=kind)
+
+    @app.get("/sw.js", include_in_schema=False)
+    async def service_worker() -> Response:
+        """The page's service worker, which may serve only what is below the place that it comes from."""
+        content, kind = parts["sw.js"]
         return Response(content, media_type=kind)
 
     @app.get("/static/{name}", include_in_schema=False)

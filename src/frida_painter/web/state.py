@@ -61,8 +61,10 @@ class PaintState:
     plan: the number it was painted from; held: whether it waits for a person, also while it does what they asked for
     in the pause; turn: whether it is the person's turn; turns: strokes after which it is, 0 where nobody takes turns;
     region: what is protected; remark: what could not be done as it was asked; wish: as it was changed in the middle;
-    looks: what was seen, expected and planned again, in order; film, arm, kept: whether there is a film, one of a
-    simulated arm at work, and all else that is kept of a painting.
+    paint: which the brush carries, from 0; dips: into each well so far; since_dip: strokes since the last one;
+    looks: what was seen, expected and planned again, in order, each with `why`: "region", "only", "freed", "goal" or
+    "asked" where a person wanted it, "" for one of the painter's own; film, arm, kept: whether there is a film, one
+    of a simulated arm at work, and all else that is kept of a painting.
     """
 
     plan: int
@@ -74,6 +76,8 @@ class PaintState:
     photograph: str | None = None
     growing: str | None = None
     paint: int | None = None
+    dips: dict[int, int] = field(default_factory=dict)
+    since_dip: int = 0
     reason: str = ""
     looks: list[dict[str, Any]] = field(default_factory=list)
     replanned: dict[str, Any] | None = None
@@ -83,6 +87,7 @@ class PaintState:
     region: dict[str, Any] | None = None
     remark: str = ""
     wish: dict[str, Any] | None = None
+    why: str = ""  # for what the next look is
     film: bool = False
     arm: bool = False
     kept: bool = False
@@ -194,16 +199,21 @@ def _hear_painting(painting: PaintState, event: Written) -> None:
         case TakenUp(done):
             painting.done, painting.film, painting.kept = done, False, False
         case Dipped(paint):
-            painting.paint = paint
+            painting.paint, painting.since_dip = paint, 0
+            painting.dips[paint] = painting.dips.get(paint, 0) + 1
         case StrokePainted(done, of) | StrokeLeftOut(done, of):
             painting.done, painting.of = done, of or painting.of
+            painting.since_dip += isinstance(event, StrokePainted)
         case TimeLeft(seconds):
             painting.left = seconds
         case PhotographShown(picture):
             painting.photograph = picture
         case LookShown():
             painting.growing = None
-            painting.looks = [*painting.looks[-_MOST_LOOKS:], asdict(event)]
+            painting.looks = [*painting.looks[-_MOST_LOOKS:], {**asdict(event), "why": painting.why}]
+            painting.why = ""
+        case Considering():
+            painting.why = "asked"
         case PlanningProgress(share, left):
             painting.share, painting.left = share, left
         case PlanPreview(picture):
@@ -215,13 +225,14 @@ def _hear_painting(painting: PaintState, event: Written) -> None:
                 more = {"gain": event.gain, "plan": f"{event.prefix}plan.jpg"}
                 painting.looks[-1] = {**painting.looks[-1], **more}
         case Paused(reason=reason, turn=turn):
-            painting.reason, painting.turn = reason, turn
+            painting.reason, painting.turn, painting.why = reason, turn, ""
         case Turns(strokes):
             painting.turns = strokes
         case RegionProtected(only=only, picture=picture):
             painting.region = {"picture": picture, "only": only} if picture else None
+            painting.why = ("only" if only else "region") if picture else "freed"
         case GoalChanged(wish=wish):
-            painting.wish = wish
+            painting.wish, painting.why = wish, "goal"
         case Remark(sentence):
             painting.remark = sentence
         case PaintingKept(film, arm):

@@ -1,10 +1,13 @@
 """How long planning and painting take in this studio, from what the last paintings really took."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from statistics import median
 
 from frida_painter.event_log import LogReader
 from frida_painter.session.events import (
+    Failed,
     Paused,
     Stopped,
     StrokeLeftOut,
@@ -13,52 +16,131 @@ from frida_painter.session.events import (
     events_of,
     time_of,
 )
-from frida_painter.session.page_events import Asked, PaintingKept, PaintingStarted, PlanMade, PlanRequested, TakenUp
+from frida_painter.session.page_events import (
+    Answered,
+    Asked,
+    Finishing,
+    LookShown,
+    Mixing,
+    PaintingStarted,
+    PlanMade,
+    PlanRequested,
+    RestReplanned,
+    Rests,
+    TakenUp,
+    WentOn,
+)
 from frida_painter.web.painting_store import PaintingStore
 
 _LAST = 6  # paintings that are looked at
 _LOADING = 4.0  # seconds before a plan begins to grow
+_OPENING = 15.0  # seconds before the first stroke
 _FEWEST = 10  # strokes that tell something
+_REPLANNING = 0.25  # of the time that planning took for a stroke, for one that is replanned at a look
+
+Told = tuple[Written, datetime]
 
 
 @dataclass
 class StudioPace:
-    """Seconds for loading, and per stroke for planning at effort 1 and for painting with all looks."""
+    """Seconds for loading a planner; per stroke for planning at effort 1; for opening the easel, until the first
+    stroke; per stroke for painting without looks; and for replanning one stroke at one look, at effort 1.
+
+    known: whether a painting was measured here; before that it is a guess.
+    """
 
     loading: float
     planning: float
+    opening: float
     painting: float
+    replanning: float
+    known: bool = False
 
 
 def pace(store: PaintingStore, *, real_time: bool) -> StudioPace:
-    """The pace to expect. real_time: whether the robot takes its time, rather than the computer's."""
-    found = StudioPace(_LOADING, 0.1, 6.0 if real_time else 0.2)
-    for entry in reversed(store.all()[:_LAST]):
+    """The pace to expect, the median of the last paintings. real_time: whether the robot takes its time, rather than
+    the computer's.
+
+    Pauses, questions and the time between a stop and its resuming are nobody's pace: what is left of such a painting
+    counts as much as one that was painted in one go.
+    """
+    planning: list[float] = []
+    opening: list[float] = []
+    strokes: list[float] = []
+    replanning: list[float] = []
+    for entry in store.all()[:_LAST]:
         try:
             told = [(event, time_of(line)) for line in LogReader(entry.folder.feed).read() for event in events_of(line)]
-            found.planning = _planning([event for event, _ in told]) or found.planning
-            found.painting = _painting(told) or found.painting
+            planning += _planning(event for event, _ in told)
+            opening += _opening(told)
+            strokes += _strokes(told)
+            replanning += _replanning(told)
         except (KeyError, TypeError, ValueError):
             continue  # another program wrote it
-    return found
+    per_stroke = median(planning) if planning else 0.1
+    return StudioPace(
+        loading=_LOADING,
+        planning=per_stroke,
+        opening=median(opening) if opening else _OPENING,
+        painting=median(strokes) if strokes else (6.0 if real_time else 0.4),
+        replanning=median(replanning) if replanning else _REPLANNING * per_stroke,
+        known=bool(strokes),
+    )
 
 
-def _planning(told: list[Written]) -> float | None:
-    requests = {event.plan: event.wish for event in told if isinstance(event, PlanRequested)}
-    took = [
-        max(0.0, event.seconds - _LOADING) / (event.strokes * requests[event.plan]["effort"])
-        for event in told
-        if isinstance(event, PlanMade) and event.strokes >= _FEWEST
-    ]
-    return took[-1] if took else None
+def _planning(told: Iterable[Written]) -> list[float]:
+    efforts: dict[int, float] = {}
+    took = []
+    for event in told:
+        if isinstance(event, PlanRequested):
+            efforts[event.plan] = event.wish["effort"]
+        elif isinstance(event, PlanMade) and event.strokes >= _FEWEST:
+            took.append(max(0.0, event.seconds - _LOADING) / (event.strokes * efforts[event.plan]))
+    return took
 
 
-def _painting(told: list[tuple[Written, datetime]]) -> float | None:
-    """None where it was not painted in one go."""
-    events = [event for event, _ in told]
-    whole = any(isinstance(event, PaintingKept) for event in events)
-    if not whole or any(isinstance(event, Paused | Stopped | TakenUp | Asked) for event in events):
-        return None
-    begun = next(at for event, at in told if isinstance(event, PaintingStarted))
-    strokes = [at for event, at in told if isinstance(event, StrokePainted | StrokeLeftOut)]
-    return (strokes[-1] - begun).total_seconds() / len(strokes) if len(strokes) >= _FEWEST else None
+def _opening(told: Sequence[Told]) -> list[float]:
+    """Seconds until the first stroke, where nobody was asked or waited for before it."""
+    begun: datetime | None = None
+    for event, at in told:
+        if isinstance(event, PaintingStarted):
+            begun = at
+        elif isinstance(event, StrokePainted) and begun is not None:
+            return [(at - begun).total_seconds()]
+        elif isinstance(event, _PAUSES):
+            begun = None
+    return []
+
+
+def _strokes(told: Sequence[Told]) -> list[float]:
+    """Seconds per stroke, counted between strokes that follow each other with nothing between them."""
+    took: list[float] = []
+    last: datetime | None = None
+    for event, at in told:
+        if isinstance(event, StrokePainted | StrokeLeftOut):
+            if last is not None:
+                took.append((at - last).total_seconds())
+            last = at
+        elif isinstance(event, _BREAKS):
+            last = None
+    return [sum(took) / len(took)] if len(took) >= _FEWEST - 1 else []
+
+
+def _replanning(told: Sequence[Told]) -> list[float]:
+    """Seconds for each stroke that was planned again after a look, at effort 1."""
+    took = []
+    effort, last = 1.0, None
+    for event, at in told:
+        if isinstance(event, PlanRequested):
+            effort = event.wish["effort"]
+        elif isinstance(event, LookShown):
+            last = at
+        elif isinstance(event, RestReplanned) and last is not None and event.strokes >= _FEWEST:
+            took.append((at - last).total_seconds() / (event.strokes * effort))
+        elif isinstance(event, _PAUSES):
+            last = None
+    return took
+
+
+_PAUSES = (Paused, WentOn, Asked, Answered, Stopped, Failed, Rests, TakenUp, PaintingStarted)
+_BREAKS = (*_PAUSES, Mixing, LookShown, RestReplanned, Finishing)

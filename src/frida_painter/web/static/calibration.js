@@ -35,7 +35,6 @@ export function calibration(house) {
       : "Calibrate before the first painting on this easel, and whenever the camera, the canvas or the brush was moved."),
     said, all, list, how);
   let shown = "";
-  let latest = null;
 
   function picture(name) { return `/api/calibration/files/${name}`; }
 
@@ -60,7 +59,6 @@ export function calibration(house) {
   }
 
   function hear(state) {
-    latest = state;
     house.active(state.working);
     questions.update(state.question);
     const busy = state.procedures.find((each) => each.status === "busy");

@@ -1,27 +1,51 @@
-// The canvas in the middle of the page: a picture, and over it the stroke that is meant.
+// The canvas in the middle of the page: goal, plan and painting over each other, with a slider that fades from one to the
+// next, and over them the stroke that is meant and the part that is protected.
 
+import * as api from "./api.js";
 import { h, svg } from "./dom.js";
+import { mainTerm } from "./goal.js";
 
-/** Gives an element the shape of the canvas. */
+const TITLES = { goal: "Goal", plan: "Plan", painting: "Painting" };
+
+/** Gives an element the shape of the canvas. @param {HTMLElement} element @param {Wish} wish */
 export function shape(element, wish) {
   element.style.aspectRatio = `${wish.width} / ${wish.height}`;
-  element.style.setProperty("--shape", wish.width / wish.height);
+  element.style.setProperty("--shape", String(wish.width / wish.height));
 }
 
-export function canvasView(wish) {
-  const below = h("img", { alt: "", class: "picture" });
+/** How much each of `count` layers is seen, from the lowest, where the slider stands at `value` in [0, count - 1]. */
+export const opacities = (count, value) => Array.from({ length: count }, (_, index) => (index ? Math.min(1, Math.max(0, value - index + 1)) : 1));
+
+/** @param {Wish} wish @param {("goal" | "plan" | "painting")[]} names from the lowest layer to the highest */
+export function canvasView(wish, names) {
+  const layers = Object.fromEntries(names.map((name) => [name, { element: h("img", { alt: "", class: "picture" }), shown: "", wanted: "" }]));
+  const words = h("p", { class: "words layer", hidden: true });
   const overlay = svg("svg", { class: "overlay", "aria-hidden": "true" });
   const hatching = h("div", { class: "hatching", hidden: true });
-  const element = h("div", { class: "mount" }, below, hatching, overlay);
+  const element = h("div", { class: "mount" }, names.flatMap((name) => [layers[name].element, name === "goal" ? words : null]), hatching, overlay);
   shape(element, wish);
-  let shown = "";
-  let wanted = "";
+  const most = names.length - 1;
+  const range = h("input", { type: "range", min: 0, max: most, step: 0.01, value: most, "aria-label": `Fade between ${names.map((name) => TITLES[name].toLowerCase()).join(", ")}` });
+  const stops = names.map((name, index) => h("button", { type: "button", class: "quiet", disabled: true, "aria-keyshortcuts": String(index + 1), onclick: () => fade(index) }, TITLES[name]));
+  const slider = h("div", { class: "fade" }, range, h("div", { class: "row-between" }, stops));
+  range.addEventListener("input", () => fade(Number(range.value)));
+
+  /** Shows the layer of that number; a number between two shows both. */
+  function fade(value) {
+    range.value = String(value);
+    const nearest = Math.round(value);
+    range.setAttribute("aria-valuetext", Number.isInteger(value) ? TITLES[names[value]] : `${TITLES[names[Math.floor(value)]]} and ${TITLES[names[Math.ceil(value)]]}`);
+    opacities(names.length, value).forEach((opacity, index) => { layers[names[index]].element.style.opacity = String(opacity); });
+    stops.forEach((stop, index) => { stop.setAttribute("aria-pressed", String(index === nearest)); });
+    overlay.style.opacity = names[nearest] === "goal" ? "0" : "1";
+  }
 
   /** Shows a picture once it is there; the one before stays until then. */
-  async function picture(url, alt) {
-    below.alt = alt;
-    wanted = url;
-    if (url === shown || !url) return;
+  async function picture(name, url, alt) {
+    const layer = layers[name];
+    layer.element.alt = alt;
+    layer.wanted = url;
+    if (url === layer.shown || !url) return;
     const next = new Image();
     next.src = url;
     try {
@@ -29,13 +53,25 @@ export function canvasView(wish) {
     } catch {
       return;
     }
-    if (wanted !== url) return;
-    shown = url;
-    below.src = url;
-    element.classList.add("filled");
+    if (layer.wanted !== url) return;
+    layer.shown = url;
+    layer.element.src = url;
+    stops[names.indexOf(name)].disabled = false;
   }
 
-  /** Draws one stroke over the picture; `strokes` as in strokes.json, none where index is not given. */
+  /** Shows what stands for a goal: its picture, or its words. @param {Term[]} terms */
+  function goal(terms) {
+    const term = mainTerm(terms);
+    words.hidden = !term?.words;
+    words.textContent = term?.words ?? "";
+    if (term?.picture) picture("goal", api.picture(term.picture), "The goal");
+    else stops[names.indexOf("goal")].disabled = !term;
+  }
+
+  /**
+   * Draws one stroke over the picture; `strokes` as in strokes.json, none where index is not given.
+   * @param {Strokes | null} strokes @param {number | null} index @param {string} [color]
+   */
   function highlight(strokes, index, color) {
     overlay.replaceChildren();
     if (!strokes || index === null || index < 0 || index >= strokes.paths.length) return;
@@ -44,7 +80,7 @@ export function canvasView(wish) {
     const [x, y] = strokes.paths[index][0];
     overlay.append(
       svg("polyline", { points, class: "halo", "stroke-width": strokes.widths[index] + 10 }),
-      svg("polyline", { points, class: "mark", stroke: color, "stroke-width": strokes.widths[index] }),
+      svg("polyline", { points, class: "mark", stroke: color ?? "#000", "stroke-width": strokes.widths[index] }),
       svg("circle", { cx: x, cy: y, r: 5, class: "start" }));
   }
 
@@ -57,5 +93,6 @@ export function canvasView(wish) {
     hatching.style.maskComposite = only ? "exclude" : "add";
   }
 
-  return { element, picture, highlight, region };
+  fade(most);
+  return { element, slider, fade, picture, goal, highlight, region };
 }

@@ -2,19 +2,13 @@
 
 import * as api from "./api.js";
 import { shape } from "./canvasview.js";
+import { choices, count, duration, h, kept, reveal, show, slider } from "./dom.js";
+import { toPaint, toPlan } from "./estimate.js";
+import { KINDS, mainTerm, nearestWeight, weights } from "./goal.js";
 import { pad } from "./pad.js";
-import { choices, count, duration, h, show, slider } from "./dom.js";
 
-const KINDS = {
-  text: { label: "Text", verb: "Paint this text", button: "Text" },
-  image: { label: "Picture", verb: "Paint this picture", button: "Picture" },
-  style: { label: "Style", verb: "Use the style of this picture", button: "Style" },
-  sketch: { label: "Drawing", verb: "Follow the lines of this drawing", button: "Drawing" },
-  semantic: { label: "Picture content", verb: "Paint what this picture shows, not its pixels", button: "Picture content" },
-};
 const LATER = { text: "text", style: "a style", sketch: "a drawing", semantic: "the content of a picture" }; // what may need a network first
 const FIRST = { text: "+ Text", image: "+ Picture", style: "+ Style" };
-const WEIGHTS = [[0.2, "very low"], [0.5, "low"], [1, "normal"], [2, "high"], [5, "very high"]];
 const STROKES = [15, 30, 50, 80, 120, 160, 200, 250, 300, 400, 500, 650, 800, 1000];
 const SIZES = [["14 × 11 in", 355.6, 279.4], ["A4", 297, 210], ["A3", 420, 297], ["30 × 30 cm", 300, 300], ["20 × 20 cm", 200, 200]];
 const PRESETS = [
@@ -23,17 +17,24 @@ const PRESETS = [
   { label: "Detailed", strokes: 800, colors: 16, replans: 8, effort: 1.5 },
 ];
 
+/** @returns {Wish} */
 export const fresh = () => ({
   title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brush: "broad", replans: 4, effort: 1, seed: 0,
 });
 
-/** The form for a wish; `wish` is changed as the person goes, `changed` is called after that. */
+/**
+ * The form for a wish; `wish` is changed as the person goes, `changed` is called after that. `ondraw` opens a drawing pad and
+ * hands on what was drawn.
+ * @param {House} house @param {Wish} wish @param {() => void} changed
+ * @param {{ goalsOnly?: boolean, ondraw?: ((use: (blob: Blob) => Promise<void>) => void) | null }} options
+ */
 export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = null } = {}) {
   const cards = h("ul", { class: "terms" });
   const how = h("div", { class: "how" });
   const time = h("p", { class: "label time", role: "status" });
   const first = h("ul", { class: "terms" });
   const chooser = h("input", { type: "file", accept: "image/*", hidden: true });
+  let more = false; // whether more settings are shown
   let adding = { kind: "image", terms: wish.terms };
   wish.initial ??= [];
   if (house.canvas && !goalsOnly) [wish.width, wish.height] = house.canvas;
@@ -78,12 +79,11 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
   function adder(kind, terms = wish.terms, label = `+ ${KINDS[kind].button}`) {
     const { ready, advice } = house.abilities[kind];
     return h("button", {
-      type: "button", class: "add", disabled: !ready, title: advice,
+      type: "button", class: "add", "data-kind": terms === wish.terms ? kind : null, disabled: !ready, title: advice,
       onclick: () => {
-        if (kind === "text") { terms.push({ kind, words: "", weight: 1 }); draw(); changed(); (terms === wish.terms ? cards : first).querySelector("li:last-child input[type=text]").focus(); return; }
-        if (kind === "sketch" && ondraw) { ondraw((blob) => add(kind, blob)); return; }
-        adding = { kind, terms };
-        chooser.click();
+        if (kind === "text") { addText("", terms); (terms === wish.terms ? cards : first).querySelector("li:last-child input[type=text]").focus(); }
+        else if (kind === "sketch" && ondraw) ondraw((blob) => add(kind, blob));
+        else choose(kind, terms);
       },
     }, label);
   }
@@ -100,15 +100,14 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
   }
 
   function card(term, terms) {
-    const place = WEIGHTS.reduce((best, [weight], index) => (Math.abs(Math.log(weight / term.weight)) < Math.abs(Math.log(WEIGHTS[best][0] / term.weight)) ? index : best), 0);
     return h("li", {},
       term.picture ? h("img", { src: api.picture(term.picture), alt: KINDS[term.kind].label }) : h("span", { class: "quote", "aria-hidden": "true" }, "“"),
       h("div", {},
         term.kind === "text"
           ? h("input", { type: "text", maxLength: 300, value: term.words, placeholder: "a sailing ship at dusk", "aria-label": "What to paint", oninput: (event) => { term.words = event.target.value; changed(); } })
           : h("p", {}, terms === wish.terms ? KINDS[term.kind].verb : "The painting starts from this and keeps its composition"),
-        terms !== wish.terms ? null : slider({ label: "Weight", min: 0, max: WEIGHTS.length - 1, value: place, words: (index) => WEIGHTS[index][1],
-          oninput: (index) => { term.weight = WEIGHTS[index][0]; changed(); } })),
+        terms !== wish.terms ? null : slider({ label: "Weight", min: 0, max: weights.length - 1, value: nearestWeight(term.weight), words: (index) => weights[index][1],
+          oninput: (index) => { term.weight = weights[index][0]; changed(); } })),
       h("button", { type: "button", class: "quiet remove", "aria-label": `Remove: ${KINDS[term.kind].label}`, title: "Remove",
         onclick: () => { terms.splice(terms.indexOf(term), 1); draw(); changed(); } }, "×"));
   }
@@ -122,7 +121,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
       choices({ legend: "Detail", name: "preset", value: PRESETS.findIndex(same),
         options: PRESETS.map((preset, index) => ({ value: index, label: preset.label })),
         onchange: (index) => { const { label, ...values } = PRESETS[index]; Object.assign(wish, values); drawHow(); changed(); } }),
-      h("details", { open: wish.detailsOpen, ontoggle: (event) => Object.defineProperty(wish, "detailsOpen", { value: event.target.open, writable: true, configurable: true, enumerable: false }) },
+      h("details", { open: more, ontoggle: (event) => { more = event.target.open; } },
         h("summary", {}, "More settings"),
         slider({ label: "Strokes", min: 0, max: STROKES.length - 1, value: nearest, words: (index) => String(STROKES[index]), oninput: (index) => set("strokes")(STROKES[index]) }),
         slider({ label: "Paints to mix", min: 1, max: 24, value: wish.colors, oninput: set("colors") }),
@@ -138,14 +137,12 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
 
   /** How long it will take, from how long the last paintings took here. */
   function tellTime() {
-    const { loading, planning, painting } = house.pace;
-    const plan = loading + planning * wish.strokes * wish.effort;
-    show(time, `About ${duration(plan)} to plan, and ${duration(painting * wish.strokes)} to paint.`);
+    show(time, `${house.pace.known ? "About" : "At a first guess,"} ${duration(toPlan(house.pace, wish))} to plan, and ${duration(toPaint(house.pace, wish))} to paint.`);
   }
 
   function canvasChoice() {
     const sides = (width, height) => [Math.max(width, height), Math.min(width, height)];
-    const near = ([long, short]) => Math.abs(long - Math.max(wish.width, wish.height)) < 0.15 && Math.abs(short - Math.min(wish.width, wish.height)) < 0.15;
+    const near = (/** @type {number[]} */ [long, short]) => Math.abs(long - Math.max(wish.width, wish.height)) < 0.15 && Math.abs(short - Math.min(wish.width, wish.height)) < 0.15;
     const place = SIZES.findIndex(([, width, height]) => near(sides(...within(width, height))));
     const turned = wish.height > wish.width;
     const set = (index, upright) => {
@@ -170,21 +167,59 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
 
   drawHow();
   const element = h("div", { class: "wish" },
-    goalsOnly ? null : h("label", { class: "field title" }, h("span", {}, "Title"), h("input", { type: "text", maxLength: 80, value: wish.title, placeholder: "Untitled", oninput: (event) => { wish.title = event.target.value; } })),
+    goalsOnly ? null : h("label", { class: "field title" }, h("span", {}, "Title"), h("input", { type: "text", maxLength: 80, value: wish.title, placeholder: "Untitled", oninput: (event) => { wish.title = event.target.value; changed(); } })),
     cards,
     h("div", { class: "adders", role: "group", "aria-label": "Add to the goal" }, Object.keys(KINDS).filter((kind) => kind in house.abilities).map((kind) => adder(kind))),
     fetching(),
     chooser, goalsOnly ? null : [how, time]);
   draw();
-  return { element, add, redraw: draw };
+
+  /** Lets a person choose a file for a goal of that kind. */
+  function choose(kind, terms = wish.terms) {
+    adding = { kind, terms };
+    chooser.click();
+  }
+
+  function addText(words, terms = wish.terms) {
+    terms.push({ kind: "text", words, weight: 1 });
+    draw();
+    changed();
+  }
+
+  return { element, add, addText, choose, drawButton: () => element.querySelector("[data-kind=sketch]") };
+}
+
+const DRAFT = "draft"; // under which name a goal is kept until its plan is asked for
+
+/** The goal that was left unfinished, without pictures that are gone; null where there is none. */
+async function draft() {
+  const left = kept.get(DRAFT);
+  if (!left?.terms) return null;
+  const here = async (term) => !term.picture || (await fetch(api.picture(term.picture)).catch(() => ({ ok: false }))).ok;
+  const still = async (terms) => { const known = await Promise.all(terms.map(here)); return terms.filter((_, index) => known[index]); };
+  return { ...fresh(), ...left, terms: await still(left.terms), initial: await still(left.initial ?? []) };
 }
 
 /** The first view of a new painting. */
 export function composer(house) {
-  const wish = fresh();
+  const element = h("section", { class: "workbench" });
+  let close = () => {};
+  let left = false;
+  draft().then((wish) => {
+    if (left) return;
+    const opened = composing(house, wish ?? fresh());
+    close = opened.close;
+    show(element, ...opened.elements);
+    house.entered(element);
+  });
+  return { element, close: () => { left = true; close(); } };
+}
+
+function composing(house, wish) {
   const mount = h("div", { class: "mount drop" });
   const button = h("button", { type: "button", class: "button wide", disabled: true, onclick: begin }, "Make a plan");
   const missing = h("p", { class: "label beneath", role: "status" });
+  const over = h("button", { type: "button", class: "quiet", onclick: startOver }, "Start over");
   const form = wishForm(house, wish, changed, { ondraw: sketch });
   const caption = h("p", { class: "caption" }, "The canvas");
   const easel = h("div", { class: "easel" }, mount, caption);
@@ -193,28 +228,41 @@ export function composer(house) {
   function sketch(use) {
     const first = wish.terms.find((term) => term.kind === "image");
     const drawing = pad({ shape: wish.width / wish.height, background: first ? api.picture(first.picture) : "" });
-    const back = () => show(easel, mount, caption);
+    const back = () => { show(easel, mount, caption); reveal(form.element, form.drawButton() ?? form.element); };
     const done = h("button", { type: "button", class: "button", onclick: async () => {
       const blob = await drawing.picture();
       if (!blob) { house.notice("Nothing is drawn yet."); return; }
+      await use(blob);
       back();
-      use(blob);
     } }, "Use this drawing");
     show(easel, drawing.element, drawing.tools, h("p", { class: "pair" }, done, h("button", { type: "button", class: "quiet", onclick: back }, "Cancel")));
+    drawing.open();
   }
 
   function changed() {
     const title = form.element.querySelector(".title input");
     if (title && !title.value && wish.title) title.value = wish.title;
     shape(mount, wish);
-    const first = wish.terms.find((term) => term.kind === "image") ?? wish.terms.find((term) => term.picture);
-    const words = wish.terms.find((term) => term.words);
-    show(mount, !first && words ? h("p", { class: "words" }, words.words) : first
-      ? h("img", { src: api.picture(first.picture), alt: "The picture to paint" })
-      : h("p", {}, "Drop a picture here, or add a goal on the right."));
-    const wordless = [...wish.terms, ...wish.initial].some((term) => term.kind === "text" && !term.words.trim());
+    const term = mainTerm(wish.terms);
+    const shown = term ? `${term.picture ?? ""}/${term.words ?? ""}` : "";
+    if (mount.dataset.shown !== shown) {
+      mount.dataset.shown = shown;
+      show(mount, term?.picture ? h("img", { src: api.picture(term.picture), alt: "The picture to paint" })
+        : term ? h("p", { class: "words" }, term.words)
+          : h("button", { type: "button", class: "invitation", onclick: () => form.choose("image") },
+            h("span", {}, "Choose a picture"), h("small", {}, "or drop or paste one here. Text, styles and drawings can be added in the form.")));
+    }
+    const wordless = [...wish.terms, ...wish.initial].some((each) => each.kind === "text" && !each.words.trim());
     missing.textContent = wordless ? "Enter the text first, or remove it." : wish.terms.length ? "" : "There is no goal yet. Add text, a picture or a drawing.";
-    button.disabled = Boolean(missing.textContent);
+    button.disabled = Boolean(missing.textContent) || house.role === "watch";
+    const begun = Boolean(wish.terms.length || wish.initial.length || wish.title);
+    over.hidden = !begun;
+    kept.set(DRAFT, begun ? wish : null);
+  }
+
+  function startOver() {
+    kept.set(DRAFT, null);
+    window.dispatchEvent(new HashChangeEvent("hashchange"));
   }
 
   async function begin() {
@@ -222,7 +270,24 @@ export function composer(house) {
     const words = wish.terms.find((term) => term.words)?.words.trim().slice(0, 80);
     const begun = await house.attempt(() => api.post("/api/paintings", { ...wish, title: wish.title || words || "" }));
     button.disabled = false;
-    if (begun) location.hash = `#/p/${begun.id}`;
+    if (!begun) return;
+    kept.set(DRAFT, null);
+    location.hash = `#/p/${begun.id}`;
+  }
+
+  /** A picture, or text, that was copied elsewhere. */
+  function paste(event) {
+    const files = [...(event.clipboardData?.files ?? [])].filter((file) => file.type.startsWith("image/"));
+    if (files.length) {
+      event.preventDefault();
+      for (const file of files) form.add("image", file);
+      return;
+    }
+    const text = event.clipboardData?.getData("text/plain").trim();
+    if (!text || event.target.closest?.("input, textarea")) return;
+    event.preventDefault();
+    if (house.abilities.text?.ready) form.addText(text.replace(/\s+/g, " ").slice(0, 300));
+    else house.notice("There is no picture in the clipboard. To paint from text, a network has to be installed first.");
   }
 
   mount.addEventListener("dragover", (event) => { event.preventDefault(); mount.classList.add("over"); });
@@ -232,12 +297,10 @@ export function composer(house) {
     mount.classList.remove("over");
     for (const blob of event.dataTransfer.files) form.add("image", blob);
   });
+  document.addEventListener("paste", paste);
   changed();
-  const element = h("section", { class: "workbench" },
-    steps("say"),
-    easel,
-    h("aside", { class: "panel" }, h("h1", {}, "Set the goal"), h("p", {}, "Tell the robot what to paint: text, pictures, a style or your own drawing. You can combine several goals. The weight says how much each one counts."), form.element, button, missing));
-  return { element };
+  const panel = h("aside", { class: "panel" }, h("h1", {}, "Set the goal"), h("p", {}, "Tell the robot what to paint: text, pictures, a style or your own drawing. You can combine several goals. The weight says how much each one counts."), form.element, button, missing, over);
+  return { elements: [steps("say"), easel, panel], close: () => document.removeEventListener("paste", paste) };
 }
 
 const STEPS = [["say", "Set the goal"], ["plan", "Review the plan"], ["prepare", "Prepare"], ["paint", "Paint"], ["done", "Finished"]];

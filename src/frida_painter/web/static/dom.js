@@ -23,10 +23,45 @@ export function svg(tag, attributes = {}, ...children) {
   return element;
 }
 
-/** Puts children into an element in place of what it holds, unless they would say the same. */
+/**
+ * Puts children into an element in place of what it holds. Where the keyboard's focus was in it, the control of the same
+ * name has it then, or else the first one: nobody is thrown back to the top of the page.
+ */
 export function show(element, ...children) {
+  const held = document.activeElement;
+  const name = held && held !== element && element.contains(held) ? named(held) : null;
   element.replaceChildren(...children.flat().filter((child) => child !== null && child !== undefined && child !== false));
+  if (name === null || element.contains(document.activeElement)) return;
+  const controls = [...element.querySelectorAll("a[href], button:not(:disabled), input:not([hidden]), select, summary")];
+  (controls.find((control) => named(control) === name) ?? controls[0])?.focus({ preventScroll: true });
 }
+
+const named = (control) => control.getAttribute("aria-label") ?? control.closest("label")?.textContent ?? control.textContent;
+
+/** Scrolls something that was just opened into sight, and gives it the keyboard's focus. */
+export function reveal(element, focused = element) {
+  element.scrollIntoView({ block: "nearest" });
+  focused.focus({ preventScroll: true });
+}
+
+/** The focus goes to the heading of a new view, so that keyboard and screen reader are where the eye is. */
+export function focusHeading(element) {
+  const heading = element.querySelector("h1");
+  if (!heading) return;
+  heading.tabIndex = -1;
+  heading.focus({ preventScroll: true });
+}
+
+/** Something small that is kept on this browser between visits; null where there is none, or it cannot be kept at all. */
+export const kept = {
+  get(name) { try { return JSON.parse(localStorage.getItem(`frida-painter.${name}`) ?? "null"); } catch { return null; } },
+  set(name, value) {
+    try {
+      if (value === null) localStorage.removeItem(`frida-painter.${name}`);
+      else localStorage.setItem(`frida-painter.${name}`, JSON.stringify(value));
+    } catch { /* a browser that keeps nothing */ }
+  },
+};
 
 export const count = (number, one, many) => `${number} ${number === 1 ? one : many}`;
 
@@ -38,14 +73,18 @@ export function duration(seconds) {
   return `${Math.floor(whole / 3600)} h ${Math.round((whole % 3600) / 60)} min`;
 }
 
-/** A slider with a label, and a word or two for its value. */
+/**
+ * A slider with a label, and a word or two for its value.
+ * @param {{ label: string, min: number, max: number, step?: number, value: number, words?: (value: number) => string | number,
+ *   oninput: (value: number) => void, hint?: string }} options
+ */
 export function slider({ label, min, max, step = 1, value, words = String, oninput, hint }) {
   const output = h("span", { class: "value", "aria-hidden": "true" }, words(value)); // (an <output> would take the label)
   const input = h("input", {
     type: "range", min, max, step, value,
-    oninput: () => { output.textContent = words(Number(input.value)); input.setAttribute("aria-valuetext", output.textContent); oninput(Number(input.value)); },
+    oninput: () => { output.textContent = String(words(Number(input.value))); input.setAttribute("aria-valuetext", output.textContent); oninput(Number(input.value)); },
   });
-  input.setAttribute("aria-valuetext", words(value));
+  input.setAttribute("aria-valuetext", String(words(value)));
   return h("label", { class: "slider" }, h("span", { class: "row-between" }, h("span", {}, label), output), input, hint ? h("small", {}, hint) : null);
 }
 

@@ -1,9 +1,10 @@
 // "Finished": the painting, its film, what it was meant to be, and what to take along.
 
 import * as api from "./api.js";
-import { shape } from "./canvasview.js";
+import { canvasView } from "./canvasview.js";
 import { summary } from "./composer.js";
-import { count, h, show } from "./dom.js";
+import { count, h } from "./dom.js";
+import { goalList } from "./goal.js";
 
 const FILES = [
   ["painting.png", "The painting, photographed"], ["film.mp4", "The timelapse film"], ["palette.png", "The palette, to print"],
@@ -11,16 +12,20 @@ const FILES = [
   ["strokes.csv", "The strokes as a table (CSV)"], ["plan.json", "The plan"],
 ];
 
+/** @param {House} house @param {Here} here @param {State & { painting: PaintState }} first */
 export function finishedStage(house, here, first) {
   const { painting } = first;
-  const plan = first.plans.find((each) => each.number === painting.plan);
+  const plan = /** @type {PlanState} */ (first.plans.find((each) => each.number === painting.plan));
   const { wish } = plan;
+  const terms = (painting.wish ?? wish).terms; // as they were changed while it was painted
   const whole = painting.kept;
   const place = (name) => api.file(here.id, "painting", name);
-  const hero = h("div", { class: "mount" });
-  shape(hero, wish);
   const best = whole ? place("painting.png") : painting.photograph && api.file(here.id, "live", painting.photograph);
-  show(hero, best ? h("img", { class: "picture", src: best, alt: `The painting: ${here.title}` }) : h("p", {}, "There is no photograph."));
+  const canvas = canvasView(wish, ["goal", "plan", "painting"]);
+  canvas.goal(terms);
+  canvas.picture("plan", painting.replanned ? api.file(here.id, "live", `${painting.replanned.prefix}plan.jpg`) : api.file(here.id, plan.number, "plan.jpg"), "The plan");
+  if (best) canvas.picture("painting", best, `The painting: ${here.title}`);
+  const caption = h("p", { class: "caption" }, best ? "The painting, photographed" : "There is no photograph. This is the plan.");
 
   const verdict = {
     finished: `${count(painting.done, "stroke", "strokes")} are on the canvas.`,
@@ -48,17 +53,11 @@ export function finishedStage(house, here, first) {
     if (gone) location.hash = "#/";
   }
 
-  const compare = h("div", { class: "trio wide-trio" },
-    h("figure", {}, h("img", { src: api.file(here.id, plan.number, "plan.jpg"), alt: "The plan" }), h("figcaption", {}, "The plan")),
-    best ? h("figure", {}, h("img", { src: best, alt: "The canvas" }), h("figcaption", {}, "The canvas")) : null,
-    wish.terms.filter((term) => term.picture).slice(0, 1).map((term) => h("figure", {}, h("img", { src: api.picture(term.picture), alt: "The goal" }), h("figcaption", {}, "The goal"))));
-
-  const easel = h("div", { class: "easel" }, hero,
-    painting.film ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("film.mp4"), "aria-label": "Timelapse film of the painting, without sound" })
+  const easel = h("div", { class: "easel" }, canvas.element, canvas.slider, caption,
+    painting.film ? h("video", { controls: true, playsInline: true, preload: "metadata", poster: best, src: place("film.mp4"), "aria-label": "Timelapse film of the painting, without sound" })
       : whole && painting.done ? h("p", { class: "label beneath" }, "There is no timelapse film. It could not be written; the disk may be full.") : null,
-    painting.arm ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("arm.mp4"), "aria-label": "Film of the simulated arm at work, without sound" }) : null,
-    compare);
-  const panel = h("aside", { class: "panel" }, h("h1", {}, here.title || "Finished"), h("p", {}, verdict), h("p", { class: "label" }, summary(wish), `, seed ${wish.seed}`), rest,
+    painting.arm ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("arm.mp4"), "aria-label": "Film of the simulated arm at work, without sound" }) : null);
+  const panel = h("aside", { class: "panel" }, h("h1", {}, here.title || "Finished"), h("p", {}, verdict), h("p", { class: "label" }, summary(wish), `, seed ${wish.seed}`), rest, h("h2", {}, "The goal"), goalList(terms),
     whole ? [h("h2", {}, "Downloads"), h("ul", { class: "files" }, FILES.filter(([name]) => name !== "film.mp4" || painting.film).map(([name, label]) => h("li", {}, h("a", { href: place(name), download: name }, label))),
       h("li", {}, h("a", { href: `/api/paintings/${here.id}/everything.zip`, download: "painting.zip" }, "Everything, with a page about the painting (ZIP)")))] : null,
     h("p", { class: "actions" },

@@ -3,17 +3,21 @@
 import * as api from "./api.js";
 import { calibration } from "./calibration.js";
 import { composer } from "./composer.js";
-import { h, show } from "./dom.js";
+import { focusHeading, h, show } from "./dom.js";
 import { gallery } from "./gallery.js";
 import { painting } from "./painting.js";
+import { shortcuts } from "./shortcuts.js";
 
-const view = document.getElementById("view");
-const noticeBoard = document.getElementById("notice");
-const connection = document.getElementById("connection");
-const stopButton = document.getElementById("stop");
+/** @param {string} id */
+const part = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
+const view = part("view");
+const noticeBoard = part("notice");
+const connection = part("connection");
+const stopButton = part("stop");
 
 let studio = null;
 let leave = () => {};
+let first = true; // the page was just opened: the focus stays where the browser puts it
 let noticeTimer = 0;
 
 /** Shows a sentence for a while, and what can be done about it. */
@@ -34,7 +38,7 @@ async function attempt(work) {
     const done = await work();
     show(noticeBoard);
     return done;
-  } catch (error) {
+  } catch (/** @type {any} */ error) {
     if (error.led) notice(error.message, "Take control", lead);
     else notice(error.message);
     return undefined;
@@ -51,6 +55,11 @@ const house = {
   get canvas() { return studio.canvas; },
   get pace() { return studio.pace; },
   connected(there) { connection.textContent = there ? "" : "No connection. Trying again."; },
+  /** A view, or a step of one, has just been shown. */
+  entered(element) {
+    window.scrollTo(0, 0);
+    if (!first) focusHeading(element);
+  },
   active(working) { stopButton.classList.toggle("live", working); },
 };
 
@@ -66,9 +75,10 @@ async function route() {
     link.toggleAttribute("aria-current", link.getAttribute("href") === `#/${place}`);
   }
   const { element, close } = page(house, id);
-  show(view, element);
+  view.replaceChildren(element);
   leave = close ?? (() => {});
-  window.scrollTo(0, 0);
+  house.entered(element);
+  first = false;
 }
 
 async function stop() {
@@ -86,11 +96,17 @@ document.addEventListener("keydown", (event) => {
   escaped = event.timeStamp;
 });
 
+document.querySelector(".bar nav")?.append(shortcuts());
+
 try {
   studio = await api.enter();
   window.addEventListener("hashchange", route);
   window.addEventListener("pagehide", api.leave);
   await route();
-} catch (error) {
+} catch (/** @type {any} */ error) {
   show(view, h("p", { class: "lede alone" }, error.message));
 }
+
+// Installing the page, and notifications on a phone, need it; where the browser has none, or the page came unencrypted
+// over a network, all else works without.
+navigator.serviceWorker?.register("/sw.js").catch(() => {});

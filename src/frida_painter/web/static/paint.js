@@ -1,8 +1,12 @@
-// "Paint": the live photograph beside the plan, stroke by stroke, and what every look has changed.
+// "Paint": the live picture of the easel over plan and goal, stroke by stroke, and what every look has changed.
 
 import * as api from "./api.js";
 import { canvasView } from "./canvasview.js";
 import { count, duration, h, show } from "./dom.js";
+import { easelState } from "./easelstate.js";
+import { goalList } from "./goal.js";
+import { outcome } from "./looks.js";
+import { ask, mayAsk } from "./needs.js";
 import { togetherTools } from "./tools.js";
 
 const WORDS = {
@@ -10,26 +14,30 @@ const WORDS = {
   paused: "paused", finishing: "making the timelapse film and the page", stopped: "stopped", finished: "finished", failed: "failed",
 };
 
+/** @param {House} house @param {Here} here @param {State & { painting: PaintState }} first */
 export function paintStage(house, here, first) {
-  const wish = first.plans.find((plan) => plan.number === first.painting.plan).wish;
-  const photograph = canvasView(wish);
-  const plan = canvasView(wish);
+  const { wish } = /** @type {PlanState} */ (first.plans.find((plan) => plan.number === first.painting.plan));
+  const canvas = canvasView(wish, ["goal", "plan", "painting"]);
+  const caption = h("p", { class: "caption" });
   const bar = h("progress", { max: 1, value: 0, "aria-label": "Strokes painted" });
   const said = h("p", { class: "status", role: "status" });
   const left = h("p", { class: "label" });
   const looks = h("ol", { class: "looks" });
-  const easel = h("div", { class: "easel pair-of-canvases" },
-    h("figure", {}, photograph.element, h("figcaption", {}, "The canvas, photographed")),
-    h("figure", {}, plan.element, h("figcaption", {}, "The plan and the next stroke")));
+  const parts = easelState(house.simulated ? "Simulated robot" : `Robot ${house.robot.split(":")[0]}`);
+  const easel = h("div", { class: "easel" }, canvas.element, canvas.slider, caption, parts.element);
   const padPlace = h("div", { class: "easel", hidden: true });
   const tools = togetherTools(house, here, wish, (drawing) => {
     show(padPlace, drawing);
     padPlace.hidden = !drawing;
     easel.hidden = Boolean(drawing);
   });
-  const panel = h("aside", { class: "panel" }, h("h1", {}, "Paint together"), bar, said, left, tools.element, h("h2", {}, "Camera views"), looks);
+  const goals = h("div", {});
+  const tellMe = h("button", { type: "button", class: "quiet", hidden: !mayAsk(), onclick: async () => { await ask(); tellMe.hidden = !mayAsk(); } }, "Notify me when I am needed");
+  const panel = h("aside", { class: "panel" }, h("h1", {}, "Paint together"), bar, said, left, tools.element, tellMe, h("h2", {}, "The goal"), goals, h("h2", {}, "Camera views"), looks);
+  /** @type {{ key: string, paths: Strokes | null, palette: Paint[], from: number, place: string | number, prefix: string }} */
   let strokes = { key: "", paths: null, palette: [], from: 0, place: "", prefix: "" };
   let shownLooks = "";
+  let shownGoal = "";
 
   /** The strokes that are being painted: of the first plan, or of the one made at the last look. */
   async function followPlan(state) {
@@ -44,11 +52,9 @@ export function paintStage(house, here, first) {
   }
 
   function lookCard(look) {
-    const picture = (name, caption) => h("figure", {}, h("img", { src: api.file(here.id, "live", look[name]), alt: `${caption}, after ${look.done} strokes`, loading: "lazy" }), h("figcaption", {}, caption));
-    const gain = look.gain === undefined ? "" : look.gain > 0.005
-      ? `It replanned the rest. It expects to come ${Math.round(100 * look.gain)} % closer to the goal than without replanning.`
-      : "The canvas is as expected. The plan stays the same.";
-    return h("li", {}, h("h3", {}, `After ${count(look.done, "stroke", "strokes")}`), gain ? h("p", {}, gain) : null,
+    const picture = (name, words) => h("figure", {}, h("img", { src: api.file(here.id, "live", look[name]), alt: `${words}, after ${look.done} strokes`, loading: "lazy" }), h("figcaption", {}, words));
+    const came = outcome(look);
+    return h("li", {}, h("h3", {}, `After ${count(look.done, "stroke", "strokes")}`), came ? h("p", {}, came) : null,
       h("div", { class: "trio" }, picture("expected", "Expected"), picture("seen", "Seen"), picture("difference", "Difference")));
   }
 
@@ -57,16 +63,25 @@ export function paintStage(house, here, first) {
     bar.value = painting.of ? painting.done / painting.of : 0;
     said.textContent = painting.status === "painting" ? `Stroke ${painting.done} of ${painting.of}` : `${painting.done ? `Stroke ${painting.done} of ${painting.of}: ` : ""}${WORDS[painting.status] ?? ""}`;
     left.textContent = painting.left && !["finishing", "paused"].includes(painting.status) ? `about ${duration(painting.left)} left` : "";
-    if (painting.photograph) photograph.picture(api.file(here.id, "live", painting.photograph), `The canvas after ${painting.done} strokes`);
+    if (painting.photograph) canvas.picture("painting", api.file(here.id, "live", painting.photograph), `The canvas after ${painting.done} strokes`);
+    caption.textContent = painting.photograph ? "The easel, as it was photographed last, and the next stroke" : "The plan. The first photograph of the easel comes soon.";
     const region = painting.region ? api.file(here.id, "live", painting.region.picture) : "";
-    for (const canvas of [photograph, plan]) canvas.region(region, painting.region?.only);
+    canvas.region(region, painting.region?.only);
+    const terms = (painting.wish ?? wish).terms;
+    const goal = JSON.stringify(terms);
+    if (goal !== shownGoal) {
+      shownGoal = goal;
+      canvas.goal(terms);
+      show(goals, goalList(terms));
+    }
     followPlan(state).then(() => {
       const growing = painting.status === "planning" && painting.growing;
-      plan.picture(growing ? api.file(here.id, "live", painting.growing) : api.file(here.id, strokes.place, `${strokes.prefix}plan.jpg`), "The plan");
+      canvas.picture("plan", growing ? api.file(here.id, "live", painting.growing) : api.file(here.id, strokes.place, `${strokes.prefix}plan.jpg`), "The plan");
       const index = painting.done - strokes.from;
       const paint = strokes.paths && strokes.palette[strokes.paths.paint[index]];
-      plan.highlight(strokes.paths, painting.status === "painting" ? index : null, paint?.hex);
+      canvas.highlight(strokes.paths, painting.status === "painting" ? index : null, paint?.hex);
     });
+    parts.update(painting, state.plans.find((each) => each.number === painting.plan).made.palette);
     tools.update(state);
     const key = JSON.stringify(painting.looks);
     if (key !== shownLooks) {

@@ -4,6 +4,7 @@ import * as api from "./api.js";
 import { steps } from "./composer.js";
 import { h, show } from "./dom.js";
 import { finishedStage } from "./finished.js";
+import { Herald, need } from "./needs.js";
 import { paintStage } from "./paint.js";
 import { planStage } from "./plan.js";
 import { questionCard } from "./question.js";
@@ -19,6 +20,7 @@ export function painting(house, id) {
   const element = h("section", { class: "workbench" });
   const trouble = h("div", { class: "trouble", role: "alert" });
   const asked = questionCard(house, `/api/paintings/${id}`, (name) => api.file(id, "live", name));
+  const herald = new Herald();
   let stage = null;
   let name = "";
   let step = "";
@@ -39,13 +41,16 @@ export function painting(house, id) {
     }
     const shown = name === "plan" ? step : name;
     const end = name === "done" ? { stopped: "Stopped", failed: "Failed" }[state.painting.status] : "";
-    if (element.dataset.step !== `${name}/${shown}`) {
+    const entered = element.dataset.step !== `${name}/${shown}`;
+    if (entered) {
       element.dataset.step = `${name}/${shown}`;
-      show(element, steps(shown, end), trouble, asked.element, ...stage.elements);
+      element.replaceChildren(steps(shown, end), trouble, asked.element, ...stage.elements);
     }
     asked.update(state.question);
     show(trouble, state.trouble ? h("p", {}, state.trouble) : null);
     stage.update(state, shown);
+    if (entered) house.entered(element);
+    herald.tell(need(state, title));
   }
 
   let stopFollowing = () => {};

@@ -3,27 +3,34 @@
 import * as api from "./api.js";
 import { canvasView } from "./canvasview.js";
 import { summary, wishForm } from "./composer.js";
-import { count, duration, h, show } from "./dom.js";
+import { count, duration, h, reveal, show } from "./dom.js";
+import { corrected, toPaint } from "./estimate.js";
+import { goalList } from "./goal.js";
+import { pad } from "./pad.js";
 
 const TAKEN = [["strokes.svg", "The strokes, for plotters and Inkscape (SVG)"], ["strokes.gcode", "The strokes for GRBL machines (G-code)"], ["palette.png", "The palette, to print"]];
 
+/** @param {House} house @param {Here} here @param {State} first */
 export function planStage(house, here, first) {
-  const canvas = canvasView(first.plans[0].wish);
+  const canvas = canvasView(first.plans[0].wish, ["goal", "plan"]);
   const caption = h("p", { class: "caption" });
   const scrub = h("input", { type: "range", min: 0, max: 1, value: 1, "aria-label": "Strokes painted so far" });
   const scrubbing = h("div", { class: "scrub" }, scrub, h("output", {}));
-  const easel = h("div", { class: "easel" }, canvas.element, scrubbing, caption);
+  const easel = h("div", { class: "easel" }, canvas.element, scrubbing, canvas.slider, caption);
+  const goals = h("div", {});
+  const changes = new Map(); // of goals, by plan, as a person is making them
   const panel = h("aside", { class: "panel" });
   const others = h("ul", { class: "plans" });
+  const padPlace = h("div", { class: "easel", hidden: true });
   const strokes = new Map();
   let state = first;
   let chosen = null;
   let newest = 0;
   let drawn = "";
 
-  const current = () => state.plans.find((plan) => plan.number === chosen);
+  const current = () => /** @type {PlanState} */ (state.plans.find((plan) => plan.number === chosen));
 
-  scrub.addEventListener("input", () => scrubbed());
+  scrub.addEventListener("input", () => { canvas.fade(1); scrubbed(); });
 
   async function strokesOf(plan) {
     if (!strokes.has(plan.number)) {
@@ -35,12 +42,12 @@ export function planStage(house, here, first) {
 
   async function scrubbed() {
     const plan = current();
-    if (!plan?.made) return;
+    if (!plan.made) return;
     const done = Number(scrub.value);
     const whole = done >= plan.made.strokes;
     const frame = plan.made.frames.reduce((best, after) => (after <= done ? after : best), 0);
     scrubbing.querySelector("output").textContent = `${done} of ${plan.made.strokes}`;
-    canvas.picture(api.file(here.id, plan.number, whole ? "plan.jpg" : `after-${frame}.jpg`), whole ? "The finished plan" : `The canvas after ${done} strokes`);
+    canvas.picture("plan", api.file(here.id, plan.number, whole ? "plan.jpg" : `after-${frame}.jpg`), whole ? "The finished plan" : `The canvas after ${done} strokes`);
     const paths = await strokesOf(plan);
     if (plan !== current() && plan.number !== chosen) return;
     const paint = paths && done > 0 ? plan.made.palette[paths.paint[done - 1]] : null;
@@ -50,7 +57,7 @@ export function planStage(house, here, first) {
   function choose(number) {
     chosen = number;
     const plan = current();
-    if (plan?.made) {
+    if (plan.made) {
       scrub.max = plan.made.strokes;
       scrub.value = plan.made.strokes;
     }
@@ -59,7 +66,7 @@ export function planStage(house, here, first) {
   }
 
   function planCard(plan) {
-    const picture = plan.made ? api.file(here.id, plan.number, "after-" + plan.made.frames.at(-1) + ".jpg") : plan.growing && api.file(here.id, plan.number, plan.growing);
+    const picture = plan.made ? api.file(here.id, plan.number, `after-${plan.made.frames.at(-1)}.jpg`) : plan.growing && api.file(here.id, plan.number, plan.growing);
     const said = { planning: `${Math.round(100 * plan.share)} %`, ready: `${Math.round(100 * plan.nearer)} % closer to the goal than a bare canvas`, failed: "failed", stopped: "stopped" }[plan.status];
     return h("li", {}, h("button", { type: "button", "aria-pressed": String(plan.number === chosen), onclick: () => choose(plan.number) },
       h("span", { class: "frame" }, picture ? h("img", { src: picture, alt: "" }) : h("span", { class: "bare" })),
@@ -74,27 +81,47 @@ export function planStage(house, here, first) {
     const recipe = (mixture) => h("p", { class: "recipe" }, `${mixture.recipe} · about ${Math.max(1, Math.round(mixture.millilitres))} ml`, mixture.near ? "" : " · not exact");
     return h("ol", { class: "palette" }, plan.made.palette.map((paint, index) =>
       h("li", {}, h("b", { style: { background: paint.hex } }), h("span", {}, h("strong", {}, String(paint.number)), ` ${paint.hex}`),
-        h("small", {}, `${count(paint.strokes, "stroke", "strokes")}, ${paint.share < 0.005 ? "hardly any" : Math.round(100 * paint.share) + " %"}`), withRecipes ? recipe(plan.made.mixtures[index]) : null)));
+        h("small", {}, `${count(paint.strokes, "stroke", "strokes")}, ${paint.share < 0.005 ? "hardly any" : `${Math.round(100 * paint.share)} %`}`), withRecipes ? recipe(plan.made.mixtures[index]) : null)));
   }
 
   function planning(plan) {
     show(panel, h("h1", {}, "Review the plan"),
       h("p", {}, "The program plans the strokes: it places them, optimises them and chooses the colours. The robot does not move yet."),
       h("progress", { max: 1, "aria-label": "Planning" }), h("p", { class: "left label" }),
-      h("p", { class: "label" }, summary(plan.wish)));
+      h("p", { class: "label" }, summary(plan.wish)), h("h2", {}, "The goal"), goals);
+  }
+
+  /** A drawing over the plan, which becomes a part of the goal of another plan. */
+  function sketch(plan, use) {
+    const sheet = pad({ shape: plan.wish.width / plan.wish.height, background: plan.made ? api.file(here.id, plan.number, "plan.jpg") : "" });
+    const back = () => { padPlace.hidden = true; easel.hidden = false; drawn = ""; update(state, "plan"); reveal(panel, panel.querySelector("details[open] [data-kind=sketch]") ?? panel); };
+    const done = async () => {
+      const blob = await sheet.picture();
+      if (!blob) { house.notice("Nothing is drawn yet."); return; }
+      await use(blob);
+      back();
+    };
+    show(padPlace, sheet.element, sheet.tools, h("p", { class: "pair" }, h("button", { type: "button", class: "button", onclick: done }, "Use this drawing"), h("button", { type: "button", class: "quiet", onclick: back }, "Cancel")));
+    padPlace.hidden = false;
+    easel.hidden = true;
+    sheet.open();
   }
 
   function ready(plan) {
     const again = { ...plan.wish, seed: (Math.max(...state.plans.map((other) => other.wish.seed)) + 1) % 2147483647 };
-    const wish = structuredClone(plan.wish);
-    const form = wishForm(house, wish, () => {});
+    if (!changes.has(plan.number)) changes.set(plan.number, structuredClone(plan.wish));
+    const wish = changes.get(plan.number);
+    const differs = JSON.stringify(wish) !== JSON.stringify(plan.wish);
+    const form = wishForm(house, wish, () => {}, { ondraw: (use) => sketch(plan, use) });
     show(panel, h("h1", {}, "Review the plan"),
       h("p", {}, "This is what the robot will paint. Move the slider under the canvas to see the plan stroke by stroke."),
-      plan.made ? h("button", { type: "button", class: "button wide", disabled: house.role !== "operate", onclick: () => here.go("prepare") }, `Use plan ${plan.number}`) : null,
+      plan.made ? h("p", { class: "label" }, `Painting it takes about ${duration(toPaint(corrected(house.pace, plan.wish, plan.made.seconds), plan.wish))}.`) : null,
+      plan.made ? h("button", { type: "button", class: "button wide", disabled: house.role !== "operate", "aria-keyshortcuts": "u", onclick: () => here.go("prepare") }, `Use plan ${plan.number}`) : null,
       h("h2", {}, "Other plans"),
-      h("p", {}, h("button", { type: "button", class: "button second", disabled: state.working || house.role === "watch", onclick: () => another(again) }, "Make another plan")),
-      h("details", {}, h("summary", {}, "Change the goal"), form.element, h("button", { type: "button", class: "button second wide", disabled: state.working || house.role === "watch", onclick: () => another(wish) }, "Plan with these changes")),
+      h("p", {}, h("button", { type: "button", class: "button second", disabled: state.working || house.role === "watch", "aria-keyshortcuts": "a", onclick: () => another(again) }, "Make another plan")),
+      h("details", { open: differs }, h("summary", {}, "Change the goal"), form.element, h("button", { type: "button", class: "button second wide", disabled: state.working || house.role === "watch", onclick: () => another(wish) }, "Plan with these changes")),
       h("p", { class: "label" }, summary(plan.wish)),
+      h("h2", {}, "The goal"), goals,
       plan.made ? [h("h2", {}, "The palette"), paletteList(plan), h("h2", {}, "Downloads"), h("ul", { class: "files" }, TAKEN.map(([name, label]) => h("li", {}, h("a", { href: api.file(here.id, plan.number, name), download: name }, label))))] : null);
   }
 
@@ -121,7 +148,7 @@ export function planStage(house, here, first) {
 
   function update(next, step) {
     state = next;
-    const last = state.plans.at(-1);
+    const last = /** @type {PlanState} */ (state.plans.at(-1)); // a painting begins with one
     if (chosen === null || last.number > newest) {
       newest = last.number;
       chosen = last.number;
@@ -131,6 +158,8 @@ export function planStage(house, here, first) {
     if (key !== drawn) {
       drawn = key;
       if (plan.made) { scrub.max = plan.made.strokes; if (step === "prepare" || Number(scrub.value) <= 1) scrub.value = plan.made.strokes; }
+      canvas.goal(plan.wish.terms);
+      show(goals, goalList(plan.wish.terms));
       if (step === "prepare" && plan.made) prepare(plan);
       else if (plan.status === "planning" && state.working) planning(plan);
       else ready(plan);
@@ -145,7 +174,7 @@ export function planStage(house, here, first) {
     }
     if (plan.status === "planning") {
       canvas.highlight(null, null);
-      if (plan.growing) canvas.picture(api.file(here.id, plan.number, plan.growing), "The plan so far");
+      if (plan.growing) canvas.picture("plan", api.file(here.id, plan.number, plan.growing), "The plan so far");
       const bar = panel.querySelector("progress");
       if (bar) {
         const begun = plan.share >= 0.02;
@@ -157,5 +186,5 @@ export function planStage(house, here, first) {
     caption.textContent = plan.made ? `Plan ${plan.number}` : "The plan so far";
   }
 
-  return { elements: [easel, panel, others], update };
+  return { elements: [easel, padPlace, panel, others], update };
 }

@@ -2,7 +2,7 @@
 
 import * as api from "./api.js";
 import { wishForm } from "./composer.js";
-import { h, show, slider } from "./dom.js";
+import { h, reveal, show, slider } from "./dom.js";
 import { pad } from "./pad.js";
 
 export function togetherTools(house, here, wish, onPad) {
@@ -10,38 +10,40 @@ export function togetherTools(house, here, wish, onPad) {
   const say = (kind, count = 0) => house.attempt(() => api.post(`/api/paintings/${here.id}/say`, { kind, count }));
   const may = house.role === "operate";
   let shown = "";
+  let latest = null;
+  let drawing = false; // on the pad
+  let changed = null; // the goal as a person is changing it
   let turnsWanted = 5;
 
-  const button = (label, work, kind = "second") => h("button", { type: "button", class: `button ${kind}`, disabled: !may, onclick: work }, label);
+  const button = (label, work, kind = "second", key = "") => h("button", { type: "button", class: `button ${kind}`, disabled: !may, onclick: work, "aria-keyshortcuts": key || null }, label);
 
   const photograph = (state) => (state.painting.photograph ? api.file(here.id, "live", state.painting.photograph) : "");
 
-  function protecting(state) {
-    const sheet = pad({ shape: wish.width / wish.height, mask: true, background: photograph(state) });
-    const done = () => { shown = ""; onPad(null); update(state); };
-    async function hand(only) {
+  /** A pad over the photograph of the canvas, in place of everything else until it is closed. */
+  function drawOver(state, { title, mask, actions }) {
+    const sheet = pad({ shape: wish.width / wish.height, mask, background: photograph(state) });
+    const close = () => { drawing = false; onPad(null); element.hidden = false; shown = ""; update(latest); reveal(element, element.querySelector("button:not(:disabled), summary") ?? element); };
+    const take = async (use) => {
       const blob = await sheet.picture();
-      if (!blob) return house.notice("Nothing is drawn yet. Draw over the part of the canvas first.");
-      await house.attempt(async () => api.post(`/api/paintings/${here.id}/region`, { picture: await api.upload(blob), only }));
-      return done();
-    }
-    onPad(sheet.element);
-    show(element, h("h2", {}, "Mark a part of the canvas"), sheet.tools,
-      h("p", { class: "stack" }, button("Do not paint in this part", () => hand(false), "wide"), button("Paint only in this part", () => hand(true), "second wide")),
-      h("button", { type: "button", class: "quiet", onclick: done }, "Cancel"));
+      if (!blob) return house.notice("Nothing is drawn yet. Draw over the canvas first.");
+      await use(blob);
+      return close();
+    };
+    drawing = true;
+    element.hidden = true;
+    onPad(h("div", {}, h("h2", {}, title), sheet.element, sheet.tools, h("p", { class: "actions-row" }, actions.map(({ label, kind, use }) => button(label, () => take(use), kind)),
+      h("button", { type: "button", class: "quiet", onclick: close }, "Cancel"))));
+    sheet.open();
+  }
+
+  function protecting(state) {
+    const hand = (only) => (blob) => house.attempt(async () => api.post(`/api/paintings/${here.id}/region`, { picture: await api.upload(blob), only }));
+    drawOver(state, { title: "Mark a part of the canvas", mask: true,
+      actions: [{ label: "Do not paint in this part", kind: "", use: hand(false) }, { label: "Paint only in this part", kind: "second", use: hand(true) }] });
   }
 
   /** A drawing over the photograph of the canvas, to go by from now on. */
-  function drawing(state, use) {
-    const sheet = pad({ shape: wish.width / wish.height, background: photograph(state) });
-    const done = async () => {
-      const blob = await sheet.picture();
-      if (!blob) { house.notice("Nothing is drawn yet."); return; }
-      onPad(null);
-      use(blob);
-    };
-    onPad(h("div", {}, sheet.element, sheet.tools, h("p", { class: "pair" }, button("Use this drawing", done, ""), h("button", { type: "button", class: "quiet", onclick: () => onPad(null) }, "Cancel"))));
-  }
+  const sketching = (state, use) => drawOver(state, { title: "Draw over the canvas", mask: false, actions: [{ label: "Use this drawing", kind: "", use }] });
 
   function leavingOut(left) {
     let strokes = Math.min(left, 10);
@@ -51,10 +53,12 @@ export function togetherTools(house, here, wish, onPad) {
   }
 
   function changing(state) {
-    const changed = structuredClone(state.painting.wish ?? wish);
-    const form = wishForm(house, changed, () => {}, { goalsOnly: true, ondraw: (use) => drawing(state, use) });
-    return h("details", {}, h("summary", {}, "Change the goal"), h("p", {}, "The canvas and the paints stay the same. The remaining strokes are replanned for the new goal."),
-      form.element, button("Replan with this goal", () => house.attempt(() => api.post(`/api/paintings/${here.id}/goal`, changed)), "second wide"));
+    const begun = changed !== null;
+    changed ??= structuredClone(state.painting.wish ?? wish);
+    const form = wishForm(house, changed, () => {}, { goalsOnly: true, ondraw: (use) => sketching(state, use) });
+    const replan = async () => { if (await house.attempt(() => api.post(`/api/paintings/${here.id}/goal`, changed))) changed = null; };
+    return h("details", { open: begun && JSON.stringify(changed) !== JSON.stringify(state.painting.wish ?? wish) }, h("summary", {}, "Change the goal"), h("p", {}, "The canvas and the paints stay the same. The remaining strokes are replanned for the new goal."),
+      form.element, button("Replan with this goal", replan, "second wide"));
   }
 
   function turns(state) {
@@ -66,27 +70,30 @@ export function togetherTools(house, here, wish, onPad) {
 
   function pausing() {
     const pause = button("Pause after this stroke", async () => {
-      pause.disabled = true;
+      if (pause.ariaDisabled === "true") return; // (a button that is disabled would lose the keyboard's focus)
+      pause.ariaDisabled = "true";
       pause.textContent = "It will pause after this stroke";
       if (await say("pause")) return;
-      pause.disabled = false;
+      pause.ariaDisabled = "false";
       pause.textContent = "Pause after this stroke";
-    }, "second wide");
+    }, "second wide", "p");
     return pause;
   }
 
   function update(state) {
     const { painting } = state;
+    latest = state;
     const left = painting.of - painting.done;
     const key = JSON.stringify([painting.status, painting.held, painting.turns, painting.region, painting.remark, left && painting.status === "paused" ? left : 0]);
-    if (key === shown || (painting.status === "paused" && shown === "drawing")) return;
+    if (key === shown || (drawing && painting.status === "paused")) return;
     shown = key;
+    drawing = element.hidden = false;
     onPad(null);
     const remark = painting.remark ? h("p", { class: "remark", role: "alert" }, painting.remark) : null;
     if (painting.status === "paused") {
       show(element, remark, h("p", {}, painting.reason),
-        h("p", { class: "stack" }, button("Continue", () => say("go on"), "wide"), button("Look at the canvas and replan", () => say("look"), "second wide"),
-          button(painting.region ? "Protect another part" : "Protect a part", () => { shown = "drawing"; protecting(state); }, "second wide"),
+        h("p", { class: "stack" }, button("Continue", () => say("go on"), "wide", "p"), button("Look at the canvas and replan", () => say("look"), "second wide", "l"),
+          button(painting.region ? "Protect another part" : "Protect a part", () => protecting(state), "second wide", "m"),
           painting.region ? button("Remove the protection", () => say("free"), "second wide") : null),
         left > 0 ? leavingOut(left) : null, changing(state), turns(state));
     } else if (painting.held && !["stopped", "failed", "finished"].includes(painting.status)) {

@@ -1,0 +1,25 @@
+// What a look at the canvas has changed, in a sentence or two.
+
+const WHY = {
+  region: "It replanned the rest so that no stroke touches the protected part.",
+  only: "It replanned the rest so that all strokes lie in the marked part.",
+  freed: "The protection is removed, and it replanned the rest.",
+  goal: "The goal has changed, and it replanned the rest.",
+  asked: "You asked for a look, and it replanned the rest.",
+  "": "It replanned the rest.",
+};
+
+/**
+ * What came of a look. `why` is what a person had asked for before it ("" for a look of its own); `gain` by which share of
+ * what was missing the new rest comes nearer to the goal than the old one, undefined where there is no new one (yet).
+ * @param {{ why?: string, gain?: number }} look
+ */
+export function outcome({ why = "", gain }) {
+  if (gain === undefined) return "";
+  const share = Math.round(100 * Math.abs(gain));
+  const goal = why === "goal" ? "the new goal" : "the goal";
+  const compared = share === 0 ? `The new strokes come as close to ${goal} as the old ones.`
+    : gain > 0 ? `The new strokes come ${share} % closer to ${goal} than the old ones.`
+      : `The new strokes end ${share} % farther from ${goal} than the old ones${why === "region" || why === "only" ? ", because a part is left out" : ""}.`;
+  return `${WHY[why] ?? WHY[""]} ${compared}`;
+}
