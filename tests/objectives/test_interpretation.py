@@ -31,6 +31,18 @@ def test_a_goal_is_the_weighted_sum_of_its_terms() -> None:
     assert float(objective(torch.full((3, GRID.rows, GRID.columns), 0.2))) == pytest.approx(2 * 0.04 + 0.5 * 0.64)
 
 
+def test_pixels_that_vary_cost_on_average_what_they_cost() -> None:
+    """The mean over many pictures of a squared error is that of their mean picture and of their variance."""
+    generator, importance = torch.Generator().manual_seed(0), torch.rand(12, 16)
+    for term in (ImageTerm(flat(0.3), 2.0), ImageTerm(flat(0.3), 2.0, importance=importance / importance.mean())):
+        objective = prepare(Goal((term,)), GRID)
+        pictures = torch.rand(400, 3, GRID.rows, GRID.columns, generator=generator)
+        each = torch.stack([objective(one) for one in pictures]).mean()
+        at_once = objective(pictures.mean(0), pictures.var(0, correction=0))
+        assert float(at_once) == pytest.approx(float(each), rel=1e-4)
+        assert float(at_once) > float(objective(pictures.mean(0))) + 0.1
+
+
 def test_an_objective_has_the_slope_of_what_it_says() -> None:
     objective = prepare(Goal((ImageTerm(flat(0.25)),)), PixelGrid.of_height(CANVAS, 6))
     picture = torch.rand(3, 6, 8, dtype=torch.float64, generator=torch.Generator().manual_seed(0), requires_grad=True)

@@ -1,3 +1,4 @@
+import copy
 import math
 from dataclasses import replace
 
@@ -5,13 +6,15 @@ import pytest
 import torch
 from torch import Tensor
 
+from frida_painter.brush.spread import CoverageSpread
+from frida_painter.brush.table import StrokeTable
 from frida_painter.errors import PlanningDiverged
 from frida_painter.palette import to_lab
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import GROUPS, Strokes
-from scenes import CANVAS, scene, some_strokes
+from scenes import CANVAS, scene, small_table, some_strokes
 
 SCENE = scene(48)
 
@@ -142,3 +145,21 @@ def test_where_there_is_a_judge_it_says_which_strokes_were_best() -> None:
     torch.testing.assert_close(SCENE.render(found), before)
     unjudged, _ = optimize(start, eager, iterations=20)
     assert float(SCENE.render(unjudged).mean()) < float(before.mean())
+
+
+def test_where_marks_vary_the_expected_painting_is_planned_for() -> None:
+    """What is minimised is the mean squared error over all paintings of the plan, not that of their mean picture."""
+    varying = small_table_that_varies()
+    on, strokes = replace(SCENE, model=varying), some_strokes(20)
+    for_the_mean, _ = optimize(strokes, SCENE, iterations=25)
+    for_all, _ = optimize(strokes, on, iterations=25)
+    with torch.no_grad():
+        assert float(on.expected_loss(for_all)) < float(on.expected_loss(for_the_mean))
+        mean, variance = on.moments(for_all)
+        assert float(on.expected_loss(for_all)) == pytest.approx(float(on.objective(mean) + variance.mean()))
+
+
+def small_table_that_varies() -> StrokeTable:
+    table = copy.copy(small_table())
+    table.spread = CoverageSpread(0.9, 1.0)
+    return table

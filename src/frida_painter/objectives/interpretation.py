@@ -1,6 +1,6 @@
 """From a goal to one objective: what a person said is interpreted, its terms are prepared and weighed."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from torch import Tensor
 
@@ -30,22 +30,24 @@ class WeightedObjective:
     def __init__(self, terms: Sequence[tuple[float, ObjectiveTerm]]) -> None:
         self._terms = tuple(terms)
 
-    def __call__(self, picture: Tensor) -> Tensor:
-        """picture [3, H, W] in [0, 1] -> a number, the less the better; differentiable."""
-        total = picture.new_zeros(())
-        for weight, term in self._terms:
-            total = total + weight * term.objective(picture)
-        return total
+    def __call__(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
+        """picture, variance [3, H, W] -> a number, the less the better; differentiable."""
+        return self._sum([term.objective for _, term in self._terms], picture, variance)
 
     @property
     def validation(self) -> Objective | None:
         """What says which of several pictures is best; None where the sum itself says it."""
         return self._validation if any(term.validation is not None for _, term in self._terms) else None
 
-    def _validation(self, picture: Tensor) -> Tensor:
+    def _validation(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
+        return self._sum([term.validation or term.objective for _, term in self._terms], picture, variance)
+
+    def _sum(self, judges: list[Callable[[Tensor], Tensor]], picture: Tensor, variance: Tensor | None) -> Tensor:
         total = picture.new_zeros(())
-        for weight, term in self._terms:
-            total = total + weight * (term.validation or term.objective)(picture)
+        for (weight, term), judge in zip(self._terms, judges, strict=True):
+            total = total + weight * judge(picture)
+            if variance is not None and term.of_variance is not None:
+                total = total + weight * term.of_variance(variance)
         return total
 
 

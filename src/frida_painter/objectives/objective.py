@@ -16,8 +16,12 @@ if TYPE_CHECKING:  # kinds of goals are known, and asked for, where nothing is p
 class Objective(Protocol):
     """Judges a picture of the canvas: the less, the nearer to the goal. Differentiable."""
 
-    def __call__(self, picture: Tensor) -> Tensor:
-        """picture [3, H, W] in [0, 1] -> a number."""
+    def __call__(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
+        """picture [3, H, W] in [0, 1] -> a number.
+
+        variance [3, H, W]: of the pixels about the picture, which then is the mean of what may come; what is
+        judged is the expectation, as far as the goal can tell it.
+        """
 
 
 @dataclass(frozen=True)
@@ -35,7 +39,10 @@ class ObjectiveTerm:
 
     validation: where the objective looks at a picture in another way every time, or could be fooled,
     what says in the end whether a picture is good: steady, and best by a network kept aside.
+    of_variance: what pixels that vary by so much [3, H, W] about a picture add to its objective on average, exact for
+    squared errors; None where that is not known.
     """
 
     objective: Callable[[Tensor], Tensor]
     validation: Callable[[Tensor], Tensor] | None = None
+    of_variance: Callable[[Tensor], Tensor] | None = None

@@ -23,6 +23,12 @@ def replication(image: Tensor, grid: PixelGrid, importance: Tensor | None = None
     return judge
 
 
+def replication_of_variance(grid: PixelGrid, importance: Tensor | None = None) -> Callable[[Tensor], Tensor]:
+    """What pixels that vary by so much [3, H, W] add to `replication` on average: E[(C - T)^2] = (M - T)^2 + Var C."""
+    matters = None if importance is None else spread(importance, grid.rows, grid.columns)
+    return lambda variance: variance.mean() if matters is None else (matters.to(variance) * variance).mean()
+
+
 def spread(importance: Tensor, rows: int, columns: int) -> Tensor:
     """Importance [h, w] for a picture that is fitted to so many rows and columns: [rows, columns], 1 in the mean."""
     most = importance.amax()

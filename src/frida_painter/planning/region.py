@@ -60,9 +60,10 @@ class Region:
         forbidden = self.on(PixelGrid(scene.size, *scene.canvas.shape[1:])).to(scene.canvas.device)
 
         def guard(objective: Objective) -> Objective:
-            def guarded(picture: Tensor) -> Tensor:
+            def guarded(picture: Tensor, variance: Tensor | None = None) -> Tensor:
                 changed = ((picture - scene.canvas).square() * forbidden).mean()
-                return objective(torch.where(forbidden, scene.canvas, picture)) + _INSISTENCE * changed
+                varies = None if variance is None else variance.masked_fill(forbidden, 0)
+                return objective(torch.where(forbidden, scene.canvas, picture), varies) + _INSISTENCE * changed
 
             return guarded
 

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
+from frida_painter.brush.spread import spread_of
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.frames import CanvasSize
 from frida_painter.objectives.objective import Objective
-from frida_painter.render import render
+from frida_painter.render import Moments, render, render_moments
 from frida_painter.strokes import StrokeLimits, Strokes
 
 
@@ -35,3 +36,14 @@ class Scene:
     def render(self, strokes: Strokes) -> Tensor:
         """The picture [3, H, W] that the strokes, in their order, would make of the canvas."""
         return render(strokes, self.model, self.canvas, self.size)
+
+    def moments(self, strokes: Strokes) -> Moments:
+        """Mean and variance of that picture, since no two marks of one stroke are the same."""
+        return render_moments(strokes, self.model, self.canvas, self.size)
+
+    def expected_loss(self, strokes: Strokes, objective: Objective | None = None) -> Tensor:
+        """What the objective (default: the scene's own) says on average of the pictures that the strokes would make."""
+        judge = objective or self.objective
+        if spread_of(self.model).share == 0:
+            return judge(self.render(strokes))
+        return judge(*self.moments(strokes))

@@ -18,7 +18,7 @@ _SUMS = {"reassoc", "contract", "nsz"}
 
 
 @njit(nogil=True, cache=True)
-def _run(spans, i, y):  # type: ignore[no-untyped-def]
+def run(spans, i, y):  # type: ignore[no-untyped-def]
     """Of stroke i on row y: its first column, where its packed pixels begin, and how many they are.
 
     Unsigned, so that no index made of them could count from an array's end: that would keep the
@@ -74,7 +74,7 @@ def sample(begin, end, magnitude, affine, columns, marks, base, alpha):  # type:
     for i in range(begin, end):
         _border(magnitude[i], bordered)
         for y in range(marks.top[i], marks.bottom[i]):
-            left, start, count = _run(marks, i, y)
+            left, start, count = run(marks, i, y)
             packed = start - np.uint64(base)
             _locate(affine[i], columns, left, count, number(y), stride, cell, right_share, below_share)
             for p in range(count):
@@ -93,7 +93,7 @@ def blend(begin, end, strokes, marks, base, alpha, color, picture):  # type: ign
         for i in range(strokes[0], strokes[1]):
             red, green, blue = color[i, 0], color[i, 1], color[i, 2]
             for y in range(max(marks.top[i], band * BAND), min(marks.bottom[i], (band + 1) * BAND)):
-                left, start, count = _run(marks, i, y)
+                left, start, count = run(marks, i, y)
                 packed = start - np.uint64(base)
                 for p in range(count):
                     cover, x = alpha[packed + p], left + p
@@ -122,12 +122,12 @@ def find_slopes(begin, end, marks, alpha, reach, color, canvas, gradient, slope)
         for i in range(len(color)):
             red, green, blue = color[i, 0], color[i, 1], color[i, 2]
             for y in range(max(reach.top[i], top), min(reach.bottom[i], top + BAND)):
-                left, start, count = _run(reach, i, y)
+                left, start, count = run(reach, i, y)
                 for p in range(count):
                     x = left + p
                     paint = red * gradient[0, y, x] + green * gradient[1, y, x] + blue * gradient[2, y, x]
                     slope[start + p] = paint - beneath[y - top, x]
-                left, start, count = _run(marks, i, y)
+                left, start, count = run(marks, i, y)
                 for p in range(count):
                     x = left + p
                     paint = red * gradient[0, y, x] + green * gradient[1, y, x] + blue * gradient[2, y, x]
@@ -146,10 +146,10 @@ def pull_through(begin, end, marks, alpha, reach, gradient, through, slope, to_c
         for i in range(len(reach.top) - 1, -1, -1):
             for y in range(max(reach.top[i], band * BAND), min(reach.bottom[i], (band + 1) * BAND)):
                 if len(slope) > 0:
-                    left, start, count = _run(reach, i, y)
+                    left, start, count = run(reach, i, y)
                     for p in range(count):
                         slope[start + p] *= through[y, left + p]
-                left, start, count = _run(marks, i, y)
+                left, start, count = run(marks, i, y)
                 red = green = blue = through.dtype.type(0)
                 for p in range(count):
                     x = left + p
@@ -178,8 +178,8 @@ def pull_to_affine(begin, end, magnitude, affine, columns, marks, reach, slope, 
         if top < bottom:
             _border(magnitude[i], bordered)
         for y in range(top, bottom):
-            left, _, count = _run(marks, i, y)
-            reach_left, reach_start, _ = _run(reach, i, y)
+            left, _, count = run(marks, i, y)
+            reach_left, reach_start, _ = run(reach, i, y)
             packed = reach_start + left - reach_left
             _locate(affine[i], columns, left, count, number(y), stride, cell, right_share, below_share)
             for p in range(count):
@@ -223,7 +223,7 @@ def pull_to_map(begin, end, affine, columns, reach, slope, to_map):  # type: ign
             continue
         moments[:] = number(0)
         for y in range(reach.top[i], reach.bottom[i]):
-            left, start, count = _run(reach, i, y)
+            left, start, count = run(reach, i, y)
             _locate(affine[i], columns, left, count, number(y), stride, cell, right_share, below_share)
             for p in range(count):
                 at, rise = cell[p], slope[start + p]

@@ -1,9 +1,12 @@
 """From strokes to the picture they would paint: the stroke model, the frames and the compositing in one call."""
 
 from importlib.util import find_spec
+from typing import NamedTuple
 
+import torch
 from torch import Tensor
 
+from frida_painter.brush.spread import CoverageSpread, spread_of
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.brush.table import StrokeTable
 from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
@@ -49,3 +52,51 @@ def render(strokes: Strokes, stroke_model: StrokeModel, canvas: Tensor, size: Ca
     # A table's maps are cut off at zero, where their slope is zero as well.
     answers = not isinstance(stroke_model, StrokeTable)
     return composite(magnitude, affine, strokes.color, canvas, bare_cells_answer=answers)
+
+
+class Moments(NamedTuple):
+    """What a picture is on average, and how much it varies about that: mean, variance [3, H, W], of sRGB."""
+
+    mean: Tensor
+    variance: Tensor
+
+
+def composite_moments(
+    magnitude: Tensor,
+    affine: Tensor,
+    color: Tensor,
+    canvas: Tensor,
+    spread: CoverageSpread,
+    *,
+    bare_cells_answer: bool = True,
+) -> Moments:
+    """Lays strokes of uncertain coverage over a canvas in order, by the fastest path for these tensors.
+
+    As `composite`, `magnitude` being the mean coverage and `spread` how its variance follows from that. Equals
+    `reference.composite_moments`.
+    """
+    if canvas.device.type == "cpu" and find_spec("numba") is not None:
+        from frida_painter.render import moment_scanline
+
+        tensors = magnitude, affine, color, canvas
+        return Moments(*moment_scanline.composite_moments(*tensors, spread, bare_cells_answer=bare_cells_answer))
+    from frida_painter.render import moment_slices
+
+    return Moments(*moment_slices.composite_moments(magnitude, affine, color, canvas, spread))
+
+
+def render_moments(strokes: Strokes, stroke_model: StrokeModel, canvas: Tensor, size: CanvasSize) -> Moments:
+    """Mean and variance of the picture [3, H, W] that strokes leave, as `render` draws it.
+
+    The variance is that of the stroke model's coverage, from stroke to stroke; of a model that says nothing of it,
+    it is 0, and the mean is `render`'s picture.
+    """
+    spread = spread_of(stroke_model)
+    if spread.share == 0:
+        picture = render(strokes, stroke_model, canvas, size)
+        return Moments(picture, torch.zeros_like(picture))
+    grid = PixelGrid(size, *canvas.shape[1:])
+    magnitude = stroke_model(strokes.thickness, strokes.length, strokes.bend)
+    affine = pixel_to_map(strokes.position, strokes.angle, grid, stroke_model.frame)
+    answers = not isinstance(stroke_model, StrokeTable)
+    return composite_moments(magnitude, affine, strokes.color, canvas, spread, bare_cells_answer=answers)

@@ -6,6 +6,8 @@ Written to be read, and kept as the oracle of the fast paths, which have the sam
 import torch
 from torch import Tensor
 
+from frida_painter.brush.spread import CoverageSpread
+
 
 def composite(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor) -> Tensor:
     """Lays strokes over a canvas in order (paper, Fig. "process of rendering a stroke").
@@ -26,6 +28,32 @@ def composite(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor) 
         alpha = bilinear(mark, map_column, map_row)  # [H, W]
         picture = picture * (1 - alpha) + paint[:, None, None] * alpha
     return picture
+
+
+def composite_moments(
+    magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, spread: CoverageSpread
+) -> tuple[Tensor, Tensor]:
+    """Mean and variance of the picture that strokes leave whose coverage is only known by its own moments.
+
+    magnitude: the mean coverage of each stroke, [n, h, w] in [0, 1]; spread: its variance. Strokes vary independently
+    of one another. affine, color, canvas: as in `composite`. Returns mean and variance [3, H, W], differentiable.
+
+    With a the coverage, m its mean and v its variance, C' = C - a (C - c), and a and C independent:
+    E[C'] = M - m (M - c), Var[C'] = ((1 - m)^2 + v) Var[C] + v (M - c)^2.
+    """
+    _, height, width = canvas.shape
+    column = torch.arange(width, dtype=canvas.dtype, device=canvas.device).expand(height, width)
+    row = torch.arange(height, dtype=canvas.dtype, device=canvas.device)[:, None].expand(height, width)
+    mean, variance = canvas, torch.zeros_like(canvas)
+    for mark, place, paint in zip(magnitude, affine, color, strict=True):
+        map_column = place[0, 0] * column + place[0, 1] * row + place[0, 2]  # [H, W]
+        map_row = place[1, 0] * column + place[1, 1] * row + place[1, 2]  # [H, W]
+        cover = bilinear(mark, map_column, map_row)  # [H, W]
+        doubt = spread.variance(cover)
+        away = mean - paint[:, None, None]
+        variance = ((1 - cover).square() + doubt) * variance + doubt * away.square()
+        mean = mean - cover * away
+    return mean, variance
 
 
 def bilinear(mark: Tensor, column: Tensor, row: Tensor) -> Tensor:

@@ -43,8 +43,9 @@ def composite(
     if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in (magnitude, affine, color, canvas)):
         apply: Callable[..., Tensor] = _Scanline.apply
         return apply(magnitude, affine, color, canvas, bare_cells_answer)
-    picture, _, _ = _lay(magnitude, affine, color, canvas, keep=False)
-    return picture
+    picture = array(canvas).copy()
+    _lay(magnitude, affine, color, picture, keep=False)
+    return torch.from_numpy(picture)
 
 
 class _Scanline(torch.autograd.Function):
@@ -54,18 +55,19 @@ class _Scanline(torch.autograd.Function):
     def forward(
         ctx: Any, magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, bare_cells_answer: bool
     ) -> Tensor:
-        picture, alpha, ctx.marks = _lay(magnitude, affine, color, canvas, keep=True)
+        picture = array(canvas).copy()
+        alpha, ctx.marks = _lay(magnitude, affine, color, picture, keep=True)
         ctx.bare_cells_answer = bare_cells_answer
         ctx.save_for_backward(magnitude, affine, color, canvas, alpha)
-        return picture
+        return torch.from_numpy(picture)
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
-        magnitude, affine, color, canvas, alpha = (_array(tensor) for tensor in ctx.saved_tensors)
+        magnitude, affine, color, canvas, alpha = (array(tensor) for tensor in ctx.saved_tensors)
         wants_map, wants_affine, wants_color, wants_canvas, _ = ctx.needs_input_grad
         marks: Spans = ctx.marks
-        g, columns = _array(gradient), _columns(canvas.shape[2], canvas)
+        g = array(gradient)
         bands = -(-canvas.shape[1] // kernels.BAND)
         through = np.ones_like(canvas[0])
         color_parts = np.zeros((bands, *color.shape), canvas.dtype)
@@ -74,20 +76,14 @@ class _Scanline(torch.autograd.Function):
         # Paint that is not there may still be wanted: the gradient to a zero cell is not zero.
         boxes = whole_maps(magnitude) if wants_map and ctx.bare_cells_answer else painted_boxes(magnitude)
         slope = np.empty(0, canvas.dtype)
-        with _Team() as team:
-            for strip, reach in _strips(affine, boxes, canvas.shape):
+        with Team() as team:
+            for strip, reach in strips(affine, boxes, canvas.shape):
                 if wants_map or wants_affine:
                     if len(slope) < reach.offset[-1]:
                         slope = np.empty(reach.offset[-1], canvas.dtype)
                     team.share(strip, kernels.find_slopes, marks, alpha, reach, color, canvas, g, slope)
                 team.share(strip, kernels.pull_through, marks, alpha, reach, g, through, slope, color_parts)
-                every = range(len(color))
-                if to_affine is not None:
-                    team.share(
-                        every, kernels.pull_to_affine, magnitude, affine, columns, marks, reach, slope, to_affine
-                    )
-                if to_map is not None:
-                    team.share(every, kernels.pull_to_map, affine, columns, reach, slope, to_map)
+                pull_back(team, magnitude, affine, marks, reach, slope, to_map, to_affine, canvas.shape[2])
         return (
             None if to_map is None else torch.from_numpy(to_map),
             None if to_affine is None else torch.from_numpy(to_affine),
@@ -97,31 +93,66 @@ class _Scanline(torch.autograd.Function):
         )
 
 
-def _lay(
-    magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, *, keep: bool
-) -> tuple[Tensor, Tensor, Spans]:
-    """The picture, the packed coverages (all of them if they are to be kept), and where they lie."""
-    maps, places, paints = _array(magnitude), _array(affine), _array(color)
-    picture = _array(canvas).copy()
-    _, height, width = canvas.shape
+def _lay(magnitude: Tensor, affine: Tensor, color: Tensor, picture: Array, *, keep: bool) -> tuple[Tensor, Spans]:
+    """Paints on the picture; returns the packed coverages (all of them if they are to be kept), and where they lie."""
+    paints = array(color)
+    return lay(magnitude, affine, color, (picture,), kernels.blend, paints, keep=keep)
+
+
+def lay(
+    magnitude: Tensor,
+    affine: Tensor,
+    color: Tensor,
+    pictures: tuple[Array, ...],
+    blend: Callable[..., None],
+    *arguments: object,
+    keep: bool,
+) -> tuple[Tensor, Spans]:
+    """Samples the strokes batch by batch, and has `blend` lay them over bands of the pictures, each [3, H, W].
+
+    blend is a kernel that takes (begin, end, strokes, marks, base, alpha, *arguments, *pictures). Returns the packed
+    coverages (all of them if they are to be kept), and where they lie.
+    """
+    maps, places = array(magnitude), array(affine)
+    _, height, width = pictures[0].shape
     marks = find_spans(places, painted_boxes(maps), range(height), width)
     pixels = marks.offset[marks.segment]  # [n + 1], where each stroke's packed pixels begin
     batches = _batches(pixels)
     largest = max((int(pixels[last] - pixels[first]) for first, last in batches), default=0)
-    kept = torch.empty(int(pixels[-1]) if keep else largest, dtype=canvas.dtype)
-    alpha, columns, bands = kept.numpy(), _columns(width, places), -(-height // kernels.BAND)
-    with _Team() as team:
+    kept = torch.empty(int(pixels[-1]) if keep else largest, dtype=magnitude.dtype)
+    alpha, columns, bands = kept.numpy(), column_numbers(width, places), -(-height // kernels.BAND)
+    with Team() as team:
         for first, last in batches:
             base = 0 if keep else int(pixels[first])
             team.share(range(first, last), kernels.sample, maps, places, columns, marks, base, alpha)
-            team.share(range(bands), kernels.blend, (first, last), marks, base, alpha, paints, picture)
+            team.share(range(bands), blend, (first, last), marks, base, alpha, *arguments, *pictures)
     # The reference lays 0 times the paint everywhere, so what is not finite spoils the whole picture.
-    if not (np.isfinite(places).all() and np.isfinite(paints).all()):
-        picture.fill(np.nan)
-    return torch.from_numpy(picture), kept, marks
+    if not (np.isfinite(places).all() and bool(torch.isfinite(color).all())):
+        for picture in pictures:
+            picture.fill(np.nan)
+    return kept, marks
 
 
-def _strips(affine: Array, boxes: Array, shape: tuple[int, ...]) -> Iterator[tuple[range, Spans]]:
+def pull_back(
+    team: "Team",
+    magnitude: Array,
+    affine: Array,
+    marks: Spans,
+    reach: Spans,
+    slope: Array,
+    to_map: Array | None,
+    to_affine: Array | None,
+    width: int,
+) -> None:
+    """From gradients to the coverage, packed as `reach`, to those of the maps and places that are wanted."""
+    every, columns = range(len(magnitude)), column_numbers(width, affine)
+    if to_affine is not None:
+        team.share(every, kernels.pull_to_affine, magnitude, affine, columns, marks, reach, slope, to_affine)
+    if to_map is not None:
+        team.share(every, kernels.pull_to_map, affine, columns, reach, slope, to_map)
+
+
+def strips(affine: Array, boxes: Array, shape: tuple[int, ...]) -> Iterator[tuple[range, Spans]]:
     """The canvas [3, H, W] in strips of whole bands, each with the spans of about _STRIP packed pixels on it."""
     _, height, width = shape
     bands = -(-height // kernels.BAND)
@@ -146,19 +177,20 @@ def _batches(pixels: Array) -> list[tuple[int, int]]:
     return batches
 
 
-def _columns(width: int, like: Array) -> Array:
+def column_numbers(width: int, like: Array) -> Array:
     """0, 1, 2, ..., some lanes beyond the width, because samples are located in whole vectors."""
     return np.arange(width + kernels.LANES, dtype=like.dtype)
 
 
-def _array(tensor: Tensor) -> Array:
+def array(tensor: Tensor) -> Array:
+    """The numbers of a tensor, without its gradient."""
     return tensor.detach().contiguous().numpy()
 
 
-class _Team:
+class Team:
     """As many threads as torch has been given, for as long as the `with` lasts; none for one."""
 
-    def __enter__(self) -> "_Team":
+    def __enter__(self) -> "Team":
         self.threads = torch.get_num_threads()
         self.pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
         return self

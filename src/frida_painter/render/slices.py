@@ -82,7 +82,7 @@ class _Slices(torch.autograd.Function):
         return tuple(part if wanted else None for part, wanted in zip(every, ctx.needs_input_grad, strict=True))
 
 
-def _inside(box: Box, around: Box) -> tuple[slice, slice]:
+def slices_inside(box: Box, around: Box) -> tuple[slice, slice]:
     """Where a box lies in the slice of the box around it."""
     top, left = around[0], around[2]
     return slice(box[0] - top, box[1] - top), slice(box[2] - left, box[3] - left)
@@ -110,7 +110,7 @@ def _find_slopes(
         rise = torch.sub(red * paints[i][0], under, out=rises[i])
         rise.add_(green, alpha=paints[i][1]).add_(blue, alpha=paints[i][2])
         if i in alphas:
-            inside = _inside(marks[i], reach[i])
+            inside = slices_inside(marks[i], reach[i])
             under[inside].addcmul_(alphas[i], rise[inside])
 
 

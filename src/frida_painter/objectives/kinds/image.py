@@ -48,9 +48,12 @@ class ImageTerm(Term):
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
         """The mean squared difference to the picture."""
-        from frida_painter.objectives.replication import replication
+        from frida_painter.objectives.replication import replication, replication_of_variance
 
-        return ObjectiveTerm(replication(self.image, context.grid, self.importance))
+        return ObjectiveTerm(
+            replication(self.image, context.grid, self.importance),
+            of_variance=replication_of_variance(context.grid, self.importance),
+        )
 
 
 def open_image(path: Path, weight: float = 1.0) -> ImageTerm:
