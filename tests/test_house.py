@@ -46,6 +46,14 @@ LAYERS = (
 )
 # Faces are thin, and none knows another: each can be taken away.
 FACES = ("cli", "web", "experiments")
+# What a painting is opened from. PaintingRun opens all of it, and a face asks PaintingRun.
+OPENED_BY_A_RUN = {"planning.planner", "session.easel_process", "session.journal", "report.recorder"}
+# Experiments take less: no session and no easel of a painting either.
+OPENED_FOR = {
+    "cli": OPENED_BY_A_RUN,
+    "web": OPENED_BY_A_RUN,
+    "experiments": OPENED_BY_A_RUN | {"runs.opening", "session.loop", "session.easels", "brush.table_cache"},
+}
 # The virtual studio is reality: what judges or predicts it must not be inside it.
 REALITY = {"virtual": {"brush", "render", "perception", "mixing", "objectives", "planning", "session"}}
 # Pickles run what they hold, and torchvision does not import beside the build of torch that is pinned.
@@ -128,6 +136,11 @@ def broken_rules(root: Path, package: str) -> list[str]:
         and target.partition(".")[0] in FACES
         and name.partition(".")[0] != target.partition(".")[0]
     ]
+    broken += [
+        f"{name} imports {target}, which PaintingRun opens for it"
+        for name, targets in graph.items()
+        for target in sorted(targets & OPENED_FOR.get(name.partition(".")[0], set()))
+    ]
     return broken + [" -> ".join(circle) for circle in circles(graph)]
 
 
@@ -170,6 +183,8 @@ def test_imports_only_go_down_and_never_in_circles() -> None:
         ({"render/fast.py": "import house.brush.a", "brush/a.py": "import house.render.fast"}, " -> "),
         ({"virtual/a.py": "from house.render import fast", "render/fast.py": ""}, "must not be part of reality"),
         ({"web/a.py": "def f():\n    from house.cli import b", "cli/b.py": ""}, "which is another face"),
+        ({"cli/a.py": "from house.planning.planner import P", "planning/planner.py": ""}, "PaintingRun opens for it"),
+        ({"experiments/a.py": "import house.session.loop", "session/loop.py": ""}, "PaintingRun opens for it"),
     ],
 )
 def test_the_checker_can_fail(tmp_path: Path, files: dict[str, str], says: str) -> None:

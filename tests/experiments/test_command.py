@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from frida_painter import cli
-from frida_painter.experiments import replanning, sim2real
+from frida_painter.experiments import targets
+from frida_painter.runs import opening
 from marks import coarse_table, small_library
 
 Said = tuple[int, str, str]
@@ -16,8 +17,7 @@ Run = Callable[..., Said]
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
     """run(word, ...): the exit status, and what was said on both channels."""
     monkeypatch.chdir(tmp_path)
-    for module in (sim2real, replanning):
-        monkeypatch.setattr(module, "cached_table", coarse_table)
+    monkeypatch.setattr(opening, "cached_table", coarse_table)
 
     def running(*words: object) -> Said:
         monkeypatch.setattr("sys.argv", ["frida-painter", "experiments", *map(str, words)])
@@ -61,7 +61,7 @@ def test_an_experiment_leaves_its_table_and_pictures(run: Run, tmp_path: Path) -
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["sim2real", "replanning"])
 def test_paintings_of_ones_own_picture_and_nothing_unfinished_is_left(run: Run, tmp_path: Path, name: str) -> None:
-    photo = Path(sim2real.__file__).with_name("targets") / "cat.jpg"
+    photo = Path(targets.__file__).with_name("cat.jpg")
     status, _, _ = run(name, "--target", photo, "--seeds", "5", "--quick", "--brush", "fine", "--out", "found")
     assert status == 0
     record = json.loads((tmp_path / "found" / name / "table.json").read_text())

@@ -1,33 +1,50 @@
 """The experiments about styles, meaning and sketches, at the scale that only shows that they run."""
 
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
 
-from frida_painter.experiments import composition, goal_paintings, semantic, sketch, style
-from frida_painter.experiments.goal_paintings import QUICK
+from frida_painter import images
+from frida_painter.experiments import composition, paintings, semantic, sketch, style
+from frida_painter.experiments.paintings import QUICK
 from frida_painter.experiments.targets import DRAWINGS, PHOTOGRAPHS, STYLES, Target, shipped
 from frida_painter.experiments.text import PROMPTS
-from frida_painter.frames import CanvasSize
+from frida_painter.runs import opening
 from marks import coarse_table
 from networks import QuickEncoders
 from scenes import picture
 
-CANVAS = CanvasSize(0.12, 0.09)
-PHOTO = Target("photo", picture())
-
 
 @pytest.fixture(autouse=True)
 def coarse_brush(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(goal_paintings, "cached_table", coarse_table)
+    monkeypatch.setattr(opening, "cached_table", coarse_table)
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Target:
+    return target(tmp_path / "photo.png", picture())
+
+
+@pytest.fixture
+def waves(tmp_path: Path) -> Target:
+    return target(tmp_path / "waves.png", 1 - picture(60, 60))
+
+
+def target(path: Path, shown: torch.Tensor) -> Target:
+    images.save(shown, path)
+    return Target.read(path)
 
 
 def how(**rest):
-    return {"brush": "fine", "canvas": CANVAS, "seeds": (3,), "scale": QUICK, "encoders": QuickEncoders(), **rest}
+    scale = QUICK.changed(brush="fine", canvas="120x90mm")
+    return {"seeds": (3,), "scale": scale, "encoders": QuickEncoders(), **rest}
 
 
-def test_meaning_against_pixels() -> None:
-    outcome = semantic.run([PHOTO], **how(judge=QuickEncoders().meaning()))
+def test_meaning_against_pixels(photo: Target) -> None:
+    outcome = semantic.experiment([photo], **how(judge=QuickEncoders().meaning())).run()
     summary, every = (table.rows for table in outcome.tables)
     assert [row["painted"] for row in summary] == list(semantic.WAYS)
     assert all(0 <= row["edge F-score"] <= 1 and row["feature distance"] > 0 for row in every)
@@ -35,18 +52,21 @@ def test_meaning_against_pixels() -> None:
     assert outcome.pictures["semantic"].shape[0] == 3
 
 
-def test_what_was_painted_is_not_painted_again(tmp_path, monkeypatch) -> None:
-    judge = QuickEncoders().meaning()
-    one = semantic.run([PHOTO], **how(judge=judge, keep=tmp_path))
-    monkeypatch.setattr(goal_paintings.Bench, "paint", None)
-    same = semantic.run([PHOTO], **how(judge=judge, keep=tmp_path))
-    assert same.tables == one.tables
+def test_only_a_changed_picture_is_painted_again(photo: Target, tmp_path, monkeypatch) -> None:
+    def experiment():
+        return semantic.experiment([photo], **how(judge=QuickEncoders().meaning()))
+
+    one = experiment().run(tmp_path / "kept")
+    monkeypatch.setattr(paintings, "PaintingRun", lambda *args, **kwargs: pytest.fail("painted again"))
+    assert experiment().run(tmp_path / "kept").tables == one.tables
+    images.save(1 - picture(), photo.path)
+    with pytest.raises(pytest.fail.Exception, match="painted again"):
+        experiment().run(tmp_path / "kept")
 
 
 @pytest.mark.slow
-def test_styles_and_their_compositions() -> None:
-    styles = [Target("waves", 1 - picture(60, 60))]
-    outcome = style.run([PHOTO], styles, **how(judge=QuickEncoders().meaning()))
+def test_styles_and_their_compositions(photo: Target, waves: Target) -> None:
+    outcome = style.experiment([photo], [waves], **how(judge=QuickEncoders().meaning())).run()
     rows = outcome.tables[1].rows
     assert [row["painted"] for row in rows] == list(style.WAYS)
     for row in rows:
@@ -56,18 +76,16 @@ def test_styles_and_their_compositions() -> None:
 
 
 @pytest.mark.slow
-def test_drawings_with_words() -> None:
+def test_drawings_with_words(tmp_path: Path) -> None:
     lines = torch.ones(3, 90, 120)
     lines[:, 44:46, 20:100] = 0
-    outcome = sketch.run([Target("flat-line", lines)], **how())
+    outcome = sketch.experiment([target(tmp_path / "flat-line.png", lines)], tmp_path, **how()).run()
     assert [row["painted by"] for row in outcome.tables[0].rows] == list(sketch.WAYS)
     assert all(0 <= row["edge F-score"] <= 1 for row in outcome.tables[1].rows)
 
 
-def test_words_in_a_style_whose_composition_is_kept() -> None:
-    outcome = composition.run(
-        [Target("waves", 1 - picture(60, 60))], prompts=PROMPTS[:1], **how(judge=QuickEncoders().meaning())
-    )
+def test_words_in_a_style_whose_composition_is_kept(waves: Target) -> None:
+    outcome = composition.experiment([waves], PROMPTS[:1], **how(judge=QuickEncoders().meaning())).run()
     summary, every = (table.rows for table in outcome.tables)
     assert [row["painted"] for row in summary] == list(composition.WAYS)
     assert [(row["prompt"], row["painted"]) for row in every] == [("a banana", way) for way in composition.WAYS]
@@ -78,7 +96,17 @@ def test_words_in_a_style_whose_composition_is_kept() -> None:
 
 def test_what_ships_to_be_painted() -> None:
     assert len(PHOTOGRAPHS) == 8
-    for target in shipped([*PHOTOGRAPHS, *STYLES, *DRAWINGS]):
-        assert min(target.picture.shape[1:]) > 200 and len(target.fingerprint) == 64
-    assert len({target.fingerprint for target in shipped(PHOTOGRAPHS)}) == 8
+    found = shipped([*PHOTOGRAPHS, *STYLES, *DRAWINGS])
+    assert all(min(target.picture.shape[1:]) > 200 for target in found)
+    assert len({target.path.read_bytes() for target in found[:8]}) == 8
     assert np.isfinite(shipped(["pear"])[0].picture.numpy()).all()
+
+
+@pytest.mark.slow
+def test_the_experiment_in_the_documentation_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "experiments.md").read_text(encoding="utf-8")
+    script = tmp_path / "gap.py"
+    script.write_text(page.partition("```python\n")[2].partition("```")[0])
+    runpy.run_path(str(script))
+    told = capsys.readouterr().out
+    assert "**Mean over the seeds**" in told and "| 10 | 1 |" in told

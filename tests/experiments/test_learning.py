@@ -7,7 +7,7 @@ import torch
 from frida_painter.errors import LibraryError
 from frida_painter.experiments import real_strokes, stroke_model, strokes_needed
 from frida_painter.experiments.rivals import BEZIER, LEARNED, RIVALS
-from frida_painter.experiments.scale import LearningScale
+from frida_painter.experiments.scale import ExperimentScale
 from marks import small_library as library
 
 pytestmark = pytest.mark.slow
@@ -16,6 +16,12 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def strokes():
     return library(30)
+
+
+def outcome_of(module, strokes, keep=None):
+    if module is stroke_model:
+        return module.run(strokes, "drawn", scale=module.QUICK)
+    return module.experiment(strokes, "drawn", scale=module.QUICK).run(keep)
 
 
 def test_models_are_compared_on_strokes_held_out_stroke_by_stroke(strokes):
@@ -42,7 +48,7 @@ def test_no_model_learns_from_the_strokes_that_test_it(strokes, monkeypatch):
         monkeypatch.setattr(module, "learn", learn)
         learned.clear()
         tested.clear()
-        module.run(strokes, "drawn", scale=module.QUICK)
+        outcome_of(module, strokes)
         assert learned and len(tested) >= len(learned)
         if module is real_strokes:  # every split has its own strokes for the test
             assert all(not part & other for part, other in zip(learned, tested, strict=True))
@@ -62,8 +68,8 @@ def test_the_numbers_of_strokes_needed_are_those_asked_for(strokes, monkeypatch)
         return _bare
 
     monkeypatch.setattr(strokes_needed, "learn", learn)
-    scale = LearningScale(strokes=16, sizes=(6, 12, 500), folds=3, held_out=10, quick=True)
-    outcome = strokes_needed.run(strokes, "drawn", scale=scale)
+    scale = ExperimentScale(strokes=16, sizes=(6, 12, 500), folds=3, held_out=10, quick=True)
+    outcome = strokes_needed.experiment(strokes, "drawn", scale=scale).run()
     assert sizes == [(model, size) for model in (*LEARNED, BEZIER) for size in (6, 12) for _ in range(3)]
     assert outcome.settings["sizes"] == (6, 12)
     for row in outcome.tables[0].rows:
@@ -72,15 +78,15 @@ def test_the_numbers_of_strokes_needed_are_those_asked_for(strokes, monkeypatch)
 
 
 def test_trainings_that_are_done_are_not_done_again(strokes, tmp_path, monkeypatch):
-    first = strokes_needed.run(strokes, "drawn", scale=strokes_needed.QUICK, keep=tmp_path)
+    first = outcome_of(strokes_needed, strokes, tmp_path)
     monkeypatch.setattr(strokes_needed, "learn", None)
-    assert strokes_needed.run(strokes, "drawn", scale=strokes_needed.QUICK, keep=tmp_path).tables == first.tables
+    assert outcome_of(strokes_needed, strokes, tmp_path).tables == first.tables
     with pytest.raises(TypeError):
-        strokes_needed.run(strokes[:29], "drawn", scale=strokes_needed.QUICK, keep=tmp_path)
+        outcome_of(strokes_needed, strokes[:29], tmp_path)
 
 
 def test_every_rival_is_in_the_table_of_all_splits(strokes):
-    outcome = real_strokes.run(strokes, "drawn", seeds=(0, 1), scale=real_strokes.QUICK)
+    outcome = real_strokes.experiment(strokes, "drawn", seeds=(0, 1), scale=real_strokes.QUICK).run()
     whole, fewer = (table.rows for table in outcome.tables)
     assert [row["model"] for row in whole] == list(RIVALS)
     assert {row["strokes"] for row in whole} == {26} and {row["strokes"] for row in fewer} == {6}
@@ -92,4 +98,4 @@ def test_every_rival_is_in_the_table_of_all_splits(strokes):
 @pytest.mark.parametrize("module", [stroke_model, strokes_needed, real_strokes])
 def test_too_small_a_library_is_refused_in_a_sentence(strokes, module):
     with pytest.raises(LibraryError, match="has 7 strokes"):
-        module.run(strokes[:7], "drawn", scale=module.QUICK)
+        outcome_of(module, strokes[:7])

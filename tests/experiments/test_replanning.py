@@ -1,16 +1,15 @@
 import pytest
-import torch
 
 from frida_painter.experiments import replanning
 from frida_painter.experiments.replanning import BLIND, LOOKING
-from frida_painter.experiments.scale import PlanningScale
 from frida_painter.experiments.targets import shipped
-from frida_painter.frames import CanvasSize
+from frida_painter.runs import opening
+from frida_painter.runs.spec import RunSpec
 from marks import coarse_table
 
 pytestmark = pytest.mark.slow
 
-SCALE = PlanningScale(strokes=12, colors=3, rows=64, looks=3, effort=0.1)
+SCALE = RunSpec.of(strokes=12, colors=3, render_height=64, replans=2, effort=0.1, brush="fine", canvas="90x70mm")
 
 
 @pytest.fixture(scope="module")
@@ -20,16 +19,9 @@ def heard():
 
 @pytest.fixture(scope="module")
 def outcome(heard):
-    threads = torch.get_num_threads()
-    torch.set_num_threads(2)  # sums in another order give another plan, and this one is known to be seen well
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(replanning, "cached_table", coarse_table)
-        found = replanning.run(
-            shipped(["coffee"])[0], brush="fine", canvas=CanvasSize(0.09, 0.07), seeds=(4,), scale=SCALE,
-            notify=heard.append,
-        )  # fmt: skip
-    torch.set_num_threads(threads)
-    return found
+        patch.setattr(opening, "cached_table", coarse_table)
+        return replanning.experiment(shipped(["coffee"])[0], seeds=(4,), scale=SCALE).run(notify=heard.append)
 
 
 def points(outcome, way: str) -> list[dict]:

@@ -4,6 +4,7 @@ import torch
 
 from frida_painter.experiments import sawyer
 from frida_painter.experiments.targets import shipped
+from frida_painter.runs import opening
 from marks import coarse_table
 
 pytestmark = pytest.mark.slow
@@ -27,7 +28,7 @@ def test_where_there_is_no_paint_there_are_no_edges():
 
 def test_the_sawyer_paints_what_the_kinematic_arm_paints_but_for_its_small_errors(monkeypatch):
     pytest.importorskip("mink")
-    monkeypatch.setattr(sawyer, "cached_table", coarse_table)
+    monkeypatch.setattr(opening, "cached_table", coarse_table)
     (target,) = shipped(["coffee"])
     outcome = sawyer.run(target, scale=sawyer.QUICK)
     errors, apart, took = (table.rows for table in outcome.tables)

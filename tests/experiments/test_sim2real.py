@@ -3,15 +3,15 @@ import torch
 
 from frida_painter import images
 from frida_painter.errors import ConfigError
-from frida_painter.experiments import sim2real
+from frida_painter.experiments import paintings, sim2real
 from frida_painter.experiments.sim2real import FULL, PLANNERS, QUICK
 from frida_painter.experiments.targets import SHIPPED, given, shipped
-from frida_painter.frames import CanvasSize
+from frida_painter.runs import opening
 from marks import coarse_table
 
 pytestmark = pytest.mark.slow
 
-CANVAS = CanvasSize(0.12, 0.09)
+SCALE = QUICK.changed(brush="fine", canvas="120x90mm")
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def kept(tmp_path_factory):
 def coarse_brush():
     """Plans with a coarsely tabulated brush, which is there sooner."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sim2real, "cached_table", coarse_table)
+        patch.setattr(opening, "cached_table", coarse_table)
         yield
 
 
@@ -34,8 +34,7 @@ def heard():
 
 @pytest.fixture(scope="module")
 def outcome(kept, heard):
-    coffee = shipped(["coffee"])
-    return sim2real.run(coffee, brush="fine", canvas=CANVAS, seeds=(3,), scale=QUICK, keep=kept, notify=heard.append)
+    return sim2real.experiment(shipped(["coffee"]), seeds=(3,), scale=SCALE).run(kept, heard.append)
 
 
 def test_every_planner_is_measured_on_every_target(outcome):
@@ -56,13 +55,13 @@ def test_strokes_of_any_size_leave_the_largest_gap(outcome):
 
 def test_the_differences_are_those_of_the_pictures(outcome, kept):
     (row, *_) = outcome.tables[1].rows
-    simulated, painted = (images.load(kept / f"coffee-ours-3-{name}.png") for name in ("simulated", "painted"))
+    simulated, painted = (images.load(kept / f"coffee-3-ours-{name}.png") for name in ("simulated", "painted"))
     assert float((simulated - painted).square().mean()) == pytest.approx(row["gap"], rel=0.02)
 
 
 def test_what_was_finished_before_an_interruption_is_not_painted_again(outcome, kept, monkeypatch):
-    monkeypatch.setattr(sim2real, "execute", None)
-    again = sim2real.run(shipped(["coffee"]), brush="fine", canvas=CANVAS, seeds=(3,), scale=QUICK, keep=kept)
+    monkeypatch.setattr(paintings, "PaintingRun", None)
+    again = sim2real.experiment(shipped(["coffee"]), seeds=(3,), scale=SCALE).run(kept)
     assert again.tables == outcome.tables
 
 
@@ -73,7 +72,7 @@ def test_progress_never_goes_back_and_ends_at_one(outcome, heard):
 
 def test_there_are_five_targets_and_a_persons_own(tmp_path):
     assert len(shipped()) == len(SHIPPED) >= 5
-    assert all(min(target.picture.shape[1:]) >= FULL.rows for target in shipped())
+    assert all(min(target.picture.shape[1:]) >= FULL.render_height for target in shipped())
     images.save(torch.rand(3, 30, 40), tmp_path / "mine.png")
     (mine,) = given([tmp_path / "mine.png"])
     assert mine.name == "mine" and mine.picture.shape == (3, 30, 40)

@@ -3,17 +3,15 @@ import json
 import pytest
 import torch
 
-from frida_painter.experiments import text
+from frida_painter.experiments import paintings, text
 from frida_painter.experiments.text import PROMPTS, QUICK, WAYS, Unjudged
-from frida_painter.frames import CanvasSize
 from frida_painter.objectives.encoders.conse import class_names
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+from frida_painter.runs import opening
 from marks import coarse_table
 from networks import QuickEncoders, random_lite_tensors
 
 pytestmark = pytest.mark.slow
-
-CANVAS = CanvasSize(0.12, 0.09)
 
 
 @pytest.fixture(scope="module")
@@ -25,20 +23,14 @@ def kept(tmp_path_factory):
 def coarse_brush():
     """Plans with a coarsely tabulated brush, which is there sooner."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(text, "cached_table", coarse_table)
+        patch.setattr(opening, "cached_table", coarse_table)
         yield
 
 
 def run(kept):
-    return text.run(
-        encoders=QuickEncoders(),
-        judge=EfficientNetLite(random_lite_tensors()),
-        prompts=PROMPTS[:2],
-        brush="fine",
-        canvas=CANVAS,
-        scale=QUICK,
-        keep=kept,
-    )
+    scale = QUICK.changed(brush="fine", canvas="120x90mm")
+    judge = EfficientNetLite(random_lite_tensors())
+    return text.experiment(PROMPTS[:2], scale=scale, encoders=QuickEncoders(), judge=judge).run(kept)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +60,7 @@ def test_numbers_are_the_judges_for_the_photograph(outcome, kept):
 
 
 def test_what_was_finished_is_not_painted_again(outcome, kept, monkeypatch):
-    monkeypatch.setattr(text, "Planner", lambda *args, **kwargs: pytest.fail("it was finished"))
+    monkeypatch.setattr(paintings, "PaintingRun", lambda *args, **kwargs: pytest.fail("it was finished"))
     assert run(kept).tables == outcome.tables
 
 

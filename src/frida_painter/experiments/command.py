@@ -1,22 +1,48 @@
 """The commands that print the paper's figures and tables: experiments NAME, experiments list."""
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from frida_painter.options import out_folder, whole_number_within
 
+if TYPE_CHECKING:  # the command line lists the experiments without loading them
+    from frida_painter.brush.library import StrokeLibrary
+    from frida_painter.experiments.outcome import Notify, Outcome
+    from frida_painter.experiments.scale import ExperimentScale
+    from frida_painter.experiments.targets import Target
+
+_seed = whole_number_within(0, 2**31 - 1)
+
+
+def seeds_of(text: str) -> tuple[int, ...]:
+    """ "0,1,2" as numbers. Raises typer.BadParameter."""
+    seeds = tuple(_seed(part) for part in text.split(","))
+    if len(set(seeds)) < len(seeds):
+        raise typer.BadParameter(f"{text[:40]!r} names a seed twice")
+    return seeds
+
+
 BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
-Seed = Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")]
+Seed = Annotated[int, typer.Option(parser=_seed, metavar="N", help="Random seed.")]
 Seeds = Annotated[
-    str, typer.Option(metavar="N,N,...", help="Random seeds. The experiment runs once with each.", show_default=True)
+    Any,
+    typer.Option(parser=seeds_of, metavar="N,N,...", help="Random seeds. The experiment runs once with each."),
 ]
-Targets = Annotated[
+Photo = Annotated[
+    Path | None, typer.Option("--target", metavar="PHOTO", help="The picture to paint. [dim]a cup of coffee[/]")
+]
+Photos = Annotated[
     list[Path] | None,
     typer.Option(
-        "--target", metavar="PHOTO", help="A picture to paint. May be repeated. [dim]five of the project's[/]"
+        "--target", metavar="PHOTO", help="A picture to paint. May be repeated. [dim]some of the project's[/]"
     ),
+]
+Styles = Annotated[
+    list[Path] | None,
+    typer.Option("--style", metavar="PICTURE", help="A style picture. May be repeated. [dim]two of the project's[/]"),
 ]
 Quick = Annotated[bool, typer.Option("--quick", help="Run a very small version as a test. Its figures mean nothing.")]
 Out = Annotated[
@@ -42,19 +68,11 @@ def register(app: typer.Typer) -> None:
         help="Run the experiments of the paper and more. Each command measures anew and writes tables and pictures.",
     )
     group.command("list")(list_all)
-    group.command("continuous-strokes")(sweep)
-    group.command("stroke-model")(beside)
-    group.command("strokes-needed")(needed)
-    group.command("real-strokes")(splits)
-    group.command("sim2real")(gap)
-    group.command("replanning")(looking)
-    group.command("robustness")(dirt)
-    group.command("sawyer")(arms)
-    group.command("text")(words)
-    group.command("style")(styles)
-    group.command("semantic")(meanings)
-    group.command("sketch")(drawings)
-    group.command("composition")(compositions)
+    for command in (
+        continuous_strokes, stroke_model, strokes_needed, real_strokes, sim2real, replanning, robustness, sawyer,
+        text, style, semantic, sketch, composition,
+    ):  # fmt: skip
+        group.command(command.__name__.replace("_", "-"))(command)
     app.add_typer(group, name="experiments")
 
 
@@ -66,7 +84,7 @@ def list_all(context: typer.Context) -> None:
             print(f"{name:20} {command.get_short_help_str(100)}")
 
 
-def sweep(
+def continuous_strokes(
     library: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="A stroke library to train on and to show. [dim]the brush[/]"),
@@ -78,56 +96,48 @@ def sweep(
 ) -> None:
     """Sweep thickness, length and bend of a stroke, and compare the modelled with the painted strokes."""
     from frida_painter.brush.library import StrokeLibrary
-    from frida_painter.experiments import continuous_strokes
-    from frida_painter.experiments.conduct import conduct
-    from frida_painter.experiments.outcome import Notify, Outcome
+    from frida_painter.experiments import continuous_strokes as it
 
-    scale = continuous_strokes.QUICK if quick else continuous_strokes.FULL
+    scale = it.QUICK if quick else it.FULL
 
-    def experiment(keep: Path, notify: Notify) -> Outcome:
+    def run(keep: Path, notify: "Notify") -> "Outcome":
         if library is None:
-            return continuous_strokes.run(brush=brush, seed=seed, scale=scale, notify=notify)
+            return it.run(brush=brush, seed=seed, scale=scale, notify=notify)
         strokes = StrokeLibrary.load(library)
-        return continuous_strokes.run_on_library(strokes, library.stem, seed=seed, scale=scale, notify=notify)
+        return it.run_on_library(strokes, library.stem, seed=seed, scale=scale, notify=notify)
 
-    conduct(continuous_strokes.NAME, out, experiment)
+    _conduct(it.NAME, out, run)
 
 
-def beside(
+def stroke_model(
     library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
 ) -> None:
     """Compare held-out strokes with the stroke model, with paired tests against a fitted Bezier curve."""
-    from frida_painter.experiments import stroke_model
-    from frida_painter.experiments.conduct import conduct, painted_or_given
-    from frida_painter.experiments.outcome import Notify, Outcome
+    from frida_painter.experiments import stroke_model as it
 
-    scale = stroke_model.QUICK if quick else stroke_model.FULL
+    scale = it.QUICK if quick else it.FULL
 
-    def experiment(keep: Path, notify: Notify) -> Outcome:
-        strokes, name, rest = painted_or_given(library, brush, seed, scale, notify)
-        return stroke_model.run(strokes, name, seed=seed, scale=scale, notify=rest)
+    def run(strokes: "StrokeLibrary", name: str, keep: Path, notify: "Notify") -> "Outcome":
+        return it.run(strokes, name, seed=seed, scale=scale, notify=notify)
 
-    conduct(stroke_model.NAME, out, experiment)
+    _conduct_on_library(it.NAME, out, library, brush, seed, scale, run)
 
 
-def needed(
+def strokes_needed(
     library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
 ) -> None:
     """Measure the error on held-out strokes against the number of training strokes."""
-    from frida_painter.experiments import strokes_needed
-    from frida_painter.experiments.conduct import conduct, painted_or_given
-    from frida_painter.experiments.outcome import Notify, Outcome
+    from frida_painter.experiments import strokes_needed as it
 
-    scale = strokes_needed.QUICK if quick else strokes_needed.FULL
+    scale = it.QUICK if quick else it.FULL
 
-    def experiment(keep: Path, notify: Notify) -> Outcome:
-        strokes, name, rest = painted_or_given(library, brush, seed, scale, notify)
-        return strokes_needed.run(strokes, name, seed=seed, scale=scale, keep=keep, notify=rest)
+    def run(strokes: "StrokeLibrary", name: str, keep: Path, notify: "Notify") -> "Outcome":
+        return it.experiment(strokes, name, seed=seed, scale=scale).run(keep, notify)
 
-    conduct(strokes_needed.NAME, out, experiment)
+    _conduct_on_library(it.NAME, out, library, brush, seed, scale, run)
 
 
-def splits(
+def real_strokes(
     library: Library = None,
     brush: BrushName = "broad",
     seeds: Seeds = "0,1,2,3,4",
@@ -135,92 +145,58 @@ def splits(
     out: Out = HERE,
 ) -> None:
     """Compare the errors of all stroke models over several splits of a library."""
-    from frida_painter.experiments import real_strokes
-    from frida_painter.experiments.conduct import conduct, painted_or_given
-    from frida_painter.experiments.outcome import Notify, Outcome
+    from frida_painter.experiments import real_strokes as it
 
-    scale = real_strokes.QUICK if quick else real_strokes.FULL
-    chosen = seeds_of(seeds)
+    scale = it.QUICK if quick else it.FULL
 
-    def experiment(keep: Path, notify: Notify) -> Outcome:
-        strokes, name, rest = painted_or_given(library, brush, 0, scale, notify)
-        return real_strokes.run(strokes, name, seeds=chosen, scale=scale, keep=keep, notify=rest)
+    def run(strokes: "StrokeLibrary", name: str, keep: Path, notify: "Notify") -> "Outcome":
+        return it.experiment(strokes, name, seeds=seeds, scale=scale).run(keep, notify)
 
-    conduct(real_strokes.NAME, out, experiment)
+    _conduct_on_library(it.NAME, out, library, brush, 0, scale, run)
 
 
-def gap(
-    brush: BrushName = "broad", seeds: Seeds = "0,1,2", target: Targets = None, quick: Quick = False, out: Out = HERE
+def sim2real(
+    brush: BrushName = "broad", seeds: Seeds = "0,1,2", target: Photos = None, quick: Quick = False, out: Out = HERE
 ) -> None:
     """Measure the sim2real gap of paintings for our planner and two planners like earlier work."""
-    from frida_painter.experiments import sim2real, targets
-    from frida_painter.experiments.conduct import conduct
+    from frida_painter.experiments import sim2real as it
+    from frida_painter.experiments import targets
 
-    scale = sim2real.QUICK if quick else sim2real.FULL
-    pictures = targets.given(target) if target else targets.shipped()
-    chosen = seeds_of(seeds)
-    conduct(
-        sim2real.NAME,
-        out,
-        lambda keep, notify: sim2real.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
-    )
+    scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
+    _conduct(it.NAME, out, it.experiment(_pictures(target, targets.SHIPPED), seeds=seeds, scale=scale).run)
 
 
-def looking(
-    brush: BrushName = "broad",
-    seeds: Seeds = "0,1,2",
-    target: Annotated[
-        Path | None, typer.Option(metavar="PHOTO", help="The picture to paint. [dim]a cup of coffee[/]")
-    ] = None,
-    quick: Quick = False,
-    out: Out = HERE,
+def replanning(
+    brush: BrushName = "broad", seeds: Seeds = "0,1,2", target: Photo = None, quick: Quick = False, out: Out = HERE
 ) -> None:
     """Compare paintings with and without replanning: the distance to the first plan and to the target."""
-    from frida_painter.experiments import replanning, targets
-    from frida_painter.experiments.conduct import conduct
+    from frida_painter.experiments import replanning as it
 
-    scale = replanning.QUICK if quick else replanning.FULL
-    (picture,) = targets.given([target]) if target else targets.shipped(["coffee"])
-    chosen = seeds_of(seeds)
-    conduct(
-        replanning.NAME,
-        out,
-        lambda keep, notify: replanning.run(picture, brush=brush, seeds=chosen, scale=scale, notify=notify),
-    )
+    (picture,) = _pictures([target] if target else None, ["coffee"])
+    scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
+    _conduct(it.NAME, out, it.experiment(picture, seeds=seeds, scale=scale).run)
 
 
-def dirt(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE) -> None:
+def robustness(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE) -> None:
     """Test calibration with missing paint, blur, changed light, moved paper, missing dots and a rotated checker."""
-    from frida_painter.experiments import robustness
-    from frida_painter.experiments.conduct import conduct
+    from frida_painter.experiments import robustness as it
 
-    scale = robustness.QUICK if quick else robustness.FULL
-    conduct(
-        robustness.NAME, out, lambda keep, notify: robustness.run(brush=brush, seed=seed, scale=scale, notify=notify)
-    )
+    scale = it.QUICK if quick else it.FULL
+    _conduct(it.NAME, out, lambda keep, notify: it.run(brush=brush, seed=seed, scale=scale, notify=notify))
 
 
-def arms(
-    brush: BrushName = "broad",
-    seed: Seed = 0,
-    target: Annotated[
-        Path | None, typer.Option(metavar="PHOTO", help="The picture to paint. [dim]a cup of coffee[/]")
-    ] = None,
-    quick: Quick = False,
-    out: Out = HERE,
+def sawyer(
+    brush: BrushName = "broad", seed: Seed = 0, target: Photo = None, quick: Quick = False, out: Out = HERE
 ) -> None:
     """Compare the simulated Sawyer with kinematic execution of the same plan: tracking error and its effect."""
-    from frida_painter.experiments import sawyer, targets
-    from frida_painter.experiments.conduct import conduct
+    from frida_painter.experiments import sawyer as it
 
-    scale = sawyer.QUICK if quick else sawyer.FULL
-    (picture,) = targets.given([target]) if target else targets.shipped(["coffee"])
-    conduct(
-        sawyer.NAME, out, lambda keep, notify: sawyer.run(picture, brush=brush, seed=seed, scale=scale, notify=notify)
-    )
+    (picture,) = _pictures([target] if target else None, ["coffee"])
+    scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
+    _conduct(it.NAME, out, lambda keep, notify: it.run(picture, seed=seed, scale=scale, notify=notify))
 
 
-def words(
+def text(
     brush: BrushName = "broad",
     seeds: Seeds = "0",
     first: Annotated[
@@ -231,74 +207,41 @@ def words(
     out: Out = HERE,
 ) -> None:
     """Paint text prompts and score them by a network that planning does not use, against baselines."""
-    from frida_painter import weights
-    from frida_painter.experiments import text
-    from frida_painter.experiments.conduct import conduct
-    from frida_painter.experiments.outcome import Notify, Outcome
-    from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
-    from frida_painter.session.opening import planning_device
+    from frida_painter.experiments import text as it
 
-    scale, prompts = text.QUICK if quick else text.FULL, text.PROMPTS[: 2 if quick else first]
-    chosen = seeds_of(seeds)
-    encoders = text.Unjudged(device=planning_device())
-    judge = EfficientNetLite(weights.tensors("efficientnet-lite2"))
-
-    def experiment(keep: Path, notify: Notify) -> Outcome:
-        return text.run(
-            encoders=encoders, judge=judge, prompts=prompts, brush=brush, seeds=chosen, scale=scale, keep=keep,
-            notify=notify,
-        )  # fmt: skip
-
-    conduct(text.NAME, out, experiment)
+    scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
+    _conduct(it.NAME, out, it.experiment(it.PROMPTS[: 2 if quick else first], seeds=seeds, scale=scale).run)
 
 
-def styles(
+def style(
     brush: BrushName = "broad",
     seeds: Seeds = "0,1",
-    target: Targets = None,
-    image: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--style", metavar="PICTURE", help="A style picture. May be repeated. [dim]two of the project's[/]"
-        ),
-    ] = None,
+    target: Photos = None,
+    image: Styles = None,
     quick: Quick = False,
     out: Out = HERE,
 ) -> None:
     """Measure the style distance of paintings with features that the optimiser does not use."""
-    from frida_painter.experiments import goal_paintings, style, targets
-    from frida_painter.experiments.conduct import conduct
+    from frida_painter.experiments import paintings, targets
+    from frida_painter.experiments import style as it
 
-    scale = goal_paintings.QUICK if quick else goal_paintings.FULL
-    pictures = targets.given(target) if target else targets.shipped(["cat", "astronaut"])
-    wanted, chosen = targets.given(image) if image else targets.shipped(targets.STYLES), seeds_of(seeds)
-    conduct(
-        style.NAME,
-        out,
-        lambda keep, notify: style.run(
-            pictures, wanted, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify
-        ),
-    )
+    photos, styles = _pictures(target, ["cat", "astronaut"]), _pictures(image, targets.STYLES)
+    scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
+    _conduct(it.NAME, out, it.experiment(photos, styles, seeds=seeds, scale=scale).run)
 
 
-def meanings(
-    brush: BrushName = "broad", seeds: Seeds = "0,1", target: Targets = None, quick: Quick = False, out: Out = HERE
+def semantic(
+    brush: BrushName = "broad", seeds: Seeds = "0,1", target: Photos = None, quick: Quick = False, out: Out = HERE
 ) -> None:
     """Compare painting by content with painting by pixels, scored by a network that no optimiser uses."""
-    from frida_painter.experiments import goal_paintings, semantic, targets
-    from frida_painter.experiments.conduct import conduct
+    from frida_painter.experiments import paintings, targets
+    from frida_painter.experiments import semantic as it
 
-    scale = goal_paintings.QUICK if quick else goal_paintings.FULL
-    pictures = targets.given(target) if target else targets.shipped(targets.PHOTOGRAPHS)
-    chosen = seeds_of(seeds)
-    conduct(
-        semantic.NAME,
-        out,
-        lambda keep, notify: semantic.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
-    )
+    scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
+    _conduct(it.NAME, out, it.experiment(_pictures(target, targets.PHOTOGRAPHS), seeds=seeds, scale=scale).run)
 
 
-def drawings(
+def sketch(
     brush: BrushName = "broad",
     seeds: Seeds = "0,1",
     target: Annotated[
@@ -313,57 +256,57 @@ def drawings(
     out: Out = HERE,
 ) -> None:
     """Paint text prompts along a drawing, with and without the sketch objective."""
-    from frida_painter.experiments import goal_paintings, sketch, targets
-    from frida_painter.experiments.conduct import conduct
+    from frida_painter.experiments import paintings, targets
+    from frida_painter.experiments import sketch as it
 
-    scale = goal_paintings.QUICK if quick else goal_paintings.FULL
-    pictures = targets.given(target) if target else targets.shipped(targets.DRAWINGS)
-    chosen = seeds_of(seeds)
-    conduct(
-        sketch.NAME,
-        out,
-        lambda keep, notify: sketch.run(pictures, brush=brush, seeds=chosen, scale=scale, keep=keep, notify=notify),
-    )
+    drawings = _pictures(target, targets.DRAWINGS)
+    scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
+
+    def run(keep: Path, notify: "Notify") -> "Outcome":
+        return it.experiment(drawings, keep, seeds=seeds, scale=scale).run(keep, notify)
+
+    _conduct(it.NAME, out, run)
 
 
-def compositions(
-    brush: BrushName = "broad",
-    seeds: Seeds = "0",
-    image: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--style", metavar="PICTURE", help="A style picture. May be repeated. [dim]two of the project's[/]"
-        ),
-    ] = None,
-    quick: Quick = False,
-    out: Out = HERE,
+def composition(
+    brush: BrushName = "broad", seeds: Seeds = "0", image: Styles = None, quick: Quick = False, out: Out = HERE
 ) -> None:
     """Paint text prompts from a style picture, and measure its composition and whether the prompt is still seen."""
-    from frida_painter import weights
-    from frida_painter.experiments import composition, goal_paintings, targets, text
+    from frida_painter.experiments import composition as it
+    from frida_painter.experiments import paintings, targets
+
+    styles, prompts = _pictures(image, targets.STYLES), it.SAID[: 1 if quick else None]
+    scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
+    _conduct(it.NAME, out, it.experiment(styles, prompts, seeds=seeds, scale=scale).run)
+
+
+def _pictures(given: Sequence[Path] | None, shipped: Sequence[str]) -> "tuple[Target, ...]":
+    """A person's own pictures, or some of the project's by their names."""
+    from frida_painter.experiments import targets
+
+    return targets.given(given) if given else targets.shipped(shipped)
+
+
+def _conduct(name: str, out: Path, run: "Callable[[Path, Notify], Outcome]") -> None:
     from frida_painter.experiments.conduct import conduct
-    from frida_painter.experiments.outcome import Notify, Outcome
-    from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
-    from frida_painter.session.opening import planning_device
 
-    scale = goal_paintings.QUICK if quick else goal_paintings.FULL
-    wanted, chosen = targets.given(image) if image else targets.shipped(targets.STYLES), seeds_of(seeds)
-    judge, prompts = EfficientNetLite(weights.tensors("efficientnet-lite2")), composition.SAID[: 1 if quick else None]
-    encoders = text.Unjudged(device=planning_device())
-
-    def experiment(keep: Path, notify: Notify) -> Outcome:
-        return composition.run(
-            wanted, encoders=encoders, judge=judge, prompts=prompts, brush=brush, seeds=chosen, scale=scale,
-            keep=keep, notify=notify,
-        )  # fmt: skip
-
-    conduct(composition.NAME, out, experiment)
+    conduct(name, out, run)
 
 
-def seeds_of(text: str) -> tuple[int, ...]:
-    """ "0,1,2" as numbers. Raises typer.BadParameter."""
-    read = whole_number_within(0, 2**31 - 1)
-    seeds = tuple(read(part) for part in text.split(","))
-    if len(set(seeds)) < len(seeds):
-        raise typer.BadParameter(f"{text[:40]!r} names a seed twice")
-    return seeds
+def _conduct_on_library(
+    name: str,
+    out: Path,
+    library: Path | None,
+    brush: str,
+    seed: int,
+    scale: "ExperimentScale",
+    run: "Callable[[StrokeLibrary, str, Path, Notify], Outcome]",
+) -> None:
+    """Runs an experiment on a library that is given, or that is painted first."""
+    from frida_painter.experiments.execution import library_of
+
+    def on_library(keep: Path, notify: "Notify") -> "Outcome":
+        strokes, its_name, rest = library_of(library, brush, seed, scale, notify)
+        return run(strokes, its_name, keep, rest)
+
+    _conduct(name, out, on_library)

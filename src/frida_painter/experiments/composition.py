@@ -6,27 +6,24 @@ number of strokes: begun with a picture of the words' own, and begun with the st
 judged by a classifier that no optimiser asked.
 """
 
-from collections.abc import Mapping, Sequence
-from functools import partial
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 from torch import Tensor
 
-from frida_painter.experiments.goal_paintings import FULL, Bench
+from frida_painter import weights
+from frida_painter.experiments import paintings
 from frida_painter.experiments.measures import edge_correlation
-from frida_painter.experiments.outcome import Notify, Outcome, ResultTable, Row, each, silent
-from frida_painter.experiments.result_cache import Measurement
-from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
+from frida_painter.experiments.outcome import Outcome, ResultTable, Row
+from frida_painter.experiments.paintings import FULL, Painted, PaintingTrial
 from frida_painter.experiments.targets import Target
-from frida_painter.experiments.text import PROMPTS, Prompt, log_probabilities, rank_of
-from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal
+from frida_painter.experiments.text import JUDGE, PROMPTS, Prompt, Unjudged, log_probabilities, rank_of
+from frida_painter.experiments.trials import Experiment, Measurement, Results
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.objectives.kinds.style import StyleTerm
-from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.report.figure_sheet import Cell, FigureRow, page
+from frida_painter.runs.spec import RunSpec
+from frida_painter.session.opening import planning_device
 
 NAME = "composition"
 STYLE, WORDS, BEGUN = "style alone", "words and style", "words and style, begun with the style"
@@ -35,83 +32,75 @@ SAID = tuple(prompt for prompt in PROMPTS if prompt.words in ("a castle", "a pin
 EDGES, RANK, PROBABILITY, SECONDS = "edges like the style's", "rank", "log10 probability", "CPU s"
 
 
-def run(
+def experiment(
     styles: Sequence[Target],
-    *,
-    encoders: EncoderRegistry,
-    judge: EfficientNetLite,
     prompts: Sequence[Prompt] = SAID,
-    brush: str = "broad",
-    canvas: CanvasSize = CANVAS,
+    *,
     seeds: Sequence[int] = (0,),
-    scale: PlanningScale = FULL,
-    keep: Path | None = None,
-    notify: Notify = silent,
-) -> Outcome:
+    scale: RunSpec = FULL,
+    encoders: EncoderRegistry | None = None,
+    judge: EfficientNetLite | None = None,
+) -> Experiment[PaintingTrial]:
     """Paints every prompt in every style, begun in both ways, and every style alone, once per seed.
 
-    encoders: the networks that goals are seen through; judge: the one that they do not ask; keep: a
-    folder in which finished paintings wait in case the rest is interrupted. Raises WeightsError
-    where a network is missing.
+    encoders: the networks that goals are seen through; judge: the one that they do not ask, by default
+    EfficientNet-Lite2. Raises WeightsError where a network is missing.
     """
-    bench = Bench(brush, canvas, scale, encoders, keep)
-    tasks = [
-        (style, prompt, seed, way)
+    judge = judge or EfficientNetLite(weights.tensors(JUDGE))
+    pictures = {style.name: style.picture for style in styles}
+
+    def measure(trial: PaintingTrial, painted: Painted) -> Measurement:
+        """How far the style's composition is kept, and the judge's log probability of every class."""
+        picture = painted.photograph
+        logs = log_probabilities(judge, picture).tolist()
+        numbers = {EDGES: edge_correlation(picture, pictures[trial["style"]]), SECONDS: painted.seconds}
+        return Measurement({**numbers, **{str(at): value for at, value in enumerate(logs)}}, {"painting": picture})
+
+    def report(results: Results) -> Outcome:
+        every: list[Row] = [
+            {
+                "style": style, "prompt": prompt.words, "seed": seed, "painted": way,
+                **_figures(_found(results, style, prompt, seed, way), prompt),
+            }
+            for style in sorted(pictures)
+            for prompt in sorted(prompts, key=lambda prompt: prompt.words)
+            for seed in seeds
+            for way in WAYS
+        ]  # fmt: skip
+        summary = [_summary(way, [row for row in every if row["painted"] == way]) for way in WAYS]
+        return Outcome(
+            NAME,
+            "Words in a style, with and without the style's composition",
+            {
+                "prompts": tuple(prompt.words for prompt in prompts), "styles": tuple(pictures), "seeds": tuple(seeds),
+                **paintings.settings(scale),
+            },
+            (ResultTable("The photographed paintings, over prompts, styles and seeds", tuple(summary)),
+             ResultTable("All paintings", tuple(every))),
+            (_note(summary, every),),
+            {NAME: _sheet(styles, prompts, results, seeds[0])},
+        )  # fmt: skip
+
+    trials = [
+        PaintingTrial.of(
+            {"style": style.name, "prompt": words, "seed": seed, "painted": way}, _spec(scale, style, words, seed, way)
+        )
         for seed in seeds
         for style in styles
-        for prompt, way in [(None, STYLE), *((prompt, way) for prompt in prompts for way in (WORDS, BEGUN))]
+        for words, way in [("", STYLE), *((prompt.words, way) for prompt in prompts for way in (WORDS, BEGUN))]
     ]
-    found: dict[tuple[str, str, int, str], Measurement] = {}
-    for (style, prompt, seed, way), telling in each(tasks, notify):
-        words = "" if prompt is None else prompt.words
-        finding = bench.recall(
-            f"{style.name}-{words.replace(' ', '-') or 'alone'}-{WAYS.index(way)}-{seed}",
-            partial(_measure, bench, judge, style, words, seed, way, telling),
-            way=way,
-            style=style.fingerprint,
-            prompt=words,
-            seed=seed,
-        )
-        # The style alone is held against every one of the prompts.
-        for said in prompts if prompt is None else [prompt]:
-            found[style.name, said.words, seed, way] = finding
-    by_words = {prompt.words: prompt for prompt in prompts}
-    every: list[Row] = [
-        {"style": style, "prompt": words, "seed": seed, "painted": way, **_figures(finding, by_words[words])}
-        for (style, words, seed, way), finding in sorted(found.items(), key=lambda item: item[0][:3])
-    ]
-    summary = [_summary(way, [row for row in every if row["painted"] == way]) for way in WAYS]
-    return Outcome(
-        NAME,
-        "Words in a style, with and without the style's composition",
-        {
-            "prompts": tuple(by_words), "styles": tuple(style.name for style in styles), "seeds": tuple(seeds),
-            "brush": brush, "canvas": str(canvas), **scale.settings(),
-            "robot": ROBOT_ERROR,
-        },
-        (ResultTable("The photographed paintings, over prompts, styles and seeds", tuple(summary)),
-         ResultTable("All paintings", tuple(every))),
-        (_note(summary, every),),
-        {NAME: _sheet(styles, prompts, found, seeds[0])},
-    )  # fmt: skip
+    return paintings.experiment(trials, measure, report, encoders or Unjudged(device=planning_device()))
 
 
-def _measure(
-    bench: Bench, judge: EfficientNetLite, style: Target, words: str, seed: int, way: str, notify: Notify
-) -> Measurement:
-    """How far the style's composition is kept, and the judge's log probability of every class."""
-    wanted = StyleTerm(style.picture)
-    goals = {
-        STYLE: lambda: Goal((wanted,)),
-        WORDS: lambda: Goal((TextTerm(words), wanted)),
-        BEGUN: lambda: Goal((TextTerm(words), wanted), (wanted,)),
-    }
-    doing = f"{words or 'nothing'} in the style of {style.name}"
-    painted = bench.paint(goals[way](), style.picture, seed, notify, doing)
-    picture = painted.photograph
-    logs = log_probabilities(judge, picture).tolist()
-    numbers = {EDGES: edge_correlation(picture, style.picture), SECONDS: painted.seconds}
-    return Measurement({**numbers, **{str(at): value for at, value in enumerate(logs)}}, {"painting": picture})
+def _spec(scale: RunSpec, style: Target, words: str, seed: int, way: str) -> RunSpec:
+    wanted = {"style": str(style.path)}
+    goal = [wanted] if way == STYLE else [{"text": words}, wanted]
+    return paintings.like(scale, style.picture, goal, seed, initial=[wanted] if way == BEGUN else [])
+
+
+def _found(results: Results, style: str, prompt: Prompt, seed: int, way: str) -> Measurement:
+    """What a painting showed; the style alone is held against every one of the prompts."""
+    return results.one(style=style, prompt="" if way == STYLE else prompt.words, seed=seed, painted=way)
 
 
 def _figures(finding: Measurement, prompt: Prompt) -> dict[str, float]:
@@ -148,18 +137,13 @@ def _note(summary: Sequence[Row], every: Sequence[Row]) -> str:
     )
 
 
-def _sheet(
-    styles: Sequence[Target],
-    prompts: Sequence[Prompt],
-    found: Mapping[tuple[str, str, int, str], Measurement],
-    seed: int,
-) -> Tensor:
+def _sheet(styles: Sequence[Target], prompts: Sequence[Prompt], results: Results, seed: int) -> Tensor:
     lines = []
     for style in styles:
         for prompt in prompts:
             cells = [Cell(style.picture, f"“{prompt.words}”")]
             for way in WAYS:
-                finding = found[style.name, prompt.words, seed, way]
+                finding = _found(results, style.name, prompt, seed, way)
                 figures = _figures(finding, prompt)
                 cells.append(Cell(finding.pictures["painting"], f"edges {figures[EDGES]:.2f}, rank {figures[RANK]}"))
             lines.append(FigureRow("", cells))

@@ -9,15 +9,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
-from frida_painter.brush.library import StrokeLibrary
 from frida_painter.experiments import outcome
-from frida_painter.experiments.execution import virtual_library
-from frida_painter.experiments.outcome import Notify, Outcome, within
-from frida_painter.experiments.scale import ExperimentScale
+from frida_painter.experiments.outcome import Notify, Outcome
 from frida_painter.session.forecast import duration
 from frida_painter.session.opening import limit_threads
-
-_PAINTING = 0.2  # share of the time that painting a library takes
 
 
 def conduct(name: str, out: Path, experiment: Callable[[Path, Notify], Outcome]) -> None:
@@ -49,13 +44,3 @@ def conduct(name: str, out: Path, experiment: Callable[[Path, Notify], Outcome])
     print("\n".join([found.title, *(f"  {note}" for note in found.notes)]))
     print(f"In {duration(time.monotonic() - started)}: {folder / 'table.md'}, table.json and", end=" ")
     print(f"{len(found.pictures)} picture{'s' if len(found.pictures) != 1 else ''}.")
-
-
-def painted_or_given(
-    path: Path | None, brush: str, seed: int, scale: ExperimentScale, notify: Notify
-) -> tuple[StrokeLibrary, str, Notify]:
-    """The library to learn from, what it is called, and whom to tell the progress of the rest."""
-    if path is not None:
-        return StrokeLibrary.load(path), path.stem, notify
-    painted = virtual_library(brush, scale.strokes, seed, within(notify, 0.0, _PAINTING))
-    return painted, f"virtual {brush} brush", within(notify, _PAINTING, 1.0)

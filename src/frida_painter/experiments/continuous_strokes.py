@@ -15,7 +15,7 @@ from frida_painter.brush.kinds import BrushKind, brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.resample import resample
 from frida_painter.brush.weights import load_stroke_model
-from frida_painter.experiments.execution import EXACT, execute, open_easel
+from frida_painter.experiments.execution import EXACT, connected, execute
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent
 from frida_painter.experiments.rivals import DEFAULT, learn_model
 from frida_painter.experiments.scale import ExperimentScale
@@ -25,6 +25,7 @@ from frida_painter.plan import Plan
 from frida_painter.render import render
 from frida_painter.report.figure_sheet import Cell, FigureRow, page
 from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.virtual.studio import open_studio
 
 NAME = "continuous-strokes"
 PARAMETERS = ("thickness", "length", "bend")
@@ -63,8 +64,8 @@ def run(*, brush: str = "broad", seed: int = 0, scale: ExperimentScale = FULL, n
         asked = sweep(parameter, kind.limits, scale.strokes)
         paper = _Paper(kind, scale)
         plan = paper.plan(asked)
-        easel = open_easel(plan.canvas, brush, seed + PARAMETERS.index(parameter), error=EXACT)
-        photograph = execute(plan, easel, paper.grid.rows)
+        studio = open_studio(plan.canvas, brush, seed=seed + PARAMETERS.index(parameter), placement_error=EXACT)
+        photograph = execute(plan, connected(studio).easel, paper.grid.rows)
         with torch.no_grad():
             drawn = render(plan.strokes, model, torch.ones(photograph.shape), plan.canvas)
         modelled, real = (torch.stack([*paper.cut(picture, len(asked))]) for picture in (drawn, photograph))

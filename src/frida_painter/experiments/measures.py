@@ -21,6 +21,11 @@ _AREA = 12  # pixels of those, half the width over which a composition's edges a
 _VIEWS = 6
 
 
+def mse(picture: Tensor, target: Tensor) -> float:
+    """Mean squared difference of two pictures [3, H, W] in [0, 1]."""
+    return float((picture - target).square().mean())
+
+
 def psnr(picture: Tensor, target: Tensor) -> float:
     """Peak signal to noise of two pictures [3, H, W] in [0, 1], in dB."""
     return -10 * float((picture - target).square().mean().clamp(min=1e-12).log10())

@@ -20,11 +20,11 @@ from frida_painter.brush.judge import clean, judge
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.errors import FridaError
-from frida_painter.experiments.execution import virtual_library
+from frida_painter.experiments.execution import EXACT, connected, virtual_library
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent, within
 from frida_painter.experiments.rivals import DEFAULT, errors, learn
 from frida_painter.experiments.robustness_sheet import Case, robustness_sheet
-from frida_painter.experiments.scale import LearningScale
+from frida_painter.experiments.scale import ExperimentScale
 from frida_painter.frames import CanvasSize
 from frida_painter.session.contact_sheet import contact_sheet
 from frida_painter.session.opening import PAPER
@@ -40,18 +40,17 @@ Found = TypeVar("Found")
 
 NAME = "robustness"
 REFUSED, DETECTED, SURVIVED = "refused", "detected", "survived"
-_EXACT = PlacementError((0.0, 0.0), 0.0)
 _CANVAS = CanvasSize(0.3556, 0.2794)
 _MODEL_ERROR, _PLACEMENT, _COLORS = "error of the stroke model", "placement, mm", "colours, CIEDE2000"
 # How much worse than undisturbed still counts as the same; trainings differ that much between seeds.
 _TOLERATED = {_MODEL_ERROR: 1.10, _PLACEMENT: 1.5, _COLORS: 1.25}
 
 
-FULL = LearningScale(strokes=100, held_out=40)
-QUICK = LearningScale(strokes=12, held_out=6, quick=True)
+FULL = ExperimentScale(strokes=100, held_out=40)
+QUICK = ExperimentScale(strokes=12, held_out=6, quick=True)
 
 
-def run(*, brush: str = "broad", seed: int = 0, scale: LearningScale = FULL, notify: Notify = silent) -> Outcome:
+def run(*, brush: str = "broad", seed: int = 0, scale: ExperimentScale = FULL, notify: Notify = silent) -> Outcome:
     """Runs all cases with a brush of the project. Raises ConfigError where there is no such brush."""
     libraries = _Libraries(brush, seed, scale)
     undisturbed = libraries.prepare(within(notify, 0.0, 0.2))
@@ -108,7 +107,7 @@ def _count(cases: list[Case], outcome: str) -> int:
 class _Libraries:
     """Stroke libraries that are painted while something goes wrong, and models that learn from them."""
 
-    def __init__(self, brush: str, seed: int, scale: LearningScale) -> None:
+    def __init__(self, brush: str, seed: int, scale: ExperimentScale) -> None:
         self.kind = brush_kind(brush)
         self.seed, self.scale = seed, scale
 
@@ -148,7 +147,7 @@ class _Libraries:
 
     def case(self, what: str, faults: Faults, undisturbed: float) -> tuple[Case, StrokeLibrary | None]:
         """What becomes of a library that is painted with these faults."""
-        studio = _studio(PAPER, self.kind.name, self.seed, _EXACT, faults)
+        studio = _studio(PAPER, self.kind.name, self.seed, EXACT, faults)
         with TemporaryDirectory() as folder:
             out = Path(folder) / "library.npz"
             painting = strokes(studio.easel, self.kind, out, count=self.scale.strokes, seed=self.seed)
@@ -201,7 +200,7 @@ def _checker(brush: str, seed: int) -> Case:
     what, after, said = "the checker is rotated by 180 degrees", [], ""
     before: float | None = None
     for turn in (0.0, math.pi):
-        studio = _studio(_CANVAS, brush, seed, _EXACT, Faults())
+        studio = _studio(_CANVAS, brush, seed, EXACT, Faults())
         studio.lay_checker((_CANVAS.width / 2, _CANVAS.height / 2), turn)
         found = _attempt(lambda studio=studio: lead(color(studio.easel), _proposal))  # type: ignore[misc]
         if isinstance(found, FridaError):
@@ -219,10 +218,7 @@ def _case(
 
 
 def _studio(canvas: CanvasSize, brush: str, seed: int, error: PlacementError, faults: Faults) -> VirtualStudio:
-    studio = open_studio(canvas, brush, seed=seed, placement_error=error, faults=faults)
-    studio.easel.robot.connect()
-    studio.easel.camera.connect()
-    return studio
+    return connected(open_studio(canvas, brush, seed=seed, placement_error=error, faults=faults))
 
 
 def _attempt(calibrate: Callable[[], Found]) -> Found | FridaError:

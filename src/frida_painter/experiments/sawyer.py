@@ -19,22 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images
-from frida_painter.brush.table_cache import cached_table
-from frida_painter.brush.weights import load_stroke_model
-from frida_painter.experiments.execution import EXACT, execute
-from frida_painter.experiments.measures import psnr
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent, within
-from frida_painter.experiments.scale import CANVAS, PlanningScale
+from frida_painter.experiments import paintings
+from frida_painter.experiments.execution import EXACT, connected, execute
+from frida_painter.experiments.measures import mse, psnr
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent
 from frida_painter.experiments.targets import Target
-from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.frames import CanvasSize
 from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
-from frida_painter.planning.optimize import Step
-from frida_painter.planning.planner import Effort, Planner
 from frida_painter.report.figure_sheet import Cell, FigureRow, page
+from frida_painter.runs.run import PaintingRun
+from frida_painter.runs.spec import RunSpec
 from frida_painter.virtual.arm import Course
 from frida_painter.virtual.studio import FREE, KINEMATIC_SAWYER, SAWYER, StudioSettings, open_studio
 from frida_painter.virtual.table import HandNoise
@@ -51,9 +46,8 @@ _AMPLIFIED = 2
 _MM = 1000.0
 
 
-FULL = PlanningScale(strokes=200, colors=12, rows=256, effort=1.0)
-QUICK = PlanningScale(strokes=2, colors=1, rows=64, effort=0.05, quick=True)
-_SMALL = CanvasSize(0.12, 0.09)  # of the quick one
+FULL = RunSpec.of(strokes=200, colors=12, replans=0)
+QUICK = RunSpec.of(strokes=2, colors=1, render_height=64, effort=0.05, replans=0, canvas="120x90mm")
 
 
 @dataclass(frozen=True)
@@ -114,12 +108,10 @@ class Tracking:
         return HandNoise(float(np.sqrt((off[:, :2] ** 2).mean())), float(off[:, 2].std()) / self.press)
 
 
-def run(
-    target: Target, *, brush: str = "broad", seed: int = 0, scale: PlanningScale = FULL, notify: Notify = silent
-) -> Outcome:
+def run(target: Target, *, seed: int = 0, scale: RunSpec = FULL, notify: Notify = silent) -> Outcome:
     """Plans the target once, and paints it by every arm. Raises RobotError where MuJoCo is not installed."""
-    canvas = (_SMALL if scale.quick else CANVAS).turned_like(*target.picture.shape[1:])
-    plan = _planned(target, canvas, brush, seed, scale, within(notify, 0.0, _PLANNING))
+    with PaintingRun(paintings.like(scale, target.picture, [{"image": str(target.path)}], seed)) as planning:
+        plan = planning.plan(lambda step: notify(Progress(_PLANNING * step.iteration / step.of, "planning")))
     notify(Progress(_PLANNING, f"painting: {DYNAMIC}"))
     sawyer, tracking = _painted(plan, StudioSettings(arm=SAWYER), seed, seed)
     others = {
@@ -139,9 +131,7 @@ def run(
     return Outcome(
         NAME,
         "The simulated Sawyer beside the same plan executed kinematically",
-        {
-            "target": target.name, "seed": seed, "brush": brush, "canvas": str(canvas), **scale.settings(),
-        },
+        {"target": target.name, "seed": seed, **paintings.settings(scale), "robot": "calibrated perfectly"},
         (
             ResultTable("Tracking error of the Sawyer's tip while it paints, mm", (errors,)),
             ResultTable("How far two executions of the plan are apart", tuple(apart)),
@@ -168,26 +158,10 @@ def _lightness(picture: Tensor) -> NDArray[np.float32]:
     return np.ascontiguousarray(to_lab(picture.permute(1, 2, 0))[..., 0].numpy(), np.float32)
 
 
-def _planned(target: Target, canvas: CanvasSize, brush: str, seed: int, scale: PlanningScale, notify: Notify) -> Plan:
-    grid = PixelGrid.of_height(canvas, scale.rows)
-    wanted = images.fit(target.picture, grid.rows, grid.columns)
-    planner = Planner(
-        Goal((ImageTerm(wanted),)), canvas, cached_table(load_stroke_model(brush)), rows=scale.rows,
-        effort=Effort().scaled(scale.effort), seed=seed,
-    )  # fmt: skip
-
-    def tell(step: Step) -> None:
-        notify(Progress(step.iteration / step.of, "planning"))
-
-    return planner.plan(wanted.new_ones(wanted.shape), scale.strokes, scale.colors, tell)
-
-
 def _painted(plan: Plan, settings: StudioSettings, seed: int, luck: int) -> tuple[Execution, Tracking]:
     """The plan painted where the canvas lies exactly where it is believed to be, and whoever looked on."""
-    studio = open_studio(plan.canvas, plan.brush, seed=seed, settings=settings, placement_error=EXACT)
+    studio = connected(open_studio(plan.canvas, plan.brush, seed=seed, settings=settings, placement_error=EXACT))
     watcher = studio.robot.watcher = Tracking(studio.table, plan.canvas, studio.brush.press_depth / _MM, luck)
-    studio.easel.robot.connect()
-    studio.easel.camera.connect()
     rows = round(plan.canvas.height / _PIXEL)
     began = time.process_time()
     execute(plan, studio.easel, rows)
@@ -200,7 +174,7 @@ def _apart(first: Execution, one: str, second: Execution, other: str) -> Row:
     return {
         "painted by": one,
         "beside": other,
-        "MSE": float((first.canvas - second.canvas).square().mean()),
+        "MSE": mse(first.canvas, second.canvas),
         "PSNR, dB": psnr(first.canvas, second.canvas),
         "distance in Lab, mean": float(distance.mean()),
         f"share above {_TELLING:g}": float((distance > _TELLING).double().mean()),

@@ -5,144 +5,111 @@ each painting is nearer in: what a network that no optimiser asked sees where (E
 VGG16's features in the manner of LPIPS, edges, and pixels.
 """
 
-from collections.abc import Mapping, Sequence
-from functools import partial
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 from torch import Tensor
 
 from frida_painter import images, weights
-from frida_painter.experiments.goal_paintings import FULL, Bench
+from frida_painter.experiments import paintings
 from frida_painter.experiments.measures import edge_score, feature_distance, perceptual_distance, psnr
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, each, silent
-from frida_painter.experiments.result_cache import Measurement
-from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
+from frida_painter.experiments.outcome import Outcome, ResultTable
+from frida_painter.experiments.paintings import FULL, Painted, PaintingTrial
 from frida_painter.experiments.targets import Target
-from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal
+from frida_painter.experiments.trials import Experiment, Measurement, Results
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.semantic import SemanticTerm
 from frida_painter.report.figure_sheet import Cell, FigureRow, page
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import planning_device
 
 NAME = "semantic"
 PIXELS, MEANING = "by pixels", "by meaning"
-WAYS = (PIXELS, MEANING)
+WAYS = {PIXELS: "image", MEANING: "semantic"}
 JUDGE, _SIDE = "efficientnet-lite1", 240
 FEATURES, PERCEPTUAL, EDGES, PSNR = "feature distance", "LPIPS-like", "edge F-score", "PSNR, dB"
 _MORE_IS_BETTER = {FEATURES: False, PERCEPTUAL: False, EDGES: True, PSNR: True}
-_Key = tuple[str, int, str]  # photograph, seed, way
 
 
-def run(
+def experiment(
     photographs: Sequence[Target],
     *,
-    brush: str = "broad",
-    canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0, 1),
-    scale: PlanningScale = FULL,
+    scale: RunSpec = FULL,
     encoders: EncoderRegistry | None = None,
     judge: Seer | None = None,
-    keep: Path | None = None,
-    notify: Notify = silent,
-) -> Outcome:
+) -> Experiment[PaintingTrial]:
     """Paints every photograph by pixels and by meaning, once per seed.
 
     encoders: the networks that the goal is seen through; judge: the one that they do not ask, by
-    default EfficientNet-Lite1; keep: a folder in which finished paintings wait in case the rest is
-    interrupted. Raises WeightsError where a network is missing.
+    default EfficientNet-Lite1. Raises WeightsError where a network is missing.
     """
-    bench = Bench(brush, canvas, scale, encoders or EncoderRegistry(device=planning_device()), keep)
+    encoders = encoders or EncoderRegistry(device=planning_device())
     judge = judge or EfficientNetLite(weights.tensors(JUDGE))
-    tasks = [(photo, seed, way) for seed in seeds for photo in photographs for way in WAYS]
-    found: dict[_Key, Measurement] = {}
-    for (photo, seed, way), telling in each(tasks, notify):
-        found[photo.name, seed, way] = bench.recall(
-            f"{photo.name}-{WAYS.index(way)}-{seed}",
-            partial(_measure, bench, judge, photo, seed, way, telling),
-            way=way,
-            photo=photo.fingerprint,
-            seed=seed,
+    by_name = {photo.name: photo for photo in photographs}
+
+    def measure(trial: PaintingTrial, painted: Painted) -> Measurement:
+        picture = painted.photograph
+        target = images.fit(by_name[trial["photograph"]].picture, *picture.shape[1:])
+        return Measurement(
+            {
+                FEATURES: feature_distance(judge, picture, target, _SIDE),
+                PERCEPTUAL: perceptual_distance(encoders.style(), picture, target),
+                EDGES: edge_score(picture, target),
+                PSNR: psnr(picture, target),
+                "feature distance of the plan": feature_distance(judge, painted.planned, target, _SIDE),
+                "CPU s": painted.seconds,
+            },
+            {"planned": painted.planned, "painting": picture},
         )
-    names = [photo.name for photo in photographs]
-    every: list[Row] = [
-        {"photograph": name, "seed": seed, "painted": way, **finding.numbers}
-        for (name, seed, way), finding in found.items()
+
+    def report(results: Results) -> Outcome:
+        return Outcome(
+            NAME,
+            "Photographs painted by meaning and by pixels",
+            {"photographs": tuple(by_name), "seeds": tuple(seeds), **paintings.settings(scale), "judge": JUDGE},
+            (
+                ResultTable("The photographed paintings, mean over photographs and seeds", results.means("painted")),
+                ResultTable("All paintings", results.rows()),
+            ),
+            tuple(_note(measure, results, list(by_name)) for measure in _MORE_IS_BETTER),
+            {NAME: _sheet(photographs, results, seeds[0])},
+        )
+
+    trials = [
+        PaintingTrial.of(
+            {"photograph": photo.name, "seed": seed, "painted": way},
+            paintings.like(scale, photo.picture, [{kind: str(photo.path)}], seed),
+        )
+        for seed in seeds
+        for photo in photographs
+        for way, kind in WAYS.items()
     ]
-    return Outcome(
-        NAME,
-        "Photographs painted by meaning and by pixels",
-        {
-            "photographs": tuple(names), "seeds": tuple(seeds), "brush": brush, "canvas": str(canvas),
-            **scale.settings(),
-            "judge": JUDGE, "robot": ROBOT_ERROR,
-        },
-        (ResultTable("The photographed paintings, mean over photographs and seeds", tuple(_summary(found))),
-         ResultTable("All paintings", tuple(every))),
-        tuple(_note(measure, found, names, seeds) for measure in _MORE_IS_BETTER),
-        {NAME: _sheet(photographs, found, seeds[0])},
-    )  # fmt: skip
+    return paintings.experiment(trials, measure, report, encoders)
 
 
-def _measure(bench: Bench, judge: Seer, photo: Target, seed: int, way: str, notify: Notify) -> Measurement:
-    """How near a painting of the photograph comes to it, and the pictures of its plan and of itself."""
-    term = ImageTerm(photo.picture) if way == PIXELS else SemanticTerm(photo.picture)
-    painted = bench.paint(Goal((term,)), photo.picture, seed, notify, f"{photo.name} {way}")
-    notify(Progress(0.97, f"{photo.name} {way}: measuring"))
-    picture = painted.photograph
-    target = images.fit(photo.picture, *picture.shape[1:])
-    return Measurement(
-        {
-            FEATURES: feature_distance(judge, picture, target, _SIDE),
-            PERCEPTUAL: perceptual_distance(bench.encoders.style(), picture, target),
-            EDGES: edge_score(picture, target),
-            PSNR: psnr(picture, target),
-            "feature distance of the plan": feature_distance(judge, painted.planned, target, _SIDE),
-            "CPU s": painted.seconds,
-        },
-        {"planned": painted.planned, "painting": picture},
-    )
-
-
-def _summary(found: Mapping[_Key, Measurement]) -> list[Row]:
-    rows: list[Row] = []
-    for way in WAYS:
-        findings = [finding for key, finding in found.items() if key[2] == way]
-        means = {name: float(np.mean([one.numbers[name] for one in findings])) for name in findings[0].numbers}
-        rows.append({"painted": way, **means})
-    return rows
-
-
-def _note(measure: str, found: Mapping[_Key, Measurement], names: Sequence[str], seeds: Sequence[int]) -> str:
+def _note(measure: str, results: Results, names: Sequence[str]) -> str:
     """In how many of the paintings meaning is better by a measure, and in which photographs it is not."""
     sign = 1 if _MORE_IS_BETTER[measure] else -1
-    gain = {
-        name: [
-            sign * (found[name, seed, MEANING].numbers[measure] - found[name, seed, PIXELS].numbers[measure])
-            for seed in seeds
-        ]
-        for name in names
-    }
-    better = sum(one > 0 for gains in gain.values() for one in gains)
+    gain = {}
+    for name in names:
+        meaning, pixels = (np.array(results.values(measure, photograph=name, painted=way)) for way in (MEANING, PIXELS))
+        gain[name] = sign * (meaning - pixels)
+    better = sum(int((gains > 0).sum()) for gains in gain.values())
     worse = [name for name, gains in gain.items() if np.mean(gains) <= 0]
-    pixels, meaning = (
-        float(np.mean([found[name, seed, way].numbers[measure] for name in names for seed in seeds])) for way in WAYS
-    )
     lost = f"; not for {', '.join(worse)}" if 0 < len(worse) < len(names) else ""
     return (
-        f"By {measure}, painting by meaning wins {better} of {len(names) * len(seeds)} times: "
-        f"{meaning:.3g} against {pixels:.3g} in the mean{lost}."
+        f"By {measure}, painting by meaning wins {better} of {sum(map(len, gain.values()))} times: "
+        f"{results.mean(measure, painted=MEANING):.3g} against {results.mean(measure, painted=PIXELS):.3g} "
+        f"in the mean{lost}."
     )
 
 
-def _sheet(photographs: Sequence[Target], found: Mapping[_Key, Measurement], seed: int) -> Tensor:
+def _sheet(photographs: Sequence[Target], results: Results, seed: int) -> Tensor:
     lines = []
     for photo in photographs:
-        findings = [found[photo.name, seed, way] for way in WAYS]
+        findings = [results.one(photograph=photo.name, seed=seed, painted=way) for way in WAYS]
         size = findings[0].pictures["painting"].shape[1:]
         cells = [Cell(images.fit(photo.picture, *size))]
         for finding in findings:

@@ -6,100 +6,83 @@ is the F-score of the painting's edges against the drawing's. The edges are Cann
 objective asks HED.
 """
 
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.experiments.goal_paintings import FULL, Bench
+from frida_painter.experiments import paintings
 from frida_painter.experiments.measures import edge_score
-from frida_painter.experiments.outcome import Notify, Outcome, ResultTable, Row, each, silent
-from frida_painter.experiments.result_cache import Measurement
-from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
+from frida_painter.experiments.outcome import Outcome, ResultTable
+from frida_painter.experiments.paintings import FULL, Painted, PaintingTrial
 from frida_painter.experiments.targets import Target
-from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal
+from frida_painter.experiments.trials import Experiment, Measurement, Results
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.objectives.kinds.sketch import SketchTerm
-from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.report.figure_sheet import Cell, FigureRow, page
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import planning_device
 
 NAME = "sketch"
 WORDS, BEGUN, SKETCHED = "words", "words, begun with the drawing", "words and sketch"
 WAYS = (WORDS, BEGUN, SKETCHED)
 EDGES = "edge F-score"
-_Key = tuple[str, int, str]  # drawing, seed, way
 
 
-def run(
+def experiment(
     drawings: Sequence[Target],
+    folder: Path,
     *,
-    brush: str = "broad",
-    canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0, 1),
-    scale: PlanningScale = FULL,
+    scale: RunSpec = FULL,
     encoders: EncoderRegistry | None = None,
-    keep: Path | None = None,
-    notify: Notify = silent,
-) -> Outcome:
+) -> Experiment[PaintingTrial]:
     """Paints every drawing three ways, once per seed; the words are what the drawing is called.
 
-    encoders: the networks that goals are seen through; keep: a folder in which finished paintings
-    wait in case the rest is interrupted. Raises WeightsError where a network is missing, and
-    ConfigError for a drawing without a line.
+    folder: where the lines of the drawings are kept, with which some paintings begin; encoders: the networks that
+    goals are seen through. Raises WeightsError where a network is missing, and ConfigError for a drawing without a
+    line.
     """
-    bench = Bench(brush, canvas, scale, encoders or EncoderRegistry(device=planning_device()), keep)
-    tasks = [(drawing, seed, way) for seed in seeds for drawing in drawings for way in WAYS]
-    found: dict[_Key, Measurement] = {}
-    for (drawing, seed, way), telling in each(tasks, notify):
-        found[drawing.name, seed, way] = bench.recall(
-            f"{drawing.name}-{WAYS.index(way)}-{seed}",
-            partial(_measure, bench, drawing, seed, way, telling),
-            way=way,
-            drawing=drawing.fingerprint,
-            name=drawing.name,
-            seed=seed,
+    lines = {drawing.name: SketchTerm(drawing.picture).drawing for drawing in drawings}
+    for name, picture in lines.items():
+        images.save(picture, folder / f"{name}-lines.png")
+
+    def measure(trial: PaintingTrial, painted: Painted) -> Measurement:
+        picture = painted.photograph
+        edges = edge_score(picture, images.fit(lines[trial["drawing"]], *picture.shape[1:]))
+        return Measurement({EDGES: edges, "CPU s": painted.seconds}, {"painting": picture})
+
+    def report(results: Results) -> Outcome:
+        return Outcome(
+            NAME,
+            "Drawings painted with words",
+            {"drawings": tuple(lines), "seeds": tuple(seeds), **paintings.settings(scale)},
+            (
+                ResultTable("The photographed paintings, mean over drawings and seeds", results.means("painted by")),
+                ResultTable("All paintings", results.rows()),
+            ),
+            (_note(results),),
+            {NAME: _sheet(drawings, results, seeds[0])},
         )
-    summary: list[Row] = []
-    for way in WAYS:
-        findings = [finding for key, finding in found.items() if key[2] == way]
-        means = {name: float(np.mean([one.numbers[name] for one in findings])) for name in findings[0].numbers}
-        summary.append({"painted by": way, **means})
-    every: list[Row] = [
-        {"drawing": name, "seed": seed, "painted by": way, **finding.numbers}
-        for (name, seed, way), finding in found.items()
+
+    trials = [
+        PaintingTrial.of(
+            {"drawing": drawing.name, "seed": seed, "painted by": way}, _spec(scale, drawing, folder, seed, way)
+        )
+        for seed in seeds
+        for drawing in drawings
+        for way in WAYS
     ]
-    return Outcome(
-        NAME,
-        "Drawings painted with words",
-        {
-            "drawings": tuple(one.name for one in drawings), "seeds": tuple(seeds), "brush": brush,
-            "canvas": str(canvas), **scale.settings(), "robot": ROBOT_ERROR,
-        },
-        (ResultTable("The photographed paintings, mean over drawings and seeds", tuple(summary)),
-         ResultTable("All paintings", tuple(every))),
-        (_note(summary, found),),
-        {NAME: _sheet(drawings, found, seeds[0])},
-    )  # fmt: skip
+    return paintings.experiment(trials, measure, report, encoders or EncoderRegistry(device=planning_device()))
 
 
-def _measure(bench: Bench, drawing: Target, seed: int, way: str, notify: Notify) -> Measurement:
-    """How much of the drawing's edges a painting has, and its picture."""
-    words, sketch = TextTerm(_words(drawing)), SketchTerm(drawing.picture)
-    goals = {
-        WORDS: Goal((words,)),
-        BEGUN: Goal((words,), (ImageTerm(sketch.drawing),)),
-        SKETCHED: Goal((words, sketch)),
-    }
-    painted = bench.paint(goals[way], drawing.picture, seed, notify, f"{drawing.name} by {way}")
-    picture = painted.photograph
-    lines = images.fit(sketch.drawing, *picture.shape[1:])
-    return Measurement({EDGES: edge_score(picture, lines), "CPU s": painted.seconds}, {"painting": picture})
+def _spec(scale: RunSpec, drawing: Target, folder: Path, seed: int, way: str) -> RunSpec:
+    goal = [{"text": _words(drawing)}]
+    if way == SKETCHED:
+        goal.append({"sketch": str(drawing.path)})
+    initial = [{"image": str(folder / f"{drawing.name}-lines.png")}] if way == BEGUN else []
+    return paintings.like(scale, drawing.picture, goal, seed, initial=initial)
 
 
 def _words(drawing: Target) -> str:
@@ -107,23 +90,21 @@ def _words(drawing: Target) -> str:
     return f"a {drawing.name.replace('-', ' ').replace('_', ' ')}"
 
 
-def _note(summary: Sequence[Row], found: Mapping[_Key, Measurement]) -> str:
-    figures = {row["painted by"]: float(row[EDGES] or 0) for row in summary}
-    pairs = [(name, seed) for name, seed, way in found if way == SKETCHED]
-    better = sum(
-        found[name, seed, SKETCHED].numbers[EDGES] > found[name, seed, BEGUN].numbers[EDGES] for name, seed in pairs
-    )
+def _note(results: Results) -> str:
+    words, begun, sketched = (results.mean(EDGES, **{"painted by": way}) for way in WAYS)
+    pairs = list(zip(*(results.values(EDGES, **{"painted by": way}) for way in (SKETCHED, BEGUN)), strict=True))
+    better = sum(first > second for first, second in pairs)
     return (
-        f"With the sketch objective the paintings' edges agree with the drawings' by {figures[SKETCHED]:.2f}; by words "
-        f"alone by {figures[WORDS]:.2f}, and begun with the drawing but not held to it by {figures[BEGUN]:.2f}, which "
+        f"With the sketch objective the paintings' edges agree with the drawings' by {sketched:.2f}; by words "
+        f"alone by {words:.2f}, and begun with the drawing but not held to it by {begun:.2f}, which "
         f"the objective exceeds in {better} of {len(pairs)} paintings."
     )
 
 
-def _sheet(drawings: Sequence[Target], found: Mapping[_Key, Measurement], seed: int) -> Tensor:
+def _sheet(drawings: Sequence[Target], results: Results, seed: int) -> Tensor:
     lines = []
     for drawing in drawings:
-        findings = [found[drawing.name, seed, way] for way in WAYS]
+        findings = [results.one(drawing=drawing.name, seed=seed, **{"painted by": way}) for way in WAYS]
         size = findings[0].pictures["painting"].shape[1:]
         cells = [Cell(images.fit(drawing.picture, *size), f'"{_words(drawing)}"')]
         cells += [Cell(one.pictures["painting"], f"edges {one.numbers[EDGES]:.2f}") for one in findings]

@@ -1,7 +1,9 @@
 """Planning with soft strokes by gradient descent: large ones first, each where the picture is most wrong."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Self
 
 import torch
 import torch.nn.functional as functional
@@ -26,6 +28,10 @@ class SoftEffort:
     rounds: int = 6
     settling: int = 30
     polishing: int = 120
+
+    def scaled(self, factor: float) -> Self:
+        """So many times the steps, and at least one of each."""
+        return replace(self, settling=math.ceil(factor * self.settling), polishing=math.ceil(factor * self.polishing))
 
     @property
     def steps(self) -> int:

@@ -13,7 +13,7 @@ from frida_painter.brush.library import StrokeLibrary
 from frida_painter.errors import LibraryError
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent
 from frida_painter.experiments.rivals import BEZIER, LEARNED, PairedTest, errors, learn
-from frida_painter.experiments.scale import LearningScale
+from frida_painter.experiments.scale import ExperimentScale
 from frida_painter.report.figure_sheet import Cell, FigureRow, page
 
 NAME = "stroke-model"
@@ -22,12 +22,12 @@ _MOST_SHARE = 0.4
 _SHOWN = 8  # strokes in the picture
 
 
-FULL = LearningScale(strokes=200, held_out=50)
-QUICK = LearningScale(strokes=16, held_out=6, quick=True)
+FULL = ExperimentScale(strokes=200, held_out=50)
+QUICK = ExperimentScale(strokes=16, held_out=6, quick=True)
 
 
 def run(
-    library: StrokeLibrary, name: str, *, seed: int = 0, scale: LearningScale = FULL, notify: Notify = silent
+    library: StrokeLibrary, name: str, *, seed: int = 0, scale: ExperimentScale = FULL, notify: Notify = silent
 ) -> Outcome:
     """Learns from a library called `name` and tests on strokes held out. Raises LibraryError where it is too small."""
     if len(library) < FEWEST_STROKES:

@@ -6,42 +6,28 @@ another fifth of them for validation, and tested on the same strokes held out.
 
 from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.limits import FEWEST_STROKES
 from frida_painter.errors import LibraryError
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, silent
-from frida_painter.experiments.result_cache import Measurement, ResultCache
+from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row
 from frida_painter.experiments.rivals import BEZIER, LEARNED, errors, fingerprint, learn
-from frida_painter.experiments.scale import LearningScale
+from frida_painter.experiments.scale import ExperimentScale
+from frida_painter.experiments.trials import Experiment, Measurement, Results, Trial
 from frida_painter.report.chart import Series, chart
 
 NAME = "strokes-needed"
 
 
-FULL = LearningScale(strokes=200, held_out=42, sizes=(10, 25, 50, 100, 150), folds=5)
-QUICK = LearningScale(strokes=16, held_out=4, sizes=(6, 10), folds=2, quick=True)
+FULL = ExperimentScale(strokes=200, held_out=42, sizes=(10, 25, 50, 100, 150), folds=5)
+QUICK = ExperimentScale(strokes=16, held_out=4, sizes=(6, 10), folds=2, quick=True)
 
 
-def run(
-    library: StrokeLibrary,
-    name: str,
-    *,
-    seed: int = 0,
-    scale: LearningScale = FULL,
-    keep: Path | None = None,
-    notify: Notify = silent,
-) -> Outcome:
-    """Trains on parts of a library called `name`.
-
-    keep: a folder in which finished trainings wait in case the rest is interrupted. Raises
-    LibraryError where the library is too small for two of the sizes.
-    """
+def experiment(library: StrokeLibrary, name: str, *, seed: int = 0, scale: ExperimentScale = FULL) -> Experiment[Trial]:
+    """Trains on parts of a library called `name`. Raises LibraryError where it is too small for two of the sizes."""
     order = np.random.default_rng(seed).permutation(len(library))
     test, pool = library[order[: scale.held_out]], order[scale.held_out :]
     sizes = tuple(size for size in scale.sizes if FEWEST_STROKES <= size <= len(pool))
@@ -50,37 +36,39 @@ def run(
             f"The stroke library has {len(library)} strokes, {scale.held_out} of which are held out for the test; "
             f"give one of at least {scale.held_out + sorted(scale.sizes)[1]}."
         )
-    cache = ResultCache(keep, {"library": fingerprint(library), "seed": seed, "scale": repr(scale)})
     models = (*LEARNED, BEZIER)
-    tasks = [(model, size, fold) for model in models for size in sizes for fold in range(scale.folds)]
-    error: dict[tuple[str, int, int], float] = {}
-    for number, (model, size, fold) in enumerate(tasks):
-        notify(Progress(number / len(tasks), f"{model} from {size} strokes, {fold + 1} of {scale.folds}"))
+
+    def measure(trial: Trial, notify: Notify) -> Measurement:
+        model, size, fold = trial["model"], int(trial["strokes"]), int(trial["fold"])
+        notify(Progress(0.0, f"{model} from {size} strokes, {fold + 1} of {scale.folds}"))
         chosen = np.random.default_rng((seed, fold)).permutation(pool)[:size]
+        predict = learn(model, library[chosen], seed=seed + fold, quick=scale.quick)
+        return Measurement({"error": float(errors(predict, test).mean())})
 
-        def measure(model: str = model, part: NDArray[np.int64] = chosen, fold: int = fold) -> Measurement:
-            predict = learn(model, library[part], seed=seed + fold, quick=scale.quick)
-            return Measurement({"error": float(errors(predict, test).mean())}, {})
+    def report(results: Results) -> Outcome:
+        rows = [
+            _row(model, size, results.values("error", model=model, strokes=size)) for model in models for size in sizes
+        ]
+        return Outcome(
+            NAME,
+            f"Error against the number of strokes: {name}",
+            {
+                "library": name, "strokes": len(library), "sizes": sizes, "folds": scale.folds,
+                "held out": scale.held_out, "seed": seed,
+            },
+            (ResultTable(f"Mean absolute error on {scale.held_out} strokes held out", tuple(rows)),),
+            tuple(_note(model, rows) for model in LEARNED),
+            {NAME: _curve(name, models, rows)},
+        )  # fmt: skip
 
-        finding = cache.recall(f"{model.replace(' ', '-')}-{size}-{fold}", measure)
-        error[model, size, fold] = finding.numbers["error"]
-    notify(Progress(1.0, "drawing"))
-    rows = [
-        _row(model, size, [error[model, size, fold] for fold in range(scale.folds)])
+    depends_on = {"library": fingerprint(library), "seed": seed, "scale": repr(scale)}
+    trials = [
+        Trial({"model": model, "strokes": size, "fold": fold}, depends_on)
         for model in models
         for size in sizes
+        for fold in range(scale.folds)
     ]
-    return Outcome(
-        NAME,
-        f"Error against the number of strokes: {name}",
-        {
-            "library": name, "strokes": len(library), "sizes": sizes, "folds": scale.folds,
-            "held out": scale.held_out, "seed": seed,
-        },
-        (ResultTable(f"Mean absolute error on {scale.held_out} strokes held out", tuple(rows)),),
-        tuple(_note(model, rows) for model in LEARNED),
-        {NAME: _curve(name, models, rows)},
-    )  # fmt: skip
+    return Experiment(trials, measure, report)
 
 
 def _row(model: str, size: int, error: Sequence[float]) -> Row:

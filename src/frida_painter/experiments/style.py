@@ -5,32 +5,28 @@ not see: layers of VGG16 between those that it asks, and another network altoget
 the optimiser's relaxed one and exactly.
 """
 
-from collections.abc import Mapping, Sequence
-from functools import partial
-from pathlib import Path
+from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from frida_painter import images, weights
-from frida_painter.experiments.goal_paintings import FULL, Bench
+from frida_painter.experiments import paintings
 from frida_painter.experiments.measures import edge_correlation, exact_emd
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, each, silent
-from frida_painter.experiments.result_cache import Measurement
-from frida_painter.experiments.scale import CANVAS, ROBOT_ERROR, PlanningScale
+from frida_painter.experiments.outcome import Outcome, ResultTable
+from frida_painter.experiments.paintings import FULL, Painted, PaintingTrial
 from frida_painter.experiments.targets import Target
-from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal
+from frida_painter.experiments.trials import Experiment, Measurement, Results
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.encoders.vgg import Vgg16
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.objectives.style import LAYERS as SEEN
 from frida_painter.objectives.transport import cosine_cost, euclidean_cost, relaxed_emd
 from frida_painter.report.figure_sheet import Cell, FigureRow, page
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import planning_device
 
 NAME = "style"
@@ -41,86 +37,74 @@ UNSEEN = ("conv2_1", "conv3_2", "conv4_2")
 _ROWS = 192  # of the pictures whose features are compared
 _PLACES = 500  # at which they are
 _LIGHT = 0.25  # of the photograph, where a painting begins with the style and is to keep its composition
+_EDGES = "edges like the style's"
 _NETWORKS = ("VGG16", "Lite1", "colours")
 assert not set(SEEN) & set(UNSEEN)
 
 
-def run(
+def experiment(
     photographs: Sequence[Target],
     styles: Sequence[Target],
     *,
-    brush: str = "broad",
-    canvas: CanvasSize = CANVAS,
     seeds: Sequence[int] = (0, 1),
-    scale: PlanningScale = FULL,
+    scale: RunSpec = FULL,
     encoders: EncoderRegistry | None = None,
     judge: Seer | None = None,
-    keep: Path | None = None,
-    notify: Notify = silent,
-) -> Outcome:
+) -> Experiment[PaintingTrial]:
     """Paints every photograph unstyled, in every style, and begun with that style's own composition.
 
     encoders: the networks that goals are seen through; judge: the one that they do not ask, by
-    default EfficientNet-Lite1; keep: a folder in which finished paintings wait in case the rest is
-    interrupted. Raises WeightsError where a network is missing.
+    default EfficientNet-Lite1. Raises WeightsError where a network is missing.
     """
-    bench = Bench(brush, canvas, scale, encoders or EncoderRegistry(device=planning_device()), keep)
+    encoders = encoders or EncoderRegistry(device=planning_device())
     judge = judge or EfficientNetLite(weights.tensors(JUDGE))
-    pairs = [(photo, style) for photo in photographs for style in styles]
-    tasks = [(photo, style, seed, way) for seed in seeds for photo, style in pairs for way in WAYS]
-    found: dict[tuple[str, str, int, str], Measurement] = {}
-    for (photo, style, seed, way), telling in each(tasks, notify):
-        found[photo.name, style.name, seed, way] = bench.recall(
-            f"{photo.name}-{style.name}-{WAYS.index(way)}-{seed}",
-            partial(_measure, bench, judge, photo, style, seed, way, telling),
-            way=way,
-            photo=photo.fingerprint,
-            style=style.fingerprint,
-            seed=seed,
+    photos, looks = ({one.name: one.picture for one in some} for some in (photographs, styles))
+
+    def measure(trial: PaintingTrial, painted: Painted) -> Measurement:
+        picture, style = painted.photograph, looks[trial["style"]]
+        return Measurement(
+            {
+                **_distances(encoders.style(), judge, picture, style),
+                "edges like the photograph's": edge_correlation(picture, photos[trial["photograph"]]),
+                _EDGES: edge_correlation(picture, style),
+                "CPU s": painted.seconds,
+            },
+            {"painting": picture},
         )
-    summary = [_summary(way, [finding for key, finding in found.items() if key[3] == way]) for way in WAYS]
-    every: list[Row] = [
-        {"photograph": photo, "style": style, "seed": seed, "painted": way, **finding.numbers}
-        for (photo, style, seed, way), finding in found.items()
+
+    def report(results: Results) -> Outcome:
+        return Outcome(
+            NAME,
+            "Photographs painted in the style of other pictures",
+            {
+                "photographs": tuple(photos), "styles": tuple(looks), "seeds": tuple(seeds),
+                **paintings.settings(scale), "layers not seen": UNSEEN,
+            },
+            (ResultTable("Distance in style of the photographed paintings, mean", results.means("painted")),
+             ResultTable("All paintings", results.rows())),
+            (_note(results), _composition_note(results)),
+            {NAME: _sheet(photographs, styles, results, seeds[0])},
+        )  # fmt: skip
+
+    trials = [
+        PaintingTrial.of(
+            {"photograph": photo.name, "style": style.name, "seed": seed, "painted": way},
+            _spec(scale, photo, style, seed, way),
+        )
+        for seed in seeds
+        for photo in photographs
+        for style in styles
+        for way in WAYS
     ]
-    return Outcome(
-        NAME,
-        "Photographs painted in the style of other pictures",
-        {
-            "photographs": tuple(one.name for one in photographs), "styles": tuple(one.name for one in styles),
-            "seeds": tuple(seeds), "brush": brush, "canvas": str(canvas), **scale.settings(), "layers not seen": UNSEEN,
-            "robot": ROBOT_ERROR,
-        },
-        (ResultTable("Distance in style of the photographed paintings, mean", tuple(summary)),
-         ResultTable("All paintings", tuple(every))),
-        (_note(found, pairs, seeds), _composition_note(summary)),
-        {NAME: _sheet(pairs, found, seeds[0])},
-    )  # fmt: skip
+    return paintings.experiment(trials, measure, report, encoders)
 
 
-def _measure(
-    bench: Bench, judge: Seer, photo: Target, style: Target, seed: int, way: str, notify: Notify
-) -> Measurement:
-    """How far a painting of the photograph is from the style, whose edges it has, and its picture."""
-    words = f"{photo.name}, {way}" if way == UNSTYLED else f"{photo.name} in the style of {style.name}, {way}"
-    goals = {
-        UNSTYLED: Goal((ImageTerm(photo.picture),)),
-        STYLED: Goal((ImageTerm(photo.picture), StyleTerm(style.picture))),
-        BEGUN: Goal((ImageTerm(photo.picture, _LIGHT), StyleTerm(style.picture)), (ImageTerm(style.picture),)),
-    }
-    like = style if way == BEGUN else photo
-    painted = bench.paint(goals[way], like.picture, seed, notify, words)
-    notify(Progress(0.97, f"{words}: measuring"))
-    picture = painted.photograph
-    return Measurement(
-        {
-            **_distances(bench.encoders.style(), judge, picture, style.picture),
-            "edges like the photograph's": edge_correlation(picture, photo.picture),
-            "edges like the style's": edge_correlation(picture, style.picture),
-            "CPU s": painted.seconds,
-        },
-        {"painting": picture},
-    )
+def _spec(scale: RunSpec, photo: Target, style: Target, seed: int, way: str) -> RunSpec:
+    image, styled = {"image": str(photo.path)}, {"style": str(style.path)}
+    if way == BEGUN:
+        light = {**image, "weight": _LIGHT}
+        return paintings.like(scale, style.picture, [light, styled], seed, initial=[{"image": str(style.path)}])
+    return paintings.like(scale, photo.picture, [image, styled] if way == STYLED else [image], seed)
 
 
 @torch.no_grad()
@@ -153,25 +137,14 @@ def _sampled(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
     return a[torch.randperm(len(a), generator=chance)[:count]], b[torch.randperm(len(b), generator=chance)[:count]]
 
 
-def _summary(way: str, findings: Sequence[Measurement]) -> Row:
-    names = findings[0].numbers
-    return {"painted": way, **{name: float(np.mean([one.numbers[name] for one in findings])) for name in names}}
-
-
-def _note(
-    found: Mapping[tuple[str, str, int, str], Measurement], pairs: Sequence[tuple[Target, Target]], seeds: Sequence[int]
-) -> str:
+def _note(results: Results) -> str:
     parts = []
     for network in _NETWORKS:
-        pick = f"{network}, exact"
-        values = [
-            [found[photo.name, style.name, seed, way].numbers[pick] for way in (STYLED, UNSTYLED)]
-            for photo, style in pairs
-            for seed in seeds
-        ]
-        better = sum(styled < unstyled for styled, unstyled in values)
-        styled, unstyled = np.mean(values, 0)
-        parts.append(f"{network}: {styled:.3f} against {unstyled:.3f}, nearer in {better} of {len(values)}")
+        styled, unstyled = (np.array(results.values(f"{network}, exact", painted=way)) for way in (STYLED, UNSTYLED))
+        parts.append(
+            f"{network}: {styled.mean():.3f} against {unstyled.mean():.3f}, nearer in {(styled < unstyled).sum()} of "
+            f"{len(styled)}"
+        )
     return (
         "Styled paintings against unstyled ones, exact distance in style on features that were not optimised: "
         + "; ".join(parts)
@@ -179,23 +152,20 @@ def _note(
     )
 
 
-def _composition_note(summary: Sequence[Row]) -> str:
-    by = {row["painted"]: row for row in summary}
-    figures = [float(by[way]["edges like the style's"] or 0) for way in (BEGUN, STYLED)]
+def _composition_note(results: Results) -> str:
+    begun, styled = (results.mean(_EDGES, painted=way) for way in (BEGUN, STYLED))
     return (
         "The edges of a painting begun with the style picture correlate with that picture's own composition by "
-        f"{figures[0]:.2f}; by {figures[1]:.2f} where the painting began with the photograph."
+        f"{begun:.2f}; by {styled:.2f} where the painting began with the photograph."
     )
 
 
-def _sheet(
-    pairs: Sequence[tuple[Target, Target]], found: Mapping[tuple[str, str, int, str], Measurement], seed: int
-) -> Tensor:
+def _sheet(photographs: Sequence[Target], styles: Sequence[Target], results: Results, seed: int) -> Tensor:
     lines = []
-    for photo, style in pairs:
+    for photo, style in product(photographs, styles):
         cells = [Cell(photo.picture), Cell(style.picture)]
         for way in WAYS:
-            finding = found[photo.name, style.name, seed, way]
+            finding = results.one(photograph=photo.name, style=style.name, seed=seed, painted=way)
             cells.append(Cell(finding.pictures["painting"], f"distance {finding.numbers['VGG16, exact']:.3f}"))
         lines.append(FigureRow("", cells))
     headings = ("photograph", "style", *(f"painted {way}" for way in WAYS))

@@ -6,47 +6,35 @@ photograph. Floors: the picture that the words began with, planned by its pixels
 picture itself; and strokes at random. They are judged as simulated, which flatters them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import torch
 from torch import Tensor
 
-from frida_painter import images
-from frida_painter.brush.kinds import brush_kind
-from frida_painter.brush.stroke_model import StrokeModel
-from frida_painter.brush.table_cache import cached_table
-from frida_painter.brush.weights import load_stroke_model
-from frida_painter.experiments.execution import open_easel
-from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row, each, silent
-from frida_painter.experiments.result_cache import Measurement, ResultCache
-from frida_painter.experiments.scale import CANVAS, PlanningScale
-from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal
+from frida_painter import images, weights
+from frida_painter.experiments import paintings
+from frida_painter.experiments.outcome import Outcome, ResultTable, Row
+from frida_painter.experiments.paintings import Painted, PaintingTrial
+from frida_painter.experiments.trials import Experiment, Measurement, Results
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.conse import class_names
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.planning.initialize import uniform
-from frida_painter.planning.planner import Effort, Planner
 from frida_painter.render import render
 from frida_painter.report.figure_sheet import Cell, FigureRow, page
-from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_observer import CanvasObserver
-from frida_painter.session.events import Event, Planned, PlanningStep, StrokePainted
-from frida_painter.session.loop import PaintingSession
+from frida_painter.runs.run import PaintingRun
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import planning_device
-from frida_painter.session.replan_policy import EvenlySpaced
 
 NAME = "text"
+JUDGE = "efficientnet-lite2"
 PAINTED, PIXELS, BEGUN, RANDOM = "words", "pixels of the beginning", "the beginning itself", "random strokes"
 WAYS = (PAINTED, PIXELS, BEGUN, RANDOM)
 _SEEN = 260  # pixels of the square that the judge was made for
-_PLANNING = 0.5  # share of the time that a first plan takes
 
 
 @dataclass(frozen=True)
@@ -81,8 +69,8 @@ PROMPTS = (
 )
 
 
-FULL = PlanningScale(strokes=100, colors=12, rows=256, effort=1.0, looks=2)
-QUICK = PlanningScale(strokes=6, colors=3, rows=64, effort=0.05, looks=1, quick=True)
+FULL = RunSpec.of(strokes=100, colors=12, replans=2)
+QUICK = RunSpec.of(strokes=6, colors=3, render_height=64, effort=0.05, replans=1)
 
 
 class Unjudged(EncoderRegistry):
@@ -93,123 +81,87 @@ class Unjudged(EncoderRegistry):
         return None
 
 
-def run(
-    *,
-    encoders: EncoderRegistry,
-    judge: EfficientNetLite,
+def experiment(
     prompts: Sequence[Prompt] = PROMPTS,
-    brush: str = "broad",
-    canvas: CanvasSize = CANVAS,
+    *,
     seeds: Sequence[int] = (0,),
-    scale: PlanningScale = FULL,
-    keep: Path | None = None,
-    notify: Notify = silent,
-) -> Outcome:
-    """Paints every prompt once per seed. keep: a folder of what was finished, from which it goes on."""
-    model = cached_table(load_stroke_model(brush))
-    bench = _Bench(encoders, judge, model, canvas, scale)
+    scale: RunSpec = FULL,
+    encoders: EncoderRegistry | None = None,
+    judge: EfficientNetLite | None = None,
+) -> Experiment[PaintingTrial]:
+    """Paints every prompt once per seed.
+
+    encoders: the networks that words are seen through; judge: the one that they do not ask, by default
+    EfficientNet-Lite2. Raises WeightsError where a network is missing.
+    """
+    judge = judge or EfficientNetLite(weights.tensors(JUDGE))
+    encoders = encoders or Unjudged(device=planning_device())
     readers = " and ".join(reader.name for reader in encoders.readers())
-    settings: dict[str, str | int | float] = {
-        "brush": brush, "canvas": str(canvas), "strokes": scale.strokes, "colors": scale.colors, "rows": scale.rows,
-        "looks": scale.looks, "effort": scale.effort, "seen through": readers,
-    }  # fmt: skip
-    cache = ResultCache(keep, settings)
-    found: dict[tuple[int, int], Measurement] = {}
-    tasks = [(number, seed) for seed in seeds for number in range(len(prompts))]
-    for (number, seed), telling in each(tasks, notify):
-        prompt = prompts[number]
-        paint = partial(bench.paint, prompt, seed, telling)
-        found[number, seed] = cache.recall(f"{prompt.words.replace(' ', '-')}-{seed}", paint)
-    rows = [_row(prompts, number, seed, finding, found) for (number, seed), finding in found.items()]
-    summary = tuple(_summary(way, prompts, found) for way in WAYS)
-    return Outcome(
-        NAME,
-        "Paintings towards words, and what an unseen network takes them for",
-        {"prompts": [prompt.words for prompt in prompts], "seeds": tuple(seeds), **settings},
-        (ResultTable("Over all paintings", summary), ResultTable("Every painting", tuple(rows))),
-        (_note(summary),),
-        {"paintings": _sheet(prompts, seeds[0], found)},
-    )
 
-
-@dataclass(frozen=True)
-class _Bench:
-    """What all paintings have in common."""
-
-    encoders: EncoderRegistry
-    judge: EfficientNetLite
-    model: StrokeModel
-    canvas: CanvasSize
-    scale: PlanningScale
-
-    def paint(self, prompt: Prompt, seed: int, notify: Notify) -> Measurement:
-        """One prompt: its painting and its floors, with the judge's log probability of every class for each."""
-        planner = self._planner(Goal((TextTerm(prompt.words),)), seed)
-        begun = next(term.picture for term in planner.goal.initial if term.picture is not None)
-        bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
-        plan, photograph = self._session(planner, seed, prompt.words, notify)
-        by_pixels = self._planner(Goal((ImageTerm(begun),)), seed)
-        pixels = by_pixels.expected(by_pixels.plan(bare, self.scale.strokes, self.scale.colors, _unheard), bare)
-        generator = torch.Generator().manual_seed(seed)
-        scattered = uniform(self.scale.strokes, self.model.limits.within(self.canvas), self.canvas, generator)
-        random = render(scattered, self.model, bare, self.canvas)
-        judged = dict(zip(WAYS, (photograph, pixels, begun, random), strict=True))
+    def measure(trial: PaintingTrial, painted: Painted) -> Measurement:
+        """The painting and its floors, and the judge's log probability of every class for each."""
+        pictures = {PAINTED: painted.photograph, **_floors(painted)}
         numbers = {
             f"{way} {number}": value
-            for way, picture in judged.items()
-            for number, value in enumerate(log_probabilities(self.judge, picture).tolist())
+            for way, picture in pictures.items()
+            for number, value in enumerate(log_probabilities(judge, picture).tolist())
         }
-        return Measurement(numbers, {"begun": begun, "plan": plan, "painting": photograph, "pixels": pixels})
-
-    def _planner(self, goal: Goal, seed: int) -> Planner:
-        effort = Effort().scaled(self.scale.effort)
-        return Planner(
-            goal,
-            self.canvas,
-            self.model,
-            rows=self.scale.rows,
-            effort=effort,
-            seed=seed,
-            encoders=self.encoders,
-            device=planning_device(),
+        return Measurement(
+            numbers,
+            {
+                "begun": pictures[BEGUN],
+                "plan": painted.planned,
+                "painting": painted.photograph,
+                "pixels": pictures[PIXELS],
+            },
         )
 
-    def _session(self, planner: Planner, seed: int, words: str, notify: Notify) -> tuple[Tensor, Tensor]:
-        """The first plan as simulated, and the photograph of the painting, both at the plan's resolution."""
-        easel = open_easel(self.canvas, self.model.brush, seed)
-        plans: list[Tensor] = []
+    def report(results: Results) -> Outcome:
+        summary = tuple(_summary(way, prompts, seeds, results) for way in WAYS)
+        rows = tuple(_row(prompt, seed, prompts, results) for seed in seeds for prompt in prompts)
+        return Outcome(
+            NAME,
+            "Paintings towards words, and what an unseen network takes them for",
+            {
+                "prompts": tuple(prompt.words for prompt in prompts), "seeds": tuple(seeds),
+                **paintings.settings(scale), "seen through": readers,
+            },
+            (ResultTable("Over all paintings", summary), ResultTable("Every painting", rows)),
+            (_note(summary),),
+            {"paintings": _sheet(prompts, seeds[0], results)},
+        )  # fmt: skip
 
-        def hear(event: Event) -> None:
-            match event:
-                case PlanningStep("plan", iteration, of):
-                    notify(Progress(_PLANNING * iteration / of, f"{words}: planning"))
-                case StrokePainted(done, of):
-                    notify(Progress(_PLANNING + (1 - _PLANNING) * done / of, f"{words}: painting"))
-                case Planned(done=0, expected=picture):
-                    plans.append(picture)
-                case _:
-                    pass
-
-        session = PaintingSession(
-            planner,
-            Brushwork(easel, brush_kind(self.model.brush)),
-            CanvasObserver(easel, ground=(1.0, 1.0, 1.0)),
-            EvenlySpaced(self.scale.looks),
-            stop_asked=lambda: False,
-            notify=hear,
+    trials = [
+        PaintingTrial.of(
+            {"prompt": prompt.words, "seed": seed},
+            scale.changed(goal=[{"text": prompt.words}], seed=seed, fit="crop", film=False),
         )
-        painting = session.run(self.scale.strokes, self.scale.colors)
-        return plans[0], images.fit(painting.photograph, planner.fine.rows, planner.fine.columns)
+        for seed in seeds
+        for prompt in prompts
+    ]
+    return paintings.experiment(trials, measure, report, encoders)
+
+
+def _floors(painted: Painted) -> dict[str, Tensor]:
+    """What words are held against: what they began with, planned by its pixels and as it is, and random strokes."""
+    planner, spec = painted.run.planner, painted.run.spec
+    begun = next(term.picture for term in planner.goal.initial if term.picture is not None)
+    with TemporaryDirectory() as folder:
+        picture = Path(folder) / "begun.png"
+        images.save(begun, picture)
+        with PaintingRun(spec.changed(goal=[{"image": str(picture)}])) as run:
+            pixels = run.planner.expected(run.plan(), planner.bare)
+    generator = torch.Generator().manual_seed(spec.seed)
+    scattered = uniform(spec.strokes, planner.model.limits.within(spec.canvas), spec.canvas, generator)
+    with torch.no_grad():
+        random = render(scattered, planner.model, planner.bare, spec.canvas)
+    return {PIXELS: pixels, BEGUN: begun, RANDOM: random}
 
 
 @torch.no_grad()
 def log_probabilities(judge: EfficientNetLite, picture: Tensor) -> Tensor:
     """What the judge says of each class, [1000], in the middle square of a picture [3, H, W]."""
     return judge.logits(images.fit(picture, _SEEN, _SEEN)[None]).log_softmax(1)[0]
-
-
-def _unheard(step: object) -> None:
-    """Where nobody listens."""
 
 
 def _of(finding: Measurement, way: str) -> Tensor:
@@ -222,30 +174,31 @@ def rank_of(logs: Tensor, prompt: Prompt) -> int:
     return int((logs > logs[list(prompt.classes)].max()).sum()) + 1
 
 
-_Found = Mapping[tuple[int, int], Measurement]
-
-
-def _first(prompts: Sequence[Prompt], number: int, seed: int, way: str, found: _Found) -> float:
+def _first(prompt: Prompt, seed: int, way: str, prompts: Sequence[Prompt], results: Results) -> float:
     """1 where every other prompt's picture shows this prompt's classes with a lower probability, else 0.
 
     Where several are equally probable, one of them is drawn, so to speak: the share of the chances.
     """
-    classes = list(prompts[number].classes)
-    logs = {other: float(_of(found[other, seed], way)[classes].logsumexp(0)) for other in range(len(prompts))}
-    best = [other for other, value in logs.items() if value == max(logs.values())]
-    return 1 / len(best) if number in best else 0.0
+    classes = list(prompt.classes)
+    logs = {
+        other.words: float(_of(results.one(prompt=other.words, seed=seed), way)[classes].logsumexp(0))
+        for other in prompts
+    }
+    best = [words for words, value in logs.items() if value == max(logs.values())]
+    return 1 / len(best) if prompt.words in best else 0.0
 
 
-def _row(prompts: Sequence[Prompt], number: int, seed: int, finding: Measurement, found: _Found) -> Row:
+def _row(prompt: Prompt, seed: int, prompts: Sequence[Prompt], results: Results) -> Row:
+    finding = results.one(prompt=prompt.words, seed=seed)
     logs = _of(finding, PAINTED)
     return {
-        "prompt": prompts[number].words,
+        "prompt": prompt.words,
         "seed": seed,
-        "rank": rank_of(logs, prompts[number]),
-        "probability": float(logs[list(prompts[number].classes)].exp().sum()),
-        "first among all": _first(prompts, number, seed, PAINTED, found) == 1,
+        "rank": rank_of(logs, prompt),
+        "probability": float(logs[list(prompt.classes)].exp().sum()),
+        "first among all": _first(prompt, seed, PAINTED, prompts, results) == 1,
         "taken for": ", ".join(_top(logs)),
-        **{f"rank, {way}": rank_of(_of(finding, way), prompts[number]) for way in WAYS[1:]},
+        **{f"rank, {way}": rank_of(_of(finding, way), prompt) for way in WAYS[1:]},
     }
 
 
@@ -257,11 +210,12 @@ def _top(logs: Tensor) -> list[str]:
     ]
 
 
-def _summary(way: str, prompts: Sequence[Prompt], found: _Found) -> Row:
+def _summary(way: str, prompts: Sequence[Prompt], seeds: Sequence[int], results: Results) -> Row:
+    pairs = [(prompt, seed) for seed in seeds for prompt in prompts]
     ranks = torch.tensor(
-        [rank_of(_of(finding, way), prompts[number]) for (number, _), finding in found.items()]
+        [rank_of(_of(results.one(prompt=prompt.words, seed=seed), way), prompt) for prompt, seed in pairs]
     ).float()
-    firsts = torch.tensor([_first(prompts, number, seed, way, found) for number, seed in found])
+    firsts = torch.tensor([_first(prompt, seed, way, prompts, results) for prompt, seed in pairs])
     return {
         "judged": way if way != PAINTED else "painted towards the words",
         "within 5": float((ranks <= 5).float().mean()),
@@ -280,10 +234,10 @@ def _note(summary: Sequence[Row]) -> str:
     )
 
 
-def _sheet(prompts: Sequence[Prompt], seed: int, found: _Found) -> Tensor:
+def _sheet(prompts: Sequence[Prompt], seed: int, results: Results) -> Tensor:
     lines = []
-    for number, prompt in enumerate(prompts):
-        finding = found[number, seed]
+    for prompt in prompts:
+        finding = results.one(prompt=prompt.words, seed=seed)
         logs = _of(finding, PAINTED)
         label = "\n".join((f"“{prompt.words}”", f"rank {rank_of(logs, prompt)}", "", *_top(logs)))
         lines.append(FigureRow(label, [Cell(finding.pictures[name]) for name in ("begun", "plan", "painting")]))

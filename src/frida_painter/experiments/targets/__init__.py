@@ -1,9 +1,9 @@
 """The pictures that experiments paint: those that come with the project, or a person's own."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 from torch import Tensor
 
@@ -18,21 +18,23 @@ DRAWINGS = ("sailing-boat", "mug", "pear", "house")
 
 @dataclass(frozen=True)
 class Target:
-    """A picture to paint, sRGB [3, H, W] in [0, 1], and what it is called."""
+    """A picture to paint, sRGB [3, H, W] in [0, 1]: what it is called, and its file."""
 
     name: str
+    path: Path
     picture: Tensor
 
-    @property
-    def fingerprint(self) -> str:
-        """sha256 of the picture."""
-        return hashlib.sha256(self.picture.numpy().tobytes()).hexdigest()
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """The picture of a file, called as the file. Raises ImageError."""
+        return cls(path.stem, path, images.load(path))
 
 
 def shipped(names: Sequence[str] = SHIPPED) -> tuple[Target, ...]:
     """The project's own pictures of these names."""
-    paths = [Path(__file__).with_name(f"{name}.{'png' if name in DRAWINGS else 'jpg'}") for name in names]
-    return tuple(Target(name, images.load(path)) for name, path in zip(names, paths, strict=True))
+    return tuple(
+        Target.read(Path(__file__).with_name(f"{name}.{'png' if name in DRAWINGS else 'jpg'}")) for name in names
+    )
 
 
 def given(paths: Sequence[Path]) -> tuple[Target, ...]:
@@ -41,4 +43,4 @@ def given(paths: Sequence[Path]) -> tuple[Target, ...]:
     for name in names:
         if names.count(name) > 1:
             raise ConfigError(f"Two targets are called {name!r}; rename one of the files.")
-    return tuple(Target(name, images.load(path)) for name, path in zip(names, paths, strict=True))
+    return tuple(map(Target.read, paths))
