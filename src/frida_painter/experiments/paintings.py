@@ -4,7 +4,6 @@ Every painting is planned on a bare canvas and painted in the virtual studio thr
 as well: everything that all paintings of an experiment share.
 """
 
-import hashlib
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,7 +12,7 @@ from typing import Any, Self
 
 from torch import Tensor
 
-from frida_painter import images
+from frida_painter import images, storage
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Value
 from frida_painter.experiments.trials import Experiment, Labels, Measurement, Results, Trial
 from frida_painter.objectives.encoders.registry import EncoderRegistry
@@ -145,7 +144,7 @@ def planned(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
 def _content(item: GoalItem) -> list[str | float]:
     """A goal as what it really is: words, or the content of a file."""
     value = input_of(item).value
-    content = hashlib.sha256(value.read_bytes()).hexdigest() if isinstance(value, Path) else value
+    content = storage.sha256(value, "a picture of the goal") if isinstance(value, Path) else value
     return [item.kind, content, item.weight]
 
 
