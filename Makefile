@@ -47,6 +47,7 @@ lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python tools/check_page.py lint
 
 docs: $(VENV)/docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
@@ -57,6 +58,7 @@ browser:
 		&& apt-get -qq update && apt-get -qq install -y --no-install-recommends chromium; } || true
 
 test: lint browser
+	$(BIN)/python tools/check_page.py test
 	$(BIN)/pytest -n 2 --dist worksteal
 
 quick: install

@@ -1,0 +1,86 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { opacities } from "../../../src/frida_painter/web/static/canvasview.js";
+import { count, duration } from "../../../src/frida_painter/web/static/dom.js";
+import { brushWords } from "../../../src/frida_painter/web/static/easelstate.js";
+import { corrected, toPaint, toPlan } from "../../../src/frida_painter/web/static/estimate.js";
+import { mainTerm, nearestWeight, weights } from "../../../src/frida_painter/web/static/goal.js";
+import { outcome } from "../../../src/frida_painter/web/static/looks.js";
+import { need } from "../../../src/frida_painter/web/static/needs.js";
+
+test("durations are said as people say them", () => {
+  const said = { 0: "5 s", 1: "5 s", 12: "15 s", 59: "60 s", 60: "1 min", 95: "2 min", 3600: "1 h 0 min", 5460: "1 h 31 min" };
+  for (const [seconds, words] of Object.entries(said)) assert.equal(duration(Number(seconds)), words);
+  assert.deepEqual([0, 1, 2].map((number) => count(number, "stroke", "strokes")), ["0 strokes", "1 stroke", "2 strokes"]);
+});
+
+test("the sentence about a look says what it was for and does not claim that nothing changed", () => {
+  const whys = ["region", "only", "freed", "goal", "asked", ""];
+  const sentences = whys.map((why) => outcome({ why, gain: 0 }));
+  assert.equal(new Set(sentences).size, whys.length);
+  for (const sentence of sentences) assert.match(sentence, /replanned/);
+  assert.match(outcome({ why: "region", gain: -0.4 }), /protected part.*40 % farther from the goal.*left out/);
+  assert.match(outcome({ why: "", gain: 0.31 }), /31 % closer to the goal/);
+  assert.match(outcome({ why: "goal", gain: 0.1 }), /closer to the new goal/);
+  assert.doesNotMatch(outcome({ why: "", gain: -0.2 }), /left out/);
+  assert.equal(outcome({ why: "asked" }), "", "nothing is said before it is known");
+});
+
+const PACE = { loading: 4, planning: 0.1, opening: 10, painting: 0.5, replanning: 0.02, known: false };
+const SIZE = { strokes: 100, effort: 2, replans: 3 };
+
+test("estimates count loading, strokes and looks", () => {
+  assert.equal(toPlan(PACE, SIZE), 4 + 0.1 * 100 * 2);
+  assert.equal(toPaint(PACE, SIZE), 10 + 50 + 0.02 * 2 * 100 * 1.5);
+  assert.equal(toPaint(PACE, { ...SIZE, replans: 0 }), 60);
+  assert.equal(toPaint(PACE, { strokes: 1, effort: 1, replans: 9 }), 10.5, "there is no look after the last stroke");
+});
+
+test("on a slow machine a guess follows what the plan took; what was measured stays", () => {
+  assert.ok(toPaint(corrected(PACE, SIZE, 404), SIZE) > 2 * toPaint(PACE, SIZE));
+  assert.equal(toPaint(corrected(PACE, SIZE, 5), SIZE), toPaint(PACE, SIZE), "a fast plan promises nothing");
+  const known = { ...PACE, known: true };
+  assert.equal(corrected(known, SIZE, 404), known);
+});
+
+test("a picture stands for a goal before words do, and empty words for nothing", () => {
+  const [text, style, image] = [{ kind: "text", words: "a ship", weight: 1 }, { kind: "style", picture: "s", weight: 1 }, { kind: "image", picture: "i", weight: 1 }];
+  assert.equal(mainTerm([text, style, image]), image);
+  assert.equal(mainTerm([style, text]), text);
+  assert.equal(mainTerm([{ ...text, words: " " }]), undefined);
+  weights.forEach(([weight], index) => { assert.equal(nearestWeight(weight * 1.1), index); });
+});
+
+test("the slider fades from one layer to the next", () => {
+  assert.deepEqual(opacities(3, 0), [1, 0, 0]);
+  assert.deepEqual(opacities(3, 1), [1, 1, 0]);
+  assert.deepEqual(opacities(3, 1.25), [1, 1, 0.25]);
+  assert.deepEqual(opacities(3, 2), [1, 1, 1]);
+});
+
+test("the brush is clean in a pause and says what it carries else", () => {
+  const palette = [{ number: 1 }, { number: 2 }];
+  assert.equal(brushWords({ status: "paused", paint: 1, since_dip: 3 }, palette), "clean");
+  assert.equal(brushWords({ status: "painting", paint: null }, palette), "no paint yet");
+  assert.equal(brushWords({ status: "painting", paint: 1, since_dip: 0 }, palette), "paint 2, just dipped");
+  assert.equal(brushWords({ status: "painting", paint: 0, since_dip: 1 }, palette), "paint 1, 1 stroke since the dip");
+});
+
+test("a person is needed for questions, pauses, faults, plans and what is done, each once", () => {
+  const state = (more, painting = null) => ({ working: true, trouble: "", question: null, plans: [], painting, ...more });
+  const needs = [
+    state({ question: { id: "q1", text: "Yes?" } }, { status: "painting" }),
+    state({ question: { id: "q2", text: "Yes?" } }, { status: "painting" }),
+    state({}, { status: "paused", done: 3, turn: true }),
+    state({}, { status: "paused", done: 6, turn: true }),
+    state({ working: false, trouble: "The camera is gone." }, { status: "failed" }),
+    state({ working: false }, { status: "finished" }),
+    state({ working: false, plans: [{ status: "ready" }] }),
+    state({ working: false, plans: [{ status: "ready" }, { status: "ready" }] }),
+  ].map((each) => need(each, "Cup"));
+  assert.equal(new Set(needs.map((each) => each?.key)).size, needs.length);
+  for (const each of needs) assert.match(each?.text ?? "", /^Cup/);
+  assert.match(needs[2]?.text ?? "", /your turn/);
+  const quiet = [state({}, { status: "painting" }), state({ plans: [{ status: "planning" }] }), state({}, { status: "finished" }), state({ working: false }, { status: "stopped" })];
+  for (const each of quiet) assert.equal(need(each, "Cup"), null);
+});

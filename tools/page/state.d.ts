@@ -1,0 +1,39 @@
+// What the studio's server tells the page: web/state.py, web/goals.py; and what views get from main.js.
+
+interface Term { kind: string; picture?: string | null; words?: string | null; weight: number }
+interface Wish {
+  title: string; terms: Term[]; initial: Term[]; strokes: number; colors: number; width: number; height: number;
+  brush: string; replans: number; effort: number; seed: number;
+}
+interface Paint { number: number; hex: string; strokes: number; share: number }
+interface Mixture { recipe: string; millilitres: number; near: boolean }
+interface Made { prefix: string; frames: number[]; strokes: number; palette: Paint[]; mixtures: Mixture[]; seconds: number }
+interface PlanState {
+  number: number; wish: Wish; status: "planning" | "ready" | "failed" | "stopped"; share: number; left: number | null;
+  growing: string | null; nearer: number; made: Made | null;
+}
+interface Look { done: number; seen: string; expected: string; difference: string; why: string; gain?: number; plan?: string }
+interface PaintState {
+  plan: number; of: number; status: string; done: number; left: number | null; photograph: string | null; growing: string | null;
+  paint: number | null; dips: Record<number, number>; since_dip: number; reason: string; looks: Look[];
+  replanned: (Omit<Made, "mixtures" | "seconds"> & { done: number }) | null; held: boolean; turn: boolean; turns: number;
+  region: { picture: string; only: boolean } | null; remark: string; wish: Wish | null; film: boolean; arm: boolean; kept: boolean;
+}
+interface State {
+  version: number; working: boolean; stopped: boolean; trouble: string; question: any; plans: PlanState[]; painting: PaintState | null;
+}
+interface Strokes { height: number; paths: number[][][]; widths: number[]; paint: number[] }
+interface House {
+  notice(sentence: string, label?: string, work?: () => void): void;
+  attempt<T>(work: () => Promise<T>): Promise<T | undefined>;
+  connected(there: boolean): void;
+  active(working: boolean): void;
+  entered(element: HTMLElement): void;
+  readonly abilities: Record<string, { ready: boolean; missing: string[]; advice: string }>;
+  readonly role: "watch" | "plan" | "operate";
+  readonly simulated: boolean;
+  readonly robot: string;
+  readonly canvas: [number, number] | null;
+  readonly pace: import("../../src/frida_painter/web/static/estimate.js").Pace;
+}
+interface Here { readonly id: string; readonly title: string; go(step: string): void }
