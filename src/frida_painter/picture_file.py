@@ -7,12 +7,13 @@ decoder becomes one sentence.
 import io
 import re
 import warnings
+from datetime import datetime
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageCms, ImageOps, UnidentifiedImageError
+from PIL import ExifTags, Image, ImageCms, ImageOps, UnidentifiedImageError
 
 from frida_painter import storage
 from frida_painter.errors import ImageError
@@ -66,6 +67,25 @@ def _opened(path: Path, content: BinaryIO, start: bytes, most_pixels: int, longe
         raise ImageError(f"{path} needs more memory than this machine has; make it smaller first.") from cause
     except Exception as cause:  # decoders raise whatever they stumble over in a damaged file
         raise ImageError(f"{path} is a damaged picture ({one_line(cause)}); take an undamaged copy.") from cause
+
+
+def exposure_time(path: Path) -> float | None:
+    """When a photograph was exposed by its own account (EXIF), as the end of that second since 1970; None if unsaid.
+
+    Without an offset it is taken for this computer's local time. Raises ImageError where there is no such file.
+    """
+    with storage.opened(path, WHAT, _MOST_BYTES, ImageError) as content:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                with Image.open(content, formats=FORMATS) as file:
+                    said = file.getexif().get_ifd(ExifTags.IFD.Exif)
+            moment = datetime.strptime(str(said[ExifTags.Base.DateTimeOriginal]).strip("\0 "), "%Y:%m:%d %H:%M:%S")
+            offset = str(said.get(ExifTags.Base.OffsetTimeOriginal, "")).strip("\0 ")
+            zoned = datetime.strptime(offset, "%z").tzinfo if offset else None
+            return moment.replace(tzinfo=zoned).timestamp() + 1
+        except Exception:  # decoders raise whatever they stumble over; who decodes the picture is told
+            return None
 
 
 def require_size(path: Path, width: int, height: int, most_pixels: int = MOST_PIXELS) -> None:

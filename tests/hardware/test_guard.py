@@ -16,6 +16,7 @@ from frida_painter.errors import (
     FridaError,
     MotionFailed,
     PoseMismatch,
+    RobotBusy,
     RobotDisconnected,
     RobotError,
     RobotStopped,
@@ -47,6 +48,35 @@ NONSENSE = {
 def guarded(robot: Robot, folder: Path, **patiently: float) -> GuardedRobot:
     quick = {"patience": 0.01, "grace": 0.05, "connecting": 0.05, **patiently}
     return GuardedRobot(robot, WORKSPACE, Latch(folder / "stopped.json", "the arm"), **quick)
+
+
+class Numbered(MisbehavingRobot):
+    """One whose controller says which it is."""
+
+    serial_number = "XA-7"
+
+
+def test_a_robot_that_says_which_one_it_is_stays_stopped_under_a_new_address(tmp_path: Path) -> None:
+    """B1, B2: what the controller says of itself counts, whatever address it was found at."""
+    Latch(tmp_path / "old.json", "left", {"10.0.0.3", "serial number XA-7"}).engage("a child ran by")
+    claimed: list[str] = []
+    robot = Numbered("", fine)
+    guard = GuardedRobot(robot, WORKSPACE, Latch(tmp_path / "new.json", "right", {"10.0.0.9"}), claim=claimed.append)
+    assert guard.stopped is None, "nobody can know before it was asked"
+    with pytest.raises(RobotStopped, match=r"left was stopped.*a child ran by"):
+        guard.connect()
+    assert claimed == ["serial number XA-7"]
+    with pytest.raises(RobotStopped):
+        guard.follow(ABOVE)
+
+
+def test_a_robot_that_another_process_has_by_another_address_is_let_go_of(tmp_path: Path) -> None:
+    def taken(identity: str) -> None:
+        raise RobotBusy(f"{identity} is in use", 7)
+
+    guard = GuardedRobot(Numbered("", fine), WORKSPACE, Latch(tmp_path / "a.json", "a", {"10.0.0.9"}), claim=taken)
+    with pytest.raises(RobotBusy, match="XA-7 is in use"):
+        guard.connect()
 
 
 def in_state(state: str, robot: MisbehavingRobot, folder: Path) -> GuardedRobot:

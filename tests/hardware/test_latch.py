@@ -41,3 +41,32 @@ def test_a_disk_that_cannot_be_written_is_told_of(tmp_path: Path) -> None:
     (tmp_path / "stopped").mkdir(mode=0o500)
     with pytest.raises(StorageError):
         Latch(latch_path(tmp_path, "arm"), "arm").engage("because")
+
+
+def test_it_holds_the_machine_under_every_name_of_easel_and_robot(tmp_path: Path) -> None:
+    """B1: a stop belongs to the machine, not to a name in a file."""
+    Latch(latch_path(tmp_path, "left"), "left", {"10.0.0.3", "serial number 7"}).engage("a child ran by")
+    renamed = Latch(latch_path(tmp_path, "second name"), "second name", {"10.0.0.4", "serial number 7"})
+    stopped = renamed.read()
+    assert stopped is not None and stopped.easel == "left" and stopped.reason == "a child ran by"
+    other = Latch(latch_path(tmp_path, "second name"), "second name", {"10.0.0.4"})
+    assert other.read() is None
+    assert Latch(latch_path(tmp_path, "left"), "left", {"10.0.0.4"}).read(), "and under the easel's name as before"
+    latches(tmp_path)[0].release()
+    assert renamed.read() is None
+
+
+def test_two_machines_at_easels_of_one_name_are_both_held(tmp_path: Path) -> None:
+    for address in ("10.0.0.3", "10.0.0.4"):
+        Latch(latch_path(tmp_path, "easel"), "easel", {address}).engage(f"{address} failed")
+    for address in ("10.0.0.3", "10.0.0.4"):
+        held = Latch(latch_path(tmp_path, "other"), "other", {address}).read()
+        assert held is not None and held.reason == "10.0.0.3 failed"
+
+
+def test_a_damaged_record_holds_every_machine(tmp_path: Path) -> None:
+    path = latch_path(tmp_path, "arm")
+    path.parent.mkdir(parents=True)
+    path.write_bytes(b"{")
+    stopped = Latch(latch_path(tmp_path, "other"), "other", {"10.0.0.4"}).read()
+    assert stopped is not None and stopped.easel == "arm" and "damaged" in stopped.reason

@@ -16,7 +16,8 @@ class FakeGrbl(FakeMachine):
 
     `misbehave` maps the number of a motion line (from 0) to what happens instead of its "ok":
     "error", "alarm", "quiet alarm" (which only its reports tell), "reset", "lose" (the line never arrived),
-    "mute" (dead from then on), "garbage", "unplug", or "twice" (it is obeyed, and acknowledged twice).
+    "mute" (dead from then on), "Door:1", "Hold:0" or "Sleep" (as its reports tell from then on), "garbage",
+    "unplug", or "twice" (it is obeyed, and acknowledged twice).
     moved: every place that the tip went to, in mm, as it happened.
     """
 
@@ -54,13 +55,13 @@ class FakeGrbl(FakeMachine):
                 self._line += bytes([byte])
 
     def pass_time(self) -> None:
-        while self._waiting and len(self._queue) < _PLANNED and not self.state.startswith("Hold"):
+        while self._waiting and len(self._queue) < _PLANNED and not self.state.startswith(("Hold", "Door")):
             if self._queue and self._waiting[0].startswith("G4"):
                 break
             self._obey(self._waiting.popleft())
         now = time.monotonic()
         budget, self._last = (now - self._last) * self.pace, now
-        if self.state.startswith("Hold") or self.state.startswith("Alarm"):
+        if self.state.startswith(("Hold", "Alarm", "Door", "Sleep")):
             return
         while self._queue and budget > 0:
             _, target, speed = self._queue[0]
@@ -121,6 +122,8 @@ class FakeGrbl(FakeMachine):
             self.say("\x7f~~ qwertz")
         elif fault == "mute":
             self._mute = True
+        elif fault[0].isupper():
+            self.state = fault
         elif fault == "unplug":
             self.unplug()
 

@@ -14,7 +14,7 @@ from frida_painter.hardware.drivers.ros import RosRobot
 from frida_painter.hardware.drivers.xarm import XarmRobot
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.easels import camera_named, machine, open_easel, robot_named
+from frida_painter.session.easels import camera_named, machines, open_easel, robot_named
 from frida_painter.session.names import SIMULATED
 from plugins import install
 
@@ -105,7 +105,7 @@ def test_a_real_easel_is_put_together_from_its_workspace(tmp_path: Path) -> None
     easel = open_easel(EaselOrder.of(order(tmp_path).record())).easel
     assert easel.calibration.easel == "my easel" and easel.calibration.camera == "opencv:0"
     assert not easel.simulated and easel.reach is not None
-    assert machine(order(tmp_path)) == "xarm:1.2.3.4"
+    assert machines(order(tmp_path)) == {"1.2.3.4"}
     assert not easel.operator.lay_paper()
 
 
@@ -145,9 +145,9 @@ def test_a_whole_easel_of_another_package_is_opened_and_a_broken_one_is_told(
     wanted = order(tmp_path, robot="atelier", brush="fine", seed=4, canvas=CanvasSize(0.12, 0.09), camera="")
     opened = open_easel(wanted)
     assert opened.easel.simulated and opened.easel.calibration.easel == "virtual studio 5"
-    assert SIMULATED["atelier"] == "a studio of somebody else's" and machine(wanted) is None
+    assert SIMULATED["atelier"] == "a studio of somebody else's" and machines(wanted) == frozenset()
     assert list(SIMULATED) == ["virtual", "sawyer-sim", "atelier"]
-    for look in (open_easel, machine):
+    for look in (open_easel, machines):
         with pytest.raises(PluginError, match=r"'broken' of frida_painter\.easels, which the package atelier-easel"):
             look(order(tmp_path, robot="broken"))
     with pytest.raises(ConfigError, match=r"no robot 'virtual:5'; take human, .*, atelier, broken, or"):

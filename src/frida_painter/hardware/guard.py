@@ -41,6 +41,8 @@ class GuardedRobot:
     """Implements hardware.robot.Robot over another.
 
     latch: keeps a stop over restarts, or, of a simulated robot, does not.
+    claim: takes the robot for this process by the serial number that it states once it is connected, and raises
+    RobotBusy where another one has it.
     patience, grace: a motion is given up after `patience` times the time that its way takes, and
     `grace` seconds more; connecting: seconds that the robot may take to be reached. Raises RobotStopped
     where a person has to re-arm first.
@@ -55,7 +57,9 @@ class GuardedRobot:
         patience: float = 2.0,
         grace: float = 5.0,
         connecting: float = 30.0,
+        claim: Callable[[str], object] = lambda identity: None,
     ) -> None:
+        self._claim = claim
         self.robot, self.workspace, self.latch = robot, workspace, latch
         self._patience, self._grace, self._connecting = patience, grace, connecting
         self._caller = Caller("robot")
@@ -81,6 +85,7 @@ class GuardedRobot:
         """Reaches the robot and reads where it is. Raises RobotStopped; WorkspaceViolation where it is outside."""
         self._require_armed("connect")
         self._call("connect", self.robot.connect, self._connecting)
+        self._recognise()
         tip = self.pose()
         lower, upper = np.array(self.workspace.lower), np.array(self.workspace.upper)
         if not ((tip >= lower - _TOLERANCE) & (tip <= upper + _TOLERANCE)).all():
@@ -91,6 +96,21 @@ class GuardedRobot:
                 "again."
             )
         self._tip, self._lifted = tip, False
+
+    def _recognise(self) -> None:
+        """Of a robot that says which one it is: whether it was stopped, or is in use, under another name."""
+        number = str(getattr(self.robot, "serial_number", "") or "")
+        if not number or isinstance(self.latch, Unlatched):
+            return
+        identity = f"serial number {number}"
+        try:
+            self._claim(identity)
+            self.latch.machines |= {identity}
+            self._stop = self._stop or self.latch.read()
+            self._require_armed("connect")
+        except RobotError:
+            self.close()
+            raise
 
     def home(self) -> MotionReport:
         """Goes aside. Raises RobotError and its kinds."""

@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from frida_painter.errors import ConfigError
+from frida_painter.hardware.machine_identity import by_name
 from frida_painter.hardware.machine_name import MachineName
 
 if TYPE_CHECKING:  # a process that only passes names on does without arrays
@@ -41,7 +42,8 @@ class RobotKind:
 
     name: by which it is registered; form: how it is written after --robot; title: what people call it;
     open: makes the driver, not connected, of a machine of that name in a workspace, and raises ConfigError
-    where the name makes no sense; needed: what has to be installed for it, None for nothing.
+    where the name makes no sense; needed: what has to be installed for it, None for nothing; identify: what the
+    machine of a name is, whatever else it is called (machine_identity.py).
     """
 
     name: str
@@ -49,6 +51,7 @@ class RobotKind:
     title: str
     open: "Callable[[MachineName, Workspace], Robot]"
     needed: Needed | None = None
+    identify: Callable[[MachineName], frozenset[str]] = by_name
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,10 @@ class MotionReport:
 
 
 class Robot(Protocol):
-    """A driver: thin, without any knowledge of painting. Raises RobotError and its kinds."""
+    """A driver: thin, without any knowledge of painting. Raises RobotError and its kinds.
+
+    One whose controller states its serial number says it, once connected, as `serial_number`.
+    """
 
     def connect(self) -> None:
         """Reaches the robot; a failed attempt leaves nothing open and may be repeated."""

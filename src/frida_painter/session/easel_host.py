@@ -34,7 +34,7 @@ from frida_painter.hardware.lock import RobotLock
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.easels import is_simulated, lock_path, machine, open_easel
+from frida_painter.session.easels import is_simulated, lock_path, machines, open_easel
 from frida_painter.session.names import STOP_FILE
 
 
@@ -82,14 +82,14 @@ def main(wire_file: int, line_file: int) -> None:
 def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
     """Whether the painting process asked for the end. Raises errors of the tree where the easel cannot be had."""
     with ExitStack() as stack:
-        name = machine(order)
-        if name is not None:
-            stack.callback(RobotLock(lock_path(order.state, name), name).release)
+        known = machines(order)
+        for identity in sorted(known):
+            stack.callback(RobotLock(lock_path(order.state, identity), identity).release)
         opened = open_easel(order)
         stack.callback(opened.close)
         easel = opened.easel
         simulated, known_as = is_simulated(order), easel.calibration.easel
-        latch = Unlatched(known_as) if simulated else Latch(latch_path(order.state, known_as), known_as)
+        latch = Unlatched(known_as) if simulated else Latch(latch_path(order.state, known_as), known_as, known)
         given = _SLOW if simulated else _REAL
         robot = GuardedRobot(
             easel.robot,
@@ -98,6 +98,7 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
             patience=given.patience,
             grace=given.grace,
             connecting=given.connecting,
+            claim=lambda identity: stack.callback(RobotLock(lock_path(order.state, identity), identity).release),
         )
         if robot.stopped is not None:
             raise RobotStopped(f"{robot.stopped}. Nothing moves until somebody has looked: {HOW_TO_ARM}")

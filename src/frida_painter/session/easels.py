@@ -13,6 +13,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.hardware.camera import Camera
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.kinds import CameraKind, RobotKind
+from frida_painter.hardware.machine_identity import by_name
 from frida_painter.hardware.machine_name import MachineName
 from frida_painter.hardware.robot import Robot
 from frida_painter.hardware.workcell import WorkcellConfig
@@ -36,15 +37,16 @@ def is_simulated(order: EaselOrder) -> bool:
     return order.robot in SIMULATED
 
 
-def machine(order: EaselOrder) -> str | None:
-    """A name for what only one process may have at a time; None where nobody else could know of it.
+def machines(order: EaselOrder) -> frozenset[str]:
+    """What only one process may have at a time, by every identity that it has; nothing where nobody could know of it.
 
-    Of a simulated machine that is the world of one painting, of a real one the machine.
+    Of a simulated machine that is the world of one painting, of a real one the machine, whatever it is called.
     """
     if is_simulated(order):
-        return None if order.folder is None else f"the {order.robot} studio of {order.folder.resolve()}"
+        return frozenset(() if order.folder is None else {f"the {order.robot} studio of {order.folder.resolve()}"})
     name = MachineName.of(order.robot)
-    return f"{name.kind}:{name.where}"
+    known = registry.parts(registry.ROBOTS).get(name.kind)
+    return by_name(name) if known is None else known.load(RobotKind).identify(name)
 
 
 def lock_path(state: Path, name: str) -> Path:

@@ -1,12 +1,14 @@
 import os
+import shutil
 import threading
 import time
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import ExifTags, Image
 
 from frida_painter.errors import CameraError, ConfigError, StaleFrame
 from frida_painter.hardware.cameras.folder import FolderCamera, FolderSettings
@@ -66,6 +68,64 @@ def test_a_picture_from_before_the_motion_is_stale_and_an_older_one_is_never_gon
     assert camera.capture(time.monotonic() - 60).image.mean() == 30
     with pytest.raises(StaleFrame):
         camera.capture(time.monotonic() - 60)
+
+
+def by_its_own_clock(shade: int, path: Path, ago: float, offset: str = "") -> None:
+    """A picture that says that it was exposed so many seconds ago."""
+    exif = Image.Exif()
+    said = exif.get_ifd(ExifTags.IFD.Exif)
+    zone = UTC if offset else None
+    moment = datetime.fromtimestamp(time.time() - ago, zone)
+    said[ExifTags.Base.DateTimeOriginal] = f"{moment:%Y:%m:%d %H:%M:%S}"
+    if offset:
+        said[ExifTags.Base.OffsetTimeOriginal] = offset
+    picture(shade).save(path, exif=exif)
+
+
+def test_an_old_picture_that_is_moved_in_is_not_taken_for_a_new_one(tmp_path: Path) -> None:
+    """B5: what counts is when it was taken, not when its name came."""
+    aside, place = tmp_path / "aside.png", tmp_path / "pictures"
+    place.mkdir()
+    picture(40).save(aside)
+    os.utime(aside, (time.time() - 3600,) * 2)
+    camera = camera_at(place)
+    thread = later(0.1, lambda: aside.rename(place / "new.png"))
+    with pytest.raises(StaleFrame, match=r"new.png was written 360\d s before it was looked for\. If that is not so"):
+        camera.capture(time.monotonic())
+    thread.join()
+
+
+@pytest.mark.parametrize("offset", ["", "+00:00"])
+def test_a_picture_is_as_old_as_it_says_itself(tmp_path: Path, offset: str) -> None:
+    camera = camera_at(tmp_path)
+    thread = later(0.1, lambda: by_its_own_clock(40, tmp_path / "a.jpg", 3600, offset))
+    with pytest.raises(StaleFrame, match=r"a.jpg was exposed on 20\d\d-.* by the camera's own clock\. If that is not"):
+        camera.capture(time.monotonic())
+    thread.join()
+    by_its_own_clock(60, tmp_path / "b.jpg", 0, offset)
+    assert abs(camera.capture(time.monotonic() - 0.5).image.mean() - 60) < 2
+    by_its_own_clock(80, tmp_path / "ahead.jpg", -7200, offset)
+    assert abs(camera.capture(time.monotonic() - 0.5).image.mean() - 80) < 2, "a date that lies ahead says nothing"
+
+
+def test_a_copy_of_a_picture_that_lies_there_is_an_old_one(tmp_path: Path) -> None:
+    picture(40).save(tmp_path / "hour-old.png")
+    os.utime(tmp_path / "hour-old.png", (time.time() - 3600,) * 2)
+    camera = camera_at(tmp_path)
+    thread = later(0.1, lambda: shutil.copyfile(tmp_path / "hour-old.png", tmp_path / "new.png"))
+    with pytest.raises(StaleFrame, match=r"new.png is a copy of hour-old.png\."):
+        camera.capture(time.monotonic())
+    thread.join()
+
+
+def test_what_was_photographed_before_the_last_time_is_known_again(tmp_path: Path) -> None:
+    camera = camera_at(tmp_path)
+    for shade in (10, 20):
+        picture(shade).save(tmp_path / "one.png")
+        camera.capture(time.monotonic() - 1)
+    picture(10).save(tmp_path / "one.png")
+    with pytest.raises(StaleFrame, match="byte for byte, what was photographed before"):
+        camera.capture(time.monotonic() - 1)
 
 
 def test_with_a_lag_the_exposure_is_taken_for_that_much_earlier(tmp_path: Path) -> None:

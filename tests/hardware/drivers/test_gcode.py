@@ -62,7 +62,11 @@ def test_home_leads_up_before_it_leads_aside() -> None:
             r"stroke 7: the grbl machine .* refused a line at waypoint 12 with error 15 \(bey",
         ),
         ("alarm", MotionFailed, r"stopped at waypoint 12 with alarm 1 \(a limit switch was hit\).*never does"),
-        ("quiet alarm", MotionFailed, r"is in an alarm at waypoint 12 \('Alarm'\).*never does"),
+        ("quiet alarm", MotionFailed, r"is in an alarm at waypoint 12; it says 'Alarm'.*never does"),
+        ("Door:0", MotionFailed, r"door was opened; the door is closed again at waypoint 12; it says 'Door:0'. Look"),
+        ("Door:1", MotionFailed, r"its safety door is open at waypoint 12; it says 'Door:1'.*reset it with its own"),
+        ("Hold:0", MotionFailed, r"is held: its feed hold was pressed.* at waypoint 12; it says 'Hold:0'"),
+        ("Sleep", MotionFailed, r"is asleep at waypoint 12; it says 'Sleep'"),
         ("reset", MotionFailed, "was reset at waypoint 12; it has forgotten"),
         ("lose", RobotDisconnected, "idle and has not acknowledged 'G1 X.*A line was lost"),
         ("garbage", RobotDisconnected, "which is not GRBL's"),
@@ -79,7 +83,7 @@ def test_what_goes_wrong_in_a_stroke_is_told_and_nothing_moves_after(
             robot.follow(a_stroke())
         if isinstance(told.value, MotionFailed):
             assert told.value.waypoint == 12
-            assert told.value.code in ("15", "1", "Alarm", "reset")
+            assert told.value.code in ("15", "1", "Alarm", "reset", fault)
         time.sleep(0.05)
         moved = len(machine.moved)
         for action in (robot.home, lambda: robot.follow(a_stroke()), robot.pose):

@@ -1,9 +1,12 @@
 """`folder`: pictures that someone else puts into a folder or a file: any camera that can save a picture works."""
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
+from frida_painter import storage
 from frida_painter.errors import CameraError, ConfigError, ImageError, StaleFrame
 from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.cameras.shutter import Shutter
@@ -13,6 +16,7 @@ _SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp")
 _POLL = 0.05
 _STILL = 0.2
 _WRITING = 5.0
+_GRAIN = 0.02  # s, of the dates that file systems write
 
 
 @dataclass(frozen=True)
@@ -52,14 +56,16 @@ class _File:
 class FolderCamera:
     """Implements hardware.camera.Camera.
 
-    A picture counts as taken when its file was written, less the lag. That is known for sure where
-    the file appeared or changed while it was waited for; otherwise the file's date is believed, unless
-    it lies ahead. A file that is still being written is waited for.
+    A picture counts as taken when it says so itself (EXIF), or when its file was written, less the lag, whichever
+    is earlier, and not when a file of that name came: an old picture may be moved in. A date that lies ahead is
+    believed only of a file that came while it was waited for, as of then. A copy of a picture that lies there is not
+    taken, nor one that was taken before, by whatever name. A file that is still being written is waited for.
     """
 
     def __init__(self, settings: FolderSettings) -> None:
         self.settings = settings
         self._shutter = Shutter(f"the camera that fills {str(settings.path)!r}")
+        self._refused = ""  # why the picture that came last was not taken
 
     def connect(self) -> None:
         """Looks whether there is such a folder, or one for such a file. Raises CameraError."""
@@ -78,16 +84,18 @@ class FolderCamera:
         """
         self._shutter.require_open()
         until = time.monotonic() + self.settings.patience
-        known = set(self._files())
+        known, self._refused = set(self._files()), ""
         while time.monotonic() < until:
             files = self._files()
             fresh = next((file for file in files if file not in known), None)
-            captured_at = time.monotonic() - self.settings.lag
+            grain = 0.0 if fresh is None else _GRAIN
             if fresh is None and files and files[0].age >= 0:
-                fresh, captured_at = files[0], captured_at - files[0].age
-            if fresh is not None and captured_at > newer_than:
-                frame = self._frame(fresh, captured_at, newer_than)
-                if frame is not None:
+                fresh = files[0]
+            if fresh is not None:
+                captured_at = time.monotonic() - self.settings.lag - max(0.0, fresh.age - grain)
+                if captured_at <= newer_than:
+                    self._refused = f"{fresh.path.name} was written {fresh.age:.0f} s before it was looked for"
+                elif frame := self._frame(fresh, captured_at, newer_than):
                     return frame
             known.update(files)
             time.sleep(_POLL)
@@ -98,21 +106,44 @@ class FolderCamera:
         self._shutter.closed()
 
     def _frame(self, file: _File, captured_at: float, newer_than: float) -> Frame | None:
-        """The photograph in a file; None where it is not whole yet, has changed meanwhile, or is the last one again."""
-        from frida_painter import images  # whoever only asks for this camera's name reads no picture
+        """The photograph in a file; None where it is not whole yet, has changed meanwhile, or is an old one."""
+        from frida_painter import images, picture_file  # whoever only asks for this camera's name reads no picture
 
         time.sleep(_STILL)
         if _looked_at(file.path) != file:
             return None
         try:
+            exposed = picture_file.exposure_time(file.path)
+            if exposed is not None and exposed <= time.time():
+                captured_at = min(captured_at, time.monotonic() - (time.time() - exposed) - self.settings.lag)
+            if captured_at <= newer_than:
+                self._refuse(f"{file.path.name} was exposed {_moment(exposed)} by the camera's own clock")
+                return None
+            if (other := self._original(file)) is not None:
+                self._refuse(f"{file.path.name} is a copy of {other}")
+                return None
             image = images.to_uint8(images.load(file.path))
         except ImageError as damage:
             if 0 <= file.age < _WRITING:
                 return self._frame(file, captured_at, newer_than)
             raise CameraError(f"The newest picture cannot be used: {damage}") from damage
-        if self._shutter.is_last(image):
+        if self._shutter.knows(image):
+            self._refuse(f"{file.path.name} shows, byte for byte, what was photographed before")
             return None
         return self._shutter.frame(image, captured_at, newer_than)
+
+    def _refuse(self, why: str) -> None:
+        self._refused = why
+
+    def _original(self, file: _File) -> str | None:
+        """The name of an earlier file with the same bytes; None where there is none."""
+        others = [one for one in self._files() if one.size == file.size and one.path != file.path]
+        content = storage.read_bytes(file.path, "a picture", file.size, ImageError) if others else b""
+        for other in others:
+            with suppress(ImageError):  # it has gone meanwhile
+                if storage.read_bytes(other.path, "a picture", other.size, ImageError) == content:
+                    return other.path.name
+        return None
 
     def _files(self) -> list[_File]:
         """Pictures that are there, the newest first."""
@@ -138,10 +169,17 @@ class FolderCamera:
             there = f"the newest, {newest.path.name}, is dated {-newest.age:.0f} s ahead of this computer's clock"
         else:
             there = f"the newest, {newest.path.name}, is {newest.age:.0f} s old"
+        by_clock = "clock" in self._refused or "written" in self._refused
+        clocks = " If that is not so, set the clocks of camera and computer to the same time." if by_clock else ""
+        refused = f" {self._refused}." if self._refused else ""
         return (
             f"No new picture came from {self._shutter.name} in {self.settings.patience:g} s; {there}. Take one after "
-            "the arm has gone aside, and look whether the camera still saves them there."
+            f"the arm has gone aside, and look whether the camera still saves them there.{refused}{clocks}"
         )
+
+
+def _moment(when: float | None) -> str:
+    return "before" if when is None else f"on {datetime.fromtimestamp(when):%Y-%m-%d at %H:%M:%S}"
 
 
 def _looked_at(path: Path) -> _File | None:

@@ -16,7 +16,7 @@ Answer = TypeVar("Answer")
 
 
 class Shutter:
-    """Numbers the photographs of one camera and knows the last one; name: of the camera, in messages.
+    """Numbers the photographs of one camera and knows them all again; name: of the camera, in messages.
 
     After a call that did not return it lets nothing through until the camera is connected anew.
     """
@@ -24,12 +24,12 @@ class Shutter:
     def __init__(self, name: str) -> None:
         self.name = name
         self._taken = 0
-        self._last = b""
+        self._known: set[bytes] = set()
         self._open = self._stuck = False
 
     def opened(self) -> None:
         """The camera is connected."""
-        self._open, self._stuck, self._last = True, False, b""
+        self._open, self._stuck, self._known = True, False, set()
 
     def closed(self) -> None:
         """The camera is not connected any more."""
@@ -59,14 +59,14 @@ class Shutter:
             failed=lambda why: CameraError(f"{what}: {self.name} failed ({why}); look at it."),
         )
 
-    def is_last(self, image: NDArray[np.uint8]) -> bool:
-        """Whether these are byte for byte the pixels of the last photograph, which no real camera takes twice."""
-        return _digest(image) == self._last
+    def knows(self, image: NDArray[np.uint8]) -> bool:
+        """Whether these are byte for byte the pixels of an earlier photograph: no real camera takes one twice."""
+        return _digest(image) in self._known
 
     def frame(self, image: object, captured_at: float, newer_than: float) -> Frame:
         """The photograph [rows, columns, 3] with the next number.
 
-        Raises StaleFrame where it was taken at `newer_than` or before or is the last one again, and
+        Raises StaleFrame where it was taken at `newer_than` or before or was given before, and
         CameraError where it is no photograph.
         """
         if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
@@ -79,9 +79,10 @@ class Shutter:
                 f"{self.name} has a photograph that is {time.monotonic() - captured_at:.1f} s old, taken before the "
                 "arm's last motion; take another."
             )
-        if self.is_last(image):
+        if self.knows(image):
             raise StaleFrame(f"{self.name} gave the same photograph again, byte for byte; look whether it hangs.")
-        self._taken, self._last = self._taken + 1, _digest(image)
+        self._taken += 1
+        self._known.add(_digest(image))
         return Frame(np.ascontiguousarray(image), captured_at, self._taken)
 
 

@@ -16,6 +16,7 @@ from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_a
 from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import Servo
 from frida_painter.hardware.kinds import Needed, RobotKind, require_home
+from frida_painter.hardware.machine_identity import at_port, by_name
 from frida_painter.hardware.machine_name import MachineName
 from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.hardware.workspace import Point, Workspace
@@ -271,4 +272,5 @@ KIND = RobotKind(
     "AxiDraw, NextDraw and other plotters with an EBB",
     open=_open,
     needed=_NEEDED,
+    identify=lambda name: at_port(name.where) if name.where else by_name(name),
 )

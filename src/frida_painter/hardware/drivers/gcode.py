@@ -18,6 +18,7 @@ from frida_painter.hardware.drivers.marlin import Marlin
 from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import PREAMBLE, Gcode, Servo
 from frida_painter.hardware.kinds import Needed, RobotKind, require_home
+from frida_painter.hardware.machine_identity import at_port
 from frida_painter.hardware.machine_name import MachineName, yes_or_no
 from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.hardware.workspace import Point, Workspace
@@ -206,6 +207,12 @@ def _open(name: MachineName, workspace: Workspace) -> GcodeRobot:
     )
 
 
+def _identify(name: MachineName) -> frozenset[str]:
+    return at_port(name.where)
+
+
 _NEEDED = Needed("pip install 'frida-painter[plotter]'", "serial")
-GRBL = RobotKind("gcode", "gcode:PORT[,baud=N][,homing=yes][,servo=Z/S/Z/S]", "GRBL 1.1", _open, _NEEDED)
-MARLIN = RobotKind("marlin", "marlin:PORT[,baud=N][,homing=yes][,servo=Z/DEGREES/Z/DEGREES]", "Marlin", _open, _NEEDED)
+GRBL = RobotKind("gcode", "gcode:PORT[,baud=N][,homing=yes][,servo=Z/S/Z/S]", "GRBL 1.1", _open, _NEEDED, _identify)
+MARLIN = RobotKind(
+    "marlin", "marlin:PORT[,baud=N][,homing=yes][,servo=Z/DEGREES/Z/DEGREES]", "Marlin", _open, _NEEDED, _identify
+)

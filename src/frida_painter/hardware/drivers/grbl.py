@@ -24,6 +24,14 @@ _ALARMS = {
     "8": "homing did not free the limit switch",
     "9": "homing found no limit switch",
 }
+_STANDING = {
+    "Alarm": "is in an alarm",
+    "Hold": "is held: its feed hold was pressed, or something else has asked for that",
+    "Door": "stands, because its safety door is open",
+    "Door:0": "stands, because its safety door was opened; the door is closed again",
+    "Sleep": "is asleep",
+    "Check": "only checks what it is sent, and does not move",
+}
 _ERRORS = {
     "8": "it was not idle",
     "9": "it is locked by an alarm",
@@ -68,7 +76,7 @@ class Grbl:
                 return
             if answer is not None and answer.startswith("<"):
                 state = self._parsed(answer).state
-                self._require_no_alarm(state, label, waypoint)
+                self._require_running(state, label, waypoint)
                 idle = idle + 1 if state.startswith("Idle") else 0
             now = time.monotonic()
             if idle > 2 or now > until:
@@ -84,7 +92,7 @@ class Grbl:
         """A dwell is acknowledged when everything before it is done; a machine that answers too soon is waited for."""
         self.send("G4 P0.01", label, None, until)
         while not (state := self._ask().state).startswith("Idle"):
-            self._require_no_alarm(state, label, None)
+            self._require_running(state, label, None)
             if self._interlock.stopped or not time.monotonic() <= until:
                 raise RobotStopped(
                     f"{label}: {self._interlock.name} acknowledged the end of its motion, and says {state!r}; it is "
@@ -133,16 +141,25 @@ class Grbl:
             "rate?"
         )
 
-    def _require_no_alarm(self, state: str, label: str, waypoint: int | None) -> None:
-        """Raises MotionFailed where a report says what no line of its own has said."""
-        if state.startswith("Alarm"):
-            where = "" if waypoint is None else f" at waypoint {waypoint}"
-            raise MotionFailed(
-                f"{label}: {self._interlock.name} is in an alarm{where} ({state!r}). Look at it and clear the alarm "
-                "with its own controls; this program never does.",
-                state,
-                waypoint,
-            )
+    def _require_running(self, state: str, label: str, waypoint: int | None) -> None:
+        """Raises MotionFailed where a report says that it will not move on by itself, and RobotStopped after a stop."""
+        if self._interlock.stopped:
+            raise RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
+        kind = state.partition(":")[0]
+        meaning = _STANDING.get(state) or _STANDING.get(kind)
+        if meaning is None:
+            return
+        where = "" if waypoint is None else f" at waypoint {waypoint}"
+        remedy = (
+            "clear the alarm with its own controls; this program never does"
+            if kind == "Alarm"
+            else "see that it can move, reset it with its own controls, then connect anew"
+        )
+        raise MotionFailed(
+            f"{label}: {self._interlock.name} {meaning}{where}; it says {state!r}. Look at it, and {remedy}.",
+            state,
+            waypoint,
+        )
 
     def _read(self, label: str, waypoint: int | None) -> str | None:
         """One line of the machine's while a line of ours waits; what is no good news is raised."""

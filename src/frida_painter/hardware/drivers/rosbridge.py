@@ -9,6 +9,7 @@ from frida_painter.hardware.deadline import one_line
 from frida_painter.hardware.drivers.interlock import PATIENCE
 from frida_painter.hardware.drivers.ros import Message, RosRobot, behind
 from frida_painter.hardware.kinds import Needed, RobotKind
+from frida_painter.hardware.machine_identity import at_host
 from frida_painter.hardware.machine_name import MachineName
 from frida_painter.hardware.workspace import Workspace
 
@@ -87,10 +88,16 @@ class RosbridgeConnection:
 
 def _open(name: MachineName, workspace: Workspace) -> RosRobot:
     name.require("namespace", "frame", "ros")
+    host, port = _place(name)
+    return behind(name, workspace, lambda: RosbridgeConnection(host, port))
+
+
+def _place(name: MachineName) -> tuple[str, int]:
+    """Host and port. Raises ConfigError."""
     host, _, port = name.where.partition(":")
-    if port and not (port.isascii() and port.isdigit() and 1 <= int(port) <= 65535):
+    if port and not (port.isascii() and port.isdigit() and len(port) < 6 and 1 <= int(port) <= 65535):
         raise ConfigError(f"{port[:20]!r} is no port, which is from 1 to 65535; write {name.form}.")
-    return behind(name, workspace, lambda: RosbridgeConnection(host, int(port or 9090)))
+    return host, int(port or 9090)
 
 
 KIND = RobotKind(
@@ -99,4 +106,5 @@ KIND = RobotKind(
     "any arm behind rosbridge, ROS 1 or 2",
     open=_open,
     needed=_NEEDED,
+    identify=lambda name: at_host(*_place(name)),
 )

@@ -18,6 +18,7 @@ from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDis
 from frida_painter.hardware.deadline import within
 from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_allowed
 from frida_painter.hardware.kinds import Needed, RobotKind, require_home
+from frida_painter.hardware.machine_identity import at_host
 from frida_painter.hardware.machine_name import MachineName
 from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.hardware.workspace import Point, Workspace
@@ -84,6 +85,7 @@ class XarmRobot:
         self._interlock = Interlock(f"the xArm at {settings.address}")
         self._arm: Any = None
         self._stopper: Any = None
+        self.serial_number = ""
 
     def connect(self) -> None:
         """Connects twice, once for motions and once for stops, and enables the arm where it has no error.
@@ -101,6 +103,7 @@ class XarmRobot:
         try:
             self._stopper = self._connected(XArmAPI)
             self._arm = self._connected(XArmAPI)
+            self.serial_number = str(getattr(self._arm, "sn", None) or "")
             self._require_no_error("connect", None)
             for what, call in (
                 ("motion_enable", lambda: self._arm.motion_enable(True)),
@@ -316,5 +319,10 @@ def _open(name: MachineName, workspace: Workspace) -> XarmRobot:
 
 
 KIND = RobotKind(
-    "xarm", "xarm:ADDRESS[,brush_length=METRES]", "UFACTORY xArm 6 and 7, Lite 6", open=_open, needed=_NEEDED
+    "xarm",
+    "xarm:ADDRESS[,brush_length=METRES]",
+    "UFACTORY xArm 6 and 7, Lite 6",
+    open=_open,
+    needed=_NEEDED,
+    identify=lambda name: at_host(name.where),
 )

@@ -1,0 +1,56 @@
+"""B1, B2: a machine is known by what it is, so that neither a stop nor a lock is got round by another name for it."""
+
+import socket
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from frida_painter import registry
+from frida_painter.hardware import machine_identity
+from frida_painter.hardware.kinds import RobotKind
+from frida_painter.hardware.machine_identity import at_host, at_port
+from frida_painter.hardware.machine_name import MachineName
+
+
+def identity(text: str) -> frozenset[str]:
+    name = MachineName.of(text)
+    return registry.parts(registry.ROBOTS)[name.kind].load(RobotKind).identify(name)
+
+
+@pytest.mark.parametrize("host", ["localhost", "LOCALHOST", "127.0.0.1", "127.1", "127.0.0.2", "0.0.0.0"])
+def test_all_names_of_this_computer_are_one(host: str) -> None:
+    assert identity(f"rosbridge:{host}:9191") & identity("rosbridge:127.0.0.1:9191"), host
+    assert not identity(f"rosbridge:{host}:9192") & identity("rosbridge:127.0.0.1:9191")
+
+
+def test_an_address_of_version_six_is_the_same_as_that_of_version_four_that_it_holds() -> None:
+    assert at_host("::ffff:10.3.2.1") == at_host("10.3.2.1") == {"10.3.2.1"}
+    assert at_host("::1") == at_host("127.0.0.1") == {"this computer"}
+
+
+def test_a_host_has_every_address_that_the_name_service_knows(monkeypatch: pytest.MonkeyPatch) -> None:
+    def found(host: str, port: int | None, **how: object) -> list[tuple[object, ...]]:
+        if host == "robot.studio":
+            return [(0, 0, 0, "", (place, port)) for place in ("192.0.2.7", "192.0.2.8")]
+        if host == "192.0.2.8":
+            return [(0, 0, 0, "", (host, port))]
+        raise socket.gaierror("unknown")
+
+    monkeypatch.setattr(machine_identity.socket, "getaddrinfo", found)
+    assert identity("xarm:robot.studio") & identity("xarm:192.0.2.8,brush_length=0.1")
+    assert identity("xarm:Nobody.Knows.") == identity("xarm:nobody.knows") == {"nobody.knows"}
+
+
+def test_a_port_is_what_links_lead_to_and_what_is_plugged_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    device, moved = tmp_path / "ttyUSB0", tmp_path / "ttyUSB1"
+    for path in (device, moved):
+        path.touch()
+    (tmp_path / "by-id").symlink_to(device)
+    plugged = [SimpleNamespace(device=str(device), serial_number="A7")]
+    monkeypatch.setattr(machine_identity, "_ports", lambda: plugged)
+    before = identity(f"gcode:{tmp_path}/by-id")
+    assert before == identity(f"marlin:{device},baud=250000") == {str(device), "serial number A7"}
+    plugged[0].device = str(moved)
+    assert before & at_port(str(moved)) == {"serial number A7"}, "it was plugged in anew"
+    assert not at_port(str(tmp_path / "ttyUSB7")) & before
