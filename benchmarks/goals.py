@@ -68,7 +68,7 @@ def table(figures: list[Figures], missing: list[str], strokes: int) -> Table:
         for one in figures
     ]
     notes = [f"Not measured, for want of networks: {', '.join(missing)}."] if missing else []
-    title = f"Planning {strokes} strokes towards each kind of goal, CPU time of one thread, networks loaded"
+    title = f"Planning {strokes} strokes towards each kind of goal, CPU time of one thread, with loading of networks"
     return Table(title, ("goal", "CPU", "for an iteration", "at most, on 2 cores"), rows, notes)
 
 

@@ -21,8 +21,8 @@ FIGURES = ROOT / ".benchmarks"
 PAGE = ROOT / "docs" / "benchmarks.md"
 OPENING = """# Benchmarks
 
-What the painter is measured by. `make benchmarks` repeats everything here and writes this page; each section names the
-command that prints its table alone. CPU time is that of one thread unless a table says otherwise.
+`make benchmarks` runs all measurements and writes this page. Each section names the command that prints only its
+tables. CPU time is that of one thread unless the table says otherwise.
 """
 
 
@@ -60,47 +60,49 @@ SECTIONS = (
     Section(
         "render",
         "Rendering",
-        "Forward and backward, with gradients to everything, of the fast renderers against the full-canvas reference.\n"
-        "Wanted of the scanlines: at least 100x and 1/50 of the memory, better 200x and 1/150; of the slices in plain\n"
-        "PyTorch: at least 20x, better 40x. [The renderer](renderer.md) tells how it works.",
+        "The fast renderers are compared with the reference renderer, which works on the full canvas: forward and\n"
+        "backward pass, with gradients for all inputs. Targets for `scanline`: at least 100x faster with 1/50 of the\n"
+        "memory, better 200x with 1/150. Targets for `slices` (plain PyTorch): at least 20x, better 40x.\n"
+        "[Renderer](renderer.md) explains both.",
     ),
     Section(
         "iteration",
         "One iteration of the planner",
-        "`optimize()`, divided by the number of its iterations, against an iteration as the paper describes it\n"
-        "(`benchmarks/original.py`): a module per stroke, the network in a batch of one, its map padded to the full\n"
-        "canvas, warped, made RGBA, and laid down, stroke after stroke; L2, backward, Adam. It is leaner than the\n"
-        "original program, which took 10.1 s for the same on a machine of this kind.",
+        "The time of `optimize()` divided by its number of iterations is compared with one iteration as the paper\n"
+        "describes it (`benchmarks/original.py`). There, each stroke is a module. For each stroke in turn, the\n"
+        "network makes one map; the map is padded to the full canvas, warped, turned into RGBA and composited. L2\n"
+        "loss, backward pass and Adam follow. This is faster than the original program, which took 10.1 s for one\n"
+        "iteration on a similar machine.",
         ("--no-wall",),
     ),
     Section(
         "planning",
         "How good a plan becomes",
-        "Photographs of scikit-image, seen as a picture of 256 rows on a canvas 279.4 mm high.",
+        "The targets are photographs from scikit-image. The canvas is 279.4 mm high, the planning image 256 pixels.",
         ("--workers", "2"),
     ),
     Section(
         "replanning",
-        "Planning the rest again",
-        "What is left of a plan is planned again on the picture that the strokes before would leave.",
+        "Replanning",
+        "The last k strokes of a plan are replanned on the rendered picture of the strokes before them.",
     ),
     Section(
         "goals",
         "Goals that networks judge",
-        "A plan of 100 strokes of the broad brush at 256 rows, from loading the networks on. [Goals](goals.md) tells\n"
-        "what each kind of goal is judged by.",
+        "Each plan has 100 strokes of the broad brush; the planning image is 256 pixels high. The time includes\n"
+        "loading the networks. [Goals](goals.md) explains the objectives.",
     ),
     Section(
         "sawyer",
         "The simulated Sawyer",
-        "Inverse kinematics, control and physics of the arm alone. [The simulated Sawyer](sawyer.md)\n"
-        "tells how it works, and `frida-painter experiments sawyer` paints a whole picture with it.",
+        "Inverse kinematics, control and physics of the arm, without paint. [The simulated Sawyer](sawyer.md)\n"
+        "explains the model. `frida-painter experiments sawyer` paints a whole picture with it.",
     ),
     Section(
         "studio",
         "The studio under load",
-        "Twenty clients that watch and five that connect and never read, while the virtual studio plans and paints.\n"
-        "[The studio](studio.md) tells what it withstands.",
+        "Twenty clients watch while the virtual studio plans and paints; five more connect and never read.\n"
+        "[Studio](studio.md) lists the loads that the studio is tested with.",
     ),
     Section(
         "painting",
