@@ -4,7 +4,7 @@ import pytest
 
 from frida_painter import images
 from frida_painter.experiments import robustness
-from frida_painter.experiments.robustness_sheet import Case, robustness_sheet
+from frida_painter.experiments.robustness import Case, robustness_sheet
 
 
 @pytest.mark.slow
