@@ -15,10 +15,13 @@ from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.model_folder import VARIABLE
 from frida_painter.session.events import Stopped
 from frida_painter.session.page_events import PaintingKept, TakenUp
+from frida_painter.web.access import Role
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import WorkerLock
+from frida_painter.web.painting_queue import PaintingQueue
 from frida_painter.web.painting_store import Entry
-from frida_painter.web.workers import WorkerSlot
+from frida_painter.web.studio_easel import StudioEasel
+from frida_painter.web.workers import Workers, WorkerSlot
 from studios import Studio, Visitor
 
 
@@ -82,9 +85,16 @@ def test_the_page_and_all_that_it_needs_come_from_here(visitor: Visitor) -> None
         assert "http" not in answer.text.replace("http://www.w3.org/2000/svg", ""), f"{file.name} asks somebody else"
 
 
-def test_the_page_weighs_little_and_what_it_takes_from_others_is_as_they_published_it() -> None:
+def test_the_page_weighs_little(visitor: Visitor) -> None:
+    names = [file.name for file in (Path(web.__file__).parent / "static").iterdir()]
+    sent = {name: int(visitor.get(f"/static/{name}").headers["content-length"]) for name in names}
+    assert sum(sent.values()) <= 90_000, sent
+    plain = visitor.get("/static/main.js", headers={"Accept-Encoding": "identity"})
+    assert "content-encoding" not in plain.headers and plain.text == visitor.get("/static/main.js").text
+
+
+def test_what_the_page_takes_from_others_is_as_they_published_it() -> None:
     static = Path(web.__file__).parent / "static"
-    assert sum(file.stat().st_size for file in static.iterdir()) <= 150_000
     notice, _, module = (static / "perfect-freehand.js").read_bytes().partition(b"*/\n")
     assert b"1.2.3" in notice and b"Permission is hereby granted" in notice
     published = "a02e221f71a757e46915a51d8f5ffc8d1788d9134e063b3edd21f429c973d46c"  # dist/esm/index.mjs of that version
@@ -302,3 +312,103 @@ def test_a_painting_that_was_stopped_is_gone_on_with(studio: Studio, visitor: Vi
     assert visitor.get(path).json()["painting"]["status"] == "preparing"
     feed.tell(PaintingKept(film=False))
     assert "finished" in visitor.post(f"{path}/resume").json()["sentence"]
+
+
+@pytest.fixture
+def busy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As many as may be are at work on other paintings."""
+    monkeypatch.setattr(Workers, "busy", property(lambda self: True))
+
+
+def free(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Workers, "busy", property(lambda self: False))
+
+
+def stage(visitor: Visitor, entry: Entry) -> str:
+    return str(next(each["stage"] for each in visitor.get("/api/paintings").json() if each["id"] == entry.id))
+
+
+def waiting(visitor: Visitor) -> list[tuple[str, str]]:
+    return [(each["title"], each["job"]) for each in visitor.get("/api/work").json()["queue"]]
+
+
+def test_what_is_asked_of_a_busy_painter_waits_in_order_and_is_begun_by_itself(
+    studio: Studio, visitor: Visitor, started: list[tuple[str, int]], busy: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = begun(studio, visitor), begun(studio, visitor)
+    assert started == [] and waiting(visitor) == [("Tea", "plan")] * 2 and stage(visitor, second) == "waiting"
+    state = visitor.get(f"/api/paintings/{first.id}").json()
+    assert (state["queued"], state["plans"][0]["status"], state["trouble"]) == ("plan", "waiting", "")
+    assert visitor.post(f"/api/paintings/{first.id}/plans", json=wish(give(visitor))).status_code == 409
+    assert visitor.post(f"/api/queue/{second.id}/first").status_code == 200
+    queue = visitor.get("/api/work").json()["queue"]
+    assert [each["painting"] for each in queue] == [second.id, first.id]
+    studio.app.state.queue.advance()
+    assert started == []
+    free(monkeypatch)
+    again = PaintingQueue(studio.store, studio.app.state.workers)  # it is kept where the studio is started anew
+    assert again.shown()["queue"] == [{key: each[key] for key in ("painting", "plan", "job")} for each in queue]
+    studio.app.state.queue.advance()
+    assert started == [("plan", 1)] * 2 and waiting(visitor) == []
+    assert visitor.get(f"/api/paintings/{first.id}").json()["queued"] == ""
+
+
+def test_a_stop_holds_the_queue_until_a_person_lets_it_go_on(
+    studio: Studio, visitor: Visitor, started: list[tuple[str, int]], busy: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entry = begun(studio, visitor)
+    assert not visitor.get("/api/work").json()["held"]
+    assert visitor.post("/api/stop").json()["stopped"] >= 1
+    free(monkeypatch)
+    studio.app.state.queue.advance()
+    assert started == [] and visitor.get("/api/work").json()["held"]
+    assert begun(studio, visitor).id != entry.id and started == []  # who comes later does not overtake
+    watcher = studio.visitor(Role.plan)
+    assert watcher.post("/api/queue/go-on").status_code == 403
+    assert visitor.post("/api/queue/go-on").status_code == 200
+    studio.app.state.queue.advance()
+    assert started == [("plan", 1)] * 2
+
+
+def test_a_painting_waits_for_others_and_is_painted_where_the_robot_is_simulated(
+    studio: Studio, visitor: Visitor, started: list[tuple[str, int]]
+) -> None:
+    entry = begun(studio, visitor)
+    finish_plan(entry)
+    order = {"plan": 1, "ready": False, "wait": True}
+    assert visitor.post(f"/api/paintings/{entry.id}/start", json=order).status_code == 200
+    assert visitor.post(f"/api/paintings/{entry.id}/start", json=order).status_code == 409  # once
+    assert waiting(visitor) == [("Tea", "paint")]
+    studio.app.state.queue.advance()
+    assert started == [("plan", 1), ("paint", 1)] and waiting(visitor) == []
+    assert stage(visitor, entry) != "planned"
+    assert "start plan 1" in audit_records(studio)
+
+
+def test_a_real_robot_paints_nothing_by_itself(tmp_path: Path, started: list[tuple[str, int]]) -> None:
+    studio = Studio(tmp_path / "store", StudioEasel(tmp_path / "record.json", robot="human"))
+    visitor = studio.visitor()
+    entry = begun(studio, visitor)
+    finish_plan(entry)
+    visitor.post(f"/api/paintings/{entry.id}/start", json={"plan": 1, "ready": False, "wait": True})
+    studio.app.state.queue.advance()
+    assert started == [("plan", 1)] and waiting(visitor) == [("Tea", "paint")]
+    assert visitor.post(f"/api/paintings/{entry.id}/start", json={"plan": 1, "ready": True}).status_code == 200
+    assert started[-1] == ("paint", 1) and waiting(visitor) == []
+
+
+def test_what_waits_is_taken_out_by_hand_or_with_its_painting(
+    studio: Studio, visitor: Visitor, started: list[tuple[str, int]], busy: None
+) -> None:
+    first, second = begun(studio, visitor), begun(studio, visitor)
+    assert visitor.post(f"/api/queue/{first.id}/remove").status_code == 200
+    assert visitor.get(f"/api/paintings/{first.id}").json()["plans"][0]["status"] == "stopped"
+    assert visitor.post(f"/api/paintings/{second.id}/delete").status_code == 200
+    assert waiting(visitor) == []
+    assert visitor.post("/api/stop").json()["stopped"] == 0  # nobody waits, so nothing is stopped
+
+
+def test_a_damaged_queue_is_begun_anew(studio: Studio, visitor: Visitor, busy: None) -> None:
+    begun(studio, visitor)
+    (studio.store.root / "queue/queue.json").write_text("{")
+    assert PaintingQueue(studio.store, studio.app.state.workers).shown() == {"held": False, "queue": []}

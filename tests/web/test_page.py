@@ -86,13 +86,16 @@ class Told:
         entry = PaintingStore(studio.folder).begin("Cup")
         self.id, self.folder = entry.id, entry.folder
         plan, live, painting = self.folder.path / "plans/1", self.folder.live, self.folder.painting
-        for folder in (plan, live, painting):
+        for folder in (plan, live):
             folder.mkdir(parents=True)
+        (plan / "plan.json").write_text("{}")
         for name in ("photograph-00000", "look", "plan-1-plan"):
             Image.new("RGB", (120, 90), (250, 250, 250)).save(live / f"{name}.jpg")
         for name in ("plan", "after-0", "after-40"):
             Image.new("RGB", (120, 90), (30, 200, 90)).save(plan / f"{name}.jpg")
-        Image.new("RGB", (120, 90), (250, 0, 250)).save(painting / "painting.png")
+        if any(line["kind"] == "painting_started" for line in lines):
+            painting.mkdir()
+            Image.new("RGB", (120, 90), (250, 0, 250)).save(painting / "painting.png")
         Image.new("L", (120, 90), 255).save(live / "region-1.png")
         paths = {"height": 750, "paths": [[[100, 100], [300, 300]]] * 40, "widths": [40] * 40, "paint": [0, 1] * 20}
         for strokes in (plan / "strokes.json", live / "plan-1-strokes.json"):
@@ -448,3 +451,33 @@ def test_somebody_who_looks_elsewhere_is_told_that_they_are_needed(browser: Brow
         assert page.evaluate("window.told") == ["Cup: it is your turn to paint."]
         page.evaluate("() => { window.away = false; window.dispatchEvent(new Event('focus')); }")
         expect(page).to_have_title("Cup · The studio")
+
+
+def test_what_is_done_elsewhere_can_be_seen_and_stopped_in_the_gallery(desk: Page, studio: OpenStudio) -> None:
+    go(desk, "#/")
+    stop = desk.get_by_role("button", name="Stop", exact=True)
+    expect(stop).not_to_have_class(re.compile("live"))
+    painting = Told(studio, *PLANNED, *PAINTED)
+    with painting.at_work():
+        expect(stop).to_have_class(re.compile("live"))
+        expect(desk.get_by_text("being painted")).to_be_visible()
+        keep(desk, "gallery")
+    expect(stop).not_to_have_class(re.compile("live"))
+
+
+def test_a_painting_is_put_into_the_queue_and_taken_out(browser: Browser, studio: OpenStudio) -> None:
+    painting = Told(studio, *PLANNED)
+    with window(browser, studio, 1440, 900) as page, painting.at_work():  # so that the queue does not begin it
+        painting.show(page)
+        page.get_by_role("button", name="Use plan 1").click()
+        page.get_by_role("button", name="Paint it after the others").click()
+        expect(page.get_by_text("It waits in the queue, and is painted when")).to_be_visible()
+        keep(page, "queued")
+        go(page, "#/")
+        queue = page.get_by_role("region", name="Queue")
+        expect(queue.get_by_role("listitem")).to_contain_text("to be painted")
+        keep(page, "queue")
+        queue.get_by_role("button", name="Remove").click()
+        expect(queue).to_be_hidden()
+        painting.show(page)
+        expect(page.get_by_role("button", name="Use plan 1")).to_be_visible()

@@ -9,7 +9,7 @@ interface Paint { number: number; hex: string; strokes: number; share: number }
 interface Mixture { recipe: string; millilitres: number; near: boolean }
 interface Made { prefix: string; frames: number[]; strokes: number; palette: Paint[]; mixtures: Mixture[]; seconds: number }
 interface PlanState {
-  number: number; wish: Wish; status: "planning" | "ready" | "failed" | "stopped"; share: number; left: number | null;
+  number: number; wish: Wish; status: "waiting" | "planning" | "ready" | "failed" | "stopped"; share: number; left: number | null;
   growing: string | null; nearer: number; made: Made | null;
 }
 interface Look { done: number; seen: string; expected: string; difference: string; why: string; gain?: number; plan?: string }
@@ -20,7 +20,7 @@ interface PaintState {
   region: { picture: string; only: boolean } | null; remark: string; wish: Wish | null; film: boolean; arm: boolean; kept: boolean;
 }
 interface State {
-  version: number; working: boolean; stopped: boolean; trouble: string; question: any; plans: PlanState[]; painting: PaintState | null;
+  version: number; working: boolean; stopped: boolean; queued: "" | "plan" | "paint"; trouble: string; question: any; plans: PlanState[]; painting: PaintState | null;
 }
 interface Strokes { height: number; paths: number[][][]; widths: number[]; paint: number[] }
 interface House {
@@ -29,6 +29,7 @@ interface House {
   connected(there: boolean): void;
   active(working: boolean): void;
   entered(element: HTMLElement): void;
+  readonly work: import("../../src/frida_painter/web/static/queue.js").WorkWatch;
   readonly abilities: Record<string, { ready: boolean; missing: string[]; advice: string }>;
   readonly role: "watch" | "plan" | "operate";
   readonly simulated: boolean;

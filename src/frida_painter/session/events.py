@@ -25,6 +25,7 @@ from frida_painter.session.page_events import (
     CalibrationStarted,
     CalibrationStatus,
     Considering,
+    Dequeued,
     Finishing,
     LookShown,
     Mixing,
@@ -38,6 +39,7 @@ from frida_painter.session.page_events import (
     ProcedureBegan,
     ProcedureFound,
     ProcedureProgress,
+    Queued,
     Remark,
     RestReplanned,
     Rests,
@@ -292,7 +294,7 @@ Written = (
     | Paused | Stopped | Failed | Finished | RegionProtected | GoalChanged
     | PlanRequested | PlanningProgress | PlanPreview | PlanMade | RestReplanned | PaintingStarted | TakenUp | Mixing
     | TimeLeft | PhotographShown | LookShown | Considering | WentOn | Turns | Remark | Finishing | PaintingKept | Asked
-    | Answered | Rests
+    | Answered | Rests | Queued | Dequeued
     | CalibrationStarted | CalibrationStatus | ProcedureBegan | ProcedureProgress | ProcedureFound
 )  # fmt: skip
 Moment = PlanningStep | Planned | Scheduled | PaintsWanted | TimelapseFrame | Looked | Resumed

@@ -48,6 +48,22 @@ class PlanMade:
 
 
 @dataclass(frozen=True)
+class Queued:
+    """Plan number `plan` waits for others; job: "plan" where it is to be made, "paint" where it is to be painted."""
+
+    plan: int
+    job: str
+
+
+@dataclass(frozen=True)
+class Dequeued:
+    """Plan number `plan` waits no longer: it was begun, or else a person took it out."""
+
+    plan: int
+    begun: bool
+
+
+@dataclass(frozen=True)
 class RestReplanned:
     """What was left was planned again after `done` strokes; gain: as of Planned; the rest as of PlanMade."""
 

@@ -1,9 +1,12 @@
 """The studio's web application: its routes, its middleware, and errors as sentences."""
 
+import gzip
 import secrets
 import sys
 import traceback
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
@@ -12,10 +15,11 @@ from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp
 
 from frida_painter.errors import FridaError, Interrupted, RobotStopped
-from frida_painter.web import gallery, goals, in_charge, painting, procedures
+from frida_painter.web import gallery, goals, in_charge, painting, procedures, queueing
 from frida_painter.web.access import AuthMiddleware, Keys
 from frida_painter.web.lead import Lead, Led
 from frida_painter.web.limits import Bucket, Limits
+from frida_painter.web.painting_queue import PaintingQueue
 from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.presence import Presence
 from frida_painter.web.state_stream import StateStreams
@@ -29,36 +33,55 @@ _KINDS = {
 }  # fmt: skip
 
 
+@dataclass(frozen=True)
+class _Part:
+    """A file of the page, as it is and compressed; pictures are compressed already."""
+
+    content: bytes
+    kind: str
+    compressed: bytes | None
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        content = path.read_bytes()
+        compressed = None if path.suffix == ".png" else gzip.compress(content, mtime=0)
+        return cls(content, _KINDS[path.suffix], compressed)
+
+    def answer(self, request: Request) -> Response:
+        if self.compressed is None or "gzip" not in request.headers.get("accept-encoding", ""):
+            return Response(self.content, media_type=self.kind)
+        headers = {"Content-Encoding": "gzip", "Vary": "Accept-Encoding"}
+        return Response(self.compressed, media_type=self.kind, headers=headers)
+
+
 def application(store: PaintingStore, easel: StudioEasel, presence: Presence) -> FastAPI:
     """The routes alone, for those who are already inside."""
     app = FastAPI(title="frida-painter studio", docs_url=None, redoc_url=None, openapi_url=None)
     app.state.store, app.state.streams, app.state.workers = store, StateStreams(), Workers(easel)
     app.state.lead, app.state.presence = Lead(), presence
-    for part in (in_charge, goals, painting, procedures, gallery):
+    app.state.queue = PaintingQueue(store, app.state.workers)
+    for part in (in_charge, goals, painting, procedures, gallery, queueing):
         app.include_router(part.router)
 
     # From memory, and on no thread: a page is there at once, however busy the machine is with planning.
-    parts = {path.name: (path.read_bytes(), _KINDS[path.suffix]) for path in _STATIC.iterdir() if path.suffix in _KINDS}
+    parts = {path.name: _Part.read(path) for path in _STATIC.iterdir() if path.suffix in _KINDS}
 
     @app.get("/", include_in_schema=False)
-    async def page() -> Response:
+    async def page(request: Request) -> Response:
         """The page."""
-        content, kind = parts["index.html"]
-        return Response(content, media_type=kind)
+        return parts["index.html"].answer(request)
 
     @app.get("/sw.js", include_in_schema=False)
-    async def service_worker() -> Response:
+    async def service_worker(request: Request) -> Response:
         """The page's service worker, which may serve only what is below the place that it comes from."""
-        content, kind = parts["sw.js"]
-        return Response(content, media_type=kind)
+        return parts["sw.js"].answer(request)
 
     @app.get("/static/{name}", include_in_schema=False)
-    async def page_part(name: str) -> Response:
+    async def page_part(name: str, request: Request) -> Response:
         """A part of the page."""
         if name not in parts:
             raise HTTPException(404, "The page has no such part.")
-        content, kind = parts[name]
-        return Response(content, media_type=kind)
+        return parts[name].answer(request)
 
     app.add_exception_handler(FridaError, _mendable)
     app.add_exception_handler(HTTPException, _refused)

@@ -13,7 +13,7 @@ from frida_painter import storage
 from frida_painter.errors import Interrupted
 from frida_painter.web.feed import FeedReader
 from frida_painter.web.folder import PaintingFolder, working
-from frida_painter.web.requests import Operating, ThePaintingStore, ThisPainting
+from frida_painter.web.requests import Operating, ThePaintingStore, TheQueue, ThisPainting
 from frida_painter.web.state import PaintingState
 
 router = APIRouter()
@@ -28,10 +28,11 @@ def paintings(store: ThePaintingStore) -> list[dict[str, Any]]:
 
 
 @router.post("/api/paintings/{identifier}/delete")
-def delete(entry: ThisPainting, session: Operating, store: ThePaintingStore) -> dict[str, str]:
+def delete(entry: ThisPainting, session: Operating, store: ThePaintingStore, queue: TheQueue) -> dict[str, str]:
     """Removes a painting with all its files, for good."""
     if working(entry.folder):
         raise Interrupted("The painter is at work on this painting; stop it first.")
+    queue.remove(entry.id)
     store.note(session.id, entry.id, "delete")
     store.delete(entry)
     return {"id": entry.id}

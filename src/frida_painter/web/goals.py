@@ -10,13 +10,16 @@ from fastapi import APIRouter, HTTPException, Path, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import FileResponse
 
+from frida_painter.errors import Interrupted
 from frida_painter.session.page_events import PlanRequested
 from frida_painter.web import uploads
 from frida_painter.web.abilities import abilities
 from frida_painter.web.feed import Feed
+from frida_painter.web.folder import PlanFolder, working
+from frida_painter.web.painting_queue import PaintingQueue
 from frida_painter.web.painting_request import PaintingRequest
 from frida_painter.web.painting_store import Entry, PaintingStore
-from frida_painter.web.requests import AnySession, Planning, ThePaintingStore, TheWorkers, ThisPainting
+from frida_painter.web.requests import AnySession, Planning, ThePaintingStore, TheQueue, TheWorkers, ThisPainting
 from frida_painter.web.studio_pace import pace
 from frida_painter.web.workers import Workers
 
@@ -58,22 +61,27 @@ def show_picture(picture: Annotated[str, Path(max_length=64)], store: ThePaintin
 
 @router.post("/paintings")
 def begin(
-    request: PaintingRequest, session: Planning, store: ThePaintingStore, workers: TheWorkers
+    request: PaintingRequest, session: Planning, store: ThePaintingStore, workers: TheWorkers, queue: TheQueue
 ) -> Mapping[str, str]:
     """Begins a painting, and its first plan."""
     require_possible(request, store)
     entry = store.begin(request.title or "Untitled")
-    _plan(entry, request, store, workers)
+    _plan(entry, request, store, workers, queue)
     return {"id": entry.id}
 
 
 @router.post("/paintings/{identifier}/plans")
 def plan_again(
-    request: PaintingRequest, entry: ThisPainting, session: Planning, store: ThePaintingStore, workers: TheWorkers
+    request: PaintingRequest,
+    entry: ThisPainting,
+    session: Planning,
+    store: ThePaintingStore,
+    workers: TheWorkers,
+    queue: TheQueue,
 ) -> Mapping[str, str]:
     """Has another plan made for a painting, of the same request or another."""
     require_possible(request, store)
-    _plan(entry, request, store, workers)
+    _plan(entry, request, store, workers, queue)
     return {"id": entry.id}
 
 
@@ -87,14 +95,25 @@ def require_possible(request: PaintingRequest, store: PaintingStore) -> None:
         raise HTTPException(422, abilities()[missing[0]]["advice"])
 
 
-def _plan(entry: Entry, request: PaintingRequest, store: PaintingStore, workers: Workers) -> None:
+def _plan(entry: Entry, request: PaintingRequest, store: PaintingStore, workers: Workers, queue: PaintingQueue) -> None:
+    """Has the plan made, now or when those before it are done."""
     folder = entry.folder
+    if working(folder):
+        raise Interrupted("The painter is at work on this painting already.")
+    if queue.must_wait():
+        queue.add(entry, _requested(entry, request, store), "plan")
+        return
     with workers.slot_at(folder) as slot:
         folder.stop.unlink(missing_ok=True)
-        plan = folder.begin_plan(request, store.pictures)
-        feed = Feed(folder)
-        feed.tell(PlanRequested(plan.number, request.model_dump(mode="json")))
-        feed.close()
-        if request.title and request.title != entry.title:
-            store.rename(entry.id, request.title)
-        slot.start("plan", plan)
+        slot.start("plan", _requested(entry, request, store))
+
+
+def _requested(entry: Entry, request: PaintingRequest, store: PaintingStore) -> PlanFolder:
+    """The folder of a new plan, of which the page is told."""
+    plan = entry.folder.begin_plan(request, store.pictures)
+    feed = Feed(entry.folder)
+    feed.tell(PlanRequested(plan.number, request.model_dump(mode="json")))
+    feed.close()
+    if request.title and request.title != entry.title:
+        store.rename(entry.id, request.title)
+    return plan

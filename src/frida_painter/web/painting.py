@@ -7,16 +7,25 @@ from fastapi import APIRouter, HTTPException
 from pydantic import BaseModel, ConfigDict, Field
 
 from frida_painter.session.names import JOURNAL
-from frida_painter.session.page_events import PaintingStarted, TakenUp
+from frida_painter.session.page_events import TakenUp
 from frida_painter.web.answers import Reply
 from frida_painter.web.commands import tell_painter
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import require_disk, working
 from frida_painter.web.goals import require_possible
+from frida_painter.web.painting_queue import start_painting
 from frida_painter.web.painting_request import Identifier, PaintingRequest
 from frida_painter.web.painting_store import Entry
 from frida_painter.web.procedures import hand_on
-from frida_painter.web.requests import Operating, ThePaintingStore, ThePresence, TheStreams, TheWorkers, ThisPainting
+from frida_painter.web.requests import (
+    Operating,
+    ThePaintingStore,
+    ThePresence,
+    TheQueue,
+    TheStreams,
+    TheWorkers,
+    ThisPainting,
+)
 from frida_painter.web.state import PaintingState
 from frida_painter.web.state_stream import EventStream, current, require_room
 
@@ -24,12 +33,13 @@ router = APIRouter(prefix="/api/paintings/{identifier}")
 
 
 class Start(BaseModel):
-    """Paint this plan now; ready: the person says that canvas and paints are."""
+    """Paint this plan; ready: the person says that canvas and paints are; wait: in the queue, behind the others."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
     plan: int = Field(ge=1, le=99)
     ready: bool
+    wait: bool = False
 
 
 class Say(BaseModel):
@@ -71,9 +81,10 @@ def start(
     presence: ThePresence,
     store: ThePaintingStore,
     workers: TheWorkers,
+    queue: TheQueue,
 ) -> Mapping[str, str]:
-    """Begins to paint one of the plans."""
-    if not order.ready:
+    """Begins to paint one of the plans, or puts it into the queue."""
+    if not order.ready and not order.wait:
         raise HTTPException(422, "Say first that the canvas and the paints are ready.")
     folder = entry.folder
     plan = folder.plan(order.plan)
@@ -82,14 +93,16 @@ def start(
     if folder.painting.exists():
         raise HTTPException(409, "This painting has been begun already; to paint it once more, take Paint again.")
     require_disk(folder.path, 200 * 2**20)
+    if order.wait:
+        queue.add(entry, plan, "paint")
+        store.note(session.id, entry.id, f"queue plan {order.plan}")
+        return {"id": entry.id}
     with workers.slot_at(folder) as slot:
         presence.allow(workers.easel)
         folder.stop.unlink(missing_ok=True)
         store.note(session.id, entry.id, f"start plan {order.plan}")
-        feed = Feed(folder)
-        feed.tell(PaintingStarted(order.plan, plan.request().strokes))
-        feed.close()
-        slot.start("paint", plan)
+        queue.remove(entry.id)
+        start_painting(slot, plan)
     return {"id": entry.id}
 
 

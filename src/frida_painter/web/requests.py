@@ -8,6 +8,7 @@ from fastapi import Depends, Header, HTTPException, Path, Request
 
 from frida_painter.web.access import Role, Session
 from frida_painter.web.lead import Lead
+from frida_painter.web.painting_queue import PaintingQueue
 from frida_painter.web.painting_store import Entry, PaintingStore
 from frida_painter.web.presence import Presence
 from frida_painter.web.state_stream import StateStreams
@@ -36,6 +37,12 @@ def workers_of(request: Request) -> Workers:
     """Those who work."""
     workers: Workers = request.app.state.workers
     return workers
+
+
+def queue_of(request: Request) -> PaintingQueue:
+    """What waits."""
+    queue: PaintingQueue = request.app.state.queue
+    return queue
 
 
 def lead_of(request: Request) -> Lead:
@@ -116,4 +123,5 @@ TheStreams = Annotated[StateStreams, Depends(streams_of)]
 TheSigns = Annotated[Signs, Depends(signs_of)]
 TheLead = Annotated[Lead, Depends(lead_of)]
 ThePresence = Annotated[Presence, Depends(presence_of)]
+TheQueue = Annotated[PaintingQueue, Depends(queue_of)]
 TheWorkers = Annotated[Workers, Depends(workers_of)]

@@ -3,6 +3,7 @@
 import contextlib
 import socket
 import sys
+import threading
 from collections.abc import Callable
 
 import uvicorn
@@ -85,6 +86,7 @@ def serve(
     )
     with contextlib.suppress(OSError, ValueError):  # there may be no standard input at all
         presence.listen(sys.stdin.fileno())
+    threading.Thread(target=app.state.queue.run, daemon=True, name="queue").start()
     server = _Server(config, app.state.streams)
     tell({role: f"http://{first}/?token={token}" for role, token in keys.tokens.items()})
     server.run(sockets=[listening])

@@ -18,6 +18,7 @@ from frida_painter.session.page_events import (
     Answered,
     Asked,
     Considering,
+    Dequeued,
     Finishing,
     LookShown,
     Mixing,
@@ -28,6 +29,7 @@ from frida_painter.session.page_events import (
     PlanningProgress,
     PlanPreview,
     PlanRequested,
+    Queued,
     Remark,
     RestReplanned,
     TakenUp,
@@ -41,7 +43,7 @@ _MOST_LOOKS = 200
 
 @dataclass
 class PlanState:
-    """One plan: status is "planning", "ready", "failed" or "stopped"; the rest as the worker tells it."""
+    """One plan: status is "waiting", "planning", "ready", "failed" or "stopped"; the rest as the worker tells it."""
 
     number: int
     wish: dict[str, Any]
@@ -99,13 +101,14 @@ class PaintingState:
 
     title, seen: version of this state; working: whether a process is at work; trouble: the last
     sentence about what went wrong, until something else is begun; question: what a person is asked, as
-    web/asking.py tells.
+    web/asking.py tells; queued: "plan" or "paint" where that waits in the studio's queue, else "".
     """
 
     plans: dict[int, PlanState] = field(default_factory=dict)
     painting: PaintState | None = None
     trouble: str = ""
     stopped: bool = False
+    queued: str = ""
     question: dict[str, Any] | None = None
     version: int = 0
 
@@ -119,6 +122,14 @@ class PaintingState:
             case PlanningProgress(plan=int(number)) | PlanPreview(plan=int(number)) | PlanMade(plan=number):
                 if number in self.plans:
                     _hear_plan(self.plans[number], event)
+            case Queued(plan, job):
+                self.queued = job
+                if job == "plan" and plan in self.plans:
+                    self.plans[plan].status = "waiting"
+            case Dequeued(plan, begun):
+                self.queued = ""
+                if plan in self.plans and self.plans[plan].status == "waiting":
+                    self.plans[plan].status = "planning" if begun else "stopped"
             case Asked(question):
                 self.question = question
             case Answered():
@@ -148,6 +159,7 @@ class PaintingState:
             "working": working,
             "stopped": self.stopped,
             "trouble": self.trouble,
+            "queued": self.queued,
             "question": self.question if working else None,
             "plans": [asdict(plan) for plan in self.plans.values()],
             "painting": None if self.painting is None else asdict(self.painting),
@@ -161,6 +173,8 @@ class PaintingState:
         """In a word, for the gallery."""
         if self.painting is not None:
             return self.painting.status
+        if self.queued == "plan":
+            return "waiting"
         return "planned" if any(plan.status == "ready" for plan in self.plans.values()) else "planning"
 
     def _unfinished(self) -> bool:

@@ -21,18 +21,24 @@ class Workers:
         self.easel = easel
         self._started: list[subprocess.Popen[bytes]] = []
 
+    @property
+    def busy(self) -> bool:
+        """Whether as many are at work as may be."""
+        self._started = [process for process in self._started if process.poll() is None]
+        return len(self._started) >= _MOST
+
     @contextmanager
     def slot_at(self, folder: PaintingFolder) -> Iterator["WorkerSlot"]:
         """The one worker slot of a painting, held while the work is prepared.
 
         Raises Interrupted where somebody is at this painting already, or too many are at work.
         """
-        self._started = [process for process in self._started if process.poll() is None]
+        busy = self.busy
         lock = WorkerLock(folder)
         try:
             if not lock.take():
                 raise Interrupted("The painter is at work on this painting already.")
-            if len(self._started) >= _MOST:
+            if busy:
                 raise Interrupted("The painter is busy with other paintings; wait until one is done, or stop it.")
             yield WorkerSlot(folder, lock, self._started, self.easel)
         finally:
@@ -45,14 +51,14 @@ class WorkerSlot:
     def __init__(
         self, folder: PaintingFolder, lock: WorkerLock, started: list[subprocess.Popen[bytes]], easel: StudioEasel
     ) -> None:
-        self._folder, self._lock, self._started, self._easel = folder, lock, started, easel
+        self.folder, self._lock, self._started, self._easel = folder, lock, started, easel
 
     def start(self, job: Literal["plan", "paint", "resume", "calibrate"], plan: PlanFolder) -> None:
         """Starts a worker in a session of its own, and hands it the lock on the painting. Raises StorageError."""
-        program = [sys.executable, "-m", "frida_painter.web.worker", job, str(self._folder.path), str(plan.number)]
+        program = [sys.executable, "-m", "frida_painter.web.worker", job, str(self.folder.path), str(plan.number)]
         program += [str(self._lock.fileno()), json.dumps(self._easel.plain())]
         try:
-            with (self._folder.path / "worker.log").open("ab") as log:
+            with (self.folder.path / "worker.log").open("ab") as log:
                 self._started.append(
                     subprocess.Popen(
                         program, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,

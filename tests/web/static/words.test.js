@@ -6,6 +6,7 @@ import { brushWords } from "../../../src/frida_painter/web/static/easelstate.js"
 import { corrected, toPaint, toPlan } from "../../../src/frida_painter/web/static/estimate.js";
 import { mainTerm, nearestWeight, weights } from "../../../src/frida_painter/web/static/goal.js";
 import { outcome } from "../../../src/frida_painter/web/static/looks.js";
+import { placeOf } from "../../../src/frida_painter/web/static/queue.js";
 import { need } from "../../../src/frida_painter/web/static/needs.js";
 
 test("durations are said as people say them", () => {
@@ -83,4 +84,9 @@ test("a person is needed for questions, pauses, faults, plans and what is done, 
   assert.match(needs[2]?.text ?? "", /your turn/);
   const quiet = [state({}, { status: "painting" }), state({ plans: [{ status: "planning" }] }), state({}, { status: "finished" }), state({ working: false }, { status: "stopped" })];
   for (const each of quiet) assert.equal(need(each, "Cup"), null);
+});
+
+test("a painting's place in the queue counts from one, and is none where it does not wait", () => {
+  const work = { working: [], held: false, queue: ["a", "b"].map((painting) => ({ painting, plan: 1, job: "plan", title: "" })) };
+  assert.deepEqual(["a", "b", "c"].map((painting) => placeOf(work, painting)), [1, 2, 0]);
 });

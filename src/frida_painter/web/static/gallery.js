@@ -1,28 +1,42 @@
-// The gallery: every painting that was begun in this studio.
+// The gallery: every painting that was begun in this studio, and what waits for the painter.
 
 import * as api from "./api.js";
 import { h, show } from "./dom.js";
+import { queueList } from "./queue.js";
 
 const STAGES = {
-  planning: "being planned", planned: "planned", preparing: "starting", mixing: "being painted", painting: "being painted",
+  planning: "being planned", planned: "planned", waiting: "waits to be planned", preparing: "starting", mixing: "being painted", painting: "being painted",
   paused: "paused", finishing: "making the film", finished: "", stopped: "stopped", failed: "failed",
 };
 
+/** @param {House} house */
 export function gallery(house) {
   const shelf = h("ul", { class: "shelf", "aria-busy": "true" });
+  const queue = queueList(house);
   const element = h("section", { class: "gallery" },
     h("div", { class: "welcome" },
       h("p", { class: "label" }, "The studio"),
       h("h1", {}, "What do you want to paint?"),
       h("p", { class: "lede" }, "Set a goal. The robot plans every stroke and shows you the plan. Then you paint it together."),
       h("p", {}, h("a", { class: "button", href: "#/new" }, "Start a painting"))),
-    shelf);
-  house.attempt(async () => {
+    queue.element, shelf);
+  let shown = "";
+
+  const fill = () => house.attempt(async () => {
     const paintings = await api.get("/api/paintings");
+    const key = JSON.stringify(paintings);
+    if (key === shown) return;
+    shown = key;
     show(shelf, paintings.map(card));
     shelf.removeAttribute("aria-busy");
   });
-  return { element };
+  function hear(work) {
+    queue.update(work);
+    fill();
+  }
+  hear(house.work.latest);
+  const close = house.work.listen(hear);
+  return { element, close };
 }
 
 function card(painting) {

@@ -6,6 +6,7 @@ import { composer } from "./composer.js";
 import { focusHeading, h, show } from "./dom.js";
 import { gallery } from "./gallery.js";
 import { painting } from "./painting.js";
+import { WorkWatch } from "./queue.js";
 import { shortcuts } from "./shortcuts.js";
 
 /** @param {string} id */
@@ -16,6 +17,8 @@ const connection = part("connection");
 const stopButton = part("stop");
 
 let studio = null;
+const work = new WorkWatch();
+let active = false;
 let leave = () => {};
 let first = true; // the page was just opened: the focus stays where the browser puts it
 let noticeTimer = 0;
@@ -60,7 +63,12 @@ const house = {
     window.scrollTo(0, 0);
     if (!first) focusHeading(element);
   },
-  active(working) { stopButton.classList.toggle("live", working); },
+  /** Whether something is being done in the view that is shown; what is done elsewhere can be stopped there as well. */
+  active(working) {
+    active = working;
+    stopButton.classList.toggle("live", active || work.latest.working.length > 0 || work.latest.queue.length > 0);
+  },
+  work,
 };
 
 async function route() {
@@ -102,6 +110,8 @@ try {
   studio = await api.enter();
   window.addEventListener("hashchange", route);
   window.addEventListener("pagehide", api.leave);
+  work.listen(() => house.active(active));
+  work.start();
   await route();
 } catch (/** @type {any} */ error) {
   show(view, h("p", { class: "lede alone" }, error.message));

@@ -7,6 +7,7 @@ import { count, duration, h, reveal, show } from "./dom.js";
 import { corrected, toPaint } from "./estimate.js";
 import { goalList } from "./goal.js";
 import { pad } from "./pad.js";
+import { placeOf } from "./queue.js";
 
 const TAKEN = [["strokes.svg", "The strokes, for plotters and Inkscape (SVG)"], ["strokes.gcode", "The strokes for GRBL machines (G-code)"], ["palette.png", "The palette, to print"]];
 
@@ -27,6 +28,7 @@ export function planStage(house, here, first) {
   let chosen = null;
   let newest = 0;
   let drawn = "";
+  let stopWaiting = () => {};
 
   const current = () => /** @type {PlanState} */ (state.plans.find((plan) => plan.number === chosen));
 
@@ -67,7 +69,7 @@ export function planStage(house, here, first) {
 
   function planCard(plan) {
     const picture = plan.made ? api.file(here.id, plan.number, `after-${plan.made.frames.at(-1)}.jpg`) : plan.growing && api.file(here.id, plan.number, plan.growing);
-    const said = { planning: `${Math.round(100 * plan.share)} %`, ready: `${Math.round(100 * plan.nearer)} % closer to the goal than a bare canvas`, failed: "failed", stopped: "stopped" }[plan.status];
+    const said = { waiting: "waits in the queue", planning: `${Math.round(100 * plan.share)} %`, ready: `${Math.round(100 * plan.nearer)} % closer to the goal than a bare canvas`, failed: "failed", stopped: "stopped" }[plan.status];
     return h("li", {}, h("button", { type: "button", "aria-pressed": String(plan.number === chosen), onclick: () => choose(plan.number) },
       h("span", { class: "frame" }, picture ? h("img", { src: picture, alt: "" }) : h("span", { class: "bare" })),
       h("strong", {}, `Plan ${plan.number}`), h("small", {}, said)));
@@ -107,6 +109,22 @@ export function planStage(house, here, first) {
     sheet.open();
   }
 
+  /** Nobody has time for the plan yet. */
+  function waiting(plan) {
+    const place = h("p", { class: "label" });
+    const tell = () => {
+      const at = placeOf(house.work.latest, here.id);
+      place.textContent = house.work.latest.held ? "The queue was stopped. In the gallery you can let it go on." : at > 1 ? `${at - 1} in the queue before it.` : "It is next.";
+    };
+    tell();
+    stopWaiting = house.work.listen(tell);
+    show(panel, h("h1", {}, "Review the plan"), h("p", {}, "The painter is busy with other paintings. This plan waits in the queue and is begun by itself."), place,
+      h("p", {}, h("button", { type: "button", class: "button second", disabled: house.role === "watch", onclick: () => unqueue() }, "Remove from the queue")),
+      h("p", { class: "label" }, summary(plan.wish)), h("h2", {}, "The goal"), goals);
+  }
+
+  const unqueue = () => house.attempt(() => api.post(`/api/queue/${here.id}/remove`));
+
   function ready(plan) {
     const again = { ...plan.wish, seed: (Math.max(...state.plans.map((other) => other.wish.seed)) + 1) % 2147483647 };
     if (!changes.has(plan.number)) changes.set(plan.number, structuredClone(plan.wish));
@@ -143,8 +161,14 @@ export function planStage(house, here, first) {
       h("p", {}, h("a", { href: api.file(here.id, plan.number, "palette.png"), download: "palette.png" }, "Download the palette to print")),
       h("div", { class: "checks" }, check("A bare canvas is on the easel."), check("The paints are in their wells. Water and rag are in place.")),
       start,
+      state.queued === "paint"
+        ? h("p", { class: "label beneath" }, house.simulated ? "It waits in the queue, and is painted when those before it are done. " : "It waits in the queue. Start it when the easel is free and the canvas is bare. ",
+          h("button", { type: "button", class: "quiet", disabled: house.role !== "operate", onclick: unqueue }, "Remove from the queue"))
+        : h("button", { type: "button", class: "quiet later", disabled: house.role !== "operate", onclick: () => later(plan) }, "Paint it after the others (queue)"),
       h("p", {}, h("button", { type: "button", class: "quiet", onclick: () => here.go("plan") }, "Back to the plan")));
   }
+
+  const later = (plan) => house.attempt(() => api.post(`/api/paintings/${here.id}/start`, { plan: plan.number, ready: false, wait: true }));
 
   function update(next, step) {
     state = next;
@@ -154,13 +178,15 @@ export function planStage(house, here, first) {
       chosen = last.number;
     }
     const plan = current();
-    const key = `${step}/${plan.number}/${plan.status}/${state.working}`;
+    const key = `${step}/${plan.number}/${plan.status}/${state.working}/${state.queued}`;
     if (key !== drawn) {
       drawn = key;
+      stopWaiting();
       if (plan.made) { scrub.max = plan.made.strokes; if (step === "prepare" || Number(scrub.value) <= 1) scrub.value = plan.made.strokes; }
       canvas.goal(plan.wish.terms);
       show(goals, goalList(plan.wish.terms));
       if (step === "prepare" && plan.made) prepare(plan);
+      else if (plan.status === "waiting") waiting(plan);
       else if (plan.status === "planning" && state.working) planning(plan);
       else ready(plan);
       if (plan.made) scrubbed();
@@ -186,5 +212,5 @@ export function planStage(house, here, first) {
     caption.textContent = plan.made ? `Plan ${plan.number}` : "The plan so far";
   }
 
-  return { elements: [easel, padPlace, panel, others], update };
+  return { elements: [easel, padPlace, panel, others], update, close: () => stopWaiting() };
 }
