@@ -9,16 +9,27 @@ import torch
 from PIL import Image
 
 from frida_painter import cli, images
+from frida_painter.cli.goal_options import goal_given
 from frida_painter.errors import ConfigError, FridaError, WeightsError
+from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.objectives.kinds.semantic import SemanticTerm
 from frida_painter.objectives.kinds.sketch import SketchTerm
 from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.objectives.kinds.text import TextTerm
-from frida_painter.runs.goals import read_goal
+from frida_painter.runs.goals import open_goal, picture_of
+from frida_painter.runs.spec import RunSpec
 from networks import QuickEncoders
 from scenes import picture
+
+
+def asked(photo: Path | None, given: dict[str, Any]) -> RunSpec:
+    return RunSpec.of(**goal_given(photo, given))
+
+
+def goal_of(photo: Path | None, given: dict[str, Any]) -> Goal:
+    return open_goal(asked(photo, given))
 
 
 @pytest.fixture
@@ -35,36 +46,36 @@ def waves(tmp_path: Path) -> Path:
 
 def test_photo_and_styles_with_their_weights(photo: Path, waves: Path) -> None:
     given = {"style": [waves, photo], "style_weight": [2.0, 0.5], "init_style": [waves], "image_weight": [3.0]}
-    wanted = read_goal(photo, given)
-    assert [(type(term), term.weight) for term in wanted.goal.terms] == [
+    wanted, goal = asked(photo, given), goal_of(photo, given)
+    assert [(type(term), term.weight) for term in goal.terms] == [
         (ImageTerm, 3.0),
         (StyleTerm, 2.0),
         (StyleTerm, 0.5),
     ]
-    assert isinstance(wanted.goal.initial[0], StyleTerm)
-    assert isinstance(wanted.goal.initial_terms[0], ImageTerm), "to begin with a style is to begin with its picture"
-    assert wanted.facts[1] == ("Style of", "waves.png (weight 2)")
-    assert wanted.title == "Photo" and wanted.name == "photo"
+    assert isinstance(goal.initial[0], StyleTerm)
+    assert isinstance(goal.initial_terms[0], ImageTerm), "to begin with a style is to begin with its picture"
+    assert wanted.goal_facts[1] == ("Style of", "waves.png (weight 2)")
+    assert wanted.heading == "Photo" and wanted.name == "photo"
 
 
 def test_words_beside_pictures_or_alone(photo: Path, waves: Path) -> None:
     given = {"text": ["a sailing ship", "a lemon"], "text_weight": [2.0, 0.5], "init_text": ["the sea"]}
-    wanted = read_goal(photo, given)
-    assert [type(term) for term in wanted.goal.terms] == [ImageTerm, TextTerm, TextTerm]
-    assert [term.weight for term in wanted.goal.terms] == [1.0, 2.0, 0.5]
-    assert wanted.goal.initial == (TextTerm("the sea"),)
-    alone = read_goal(None, {"text": ["a <b>ship</b>"], "style": [waves]})
-    assert (alone.title, alone.name, alone.picture) == ("A <b>ship</b>", "a-b-ship-b", None)
-    assert alone.facts[0] == ("Words", "“A <b>ship</b>”")
+    goal = goal_of(photo, given)
+    assert [type(term) for term in goal.terms] == [ImageTerm, TextTerm, TextTerm]
+    assert [term.weight for term in goal.terms] == [1.0, 2.0, 0.5]
+    assert goal.initial == (TextTerm("the sea"),)
+    alone = asked(None, {"text": ["a <b>ship</b>"], "style": [waves]})
+    assert (alone.heading, alone.name, picture_of(open_goal(alone))) == ("A <b>ship</b>", "a-b-ship-b", None)
+    assert alone.goal_facts[0] == ("Words", "“A <b>ship</b>”")
 
 
 def test_words_stand_in_a_goal_file(photo: Path) -> None:
     path = photo.with_name("goal.toml")
     path.write_text('[[goal]]\ntext = "a ship"\nweight = 2\n[[initial]]\ntext = "the sea"')
-    assert read_goal(None, {"goal": path}).goal.terms == (TextTerm("a ship", 2.0),)
+    assert goal_of(None, {"goal": path}).terms == (TextTerm("a ship", 2.0),)
     path.write_text('[[goal]]\ntext = " "')
     with pytest.raises(ConfigError, match="no words"):
-        read_goal(None, {"goal": path})
+        goal_of(None, {"goal": path})
 
 
 def test_a_goal_file_names_pictures_beside_itself(photo: Path, waves: Path) -> None:
@@ -72,7 +83,7 @@ def test_a_goal_file_names_pictures_beside_itself(photo: Path, waves: Path) -> N
     path.write_text(
         '[[goal]]\nimage = "photo.png"\n[[goal]]\nstyle = "waves.png"\nweight = 2\n[[initial]]\nimage = "waves.png"'
     )
-    goal = read_goal(None, {"goal": path}).goal
+    goal = goal_of(None, {"goal": path})
     assert [type(term) for term in goal.terms] == [ImageTerm, StyleTerm] and goal.terms[1].weight == 2
     assert len(goal.initial) == 1
 
@@ -94,7 +105,7 @@ def test_a_goal_file_that_makes_no_goal(photo: Path, waves: Path, text: str, say
     path = photo.with_name("goal.toml")
     path.write_text(text)
     with pytest.raises(FridaError, match=says):
-        read_goal(None, {"goal": path})
+        goal_of(None, {"goal": path})
 
 
 @pytest.mark.parametrize(
@@ -109,7 +120,7 @@ def test_a_goal_file_that_makes_no_goal(photo: Path, waves: Path, text: str, say
 )
 def test_weights_that_do_not_fit(photo: Path, waves: Path, given: dict[str, Any], says: str) -> None:
     with pytest.raises(ConfigError, match=says):
-        read_goal(photo, {"style": [waves, waves], **given})
+        goal_of(photo, {"style": [waves, waves], **given})
 
 
 @pytest.mark.parametrize("size", [(3, 3), (40, 40)], ids=["tiny", "one color"])
@@ -117,14 +128,14 @@ def test_pictures_that_are_no_style(photo: Path, size: tuple[int, int]) -> None:
     flat = photo.with_name("flat.png")
     images.save(torch.full((3, *size), 0.5), flat)
     with pytest.raises(FridaError, match=r"at least 16 pixels|single colour"):
-        read_goal(photo, {"style": [flat]})
+        goal_of(photo, {"style": [flat]})
 
 
 def test_nothing_and_too_much(photo: Path, waves: Path) -> None:
     with pytest.raises(ConfigError, match="nothing to paint"):
-        read_goal(None, {})
+        goal_of(None, {})
     with pytest.raises(ConfigError, match="at most 20"):
-        read_goal(photo, {"style": [waves] * 20})
+        goal_of(photo, {"style": [waves] * 20})
 
 
 def test_a_styled_painting_says_what_it_was_and_through_what_it_was_seen(
@@ -152,10 +163,10 @@ def test_a_styled_painting_says_what_it_was_and_through_what_it_was_seen(
 
 
 def test_a_picture_by_what_it_shows(photo: Path) -> None:
-    wanted = read_goal(None, {"semantic": [photo], "semantic_weight": [2.0]})
-    (term,) = wanted.goal.terms
+    wanted = asked(None, {"semantic": [photo], "semantic_weight": [2.0]})
+    (term,) = open_goal(wanted).terms
     assert isinstance(term, SemanticTerm) and term.weight == 2
-    assert wanted.facts == (("Content of", "photo.png (weight 2)"),)
+    assert wanted.goal_facts == (("Content of", "photo.png (weight 2)"),)
 
 
 def test_a_sketch_and_a_blank_sheet(photo: Path) -> None:
@@ -164,13 +175,14 @@ def test_a_sketch_and_a_blank_sheet(photo: Path) -> None:
     lines[:3, 30, 10:70], lines[3, 30, 10:70] = 0, 1
     drawn = photo.with_name("drawn.png")
     Image.fromarray((255 * lines).byte().permute(1, 2, 0).numpy(), "RGBA").save(drawn)
-    wanted = read_goal(photo, {"sketch": [drawn], "sketch_weight": [0.5]})
-    assert isinstance(wanted.goal.terms[1], SketchTerm) and wanted.goal.terms[1].weight == 0.5
-    assert wanted.facts[1] == ("Sketch", "drawn.png (weight 0.5)")
+    wanted = asked(photo, {"sketch": [drawn], "sketch_weight": [0.5]})
+    term = open_goal(wanted).terms[1]
+    assert isinstance(term, SketchTerm) and term.weight == 0.5
+    assert wanted.goal_facts[1] == ("Sketch", "drawn.png (weight 0.5)")
     lines[3] = 0
     Image.fromarray((255 * lines).byte().permute(1, 2, 0).numpy(), "RGBA").save(drawn)
     with pytest.raises(ConfigError, match=r"--sketch .*: A sketch without a single line"):
-        read_goal(photo, {"sketch": [drawn]})
+        goal_of(photo, {"sketch": [drawn]})
 
 
 def test_words_are_painted_without_any_photograph(
@@ -207,7 +219,7 @@ def test_words_are_painted_without_any_photograph(
 )
 def test_words_that_make_no_goal(given: dict[str, Any], says: str) -> None:
     with pytest.raises(ConfigError, match=says):
-        read_goal(None, given)
+        goal_of(None, given)
 
 
 def test_words_without_networks_say_what_to_fetch(tmp_path: Path) -> None:

@@ -15,7 +15,9 @@ from frida_painter.errors import ConfigError
 from frida_painter.objectives.kind import goal_kinds
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.registry import OBJECTIVES
-from frida_painter.runs.goals import GoalInput, read_goal
+from frida_painter.runs.goal_item import GoalItem, read_goal_file
+from frida_painter.runs.goals import open_goal, picture_of
+from frida_painter.runs.spec import RunSpec
 from marks import coarse_table
 from scenes import CANVAS, small_table
 
@@ -48,10 +50,11 @@ def test_an_objective_of_ones_own_shapes_the_painting(tmp_path: Path) -> None:
 def test_it_is_planned_for_alone_from_a_goal_file(mirror: None, tmp_path: Path) -> None:
     path = tmp_path / "goal.toml"
     path.write_text('[[goal]]\nmirror = "left-right"\nweight = 2\n')
-    wanted = read_goal(None, {"goal": path})
-    assert wanted.items == (GoalInput("mirror", "left-right", 2.0),) and wanted.picture is None
-    assert wanted.facts == (("Mirror image", "“Left-right” (weight 2)"),)
-    by = Planner(wanted.goal, CANVAS, small_table(), rows=64, effort=Effort().scaled(0.1), seed=0)
+    wanted = RunSpec.of(**read_goal_file(path))
+    goal = open_goal(wanted)
+    assert wanted.goal == (GoalItem(kind="mirror", value="left-right", weight=2.0),) and picture_of(goal) is None
+    assert wanted.goal_facts == (("Mirror image", "“Left-right” (weight 2)"),)
+    by = Planner(goal, CANVAS, small_table(), rows=64, effort=Effort().scaled(0.1), seed=0)
     bare = torch.ones(3, 64, 85)
     bare[:, :, :40] = 0.4
     plan = by.plan(bare, 12, 3, lambda step: None)
@@ -62,7 +65,7 @@ def test_it_is_planned_for_alone_from_a_goal_file(mirror: None, tmp_path: Path) 
     assert len(again) == 6
     assert by.validation_loss(by.expected(again, half)) <= by.validation_loss(by.expected(rest, half))
     with pytest.raises(ConfigError, match=r"--mirror diagonal: .*one of left-right, top-bottom"):
-        read_goal(None, {"mirror": ["diagonal"]})
+        open_goal(RunSpec.of(goal=[{"mirror": "diagonal"}]))
 
 
 def test_the_command_line_paints_it(

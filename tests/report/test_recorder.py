@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from frida_painter.plan import Plan
-from frida_painter.report.recorder import PaintingAccount, Recorder
+from frida_painter.report.recorder import Recorder
 from frida_painter.session.events import (
     Dipped,
     Event,
@@ -22,9 +22,7 @@ from frida_painter.session.painting import Painting
 from plans import CANVAS, LIMITS, made_up_plan
 from scenes import small_table
 
-ACCOUNT = PaintingAccount(
-    "A cup <of> coffee", torch.full((3, 60, 90), 0.4), (("Seed", "7"),), {"photo": "cup.jpg", "strokes": 12}
-)
+TOLD = ("A cup <of> coffee", torch.full((3, 60, 90), 0.4), (("Seed", "7"),), {"photo": "cup.jpg", "strokes": 12})
 BLACK = (0.0, 0.0, 0.0)
 
 
@@ -63,7 +61,7 @@ def recorded(
     folder: Path, events: list[Event], painting: Painting, timelapse_frames: int = 4
 ) -> tuple[Path | None, dict[str, object]]:
     folder.joinpath("plan.json").write_text("written by the journal")
-    with Recorder(folder, ACCOUNT, small_table(), timelapse_frames) as recorder:
+    with Recorder(folder, *TOLD, small_table(), timelapse_frames) as recorder:
         for event in events:
             recorder.hear(event)
         page = recorder.finish(painting)
@@ -152,7 +150,7 @@ def test_without_glimpses_there_is_no_film_and_the_page_does_not_name_one(tmp_pa
 
 def test_an_evening_that_ends_in_an_error_leaves_the_film_so_far(tmp_path: Path) -> None:
     def until_it_fails() -> None:
-        with Recorder(tmp_path, ACCOUNT, small_table(), 4) as recorder:
+        with Recorder(tmp_path, *TOLD, small_table(), 4) as recorder:
             for event in an_evening()[:8]:
                 recorder.hear(event)
             raise RuntimeError("the robot caught fire")

@@ -7,34 +7,35 @@ import torch
 
 from frida_painter import images
 from frida_painter.errors import ConfigError
+from frida_painter.goal import Goal
 from frida_painter.runs.fitting import fitted
-from frida_painter.runs.goals import GoalInput, OpenedGoal, open_goal
+from frida_painter.runs.goals import make_goal
 from frida_painter.runs.spec import RunSpec
 
 
 @pytest.fixture
-def square(tmp_path: Path) -> OpenedGoal:
+def square(tmp_path: Path) -> Goal:
     """A square photograph, black above and white below."""
     picture = torch.zeros(3, 60, 60)
     picture[:, 30:] = 1
     images.save(picture, tmp_path / "square.png")
-    return open_goal([GoalInput("image", tmp_path / "square.png", 1.0)])
+    return make_goal(tmp_path / "square.png")
 
 
-def test_by_default_the_canvas_takes_the_pictures_proportions_within_its_size(square: OpenedGoal) -> None:
+def test_by_default_the_canvas_takes_the_pictures_proportions_within_its_size(square: Goal) -> None:
     made = fitted(RunSpec.of(canvas="300x200mm"), square)
     assert str(made.spec.canvas) == "200 x 200 mm" and made.remark == ""
     assert made.target is not None and made.target.shape == (3, 864, 864)
     assert made.spec.as_kept == made.spec, "a folder keeps it to the last digit"
 
 
-def test_a_crop_says_how_much_is_left_out(square: OpenedGoal) -> None:
+def test_a_crop_says_how_much_is_left_out(square: Goal) -> None:
     made = fitted(RunSpec.of(canvas="300x200mm", fit="crop"), square)
     assert str(made.spec.canvas) == "300 x 200 mm"
     assert "33 % of its height is left out" in made.remark and "--fit pad" in made.remark
 
 
-def test_padding_shows_the_whole_picture_on_white(square: OpenedGoal) -> None:
+def test_padding_shows_the_whole_picture_on_white(square: Goal) -> None:
     made = fitted(RunSpec.of(canvas="300x200mm", fit="pad"), square)
     assert made.target is not None and made.remark == ""
     middle = made.target[:, :, 300:1000]
@@ -42,16 +43,16 @@ def test_padding_shows_the_whole_picture_on_white(square: OpenedGoal) -> None:
 
 
 @pytest.mark.parametrize("settings", [{"robot": "human", "camera": "opencv:0"}, {"calibration": Path("record.json")}])
-def test_a_canvas_that_lies_on_an_easel_stays_as_it_is(square: OpenedGoal, settings: dict[str, object]) -> None:
+def test_a_canvas_that_lies_on_an_easel_stays_as_it_is(square: Goal, settings: dict[str, object]) -> None:
     made = fitted(RunSpec.of(canvas="300x200mm", **settings), square)
     assert str(made.spec.canvas) == "300 x 200 mm" and "is left out" in made.remark
 
 
-def test_a_picture_of_the_canvass_proportions_loses_nothing(square: OpenedGoal) -> None:
+def test_a_picture_of_the_canvass_proportions_loses_nothing(square: Goal) -> None:
     assert fitted(RunSpec.of(canvas="200x200mm", fit="crop"), square).remark == ""
 
 
 def test_a_picture_too_narrow_for_any_canvas_is_refused(tmp_path: Path) -> None:
     images.save(torch.rand(3, 20, 600), tmp_path / "narrow.png")
     with pytest.raises(ConfigError, match="from 30 to 3000 mm"):
-        fitted(RunSpec.of(), open_goal([GoalInput("image", tmp_path / "narrow.png", 1.0)]))
+        fitted(RunSpec.of(), make_goal(tmp_path / "narrow.png"))

@@ -12,7 +12,8 @@ from frida_painter.objectives.kinds.semantic import SemanticTerm
 from frida_painter.objectives.kinds.sketch import SketchTerm
 from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.objectives.kinds.text import TextTerm
-from frida_painter.runs.goals import make_goal, name_of, read_prompt, title_of
+from frida_painter.runs.goal_item import name_of, read_prompt, title_of
+from frida_painter.runs.goals import make_goal
 from scenes import picture
 
 

@@ -13,7 +13,7 @@ from skimage import data
 
 from frida_painter import images
 from frida_painter.errors import ConfigError
-from frida_painter.runs.controls import Controls
+from frida_painter.runs.opening import Controls
 from frida_painter.runs.run import PaintingRun, history_of, paint
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Event, StrokePainted

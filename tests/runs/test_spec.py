@@ -134,6 +134,12 @@ def test_what_is_painted_is_said_as_in_a_goal_file() -> None:
         ("image", "me.jpg", 1),
         ("text", "a lemon", 2),
     ]
-    for wrong in ([{"text": "a", "style": "b"}], [{"text": "a", "weight": -1}], [{"text": ""}], [3]):
-        with pytest.raises(ConfigError, match="--goal"):
+    for wrong, says in (
+        ([{"text": "a", "style": "b"}], "--goal"),
+        ([3], "--goal"),
+        ([{"text": "a", "weight": -1}], "A weight of -1.0 was given to text 'a'; weights are above 0"),
+        ([{"text": " "}], "--text was given no words"),
+        ([{"smell": "roses"}], "There is no kind of goal called 'smell'"),
+    ):
+        with pytest.raises(ConfigError, match=says):
             RunSpec.of(goal=wrong)

@@ -139,7 +139,7 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
     history = Journal.reopen(folder.painting)[1]
     kept_region = resuming.region(folder.painting, history)
     assert kept_region is not None and torch.equal(kept_region.forbidden, after.region.forbidden)
-    assert read_goal(folder.painting / history.goal).items[0][2] == 2
+    assert read_goal(folder.painting / history.goal)["goal"][0]["weight"] == 2
     assert table.told(GoalChanged)[0].wish["terms"][0]["weight"] == 2
     assert sum(isinstance(event, Planned) for event in table.evening.heard) >= 3
 

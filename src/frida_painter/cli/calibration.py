@@ -9,7 +9,6 @@ from rich.console import Console
 from frida_painter import images
 from frida_painter.cli.terminal import Terminal
 from frida_painter.runs.calibrating import CalibrationSetup, begin_procedure, beside, learn_from, record_to_renew
-from frida_painter.runs.easel import workspace_canvas
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.procedures.calibration_status import require_basis
 from frida_painter.session.procedures.dialogue import Answer, Finding, Question, lead
@@ -59,7 +58,7 @@ def easel_spec(
     """The easel that the options name. Raises ConfigError."""
     given = {"canvas": canvas, "workspace": workspace, "placement_error": placement_error}
     said = {name: value for name, value in given.items() if value is not None}
-    return workspace_canvas(RunSpec.of(robot=robot, camera=camera, brush=brush, seed=seed, **said))
+    return RunSpec.of(robot=robot, camera=camera, brush=brush, seed=seed, **said)
 
 
 def _tell(name: str, finding: Finding, record: Path) -> None:

@@ -2,16 +2,18 @@
 
 import inspect
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from frida_painter.errors import ConfigError
 from frida_painter.objectives.kind import Gives, GoalKind, goal_kinds
 from frida_painter.options import number
 
 _PANEL = "What to paint"
+_PHOTO = "image"  # the kind of goal that PHOTO is
 
 GoalFile = Annotated[
     Path | None,
@@ -33,7 +35,7 @@ def goal_options() -> list[inspect.Parameter]:
     """The options by which a command takes goals, as keyword parameters for Typer, in the order of its help.
 
     For every kind NAME its values and weights, NAME and NAME_weight; what is begun with, init_NAME; then goal, a
-    file, and clip. `runs.goals.read_goal` reads what they were given.
+    file, and clip. `goal_given` reads what they were given.
     """
     kinds = list(goal_kinds().by_name.values())
     options = [parameter for kind in kinds for parameter in _options(kind)]
@@ -44,6 +46,33 @@ def goal_options() -> list[inspect.Parameter]:
 def free_goal_options(taken: Collection[str]) -> list[inspect.Parameter]:
     """The goal options whose names a command has not `taken` for other options."""
     return [option for option in goal_options() if option.name not in taken]
+
+
+def goal_given(photo: Path | None, given: Mapping[str, Any]) -> dict[str, list[Any]]:
+    """What PHOTO, which counts as the first --image, the options and the goal file ask for, in the words of RunSpec.
+
+    Raises ConfigError where weights do not fit, and for a goal file that cannot be read.
+    """
+    from frida_painter.runs.goal_item import read_goal_file
+
+    kinds = goal_kinds().by_name.values()
+    goal = [item for kind in kinds for item in _items(kind, photo if kind.name == _PHOTO else None, given)]
+    initial = [{kind.name: str(value)} for kind in kinds for value in given.get(f"init_{kind.name}") or []]
+    filed = {} if given.get("goal") is None else read_goal_file(given["goal"])
+    return {"goal": goal + filed.get("goal", []), "initial": initial + filed.get("initial", [])}
+
+
+def _items(kind: GoalKind, photo: Path | None, given: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The values of a kind's option, with the weight of each."""
+    values = [*([] if photo is None else [photo]), *(given.get(kind.name) or [])]
+    weights = given.get(f"{kind.name}_weight") or [1.0] * len(values)
+    if len(weights) != len(values):
+        photo_too = ", PHOTO among them" if photo is not None else ""
+        raise ConfigError(
+            f"{kind.option}-weight was given {len(weights)} times for {len(values)} goals{photo_too}; "
+            "give one weight for each, or none at all."
+        )
+    return [{kind.name: str(value), "weight": float(weight)} for value, weight in zip(values, weights, strict=True)]
 
 
 def tell_left_out(taken: Collection[str]) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from frida_painter.cli.goal_options import tell_left_out
-from frida_painter.cli.run_options import TAKEN, painting_options, planning_options, spec_of, taking
+from frida_painter.cli.run_options import TAKEN, Photo, painting_options, planning_options, spec_of, taking
 from frida_painter.cli.wells import AskOption, FilledOption
 from frida_painter.errors import ConfigError
 from frida_painter.options import out_file, whole_number
@@ -26,7 +26,7 @@ def register(app: typer.Typer) -> None:
     app.command("render")(render)
 
 
-def paint(*, ask: AskOption = False, yes: FilledOption = False, **given: Any) -> None:
+def paint(*, photo: Photo = None, ask: AskOption = False, yes: FilledOption = False, **given: Any) -> None:
     """Paint a photograph or a text prompt. Plans, paints some strokes, looks at the canvas and replans the rest.
 
     The virtual studio paints unless --robot names a robot arm, a plotter or a person (docs/machines.md).
@@ -38,16 +38,15 @@ def paint(*, ask: AskOption = False, yes: FilledOption = False, **given: Any) ->
     and a page. Ctrl-C stops after the current stroke and keeps the work. A second Ctrl-C stops the robot
     at once. A real robot then stays stopped until you run `frida-painter arm`.
     """
-    from frida_painter.cli.leading import Leader, say_films, say_networks
+    from frida_painter.cli.leading import Leader, require_person, say_films, say_networks
     from frida_painter.cli.stop_signal import stop_on_signals
-    from frida_painter.runs.easel import require_possible, workspace_canvas
     from frida_painter.runs.run import PaintingRun
     from frida_painter.session.opening import limit_threads
 
     started = time.monotonic()
     limit_threads()
-    spec = workspace_canvas(spec_of(given))
-    require_possible(spec, asked=not yes)
+    spec = spec_of(photo, given)
+    require_person(spec, asked=not yes)
     with stop_on_signals() as stop, PaintingRun(spec, given["out"]) as run:
         say_films(run.spec)
         run.load_easel()  # it loads while the planner does
@@ -58,7 +57,7 @@ def paint(*, ask: AskOption = False, yes: FilledOption = False, **given: Any) ->
     leader.conclude(outcome)
 
 
-def plan(**given: Any) -> None:
+def plan(*, photo: Photo = None, **given: Any) -> None:
     """Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix."""
     import torch
     from rich.console import Console
@@ -75,9 +74,9 @@ def plan(**given: Any) -> None:
     from frida_painter.session.opening import limit_threads
 
     limit_threads()
-    with stop_on_signals() as stop, PaintingRun(spec_of({**given, "replans": None})) as run:
+    with stop_on_signals() as stop, PaintingRun(spec_of(photo, given)) as run:
         say_networks(run)
-        folder = new_folder(given["out"], run.goal.name, 20 * 2**20)
+        folder = new_folder(given["out"], run.spec.name, 20 * 2**20)
         with PlanningLine(Console(stderr=True, highlight=False)) as bar:
 
             def hear(step: Step) -> None:

@@ -45,10 +45,9 @@ def resume(
     Shows the progress, photographs the canvas, asks about a stroke in doubt if there is one, cleans the
     brush and paints the rest. Nothing moves before you confirm, or give --yes.
     """
-    from frida_painter.cli.leading import Leader, confirm, say, say_networks
+    from frida_painter.cli.leading import Leader, confirm, require_person, say, say_networks
     from frida_painter.cli.stop_signal import stop_on_signals
     from frida_painter.errors import Interrupted
-    from frida_painter.runs.easel import require_possible
     from frida_painter.runs.run import PaintingRun, history_of
     from frida_painter.session.opening import limit_threads
 
@@ -59,7 +58,7 @@ def resume(
     limit_threads()
     with ExitStack() as stack:
         run = stack.enter_context(PaintingRun.reopen(folder, accept_changes=accept_changes, pace=pace))
-        require_possible(run.spec, asked=not yes)
+        require_person(run.spec, asked=not yes)
         _show(run)
         first = "The canvas" if run.spec.by_hand else "The arm will lift and move aside, and the canvas"
         if not (yes or confirm(f"{first} will be photographed. Go on?", default=True)):
@@ -96,7 +95,7 @@ def _show(run: "PaintingRun") -> None:
     assert history is not None
     sittings = "one sitting" if history.runs == 1 else f"{history.runs} sittings"
     say(
-        f"{spec.title or run.goal.title}: {history.painted} of {spec.strokes} strokes on a canvas of "
+        f"{spec.heading}: {history.painted} of {spec.strokes} strokes on a canvas of "
         f"{spec.canvas}, painted in {sittings} of {duration(history.seconds)}."
     )
     if history.last is not None:

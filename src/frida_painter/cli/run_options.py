@@ -21,7 +21,7 @@ from frida_painter.options import (
     out_folder,
     whole_number,
 )
-from frida_painter.runs.spec import GoalItem, RunSpec
+from frida_painter.runs.spec import RunSpec
 
 TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip"} | {"photo", "settings", "out", "ask", "yes"}
 """Names of options that no kind of goal can have."""
@@ -72,7 +72,6 @@ _EASEL: Mapping[str, tuple[Any, Any]] = {
 def planning_options() -> list[Parameter]:
     """What a plan can be asked for."""
     return [
-        _keyword("photo", Photo),
         *goal_options.free_goal_options(TAKEN),
         *(_keyword(name, _option(RunSpec.model_fields[name])) for name in _PLAN),
         _keyword("palette", PaletteOption),
@@ -105,22 +104,17 @@ def taking(options: list[Parameter], command: Callable[..., None]) -> Callable[.
     return with_options
 
 
-def spec_of(given: Mapping[str, Any]) -> RunSpec:
-    """The painting that the options describe; they go before the TOML file of --settings. Raises ConfigError."""
-    from frida_painter.runs.goals import listed  # with it come tensors, which nobody needs who only reads the options
-
+def spec_of(photo: Path | None, given: Mapping[str, Any]) -> RunSpec:
+    """The painting of PHOTO and the options, which go before the TOML file of --settings. Raises ConfigError."""
     defaults = {name: default for name, (_, default) in _EASEL.items()}
     said = {
         name: value
         for name, value in given.items()
         if name in RunSpec.model_fields and value is not None and name != "goal" and value != defaults.get(name)
     }
-    goal, initial = (
-        tuple(GoalItem(kind=kind, value=str(value), weight=weight) for kind, value, weight in items)
-        for items in listed(given["photo"], given)
-    )
-    if goal or given["settings"] is None:
-        said |= {"goal": goal, "initial": initial}
+    asked = goal_options.goal_given(photo, given)
+    if asked["goal"] or given["settings"] is None:
+        said |= asked
     return RunSpec.from_toml(given["settings"], **said) if given["settings"] else RunSpec.of(**said)
 
 

@@ -51,31 +51,22 @@ _DOWNLOADS = (
 )
 
 
-@dataclass(frozen=True)
-class PaintingAccount:
-    """What is known of a painting before it begins, for its page and record.
-
-    target: the goal picture [3, H, W], None where there is none; facts: (label, value) for the page; settings: plain
-    values for the record.
-    """
-
-    title: str
-    target: Tensor | None
-    facts: tuple[tuple[str, str], ...]
-    settings: dict[str, Any]
-
-
 @dataclass
 class Recorder:
     """Writes everything about one painting into `folder`, while it is made; used in a `with` block.
 
-    timelapse_frames: how many pictures the film will get; before: what the journal tells of earlier runs, if
-    there were any. Every file is whole or not there. While it is painted, pictures for which the disk has
-    no room are left out. Raises StorageError where page or painting cannot be written.
+    title, facts (label, value), settings: what its page and its record say of it; target: the goal picture
+    [3, H, W], None where there is none; timelapse_frames: how many pictures the film will get; before: what the
+    journal tells of earlier runs, if there were any. Every file is whole or not there. While it is painted,
+    pictures for which the disk has no room are left out. Raises StorageError where page or painting cannot be
+    written.
     """
 
     folder: Path
-    account: PaintingAccount
+    title: str
+    target: Tensor | None
+    facts: tuple[tuple[str, str], ...]
+    settings: dict[str, Any]
     model: StrokeModel
     timelapse_frames: int
     before: History | None = None
@@ -101,8 +92,8 @@ class Recorder:
             self._dips, self._cleanings = self.before.dips, self.before.cleanings
             self._started -= self.before.seconds
         self._film = FilmWriter(self.folder / "film.mp4", self.timelapse_frames)
-        if self.account.target is not None:
-            images.save(self.account.target, self.folder / "target.jpg")
+        if self.target is not None:
+            images.save(self.target, self.folder / "target.jpg")
         return self
 
     def __exit__(
@@ -240,9 +231,9 @@ class Recorder:
         rows, columns = first_expected.shape[1:]
         painted = images.fit(photograph, rows, columns)
         against_plan = compare("The painting against the first plan", painted, first_expected)
-        if self.account.target is None:
+        if self.target is None:
             return (against_plan,)
-        target = images.fit(self.account.target, rows, columns)
+        target = images.fit(self.target, rows, columns)
         return (
             compare("The first plan against the photograph", first_expected, target),
             compare("The painting against the photograph", painted, target),
@@ -255,7 +246,7 @@ class Recorder:
         count = f"{of} strokes" if painted == of else f"{painted} of {of} strokes"
         looked = f", {len(self._looks)} looks in between" if self._looks else ""
         facts = (
-            *self.account.facts,
+            *self.facts,
             ("Strokes", f"{painted} of {of}"),
             ("Dips into paint", str(self._dips)),
             ("Brush cleaned", f"{self._cleanings} times"),
@@ -264,9 +255,9 @@ class Recorder:
             *([("Robot's clock", self._clock(painting))] if self._timetable else []),
         )
         return Story(
-            title=self.account.title,
+            title=self.title,
             summary=f"{count} in {len(plan.palette)} paints on a canvas of {plan.canvas}{looked}.",
-            target=None if self.account.target is None else "target.jpg",
+            target=None if self.target is None else "target.jpg",
             plan="plan.png",
             painting="painting.png",
             film="film.mp4" if (self.folder / "film.mp4").exists() else None,
@@ -308,9 +299,9 @@ class Recorder:
             {
                 "format": "frida-painter result",
                 "version": 1,
-                "title": self.account.title,
+                "title": self.title,
                 "stopped": self._stopped,
-                "settings": self.account.settings,
+                "settings": self.settings,
                 "strokes_planned": len(plan),
                 "strokes_painted": painting.painted,
                 "dips": self._dips,

@@ -6,12 +6,11 @@ from pathlib import Path
 
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.workcell import WorkcellConfig
-from frida_painter.runs.placement_error import millimetres_and_degrees
+from frida_painter.runs.fields import millimetres_and_degrees
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.by_hand import ByHand
 from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.names import SAWYER_SIM, state_folder
+from frida_painter.session.names import state_folder
 from frida_painter.session.operator import PersonAsOperator
 from frida_painter.session.procedures.calibration_status import NEEDED
 from frida_painter.session.procedures.dialogue import Answer, Question
@@ -23,9 +22,11 @@ def order(spec: RunSpec, brush: str, folder: Path | None, state: Path | None = N
     """The easel that the description means, for a painting in `folder`.
 
     brush: the name of the brush in it; state: where stops are latched and robots locked, by default one place for all.
+    Raises ConfigError where the folder of --arm-meshes holds no arm.
     """
     error = millimetres_and_degrees(spec.placement_error)
-    shapes = spec.arm_meshes if spec.arm_meshes is not None and spec.arm_meshes.is_dir() else None
+    if spec.arm_meshes is not None:
+        Meshes.in_folder(spec.arm_meshes)
     return EaselOrder(
         robot=spec.robot,
         canvas=spec.canvas,
@@ -38,32 +39,13 @@ def order(spec: RunSpec, brush: str, folder: Path | None, state: Path | None = N
         workspace=None if spec.workspace is None else spec.workspace.absolute(),
         camera=spec.camera,
         film=spec.films_arm,
-        meshes=None if shapes is None else shapes.absolute(),
+        meshes=None if spec.arm_meshes is None else spec.arm_meshes.absolute(),
     )
 
 
 def needed_calibrations(spec: RunSpec) -> tuple[str, ...]:
     """The calibrations without which nothing is painted there: a person's hand needs none of its own."""
     return ("canvas",) if spec.by_hand else NEEDED
-
-
-def workspace_canvas(spec: RunSpec) -> RunSpec:
-    """The description with the canvas of its workspace file, where no other was asked for. Raises ConfigError."""
-    if spec.workspace is None or "canvas" in spec.model_fields_set:
-        return spec
-    size = WorkcellConfig.load(spec.workspace).canvas
-    return spec.changed(canvas=f"{size.width * 1000:.3f}x{size.height * 1000:.3f}mm")
-
-
-def require_possible(spec: RunSpec, *, asked: bool) -> None:
-    """Raises ConfigError where a person is to paint and not to be `asked` anything, or shapes of an arm do not fit."""
-    if spec.by_hand and not asked:
-        raise ConfigError("--yes is for scripts, and a person who paints is asked for every stroke; leave it out.")
-    if spec.arm_meshes is None:
-        return
-    if spec.robot != SAWYER_SIM:
-        raise ConfigError(f"--arm-meshes is for the film of --robot {SAWYER_SIM}; leave it out.")
-    Meshes.in_folder(spec.arm_meshes)
 
 
 def require_sensible(spec: RunSpec) -> None:

@@ -1,12 +1,13 @@
 """How pictures and canvas come together: the canvas takes their proportions, or they are cropped or padded."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from torch import Tensor
 
 from frida_painter import images
 from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.runs.goals import OpenedGoal
+from frida_painter.goal import Goal
+from frida_painter.runs.goals import picture_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.canvas_observer import PHOTOGRAPH_ROWS
 
@@ -22,18 +23,18 @@ class Fitted:
     """
 
     spec: RunSpec
-    goal: OpenedGoal
+    goal: Goal
     target: Tensor | None
     remark: str = ""
 
 
-def fitted(spec: RunSpec, goal: OpenedGoal, *, canvas_is_fixed: bool = False) -> Fitted:
+def fitted(spec: RunSpec, goal: Goal, *, canvas_is_fixed: bool = False) -> Fitted:
     """Brings canvas and pictures together as `spec.fit` says.
 
     canvas_is_fixed: whether the canvas stays as it is: a real one, or that of a painting that was begun. Raises
     ConfigError where a canvas in the picture's proportions would be too narrow.
     """
-    picture, canvas = goal.picture, spec.canvas
+    picture, canvas = picture_of(goal), spec.canvas
     fixed = canvas_is_fixed or not spec.simulated or spec.calibration is not None  # then it lies on an easel
     shaped = picture is not None and spec.fit == "canvas" and not fixed
     if picture is not None and (shaped or not (canvas_is_fixed or "canvas" in spec.model_fields_set)):
@@ -42,10 +43,10 @@ def fitted(spec: RunSpec, goal: OpenedGoal, *, canvas_is_fixed: bool = False) ->
         canvas = canvas.shaped_like(*picture.shape[1:])
     spec = spec.model_copy(update={"canvas": canvas}).as_kept
     grid = PixelGrid.of_height(spec.canvas, max(PHOTOGRAPH_ROWS, spec.render_height))
+    remark = "" if picture is None or spec.fit == "pad" else _lost(picture, spec.canvas)
     place = images.pad if spec.fit == "pad" else images.fit
-    shown = replace(goal.fitted(grid, pad=spec.fit == "pad"))
     target = None if picture is None else place(picture, grid.rows, grid.columns)
-    return Fitted(spec, shown, target, "" if picture is None or spec.fit == "pad" else _lost(picture, spec.canvas))
+    return Fitted(spec, goal.fitted(grid.rows, grid.columns, pad=spec.fit == "pad"), target, remark)
 
 
 def _lost(picture: Tensor, canvas: CanvasSize) -> str:

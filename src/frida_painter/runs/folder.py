@@ -16,10 +16,11 @@ import hashlib
 import json
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from frida_painter import storage
 from frida_painter.errors import StorageError
-from frida_painter.runs import goals
+from frida_painter.runs.goal_item import read_goal_file
 from frida_painter.runs.spec import RunSpec
 
 SETTINGS = "settings.json"
@@ -48,24 +49,23 @@ def read_spec(folder: Path) -> RunSpec:
     return RunSpec.read(folder / SETTINGS)
 
 
-def keep_goal(opened: goals.OpenedGoal, folder: Path) -> None:
+def keep_goal(spec: RunSpec, folder: Path) -> None:
     """Copies the pictures of a goal into the folder, and how they matter. Raises StorageError."""
     lines: list[str] = []
-    number = 0
-    for table, items in (("goal", opened.items), ("initial", opened.initial)):
-        for kind, value, weight in items:
-            number += 1
-            if isinstance(value, Path):
-                copy = Path(str(number), value.name)
-                _copy(value, folder / GOAL / copy)
-                value = copy.as_posix()
-            lines += [f"[[{table}]]", f"{kind} = {_quoted(value)}", f"weight = {weight!r}", ""]
+    tables = [("goal", item) for item in spec.goal] + [("initial", item) for item in spec.initial]
+    for number, (table, item) in enumerate(tables, 1):
+        value = item.value
+        if item.path is not None:
+            copy = Path(str(number), item.path.name)
+            _copy(item.path, folder / GOAL / copy)
+            value = copy.as_posix()
+        lines += [f"[[{table}]]", f"{item.kind} = {_quoted(value)}", f"weight = {item.weight!r}", ""]
     storage.write_text(folder / GOAL / "goal.toml", "\n".join(lines))
 
 
-def read_goal(folder: Path) -> goals.OpenedGoal:
-    """The goal as it was kept. Raises ConfigError and ImageError."""
-    return goals.read_goal(None, {"goal": folder / GOAL / "goal.toml"})
+def read_goal(folder: Path) -> dict[str, Any]:
+    """The goal as it was kept, in the words of RunSpec. Raises ConfigError."""
+    return read_goal_file(folder / GOAL / "goal.toml")
 
 
 def rests_on(spec: RunSpec, folder: Path) -> dict[str, str]:

@@ -1,7 +1,10 @@
-"""Opening what a run needs: its planner, with the stroke model of its brush, and its session at an easel."""
+"""Opening what a run needs: its planner, its session at an easel, led by controls, and what records it."""
 
 from collections.abc import Callable
+from dataclasses import asdict, dataclass
 from pathlib import Path
+
+from torch import Tensor
 
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table_cache import cached_table
@@ -15,17 +18,51 @@ from frida_painter.palette import Palette
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Effort, Planner
-from frida_painter.runs.controls import Controls
+from frida_painter.report.recorder import Recorder
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.brushwork import Brushwork, refilled
 from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
-from frida_painter.session.events import Notify
+from frida_painter.session.events import Notify, Paused
+from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
+from frida_painter.session.names import TITLES
 from frida_painter.session.opening import planning_device
+from frida_painter.session.procedures.dialogue import Answer, Question
 from frida_painter.session.replan_policy import ReplanPolicy, replan_policy_named
 
 _GROUND = (1.0, 1.0, 1.0)
+_FIT = {
+    "canvas": "the canvas has the picture's proportions",
+    "crop": "the picture was cropped to the canvas",
+    "pad": "the picture was padded to the canvas",
+}
+
+
+def _never() -> bool:
+    return False
+
+
+@dataclass(frozen=True)
+class Controls:
+    """How a painting is led; by default nobody is there: it is neither stopped nor paused, and every doubt is a no.
+
+    stop_asked, pause_asked: looked at after every stroke and planning iteration;
+    go_on: waits in a pause for a person, and says whether the painting goes on;
+    mixed: waits until the wells are filled, and answers with what was really mixed, None for just what was wanted
+    (by default: what the description says);
+    answer: leads a dialogue with a person at a real easel, None where nobody is asked;
+    paint_on: whether a canvas that is not as it was left (a sentence, a photograph [3, H, W]) is painted on;
+    repaint: whether the stroke in doubt (its number, a picture of it) is painted again.
+    """
+
+    stop_asked: Callable[[], bool] = _never
+    pause_asked: Callable[[], bool] = _never
+    go_on: Callable[[Paused], bool] = lambda paused: False
+    mixed: Callable[[Palette], Palette | None] | None = None
+    answer: Callable[[Question], Answer] | None = None
+    paint_on: Callable[[str, Tensor], bool] = lambda difference, photograph: False
+    repaint: Callable[[int, Tensor], bool] = lambda number, picture: False
 
 
 def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = None) -> Planner:
@@ -97,3 +134,31 @@ def open_session(
         mixed=mixed,
         timelapse=Timelapse(spec.film_length),
     )
+
+
+def open_recorder(
+    spec: RunSpec, target: Tensor | None, planner: Planner, folder: Path, before: History | None
+) -> Recorder:
+    """What writes the painting's folder. target [3, H, W]: the goal picture; before: what earlier runs left, if any."""
+    encoders, first = planner.encoders, spec.goal[0]
+    facts = (
+        *spec.goal_facts,
+        *((f"{choice.purpose.capitalize()} seen through", choice.used) for choice in encoders.choices),
+        *((f"Better for {choice.purpose}", choice.better) for choice in encoders.choices if choice.better),
+        *(("Remark", remark) for remark in encoders.remarks),
+        ("Canvas", str(spec.canvas)),
+        *([("Fit", _FIT[spec.fit])] if target is not None else []),
+        ("Brush", spec.brush),
+        ("Looks and replans", str(spec.replans)),
+        ("Planned at", f"{spec.render_height} rows"),
+        ("Seed", str(spec.seed)),
+        ("Robot", TITLES.get(spec.robot, spec.robot)),
+    )
+    settings = {
+        **({"photo": Path(first.value).name} if first.kind == "image" else {}),
+        "goal": [list(fact) for fact in spec.goal_facts],
+        "encoders": [asdict(choice) for choice in encoders.choices],
+        "remarks": list(encoders.remarks),
+        **spec.record(),
+    }
+    return Recorder(folder, spec.heading, target, facts, settings, planner.model, spec.film_length, before)

@@ -35,14 +35,12 @@ from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.report.doubt import doubt
 from frida_painter.report.recorder import Recorder
-from frida_painter.runs import goals
-from frida_painter.runs.controls import Controls
 from frida_painter.runs.easel import needed_calibrations, order, require_sensible, with_operator
-from frida_painter.runs.fitting import Fitted, fitted
+from frida_painter.runs.fitting import fitted
 from frida_painter.runs.folder import NOW, SETTINGS, keep_goal, keep_spec, new_folder, read_goal, read_spec
 from frida_painter.runs.folder import rests_on as hashes
-from frida_painter.runs.opening import open_planner, open_session
-from frida_painter.runs.painting_account import painting_account
+from frida_painter.runs.goals import open_goal
+from frida_painter.runs.opening import Controls, open_planner, open_recorder, open_session
 from frida_painter.runs.spec import SETTLED, RunSpec, upgraded
 from frida_painter.session import resuming
 from frida_painter.session.easel_process import EaselProcess
@@ -101,22 +99,17 @@ class PaintingRun:
         *,
         listeners: Iterable[Notify] = (),
         controls: Controls | None = None,
-        goal: goals.OpenedGoal | None = None,
         state: Path | None = None,
         record_may_differ: bool = False,
         encoders: EncoderRegistry | None = None,
         _reopened: _ReopenedPainting | None = None,
     ) -> None:
-        self._reopened = _reopened
         if _reopened is None:
             require_sensible(spec)
-        self.mixed = None if spec.palette is None or _reopened else _measured(spec, spec.palette)
-        if self.mixed is not None:
-            spec = spec.changed(colors=len(self.mixed))
-        wanted = goal or goals.open_goal(
-            [goals.input_of(item) for item in spec.goal], [goals.input_of(item) for item in spec.initial]
-        )
-        self._take(fitted(spec, wanted, canvas_is_fixed=_reopened is not None))
+        self._reopened = _reopened
+        self.spec = spec
+        self.mixed = None if _reopened else self._mixed()
+        self._fit()
         self._folder = None if folder is None else Path(folder)
         self.listeners: list[Notify] = list(listeners)
         self.controls = controls or Controls()
@@ -147,9 +140,8 @@ class PaintingRun:
             plan = resuming.kept_plan(folder, history)
             if not history.finished:
                 _require_unchanged(spec, folder, history, plan, accept_changes=accept_changes)
-            goal = read_goal(folder / history.goal)
-            spec = spec.model_copy(update={"pace": pace})
-            run = cls(spec, folder, goal=goal, state=state, _reopened=_ReopenedPainting(journal, history, plan))
+            spec = spec.changed(pace=pace, **read_goal(folder / history.goal))
+            run = cls(spec, folder, state=state, _reopened=_ReopenedPainting(journal, history, plan))
         except BaseException:
             journal.close()
             raise
@@ -187,7 +179,7 @@ class PaintingRun:
     def planner(self) -> Planner:
         """The planner, opened when it is first asked for. Raises WeightsError where a network is missing."""
         if self._planner is None:
-            self._planner = open_planner(self.spec, self.goal.goal, self._encoders)
+            self._planner = open_planner(self.spec, self.goal, self._encoders)
             if self._reopened is not None:
                 self._planner.region = resuming.region(self.folder, self._reopened.history)
         return self._planner
@@ -217,7 +209,7 @@ class PaintingRun:
         planner = self.planner  # before the folder: what cannot be planned leaves no traces
         fresh = self._reopened is None
         if fresh:
-            self._folder = new_folder(self._folder, self.goal.name, _ROOM)
+            self._folder = new_folder(self._folder, self.spec.name, _ROOM)
         with _taken_back(self.folder) if fresh else _nothing():
             easel = self._process.open(order(self.spec, planner.model.brush, self.folder, self._state))
             self._easel = self._on_record(easel)
@@ -239,7 +231,7 @@ class PaintingRun:
         """
         if self._easel is None:
             self.open_easel()
-        keep_goal(self.goal, self.folder)
+        keep_goal(self.spec, self.folder)
         keep_spec(self.spec, self.folder)
         journal = Journal.begin(self.folder, self.spec.record(), hashes(self.spec, self.folder))
         self._stack.callback(journal.close)
@@ -297,7 +289,17 @@ class PaintingRun:
         where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now)
         return self._to_its_end(session, recorder, lambda: session.resume(where))
 
-    def _take(self, made: Fitted) -> None:
+    def _mixed(self) -> Palette | None:
+        """The paints that were mixed, by the description, which is then of as many colours."""
+        if self.spec.palette is None:
+            return None
+        mixed = read_palette(self.spec.palette, self.spec.colors if "colors" in self.spec.model_fields_set else None)
+        self.spec = self.spec.changed(colors=len(mixed))
+        return mixed
+
+    def _fit(self) -> None:
+        """Opens the goal, and brings its pictures and the canvas together."""
+        made = fitted(self.spec, open_goal(self.spec), canvas_is_fixed=self._reopened is not None)
         self.spec, self.goal, self.target = made.spec, made.goal, made.target
         self.remarks = [made.remark] if made.remark else []
 
@@ -313,8 +315,7 @@ class PaintingRun:
         return easel
 
     def _recorder(self) -> Recorder:
-        about = painting_account(self.spec, self.goal, self.target, self.planner.encoders)
-        return Recorder(self.folder, about, self.planner.model, self.spec.film_length, self.history)
+        return open_recorder(self.spec, self.target, self.planner, self.folder, self.history)
 
     def _open_session(self, easel: Easel, journal: Journal, record: Notify = lambda event: None) -> PaintingSession:
         easel = with_operator(easel, self.spec, self.controls.answer)
@@ -392,11 +393,6 @@ def history_of(folder: Path) -> History:
     journal, history = Journal.reopen(folder)
     journal.close()
     return history
-
-
-def _measured(spec: RunSpec, path: Path) -> Palette:
-    """The paints that were mixed, as many as were asked for, if that was said. Raises ConfigError."""
-    return read_palette(path, spec.colors if "colors" in spec.model_fields_set else None)
 
 
 def _require_unchanged(

@@ -5,27 +5,19 @@ Command line, page, TOML files, experiments and notebooks describe a painting by
 
 import json
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    PlainSerializer,
-    ValidationError,
-    model_validator,
-)
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
 from frida_painter import storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
-from frida_painter.runs.placement_error import millimetres_and_degrees
+from frida_painter.runs.fields import Canvas, File, Placement, Policy
+from frida_painter.runs.goal_item import GoalItem
 from frida_painter.session.names import HUMAN, SAWYER_SIM, SIMULATED, VIRTUAL
-from frida_painter.session.replan_policy import replan_policy_named
 
 VERSION = 1
 SETTLED = ("strokes", "colors", "canvas", "brush")
@@ -35,75 +27,22 @@ EASEL = ("robot", "camera", "workspace", "calibration", "placement_error", "pace
 _MOST_BYTES = 2**20
 
 
-def _canvas(value: Any) -> CanvasSize:
-    if isinstance(value, CanvasSize):
-        return value
-    try:
-        return CanvasSize.parse(str(value))
-    except ConfigError as error:
-        raise ValueError(str(error)) from error
-
-
-def _millimetres(size: CanvasSize) -> str:
-    return f"{size.width * 1000:g}x{size.height * 1000:g}mm"
-
-
-def _path(value: Any) -> Any:
-    return Path(value) if isinstance(value, str) and value else value
-
-
-def _whole_path(path: Path | None) -> str | None:
-    return None if path is None else str(path.resolve())
-
-
-def _placement(text: str | None) -> str | None:
-    try:
-        millimetres_and_degrees(text)
-    except ConfigError as error:
-        raise ValueError(str(error)) from error
-    return text
-
-
-def _items(value: Any) -> Any:
+def _goal_items(value: Any) -> Any:
     """Goal items as tables of a TOML file have them ({"text": "a lemon", "weight": 2}), or as they are."""
     return tuple(map(GoalItem.of, value)) if isinstance(value, list | tuple) else value
 
 
-def _policy(text: str | None) -> str | None:
+def _plain(items: tuple[GoalItem, ...], *, beginning: bool) -> tuple[GoalItem, ...]:
     try:
-        if text is not None:
-            replan_policy_named(text)
+        return tuple(item.plain(beginning=beginning) for item in items)
     except ConfigError as error:
         raise ValueError(str(error)) from error
-    return text
 
 
-Policy = Annotated[str | None, AfterValidator(_policy)]
-Canvas = Annotated[CanvasSize, BeforeValidator(_canvas), PlainSerializer(_millimetres)]
-File = Annotated[Path | None, BeforeValidator(_path), PlainSerializer(_whole_path, when_used="json")]
-Placement = Annotated[str | None, AfterValidator(_placement)]
-
-
-class GoalItem(BaseModel):
-    """One thing to paint: its kind ("image", "text", ...), a file's path or words, and how much it matters (> 0)."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    kind: str = Field(min_length=1)
-    value: str = Field(min_length=1)
-    weight: float = Field(1.0, gt=0, allow_inf_nan=False)
-
-    @classmethod
-    def of(cls, value: Any) -> Any:
-        """From {"text": "a lemon", "weight": 2}; anything else as it is, for pydantic to judge."""
-        if isinstance(value, dict) and "kind" not in value:
-            kinds = [name for name in value if name != "weight"]
-            if len(kinds) == 1:
-                return cls(kind=kinds[0], value=str(value[kinds[0]]), weight=value.get("weight", 1.0))
-        return value
-
-
-Items = Annotated[tuple[GoalItem, ...], BeforeValidator(_items)]
+Items = Annotated[tuple[GoalItem, ...], BeforeValidator(_goal_items), AfterValidator(partial(_plain, beginning=False))]
+InitialItems = Annotated[
+    tuple[GoalItem, ...], BeforeValidator(_goal_items), AfterValidator(partial(_plain, beginning=True))
+]
 
 
 class RunSpec(BaseModel):
@@ -120,7 +59,7 @@ class RunSpec(BaseModel):
     version: Literal[1] = 1
     title: str = Field("", max_length=80)
     goal: Items = ()
-    initial: Items = ()
+    initial: InitialItems = ()
     strokes: int = Field(300, ge=1, le=20_000, description="Number of brush strokes. Exactly this number is painted.")
     colors: int = Field(12, ge=1, le=24, description="Number of paints to mix.")
     canvas: Canvas = Field(
@@ -191,16 +130,26 @@ class RunSpec(BaseModel):
                 f"{self.replans} replans for {self.strokes} strokes; "
                 f"there is a look between strokes only, so give at most {self.strokes - 1}"
             )
+        if self.arm_meshes is not None and self.robot != SAWYER_SIM:
+            raise ValueError(f"--arm-meshes is for the film of --robot {SAWYER_SIM}; leave it out")
         return self
 
     @classmethod
     def of(cls, **values: Any) -> Self:
-        """A checked description; of few strokes, as few colors and replans as fit where none were asked for."""
+        """A checked description, with what fits where nothing was asked for.
+
+        That is: the canvas of the workspace file, and of few strokes as few colors and replans.
+        """
         try:
             chosen = cls(**values)
         except ValidationError as error:
             raise ConfigError("; ".join(_sentence(fault) for fault in error.errors()) + ".") from error
-        fitting = {"colors": min(chosen.colors, chosen.strokes), "replans": min(chosen.replans, chosen.strokes - 1)}
+        fitting: dict[str, Any] = {
+            "colors": min(chosen.colors, chosen.strokes),
+            "replans": min(chosen.replans, chosen.strokes - 1),
+        }
+        if chosen.workspace is not None and not chosen.simulated and "canvas" not in values:
+            fitting["canvas"] = _canvas_of(chosen.workspace)
         return chosen.model_copy(
             update={
                 name: fits for name, fits in fitting.items() if name not in values and fits != getattr(chosen, name)
@@ -243,6 +192,24 @@ class RunSpec(BaseModel):
             raise ConfigError(f"{path} does not hold the settings of a painting ({cause}); bring it back.") from cause
 
     @property
+    def heading(self) -> str:
+        """Its title, or one made from the first thing to paint."""
+        return self.title or (self.goal[0].title if self.goal else "Untitled")
+
+    @property
+    def name(self) -> str:
+        """A name for its folder, from the first thing to paint. Raises IndexError where there is none."""
+        return self.goal[0].name
+
+    @property
+    def goal_facts(self) -> tuple[tuple[str, str], ...]:
+        """What is painted, as its page and its record tell it: (label, what)."""
+        return (
+            *((item.label, item.described) for item in self.goal),
+            *((f"Begun with {item.kind}", item.described) for item in self.initial),
+        )
+
+    @property
     def simulated(self) -> bool:
         """Whether no real robot is moved."""
         return self.robot in SIMULATED
@@ -261,6 +228,14 @@ class RunSpec(BaseModel):
     def film_length(self) -> int:
         """Timelapse frames of the film: none by hand, for nobody wants to step aside after every stroke."""
         return min(self.strokes, self.timelapse_frames) if self.film and not self.by_hand else 0
+
+
+def _canvas_of(workspace: Path) -> CanvasSize:
+    """The canvas of a workspace file. Raises ConfigError."""
+    from frida_painter.hardware.workcell import WorkcellConfig  # with it come tensors
+
+    size = WorkcellConfig.load(workspace).canvas
+    return CanvasSize.parse(f"{size.width * 1000:.3f}x{size.height * 1000:.3f}mm")
 
 
 def upgraded(plain: Mapping[str, Any]) -> dict[str, Any]:
@@ -287,7 +262,7 @@ def _sentence(fault: Any) -> str:
         return f"{field[:40]!r} is not a setting; there are {', '.join(sorted(RunSpec.model_fields))}"
     name = f"--{field.replace('_', '-')}"
     if fault["type"] == "value_error":
-        return message if message.startswith(name) else f"{name}: {message}"
+        return message if field in ("goal", "initial") or message.startswith(name) else f"{name}: {message}"
     if field not in RunSpec.model_fields or len(fault["loc"]) > 1:
         return f"{name}: {message}"
     return f"{name} was given {_shortly(fault['input'])}; it is {_allowed(RunSpec.model_fields[field])}"

@@ -19,35 +19,7 @@ from typing import TYPE_CHECKING, Any, get_args
 from pydantic import TypeAdapter
 
 from frida_painter.session.old_events import renewed
-from frida_painter.session.page_events import (
-    Answered,
-    Asked,
-    CalibrationStarted,
-    CalibrationStatus,
-    Considering,
-    Dequeued,
-    Finishing,
-    LookShown,
-    Mixing,
-    PaintingKept,
-    PaintingStarted,
-    PhotographShown,
-    PlanMade,
-    PlanningProgress,
-    PlanPreview,
-    PlanRequested,
-    ProcedureBegan,
-    ProcedureFound,
-    ProcedureProgress,
-    Queued,
-    Remark,
-    RestReplanned,
-    Rests,
-    TakenUp,
-    TimeLeft,
-    Turns,
-    WentOn,
-)
+from frida_painter.session.page_events import PageEvent
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -292,10 +264,7 @@ class GoalChanged:
 Written = (
     PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | StrokePainted | StrokeLeftOut | Photographed
     | Paused | Stopped | Failed | Finished | RegionProtected | GoalChanged
-    | PlanRequested | PlanningProgress | PlanPreview | PlanMade | RestReplanned | PaintingStarted | TakenUp | Mixing
-    | TimeLeft | PhotographShown | LookShown | Considering | WentOn | Turns | Remark | Finishing | PaintingKept | Asked
-    | Answered | Rests | Queued | Dequeued
-    | CalibrationStarted | CalibrationStatus | ProcedureBegan | ProcedureProgress | ProcedureFound
+    | PageEvent
 )  # fmt: skip
 Moment = PlanningStep | Planned | Scheduled | PaintsWanted | TimelapseFrame | Looked | Resumed
 Event = Moment | Written

@@ -213,3 +213,11 @@ class ProcedureFound:
     name: str
     sentence: str
     picture: str | None = None
+
+
+PageEvent = (
+    PlanRequested | PlanningProgress | PlanPreview | PlanMade | RestReplanned | PaintingStarted | TakenUp | Mixing
+    | TimeLeft | PhotographShown | LookShown | Considering | WentOn | Turns | Remark | Finishing | PaintingKept | Asked
+    | Answered | Rests | Queued | Dequeued
+    | CalibrationStarted | CalibrationStatus | ProcedureBegan | ProcedureProgress | ProcedureFound
+)  # fmt: skip

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from frida_painter.frames import CanvasSize
-from frida_painter.runs.spec import GoalItem, RunSpec
+from frida_painter.runs.goal_item import GoalItem
+from frida_painter.runs.spec import RunSpec
 from frida_painter.web.asking import Asker
 from frida_painter.web.calibration_request import CalibrationRequest
 from frida_painter.web.feed import Feed
@@ -50,10 +51,8 @@ class Job:
 
     def spec_to_calibrate(self, request: CalibrationRequest) -> RunSpec:
         """The easel that is calibrated; its canvas is that of the workspace file, where there is one."""
-        from frida_painter.runs.easel import workspace_canvas
-
         size = {} if self.easel.workspace else {"canvas": CanvasSize(request.width / 1000, request.height / 1000)}
-        return workspace_canvas(RunSpec.of(brush=request.brush, seed=request.seed, **size, **self._easel_fields))
+        return RunSpec.of(brush=request.brush, seed=request.seed, **size, **self._easel_fields)
 
     @property
     def _easel_fields(self) -> dict[str, object]:

@@ -6,8 +6,7 @@ from torch import Tensor
 
 from frida_painter.errors import PaintingPaused, RobotStopped
 from frida_painter.plan import Plan
-from frida_painter.runs.controls import Controls
-from frida_painter.runs.opening import replan_policy
+from frida_painter.runs.opening import Controls, replan_policy
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.session.forecast import Forecast
 from frida_painter.session.names import ARM_FILM

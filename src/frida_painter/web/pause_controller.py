@@ -12,8 +12,10 @@ from frida_painter import images
 from frida_painter.errors import FridaError
 from frida_painter.frames import PixelGrid
 from frida_painter.planning.region import region_of
-from frida_painter.runs import goals
 from frida_painter.runs.folder import keep_goal
+from frida_painter.runs.goal_item import read_goal_file
+from frida_painter.runs.goals import open_goal
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session.canvas_observer import PHOTOGRAPH_ROWS
 from frida_painter.session.commands import (
     ChangeGoal,
@@ -162,12 +164,12 @@ class PauseController:
         session = self._session
         place = self.folder.change(command.record)
         grid = PixelGrid.of_height(session.planner.size, PHOTOGRAPH_ROWS)
-        wanted = goals.read_goal(None, {"goal": place.goal})
+        wanted = RunSpec.of(**read_goal_file(place.goal))
         keep_goal(wanted, self.folder.painting / f"changes/{command.record}")
-        wanted = wanted.fitted(grid)
+        goal = open_goal(wanted).fitted(grid.rows, grid.columns)
         changed = GoalChanged(f"changes/{command.record}", place.request().model_dump(mode="json"))
         session.journal.tell(changed)
-        session.planner = session.planner.towards(wanted.goal)
+        session.planner = session.planner.towards(goal)
         self.feed.tell(changed)
         session.look_again(_ROUNDS)
 

@@ -1,0 +1,81 @@
+"""Fields of a painting's description as a person writes them: a canvas, a file, a placement error, a replan policy."""
+
+import math
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BeforeValidator, PlainSerializer
+
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import ConfigError
+from frida_painter.session.replan_policy import replan_policy_named
+
+_FURTHEST, _MOST_TURNED = 0.05, 15.0
+
+
+def millimetres_and_degrees(text: str | None) -> tuple[float, float, float] | None:
+    """ "4mm,2deg" as 4 mm to the right and 2 degrees counter-clockwise, "3mm,-2mm,1deg" as right, up and turn.
+
+    Returns metres right, metres up and radians; None where nothing was given. Raises ConfigError.
+    """
+    if text is None:
+        return None
+    number = r"\s*([+-]?(?:\d+(?:\.\d+)?|\.\d+))\s*"
+    match = re.fullmatch(rf"{number}mm\s*(?:,{number}mm\s*)?,{number}deg\s*", str(text).lower())
+    if match is None:
+        raise ConfigError(
+            f"--placement-error was given {str(text)[:40]!r}; it is millimetres to the right, millimetres up and "
+            "degrees, like 4mm,2deg or 3mm,-2mm,1.5deg."
+        )
+    x, y, turn = float(match[1]) / 1000, float(match[2] or 0) / 1000, float(match[3])
+    if not (math.hypot(x, y) <= _FURTHEST and abs(turn) <= _MOST_TURNED):
+        raise ConfigError(
+            f"--placement-error was given {text[:40]!r}; at most {_FURTHEST * 1000:g} mm and {_MOST_TURNED:g} degrees "
+            "can be corrected."
+        )
+    return x, y, math.radians(turn)
+
+
+def _canvas(value: Any) -> CanvasSize:
+    if isinstance(value, CanvasSize):
+        return value
+    try:
+        return CanvasSize.parse(str(value))
+    except ConfigError as error:
+        raise ValueError(str(error)) from error
+
+
+def _millimetres(size: CanvasSize) -> str:
+    return f"{size.width * 1000:g}x{size.height * 1000:g}mm"
+
+
+def _path(value: Any) -> Any:
+    return Path(value) if isinstance(value, str) and value else value
+
+
+def _whole_path(path: Path | None) -> str | None:
+    return None if path is None else str(path.resolve())
+
+
+def _placement(text: str | None) -> str | None:
+    try:
+        millimetres_and_degrees(text)
+    except ConfigError as error:
+        raise ValueError(str(error)) from error
+    return text
+
+
+def _policy(text: str | None) -> str | None:
+    try:
+        if text is not None:
+            replan_policy_named(text)
+    except ConfigError as error:
+        raise ValueError(str(error)) from error
+    return text
+
+
+Policy = Annotated[str | None, AfterValidator(_policy)]
+Canvas = Annotated[CanvasSize, BeforeValidator(_canvas), PlainSerializer(_millimetres)]
+File = Annotated[Path | None, BeforeValidator(_path), PlainSerializer(_whole_path, when_used="json")]
+Placement = Annotated[str | None, AfterValidator(_placement)]

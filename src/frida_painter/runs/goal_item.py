@@ -1,0 +1,153 @@
+"""What a person asks for: things to paint, each a picture's file or words, and the goal file (TOML) that lists them."""
+
+import math
+import re
+import unicodedata
+from pathlib import Path
+from typing import Any, Self
+
+from pydantic import BaseModel, ConfigDict, model_validator
+
+from frida_painter import storage
+from frida_painter.errors import ConfigError
+from frida_painter.objectives.kind import Gives, goal_kinds
+
+MOST_CHARACTERS = 10_000
+_MOST_BYTES = 2**20
+_TITLE = 60
+_EXAMPLE = 'write [[goal]], then lines such as style = "waves.jpg" and weight = 2'
+
+
+class GoalItem(BaseModel):
+    """One thing to paint: its kind ("image", "text", ...), a file's path or words, and how much it matters (> 0)."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    kind: str
+    value: str
+    weight: float = 1.0
+
+    @model_validator(mode="after")
+    def _matters(self) -> Self:
+        if not 0 < self.weight < math.inf:
+            raise ValueError(
+                f"A weight of {self.weight} was given to {self.kind[:40]} {self.value[:40]!r}; weights are above 0 "
+                "and finite"
+            )
+        return self
+
+    @classmethod
+    def of(cls, value: Any) -> Any:
+        """From {"text": "a lemon", "weight": 2}; anything else as it is, for pydantic to judge."""
+        if isinstance(value, dict) and "kind" not in value:
+            kinds = [name for name in value if name != "weight"]
+            if len(kinds) == 1:
+                return cls(kind=kinds[0], value=str(value[kinds[0]]), weight=value.get("weight", 1.0))
+        return value
+
+    def plain(self, *, beginning: bool) -> Self:
+        """The same, words as one plain line; beginning: whether a painting begins with it. Raises ConfigError."""
+        kind = goal_kinds()[self.kind]
+        if kind.gives is not Gives.WORDS:
+            return self
+        return self.model_copy(
+            update={"value": read_prompt(self.value, kind.initial_option if beginning else kind.option)}
+        )
+
+    @property
+    def path(self) -> Path | None:
+        """The file of a picture; None where it is words."""
+        return None if goal_kinds()[self.kind].gives is Gives.WORDS else Path(self.value)
+
+    @property
+    def label(self) -> str:
+        """What records call a thing of this kind."""
+        return goal_kinds()[self.kind].label
+
+    @property
+    def described(self) -> str:
+        """As records name it: the file's name, or the words, and the weight."""
+        name = f"“{title_of(self.value)}”" if self.path is None else self.path.name
+        return name if self.weight == 1 else f"{name} (weight {self.weight:g})"
+
+    @property
+    def title(self) -> str:
+        """A title for a painting of it."""
+        if self.path is None:
+            return title_of(self.value)
+        return self.path.stem.replace("_", " ").replace("-", " ").strip().capitalize() or "Untitled"
+
+    @property
+    def name(self) -> str:
+        """A name for the files of a painting of it."""
+        return name_of(self.value) if self.path is None else self.path.stem
+
+
+def read_goal_file(path: Path) -> dict[str, list[dict[str, Any]]]:
+    """The "goal" and the "initial" of a goal file, as RunSpec takes them; pictures are named relative to the file.
+
+    Raises ConfigError.
+    """
+    record = storage.read_toml(path, "a goal file (TOML)", _MOST_BYTES, _EXAMPLE)
+    unknown = set(record) - {"goal", "initial"}
+    if unknown:
+        raise ConfigError(
+            f"{path} speaks of {sorted(unknown)[0][:40]!r}; it may hold [[goal]] and [[initial]]; {_EXAMPLE}."
+        )
+    known = goal_kinds().by_name
+    found: dict[str, list[dict[str, Any]]] = {"goal": [], "initial": []}
+    for table, items in found.items():
+        entries = record.get(table, [])
+        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+            raise ConfigError(f"{path}: {table} is not a list of tables; {_EXAMPLE}.")
+        for entry in entries:
+            kinds = [kind for name, kind in known.items() if isinstance(entry.get(name), str)]
+            weight = entry.get("weight", 1.0)
+            if len(kinds) != 1 or set(entry) - {kinds[0].name, "weight"} or type(weight) not in (int, float):
+                names = ", ".join(known)
+                raise ConfigError(f"{path}: a [[{table}]] has one of {names}, and perhaps a weight; {_EXAMPLE}.")
+            (kind,) = kinds
+            said = entry[kind.name]
+            value = said if kind.gives is Gives.WORDS else str(path.parent / said)
+            items.append({"kind": kind.name, "value": value, "weight": float(weight)})
+    return found
+
+
+def read_prompt(text: str, option: str) -> str:
+    """The words as one line; signs such as emoji become what they are called.
+
+    Raises ConfigError for no words, more than 10,000 characters, and control characters (an escape sequence
+    of a terminal, say). Which words a kind of goal understands, its own term says.
+    """
+    if len(text) > MOST_CHARACTERS:
+        raise ConfigError(f"{option} was given {len(text)} characters; say it in at most {MOST_CHARACTERS}.")
+    line = " ".join(text.split())
+    bad = next((mark for mark in line if unicodedata.category(mark) in ("Cc", "Cs", "Co", "Cn")), None)
+    if bad is not None:
+        raise ConfigError(
+            f"{option} was given a control character (U+{ord(bad):04X}), which is no word; "
+            "say what shall be painted in plain words."
+        )
+    spoken = " ".join("".join(_spoken(mark) for mark in line).split())
+    if not spoken:
+        raise ConfigError(f'{option} was given no words; say what shall be painted, such as {option} "a sailing ship".')
+    return spoken
+
+
+def title_of(prompt: str) -> str:
+    """The words as a title: their beginning where they are many."""
+    short = prompt if len(prompt) <= _TITLE else f"{prompt[: _TITLE - 1].rstrip()}…"
+    return short[0].upper() + short[1:]
+
+
+def name_of(prompt: str) -> str:
+    """The words as a name for files: small letters, digits and hyphens, at most 40 of them."""
+    plain = unicodedata.normalize("NFKD", prompt).encode("ascii", "ignore").decode().lower()
+    return re.sub("[^a-z0-9]+", "-", plain)[:40].strip("-") or "words"
+
+
+def _spoken(mark: str) -> str:
+    category = unicodedata.category(mark)
+    if category == "So":
+        return f" {unicodedata.name(mark, '').lower()} "
+    return "" if category in ("Cf", "Mn", "Sk") and not unicodedata.combining(mark) else mark
