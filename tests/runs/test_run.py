@@ -14,7 +14,8 @@ from skimage import data
 from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.runs.opening import Controls
-from frida_painter.runs.run import PaintingRun, history_of, paint
+from frida_painter.runs.reopening import history_of
+from frida_painter.runs.run import PaintingRun, paint
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Event, StrokePainted
 from marks import coarse_table

@@ -48,7 +48,8 @@ def resume(
     from frida_painter.cli.leading import Leader, confirm, require_person, say, say_networks
     from frida_painter.cli.stop_signal import stop_on_signals
     from frida_painter.errors import Interrupted
-    from frida_painter.runs.run import PaintingRun, history_of
+    from frida_painter.runs.reopening import history_of
+    from frida_painter.runs.run import PaintingRun
     from frida_painter.session.opening import limit_threads
 
     if (history := history_of(folder)).finished:

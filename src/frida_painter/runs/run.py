@@ -6,7 +6,7 @@ planner, easel process, journal and recorder together.
 
 import shutil
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
@@ -33,15 +33,15 @@ from frida_painter.perception.swatches import read_palette
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
-from frida_painter.report.doubt import doubt
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.easel import needed_calibrations, order, require_sensible, with_operator
 from frida_painter.runs.fitting import fitted
-from frida_painter.runs.folder import NOW, SETTINGS, keep_goal, keep_spec, new_folder, read_goal, read_spec
+from frida_painter.runs.folder import NOW, keep_goal, keep_spec, new_folder
 from frida_painter.runs.folder import rests_on as hashes
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.opening import Controls, open_planner, open_recorder, open_session
-from frida_painter.runs.spec import SETTLED, RunSpec, upgraded
+from frida_painter.runs.reopening import ReopenedPainting, reopen
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session import resuming
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.easels import open_easel
@@ -52,7 +52,6 @@ from frida_painter.session.loop import PaintingSession
 from frida_painter.session.opening import on_record
 from frida_painter.session.page_events import Finishing
 from frida_painter.session.painting import Painting, ResumeState
-from frida_painter.session.resuming import KeptPlan
 
 _ROOM = 200 * 2**20  # bytes
 
@@ -69,15 +68,6 @@ class RunOutcome:
     painting: Painting | None
     page: Path | None
     trouble: FridaError | None = None
-
-
-@dataclass(frozen=True)
-class _ReopenedPainting:
-    """A painting that is resumed: its open journal, the history read from it, and its plan if there is one."""
-
-    journal: Journal
-    history: History
-    plan: KeptPlan | None
 
 
 class PaintingRun:
@@ -102,7 +92,7 @@ class PaintingRun:
         state: Path | None = None,
         record_may_differ: bool = False,
         encoders: EncoderRegistry | None = None,
-        _reopened: _ReopenedPainting | None = None,
+        _reopened: ReopenedPainting | None = None,
     ) -> None:
         if _reopened is None:
             require_sensible(spec)
@@ -133,22 +123,12 @@ class PaintingRun:
         is no painting's or another process works on it, ConfigError, naming all of them, where something was changed
         since and that was not accepted.
         """
-        folder = Path(folder)
-        journal, history = Journal.reopen(folder)
+        reopened = reopen(Path(folder), accept_changes=accept_changes, pace=pace)
         try:
-            spec = read_spec(folder) if not history.finished else RunSpec.of(**upgraded(history.settings))
-            plan = resuming.kept_plan(folder, history)
-            if not history.finished:
-                _require_unchanged(spec, folder, history, plan, accept_changes=accept_changes)
-            spec = spec.changed(pace=pace, **read_goal(folder / history.goal))
-            run = cls(spec, folder, state=state, _reopened=_ReopenedPainting(journal, history, plan))
+            return cls(reopened.spec, folder, state=state, _reopened=reopened)
         except BaseException:
-            journal.close()
+            reopened.journal.close()
             raise
-        run._accept_changes = accept_changes
-        return run
-
-    _accept_changes = False
 
     def __enter__(self) -> Self:
         threads = torch.get_num_threads()
@@ -210,7 +190,7 @@ class PaintingRun:
         fresh = self._reopened is None
         if fresh:
             self._folder = new_folder(self._folder, self.spec.name, _ROOM)
-        with _taken_back(self.folder) if fresh else _nothing():
+        with _taken_back(self.folder) if fresh else nullcontext():
             easel = self._process.open(order(self.spec, planner.model.brush, self.folder, self._state))
             self._easel = self._on_record(easel)
             if hear_signals:
@@ -280,7 +260,7 @@ class PaintingRun:
         now = session.look()
         images.save(now, self.folder / NOW)
         before = resuming.seen_before(self.folder, kept, session.observer) if kept else None
-        if self._accept_changes or (before is not None and not self._is_as_left(session, before, now)):
+        if before is not None and not self._is_as_left(session, before, now):
             before = None
         journal.resumed(history, repaint=self._repaints(now))
         self._stack.enter_context(recorder)
@@ -363,11 +343,10 @@ class PaintingRun:
     def _is_as_left(self, session: PaintingSession, before: Tensor, now: Tensor) -> bool:
         """Whether the canvas is as it was left; where it is not, somebody has to want it painted on all the same."""
         assert self._reopened is not None
-        history, kept, good = self._reopened.history, self._reopened.plan, session.observer.good
-        if kept is None or good is None:
-            return True
+        if self._reopened.accept_changes:
+            return False
         try:
-            good.require_explained(now, resuming.as_left(kept, history, self.planner, before))
+            self._reopened.require_as_left(session.observer.good, self.planner, before, now)
         except FrameRejected as difference:
             if self.controls.paint_on(str(difference), now):
                 return False
@@ -379,39 +358,12 @@ class PaintingRun:
     def _repaints(self, now: Tensor) -> bool:
         """Whether the stroke in doubt, if there is one, is painted again; a picture of it is kept."""
         assert self._reopened is not None
-        number, kept = self._reopened.history.in_doubt, self._reopened.plan
-        if number is None or kept is None:
+        picture = self._reopened.stroke_in_doubt(self.planner, now)
+        number = self._reopened.history.in_doubt
+        if picture is None or number is None:
             return False
-        painted = self.planner.expected(kept.plan.part(slice(number - 1, number)), now)
-        picture = doubt(kept.plan, number - 1, now, painted)
         images.save(picture, self.folder / NOW)
         return self.controls.repaint(number, picture)
-
-
-def history_of(folder: Path) -> History:
-    """How far a painting came, read without taking it from whoever works on it. Raises StorageError."""
-    journal, history = Journal.reopen(folder)
-    journal.close()
-    return history
-
-
-def _require_unchanged(
-    spec: RunSpec, folder: Path, history: History, plan: KeptPlan | None, *, accept_changes: bool
-) -> None:
-    """Raises ConfigError, showing all of them, where there are changes that nobody accepted, or cannot be."""
-    begun = RunSpec.of(**upgraded(history.settings)).record()
-    history.settings = begun
-    changes = resuming.changes(history, spec.record(), hashes(spec, folder), plan)
-    settled = [name for name in SETTLED if begun[name] != spec.record()[name]]
-    if not changes or (accept_changes and not settled):
-        return
-    told = "\n".join(f"  {line}" for line in changes)
-    remedy = (
-        f"{', '.join(settled)} cannot be changed any more; change it back in {folder / SETTINGS}."
-        if settled
-        else "Change it back, or go on with what is there now: --accept-changes"
-    )
-    raise ConfigError(f"Since this painting was begun, something was changed:\n{told}\n{remedy}")
 
 
 @contextmanager
@@ -424,11 +376,6 @@ def _taken_back(folder: Path) -> Iterator[None]:
         with suppress(OSError):  # "paintings", where this would have been the first
             folder.parent.rmdir()
         raise
-
-
-@contextmanager
-def _nothing() -> Iterator[None]:
-    yield
 
 
 def paint(

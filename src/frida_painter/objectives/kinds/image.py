@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar, Self
 
-from frida_painter.goal import Term, require_weight
+from frida_painter.goal import Goal, Term, require_weight
 from frida_painter.objectives.kind import Gives, GoalKind
 from frida_painter.objectives.objective import ObjectiveContext, ObjectiveTerm
 
@@ -16,20 +16,46 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class ImageTerm(Term):
-    """Paint this picture: `image` [3, H, W] in [0, 1], mattering by `weight` > 0. Raises ConfigError.
+class PictureTerm(Term):
+    """A term with a picture, `image` [3, H, W] in [0, 1], mattering by `weight` > 0. Raises ConfigError.
 
-    importance [h, w]: how much each of its places matters, 1 in the mean; None: all the same.
+    called: what messages call it; longest: pixels of the longer side to which a file is reduced, None: it is not.
     """
 
     image: Tensor
     weight: float = 1.0
+    called: ClassVar[str] = "a picture"
+    longest: ClassVar[int | None] = None
+
+    def __post_init__(self) -> None:
+        require_weight(self.weight, self.called)
+
+    def begun(self, goal: Goal) -> ImageTerm:
+        """The pixels of the picture."""
+        return ImageTerm(self.image, self.weight)
+
+    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
+        """The picture as it fills so many rows and columns."""
+        from frida_painter import images
+
+        return replace(self, image=(images.pad if pad else images.fit)(self.image, rows, columns))
+
+    @classmethod
+    def open(cls, path: Path, weight: float = 1.0) -> Self:
+        """The term of a picture's file. Raises ConfigError and ImageError."""
+        from frida_painter import images
+
+        picture = images.load(path) if cls.longest is None else images.load(path, longest=cls.longest)
+        return cls(picture, weight)
+
+
+@dataclass(frozen=True)
+class ImageTerm(PictureTerm):
+    """Paint this picture. importance [h, w]: how much each of its places matters, 1 in the mean; None: all the same."""
+
     importance: Tensor | None = None
     initial_order = 0
     is_pixelwise = True
-
-    def __post_init__(self) -> None:
-        require_weight(self.weight, "a picture")
 
     @property
     def picture(self) -> Tensor:
@@ -39,12 +65,6 @@ class ImageTerm(Term):
     def with_picture(self, picture: Tensor) -> ImageTerm:
         """The same for another picture, in which the same places matter."""
         return replace(self, image=picture)
-
-    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> ImageTerm:
-        """The picture as it fills so many rows and columns."""
-        from frida_painter import images
-
-        return replace(self, image=(images.pad if pad else images.fit)(self.image, rows, columns))
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
         """The mean squared difference to the picture."""
@@ -56,18 +76,11 @@ class ImageTerm(Term):
         )
 
 
-def open_image(path: Path, weight: float = 1.0) -> ImageTerm:
-    """The term of a picture's file. Raises ConfigError and ImageError."""
-    from frida_painter import images
-
-    return ImageTerm(images.load(path), weight)
-
-
 KIND = GoalKind(
     name="image",
     gives=Gives.PICTURE,
     help="Another picture to reproduce, pixel by pixel.",
     label="Picture",
-    open=open_image,
+    open=ImageTerm.open,
     initial_help="A picture to start from. The painting keeps its composition.",
 )

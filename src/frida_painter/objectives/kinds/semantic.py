@@ -5,47 +5,31 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from frida_painter.goal import Goal, Term, require_weight
+from frida_painter.goal import Goal
 from frida_painter.objectives.kind import Gives, GoalKind
-from frida_painter.objectives.kinds.image import ImageTerm, open_image
+from frida_painter.objectives.kinds.image import ImageTerm, PictureTerm
 from frida_painter.objectives.objective import ObjectiveContext, ObjectiveTerm
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from torch import Tensor
 
 
 @dataclass(frozen=True)
-class SemanticTerm(Term):
-    """Paint what this picture shows rather than its pixels: `image` [3, H, W] in [0, 1]. Raises ConfigError."""
+class SemanticTerm(PictureTerm):
+    """Paint what this picture shows rather than its pixels."""
 
-    image: Tensor
-    weight: float = 1.0
+    called = "a picture to be painted by its meaning"
     initial_order = 2
     interpretation_order = 4
-
-    def __post_init__(self) -> None:
-        require_weight(self.weight, "a picture to be painted by its meaning")
 
     @property
     def picture(self) -> Tensor:
         """The picture itself."""
         return self.image
 
-    def begun(self, goal: Goal) -> ImageTerm:
-        """The pixels of the picture."""
-        return ImageTerm(self.image, self.weight)
-
     def with_picture(self, picture: Tensor) -> SemanticTerm:
         """The same for another picture."""
         return replace(self, image=picture)
-
-    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> SemanticTerm:
-        """The picture as it fills so many rows and columns."""
-        from frida_painter import images
-
-        return replace(self, image=(images.pad if pad else images.fit)(self.image, rows, columns))
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
         """The difference as networks see it; it is validated by a network that the optimiser never asks."""
@@ -67,18 +51,12 @@ class SemanticTerm(Term):
         return attended(goal, context.encoders)
 
 
-def _open(path: Path, weight: float) -> SemanticTerm:
-    from frida_painter import images
-
-    return SemanticTerm(images.load(path), weight)
-
-
 KIND = GoalKind(
     name="semantic",
     gives=Gives.PICTURE,
     help="A picture to paint by its content, not pixel by pixel.",
     label="Content of",
-    open=_open,
-    begin=open_image,
+    open=SemanticTerm.open,
+    begin=ImageTerm.open,
     networks=(("efficientnet-lite0",),),
 )

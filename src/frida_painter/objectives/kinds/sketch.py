@@ -6,14 +6,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from frida_painter.errors import ConfigError
-from frida_painter.goal import Goal, Term, require_weight
+from frida_painter.goal import Goal
 from frida_painter.objectives.kind import Gives, GoalKind
-from frida_painter.objectives.kinds.image import ImageTerm, open_image
+from frida_painter.objectives.kinds.image import ImageTerm, PictureTerm
 from frida_painter.objectives.objective import ObjectiveContext, ObjectiveTerm
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from torch import Tensor
 
 _FEWEST = 2e-4  # of a drawing's pixels that are a line; fewer are a speck
@@ -21,23 +19,22 @@ _BROAD = 1 / 40  # of a canvas's shorter side: about as fine as brushes paint
 
 
 @dataclass(frozen=True)
-class SketchTerm(Term):
-    """Paint along the lines of this drawing: `image` [3, H, W] in [0, 1], with at least one line. Raises ConfigError.
+class SketchTerm(PictureTerm):
+    """Paint along the lines of this drawing, which has at least one.
 
     Dark lines on light paper, scanned or photographed, or chalk on a dark board. shown [3, h, w]: the
     drawing on a photograph that is painted with it; None: on white paper.
     """
 
-    image: Tensor
-    weight: float = 1.0
     shown: Tensor | None = None
+    called = "a sketch"
     initial_order = 1
     interpretation_order = 1
 
     def __post_init__(self) -> None:
         from frida_painter.drawing import cleaned, ink
 
-        require_weight(self.weight, "a sketch")
+        super().__post_init__()
         if not float(ink(cleaned(self.image)).float().mean()) >= _FEWEST:
             raise ConfigError(
                 "A sketch without a single line was given; give a drawing of dark lines on light paper, or of chalk."
@@ -66,12 +63,6 @@ class SketchTerm(Term):
         """The lines are looked for together with the edges of the picture on which they are drawn."""
         return replace(self, shown=picture)
 
-    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> SketchTerm:
-        """The sheet as it fills so many rows and columns."""
-        from frida_painter import images
-
-        return replace(self, image=(images.pad if pad else images.fit)(self.image, rows, columns))
-
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
         """The difference of edges as HED sees them, and a little of meaning."""
         from frida_painter import images
@@ -92,18 +83,12 @@ class SketchTerm(Term):
         return overlaid(goal)
 
 
-def _open(path: Path, weight: float) -> SketchTerm:
-    from frida_painter import images
-
-    return SketchTerm(images.load(path), weight)
-
-
 KIND = GoalKind(
     name="sketch",
     gives=Gives.PICTURE,
     help="A drawing whose lines the painting follows, on paper or with a transparent background.",
     label="Sketch",
-    open=_open,
-    begin=open_image,
+    open=SketchTerm.open,
+    begin=ImageTerm.open,
     networks=(("hed",),),
 )

@@ -3,34 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from frida_painter.errors import ConfigError
-from frida_painter.goal import Goal, Term, require_weight
+from frida_painter.goal import Goal
 from frida_painter.objectives.kind import Gives, GoalKind
-from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.image import PictureTerm
 from frida_painter.objectives.objective import ObjectiveContext, ObjectiveTerm
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from torch import Tensor
 
 _FLAT = 0.01  # standard deviation under which a picture is of one colour
-_LONGEST = 1024  # pixels; styles are compared in small pictures
 
 
 @dataclass(frozen=True)
-class StyleTerm(Term):
-    """Paint in the style of this picture: `image` [3, H, W] in [0, 1], more than one colour. Raises ConfigError."""
+class StyleTerm(PictureTerm):
+    """Paint in the style of this picture, which has more than one colour."""
 
-    image: Tensor
-    weight: float = 1.0
+    called = "a style"
+    longest = 1024  # pixels; styles are compared in small pictures
     initial_order = 3
     interpretation_order = 3
 
     def __post_init__(self) -> None:
-        require_weight(self.weight, "a style")
+        super().__post_init__()
         if not float(self.image.flatten(1).std(1).max()) >= _FLAT:
             raise ConfigError("A style picture of a single colour was given, which has no style; give another picture.")
 
@@ -39,9 +36,9 @@ class StyleTerm(Term):
         """The style picture."""
         return self.image
 
-    def begun(self, goal: Goal) -> ImageTerm:
-        """The style picture, as the picture that it is."""
-        return ImageTerm(self.image, self.weight)
+    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
+        """Itself: a style fills no canvas."""
+        return self
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
         """The distance of styles as VGG16 sees them."""
@@ -57,18 +54,12 @@ class StyleTerm(Term):
         return in_style_colors(goal)
 
 
-def _open(path: Path, weight: float) -> StyleTerm:
-    from frida_painter import images
-
-    return StyleTerm(images.load(path, longest=_LONGEST), weight)
-
-
 KIND = GoalKind(
     name="style",
     gives=Gives.PICTURE,
     help="A style picture. The painting takes its colours, textures and marks.",
     label="Style of",
-    open=_open,
+    open=StyleTerm.open,
     initial_help="A style picture to start from. The painting also keeps its composition.",
     networks=(("vgg16", "hed"),),
 )
