@@ -42,8 +42,8 @@ def fitted(spec: RunSpec, goal: Goal, *, canvas_is_fixed: bool = False) -> Fitte
     if picture is not None and shaped:
         canvas = canvas.shaped_like(*picture.shape[1:])
     spec = spec.model_copy(update={"canvas": canvas}).as_kept
-    grid = PixelGrid.of_height(spec.canvas, max(PHOTOGRAPH_ROWS, spec.render_height))
     remark = "" if picture is None or spec.fit == "pad" else _lost(picture, spec.canvas)
+    grid = PixelGrid.of_height(spec.canvas, max(PHOTOGRAPH_ROWS, spec.render_height))
     place = images.pad if spec.fit == "pad" else images.fit
     target = None if picture is None else place(picture, grid.rows, grid.columns)
     return Fitted(spec, goal.fitted(grid.rows, grid.columns, pad=spec.fit == "pad"), target, remark)

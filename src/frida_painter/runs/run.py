@@ -78,7 +78,7 @@ class PaintingRun:
     events; controls: by what it is led; state: where stops are latched; record_may_differ: whether a simulated easel
     is painted on as it is delivered where the calibration record is of another one; encoders: the networks that the
     goal is seen through, by default those that were fetched; mixed: the paints that the description says were mixed,
-    None where those of the plan are; remarks: sentences for the person.
+    None where those of the plan are, and read when the block is entered; remarks: sentences for the person.
     Raises ConfigError and ImageError where the description makes no painting.
     """
 
@@ -97,9 +97,11 @@ class PaintingRun:
         if _reopened is None:
             require_sensible(spec)
         self._reopened = _reopened
-        self.spec = spec
-        self.mixed = None if _reopened else self._mixed()
-        self._fit()
+        goal = open_goal(spec)
+        made = fitted(spec, goal, canvas_is_fixed=_reopened is not None)
+        self.spec, self.goal, self.target = made.spec, made.goal, made.target
+        self.remarks = [made.remark] if made.remark else []
+        self.mixed: Palette | None = None
         self._folder = None if folder is None else Path(folder)
         self.listeners: list[Notify] = list(listeners)
         self.controls = controls or Controls()
@@ -131,6 +133,8 @@ class PaintingRun:
             raise
 
     def __enter__(self) -> Self:
+        if self._reopened is None and self.spec.palette is not None:
+            self.mixed = read_palette(self.spec.palette, self.spec.colors)
         threads = torch.get_num_threads()
         torch.set_num_threads(1)  # tensors are small, and torch's idle threads spin: twice the time on two cores
         self._stack.callback(torch.set_num_threads, threads)
@@ -268,20 +272,6 @@ class PaintingRun:
             return self._to_its_end(session, recorder, lambda: session.run(self.spec.strokes, self.spec.colors))
         where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now)
         return self._to_its_end(session, recorder, lambda: session.resume(where))
-
-    def _mixed(self) -> Palette | None:
-        """The paints that were mixed, by the description, which is then of as many colours."""
-        if self.spec.palette is None:
-            return None
-        mixed = read_palette(self.spec.palette, self.spec.colors if "colors" in self.spec.model_fields_set else None)
-        self.spec = self.spec.changed(colors=len(mixed))
-        return mixed
-
-    def _fit(self) -> None:
-        """Opens the goal, and brings its pictures and the canvas together."""
-        made = fitted(self.spec, open_goal(self.spec), canvas_is_fixed=self._reopened is not None)
-        self.spec, self.goal, self.target = made.spec, made.goal, made.target
-        self.remarks = [made.remark] if made.remark else []
 
     def _on_record(self, easel: Easel) -> Easel:
         """The easel by its calibration record; one of another simulated easel is as it is delivered."""

@@ -138,12 +138,15 @@ class RunSpec(BaseModel):
     def of(cls, **values: Any) -> Self:
         """A checked description, with what fits where nothing was asked for.
 
-        That is: the canvas of the workspace file, and of few strokes as few colors and replans.
+        That is: the canvas of the workspace file, as many colors as the palette file has, and of few strokes as few
+        colors and replans.
         """
         try:
             chosen = cls(**values)
         except ValidationError as error:
             raise ConfigError("; ".join(_sentence(fault) for fault in error.errors()) + ".") from error
+        if chosen.palette is not None and "colors" not in values:
+            return cls.of(**values, colors=_count_of(chosen.palette))
         fitting: dict[str, Any] = {
             "colors": min(chosen.colors, chosen.strokes),
             "replans": min(chosen.replans, chosen.strokes - 1),
@@ -236,6 +239,15 @@ def _canvas_of(workspace: Path) -> CanvasSize:
 
     size = WorkcellConfig.load(workspace).canvas
     return CanvasSize.parse(f"{size.width * 1000:.3f}x{size.height * 1000:.3f}mm")
+
+
+def _count_of(palette: Path) -> int:
+    """The number of paints of a palette file. Raises ConfigError, also for a photograph, which shows any number."""
+    from frida_painter.palette import Palette  # with it come tensors
+
+    if palette.suffix.lower() != ".json":
+        raise ConfigError(f"How many swatches {palette} shows is not known; say it with --colors.")
+    return len(Palette.load(palette))
 
 
 def upgraded(plain: Mapping[str, Any]) -> dict[str, Any]:
