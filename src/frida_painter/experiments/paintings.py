@@ -7,7 +7,6 @@ as well: everything that all paintings of an experiment share.
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Self
 
 from torch import Tensor
@@ -17,9 +16,9 @@ from frida_painter.experiments.outcome import Notify, Outcome, Progress, Value
 from frida_painter.experiments.trials import Experiment, Labels, Measurement, Results, Trial
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.plan import Plan
-from frida_painter.runs.goals import input_of
+from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.run import PaintingRun
-from frida_painter.runs.spec import GoalItem, RunSpec
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Event, Looked, Planned, StrokePainted, TimelapseFrame
 
 FULL = RunSpec.of(strokes=100, colors=12, effort=0.3, replans=0)
@@ -143,8 +142,7 @@ def planned(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
 
 def _content(item: GoalItem) -> list[str | float]:
     """A goal as what it really is: words, or the content of a file."""
-    value = input_of(item).value
-    content = storage.sha256(value, "a picture of the goal") if isinstance(value, Path) else value
+    content = item.value if item.path is None else storage.sha256(item.path, "a picture of the goal")
     return [item.kind, content, item.weight]
 
 

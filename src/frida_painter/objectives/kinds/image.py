@@ -57,6 +57,10 @@ class ImageTerm(PictureTerm):
     initial_order = 0
     is_pixelwise = True
 
+    def begun(self, goal: Goal) -> ImageTerm:
+        """Itself, with the places that matter."""
+        return self
+
     @property
     def picture(self) -> Tensor:
         """The picture itself."""
