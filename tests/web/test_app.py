@@ -1,5 +1,6 @@
 import hashlib
 import io
+import os
 import sqlite3
 import zipfile
 from contextlib import closing
@@ -412,3 +413,17 @@ def test_a_damaged_queue_is_begun_anew(studio: Studio, visitor: Visitor, busy: N
     begun(studio, visitor)
     (studio.store.root / "queue/queue.json").write_text("{")
     assert PaintingQueue(studio.store, studio.app.state.workers).shown() == {"held": False, "queue": []}
+
+
+def test_what_the_camera_sees_is_shown_while_it_is_new(
+    studio: Studio, visitor: Visitor, started: list[tuple[str, int]]
+) -> None:
+    entry = begun(studio, visitor)
+    place = f"/api/paintings/{entry.id}/camera"
+    assert visitor.get(place).status_code == 404
+    entry.folder.painting.mkdir()
+    entry.folder.camera.write_bytes(b"a picture")
+    shown = visitor.get(place)
+    assert (shown.content, shown.headers["content-type"]) == (b"a picture", "image/jpeg")
+    os.utime(entry.folder.camera, (0, 0))
+    assert visitor.get(place).status_code == 404

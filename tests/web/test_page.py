@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, Route, expect
 
 from browsing import SCREENSHOTS, WITH_CHROMIUM, OpenStudio, chromium, deadline, opened_studio, window
 from frida_painter.event_log import FEED, EventLog
@@ -481,3 +481,22 @@ def test_a_painting_is_put_into_the_queue_and_taken_out(browser: Browser, studio
         expect(queue).to_be_hidden()
         painting.show(page)
         expect(page.get_by_role("button", name="Use plan 1")).to_be_visible()
+
+
+def test_the_picture_of_a_real_camera_is_shown_as_long_as_it_has_one(browser: Browser, studio: OpenStudio) -> None:
+    painting = Told(studio, *PLANNED, *PAINTED)
+    Image.new("RGB", (64, 48), (200, 30, 30)).save(painting.folder.camera)
+    with painting.at_work(), window(browser, studio, 1440, 900) as page:
+
+        def with_camera(route: Route) -> None:
+            answer = route.fetch()
+            route.fulfill(response=answer, json={**answer.json(), "camera": True})
+
+        page.route("**/api/studio", with_camera)
+        page.reload()
+        painting.show(page)
+        live = page.get_by_alt_text("What the camera sees now")
+        expect(live).to_be_visible()
+        keep(page, "camera")
+        painting.folder.camera.unlink()
+        expect(live).to_be_hidden()

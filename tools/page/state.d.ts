@@ -34,6 +34,7 @@ interface House {
   readonly role: "watch" | "plan" | "operate";
   readonly simulated: boolean;
   readonly robot: string;
+  readonly camera: boolean;
   readonly canvas: [number, number] | null;
   readonly pace: import("../../src/frida_painter/web/static/estimate.js").Pace;
 }

@@ -1,7 +1,7 @@
 """What every camera can do: give a photograph that is newer than a given moment."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,3 +27,11 @@ class Camera(Protocol):
 
     def close(self) -> None:
         """Lets go of the camera."""
+
+
+@runtime_checkable
+class LiveCamera(Camera, Protocol):
+    """A camera that always has a picture, like a webcam, for people to watch."""
+
+    def glance(self) -> NDArray[np.uint8]:
+        """The picture that it has now, [rows, columns, 3] sRGB; nothing is decided by it. Raises CameraError."""

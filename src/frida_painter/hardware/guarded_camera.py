@@ -1,13 +1,15 @@
 """A camera under guard: whatever its driver does becomes a photograph or an error with a name, in bounded time."""
 
 import math
+import threading
 from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frida_painter.errors import CameraError
-from frida_painter.hardware.camera import Camera, Frame
+from frida_painter.hardware.camera import Camera, Frame, LiveCamera
 from frida_painter.hardware.deadline import Caller, in_our_errors, steady
 
 T = TypeVar("T")
@@ -20,6 +22,7 @@ class GuardedCamera:
         self.camera = camera
         self._patience = patience
         self._caller = Caller("camera")
+        self._turn = threading.Lock()
 
     def connect(self) -> None:
         """Reaches the camera. Raises CameraError and its kinds."""
@@ -27,13 +30,23 @@ class GuardedCamera:
 
     def capture(self, newer_than: float) -> Frame:
         """A photograph taken after `newer_than` (s). Raises CameraError and its kinds."""
-        frame = self._call(lambda: self.camera.capture(newer_than))
+        with self._turn:
+            frame = self._call(lambda: self.camera.capture(newer_than))
         if not _is_photograph(frame):
             raise CameraError(
                 "What the camera handed out is no photograph (rows x columns x 3 bytes, a time and a number); "
                 "look at the camera and its settings, then take another."
             )
         return frame
+
+    def glance(self) -> NDArray[np.uint8] | None:
+        """The picture that a live camera has now; None where it is none, or is being used. Raises CameraError."""
+        if not isinstance(self.camera, LiveCamera) or not self._turn.acquire(blocking=False):
+            return None
+        try:
+            return self._call(self.camera.glance)
+        finally:
+            self._turn.release()
 
     def close(self) -> None:
         """Lets go of the camera. Raises CameraError and its kinds."""

@@ -30,12 +30,13 @@ from frida_painter.hardware.link.host import Host, told
 from frida_painter.hardware.link.silence import MACHINE, SIMULATED
 from frida_painter.hardware.link.watch import StopFile, Watch
 from frida_painter.hardware.link.wire import Wire
+from frida_painter.hardware.live_picture import LivePicture
 from frida_painter.hardware.lock import RobotLock
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easels import is_simulated, lock_path, machines, open_easel
-from frida_painter.session.names import STOP_FILE
+from frida_painter.session.names import LIVE_PICTURE, STOP_FILE
 
 
 @dataclass(frozen=True)
@@ -113,6 +114,7 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         signal.signal(signal.SIGTERM, end)
         if order.folder is not None:
             stack.callback(StopFile(order.folder / STOP_FILE, robot.stop).dismiss)
+            stack.callback(LivePicture(camera, order.folder / LIVE_PICTURE).dismiss)
         limits = SIMULATED if simulated else MACHINE
         stack.callback(Watch(line, robot.stop, lambda: robot.moving, CpuActivity(os.getppid()), limits).dismiss)
         limits_told = {"patience": given.patience, "grace": given.grace, "answer": given.answer}

@@ -20,6 +20,7 @@ JOURNAL = "journal"
 STOP_FILE = "stop"
 DIARY = "studio.diary"
 ARM_FILM = "arm.mp4"
+LIVE_PICTURE = ".camera.jpg"  # hidden: it is there only while somebody paints
 
 HUMAN, VIRTUAL, SAWYER_SIM = "human", "virtual", "sawyer-sim"
 

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from frida_painter import storage
 from frida_painter.errors import StorageError
-from frida_painter.session.names import STOP_FILE
+from frida_painter.session.names import LIVE_PICTURE, STOP_FILE
 from frida_painter.web.painting_request import PaintingRequest
 
 _SHOWN = re.compile(r"[a-z][a-z0-9-]{0,60}\.(png|jpg|mp4|json|svg|csv|gcode|html)")
@@ -92,6 +92,11 @@ class PaintingFolder:
         if self.painting.is_dir():
             self.robot_stop.touch()
         self.stop.touch()
+
+    @property
+    def camera(self) -> Path:
+        """What the camera sees now, where it is one that always has a picture; the easel's process puts it there."""
+        return self.painting / LIVE_PICTURE
 
     @property
     def painting(self) -> Path:

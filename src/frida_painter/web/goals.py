@@ -36,6 +36,7 @@ def studio(session: AnySession, store: ThePaintingStore, workers: TheWorkers) ->
         "abilities": abilities(),
         "now": time.time(),
         "robot": easel.robot,
+        "camera": bool(easel.camera) and not easel.simulated,
         "simulated": easel.simulated,
         "dangerous": easel.drives_machine,
         "pace": asdict(pace(store, real_time=not easel.simulated)),

@@ -1,11 +1,14 @@
 """Routes for painting: watch, start, stop."""
 
+import time
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from fastapi import APIRouter, HTTPException
+from fastapi import APIRouter, HTTPException, Response
 from pydantic import BaseModel, ConfigDict, Field
 
+from frida_painter import storage
+from frida_painter.errors import StorageError
 from frida_painter.session.names import JOURNAL
 from frida_painter.session.page_events import TakenUp
 from frida_painter.web.answers import Reply
@@ -30,6 +33,9 @@ from frida_painter.web.state import PaintingState
 from frida_painter.web.state_stream import EventStream, current, require_room
 
 router = APIRouter(prefix="/api/paintings/{identifier}")
+_LIVE_FOR = 10.0  # seconds
+_MOST_PICTURE = 2**22  # bytes
+_NO_PICTURE = "The camera has no picture at the moment."
 
 
 class Start(BaseModel):
@@ -71,6 +77,19 @@ def events(entry: ThisPainting, streams: TheStreams) -> EventStream:
     """The same, told again whenever something changes (server-sent events)."""
     require_room(streams)
     return EventStream(streams, entry.id, entry.folder, PaintingState)
+
+
+@router.get("/camera")
+def camera(entry: ThisPainting) -> Response:
+    """What the camera sees now (JPEG). Answers 404 where there is no such camera, or its last picture is old."""
+    path = entry.folder.camera
+    try:
+        if time.time() - path.stat().st_mtime > _LIVE_FOR:
+            raise HTTPException(404, _NO_PICTURE)
+        content = storage.read_bytes(path, "the camera's picture", _MOST_PICTURE)
+    except (OSError, StorageError) as gone:
+        raise HTTPException(404, _NO_PICTURE) from gone
+    return Response(content, media_type="image/jpeg")
 
 
 @router.post("/start")

@@ -142,3 +142,19 @@ def test_a_real_stream_is_read_until_it_ends(tmp_path: Path) -> None:
     with pytest.raises(CameraError, match="no picture any more"):
         camera.capture(0.0)
     camera.close()
+
+
+def test_a_glance_changes_nothing_for_photographs(
+    devices: list[FakeDevice],
+) -> None:
+    camera = OpencvCamera()
+    with pytest.raises(CameraError, match="not connected"):
+        camera.glance()
+    camera.connect()
+    device = devices[0]
+    before = camera.capture(float("-inf"))
+    assert camera.glance()[0, 0].tolist() == [device.grabs % 256, 0, 0]
+    assert camera.capture(before.captured_at).sequence == before.sequence + 1
+    device.behave = "gone"
+    with pytest.raises(CameraError, match="no picture"):
+        camera.glance()

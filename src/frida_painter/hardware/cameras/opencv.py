@@ -4,6 +4,9 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from frida_painter.errors import CameraError
 from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.cameras.shutter import Shutter
@@ -23,7 +26,7 @@ class OpencvSettings:
 
 
 class OpencvCamera:
-    """Implements hardware.camera.Camera. Photographs are as wide as the camera allows, or as `size` says."""
+    """Implements hardware.camera.LiveCamera. Photographs are as wide as the camera allows, or as `size` says."""
 
     def __init__(self, settings: OpencvSettings | None = None) -> None:
         self.settings = settings or OpencvSettings()
@@ -49,6 +52,16 @@ class OpencvCamera:
         asked = time.monotonic()
         image = self._shutter.asking("photograph", self._looked, _LOOKING)
         return self._shutter.frame(image, asked, newer_than)
+
+    def glance(self) -> NDArray[np.uint8]:
+        """The picture that the device has now, maybe one that it held back. Raises CameraError."""
+        import cv2
+
+        self._shutter.require_open()
+        seen, image = self._device.read()
+        if not seen or not isinstance(image, np.ndarray):
+            raise CameraError(f"{self._shutter.name} gives no picture any more; look at it and at its cable.")
+        return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
 
     def close(self) -> None:
         """Lets go of the device."""

@@ -55,6 +55,7 @@ const house = {
   get role() { return studio.role; },
   get simulated() { return studio.simulated; },
   get robot() { return studio.robot; },
+  get camera() { return studio.camera; },
   get canvas() { return studio.canvas; },
   get pace() { return studio.pace; },
   connected(there) { connection.textContent = there ? "" : "No connection. Trying again."; },

@@ -5,6 +5,7 @@ import { canvasView } from "./canvasview.js";
 import { count, duration, h, show } from "./dom.js";
 import { easelState } from "./easelstate.js";
 import { goalList } from "./goal.js";
+import { liveCamera } from "./livecamera.js";
 import { outcome } from "./looks.js";
 import { ask, mayAsk } from "./needs.js";
 import { togetherTools } from "./tools.js";
@@ -24,7 +25,8 @@ export function paintStage(house, here, first) {
   const left = h("p", { class: "label" });
   const looks = h("ol", { class: "looks" });
   const parts = easelState(house.simulated ? "Simulated robot" : `Robot ${house.robot.split(":")[0]}`);
-  const easel = h("div", { class: "easel" }, canvas.element, canvas.slider, caption, parts.element);
+  const live = liveCamera(house, here.id);
+  const easel = h("div", { class: "easel" }, canvas.element, canvas.slider, caption, parts.element, live.element);
   const padPlace = h("div", { class: "easel", hidden: true });
   const tools = togetherTools(house, here, wish, (drawing) => {
     show(padPlace, drawing);
@@ -90,5 +92,5 @@ export function paintStage(house, here, first) {
     }
   }
 
-  return { elements: [easel, padPlace, panel], update };
+  return { elements: [easel, padPlace, panel], update, close: live.close };
 }
