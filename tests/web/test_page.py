@@ -457,9 +457,11 @@ def test_what_is_done_elsewhere_can_be_seen_and_stopped_in_the_gallery(desk: Pag
     go(desk, "#/")
     stop = desk.get_by_role("button", name="Stop", exact=True)
     expect(stop).not_to_have_class(re.compile("live"))
+    place = stop.bounding_box()
     painting = Told(studio, *PLANNED, *PAINTED)
     with painting.at_work():
         expect(stop).to_have_class(re.compile("live"))
+        assert stop.bounding_box() == place  # it is always where one reaches for it
         expect(desk.get_by_text("being painted")).to_be_visible()
         keep(desk, "gallery")
     expect(stop).not_to_have_class(re.compile("live"))
@@ -500,3 +502,29 @@ def test_the_picture_of_a_real_camera_is_shown_as_long_as_it_has_one(browser: Br
         keep(page, "camera")
         painting.folder.camera.unlink()
         expect(live).to_be_hidden()
+
+
+def test_a_drawing_is_made_by_keyboard_alone(browser: Browser, studio: OpenStudio) -> None:
+    def with_networks(route: Route) -> None:
+        answer = route.fetch()
+        told = answer.json()
+        told["abilities"]["sketch"]["ready"] = True
+        route.fulfill(response=answer, json=told)
+
+    with window(browser, studio, 1440, 900) as page:
+        page.route("**/api/studio", with_networks)
+        page.reload()
+        go(page, "#/new")
+        page.get_by_role("button", name="+ Drawing").press("Enter")
+        expect(page.locator(".pad canvas")).to_be_focused()
+        page.keyboard.press("Enter")
+        for key in ("ArrowRight", "ArrowDown", "ArrowLeft"):
+            for _ in range(3):
+                page.keyboard.press(f"Shift+{key}")
+        page.keyboard.press("Enter")
+        page.get_by_role("button", name="Use this drawing").press("Enter")
+        expect(page.get_by_alt_text("Drawing", exact=True)).to_be_visible()
+        assert focused(page) == "+ Drawing"
+        expect(page.get_by_role("button", name="Make a plan")).to_be_enabled()
+        keep(page, "drawn")
+        page.get_by_role("button", name="Start over").click()

@@ -7,7 +7,7 @@ import { corrected, toPaint, toPlan } from "../../../src/frida_painter/web/stati
 import { mainTerm, nearestWeight, weights } from "../../../src/frida_painter/web/static/goal.js";
 import { outcome } from "../../../src/frida_painter/web/static/looks.js";
 import { placeOf } from "../../../src/frida_painter/web/static/queue.js";
-import { need } from "../../../src/frida_painter/web/static/needs.js";
+import { need, turn } from "../../../src/frida_painter/web/static/needs.js";
 
 test("durations are said as people say them", () => {
   const said = { 0: "5 s", 1: "5 s", 12: "15 s", 59: "60 s", 60: "1 min", 95: "2 min", 3600: "1 h 0 min", 5460: "1 h 31 min" };
@@ -89,4 +89,12 @@ test("a person is needed for questions, pauses, faults, plans and what is done, 
 test("a painting's place in the queue counts from one, and is none where it does not wait", () => {
   const work = { working: [], held: false, queue: ["a", "b"].map((painting) => ({ painting, plan: 1, job: "plan", title: "" })) };
   assert.deepEqual(["a", "b", "c"].map((painting) => placeOf(work, painting)), [1, 2, 0]);
+});
+
+test("a real robot's queue needs a person when the easel is free, and a simulated one's never", () => {
+  const queue = [{ painting: "a", plan: 1, job: "plan", title: "Cup" }, { painting: "b", plan: 1, job: "paint", title: "Boat" }];
+  const work = { working: [], queue, held: false };
+  assert.match(turn(work, false)?.text ?? "", /turn of Boat: put up a bare canvas/);
+  for (const other of [{ ...work, working: ["c"] }, { ...work, held: true }, { ...work, queue: queue.slice(0, 1) }]) assert.equal(turn(other, false), null);
+  assert.equal(turn(work, true), null);
 });

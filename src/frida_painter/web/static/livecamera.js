@@ -8,7 +8,7 @@ const RARELY = 15; // times as long, where there was none
 /** @param {House} house @param {string} id of the painting */
 export function liveCamera(house, id) {
   const image = h("img", { alt: "What the camera sees now" });
-  const element = h("figure", { class: "live", hidden: true }, image, h("figcaption", {}, "The camera, live"));
+  const element = h("figure", { class: "from-camera", hidden: true }, image, h("figcaption", {}, "The camera, live"));
   let timer = 0;
   let asked = 0;
   let closed = false;

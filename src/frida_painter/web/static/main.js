@@ -5,6 +5,7 @@ import { calibration } from "./calibration.js";
 import { composer } from "./composer.js";
 import { focusHeading, h, show } from "./dom.js";
 import { gallery } from "./gallery.js";
+import { Herald, turn } from "./needs.js";
 import { painting } from "./painting.js";
 import { WorkWatch } from "./queue.js";
 import { shortcuts } from "./shortcuts.js";
@@ -111,7 +112,8 @@ try {
   studio = await api.enter();
   window.addEventListener("hashchange", route);
   window.addEventListener("pagehide", api.leave);
-  work.listen(() => house.active(active));
+  const herald = new Herald();
+  work.listen((now) => { house.active(active); herald.tell(turn(now, studio.simulated)); });
   work.start();
   await route();
 } catch (/** @type {any} */ error) {

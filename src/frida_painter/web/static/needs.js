@@ -16,6 +16,17 @@ export function need(state, title) {
   return null;
 }
 
+/**
+ * What somebody has to come for, as far as the queue is concerned: a real robot paints nothing by itself.
+ * @param {import("./queue.js").Work} work @param {boolean} simulated
+ * @returns {{ key: string, text: string } | null}
+ */
+export function turn({ working, queue, held }, simulated) {
+  const next = queue.find((waiting) => waiting.job === "paint");
+  if (simulated || held || working.length || !next) return null;
+  return { key: `turn ${next.painting}`, text: `It is the turn of ${next.title}: put up a bare canvas, then start it.` };
+}
+
 /** Tells of needs that arise while the page is open; those that are there when it is opened are seen anyway. */
 export class Herald {
   /** @type {string | null} */
