@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.errors import StorageError
-from frida_painter.event_log import EventLog
+from frida_painter.event_log import EventLog, missing
 
 RECORDS = [
     {"kind": "began", "stroke": number, "what": "Pinselstrich \N{LATIN SMALL LETTER O WITH DIAERESIS}\n"}
@@ -31,7 +31,7 @@ def test_what_was_written_is_read_again_and_goes_on(tmp_path: Path) -> None:
         assert book.found == RECORDS and book.torn == 0
         book.append({"kind": "ended"})
     assert EventLog.read(path) == [*RECORDS, {"kind": "ended"}]
-    assert {item.name for item in tmp_path.iterdir()} == {"journal"}, "the reserve is given back"
+    assert {item.name for item in tmp_path.iterdir()} == {"journal", ".journal-tally"}, "the reserve is given back"
 
 
 def test_killed_at_every_byte_of_a_write_the_tail_is_dropped_and_all_before_is_whole(tmp_path: Path) -> None:
@@ -197,3 +197,63 @@ def test_numbers_that_are_not_finite_are_not_written(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match="not JSON compliant"):
             book.append({"at": float("nan")})
         assert EventLog.read(tmp_path / "journal") == RECORDS[:1]
+
+
+def test_lines_that_are_gone_at_the_end_are_counted(tmp_path: Path) -> None:
+    """B4: a log that was cut at the end of a line is whole in itself; its tally tells what it held."""
+    path = tmp_path / "journal"
+    with EventLog.begin(path, RECORDS[0]) as book:
+        for record in RECORDS[1:4]:
+            book.append(record)
+    whole = path.read_bytes()
+    lines = whole.splitlines(keepends=True)
+    assert missing(path, "a journal") == 0
+    for kept in range(1, 4):
+        path.write_bytes(b"".join(lines[:kept]))
+        with EventLog(path) as book:
+            assert book.missing == missing(path, "a journal") == 4 - kept
+    path.unlink()
+    assert missing(path, "a journal") == 4
+    path.write_bytes(whole)
+    assert missing(path, "a journal") == 0
+
+
+def test_a_shortened_log_that_was_accepted_is_believed_again(tmp_path: Path) -> None:
+    path = tmp_path / "journal"
+    with EventLog.begin(path, RECORDS[0]) as book:
+        book.append(RECORDS[1])
+    path.write_bytes(path.read_bytes().splitlines(keepends=True)[0])
+    with EventLog(path) as book:
+        assert book.missing == 1
+        book.append(RECORDS[2])
+    with EventLog(path) as book:
+        assert book.missing == 0
+
+
+@pytest.mark.parametrize("tally", [b"", b"0000000009", b"0000000099 000000009999 0123456789abcdef 0123456789abcdef\n"])
+def test_a_tally_that_is_damaged_tells_nothing(tmp_path: Path, tally: bytes) -> None:
+    path = tmp_path / "journal"
+    with EventLog.begin(path, RECORDS[0]) as book:
+        book.append(RECORDS[1])
+    (tmp_path / ".journal-tally").write_bytes(tally)
+    assert missing(path, "a journal") == 0
+    (tmp_path / ".journal-tally").unlink()
+    os.mkfifo(tmp_path / ".journal-tally")
+    assert missing(path, "a journal") == 0
+
+
+def test_the_reserve_is_required_before_more_is_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fault F5: what is on its way is taken down from the reserve, and nothing more is begun without one."""
+    with EventLog.begin(tmp_path / "journal", RECORDS[0]) as book:
+        book.require_reserve()
+        (tmp_path / ".journal-reserve").unlink()
+
+        def full(descriptor: int, place: int, size: int) -> None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "posix_fallocate", full)
+            with pytest.raises(StorageError, match=r"No space left.*then resume"):
+                book.require_reserve()
+        book.require_reserve()
+        assert (tmp_path / ".journal-reserve").stat().st_size == 2**20

@@ -26,6 +26,8 @@ _START = b"0" * _CHECKSUM
 _LINE = re.compile(rb"([0-9a-f]{16}) (\d{1,9}) (\{.*\})\n")
 _LENGTH = re.compile(rb"[0-9a-f]{16} (\d{1,9}) ")
 _RESERVE = 2**20
+_TALLY = re.compile(rb"((\d{10}) (\d{12}) ([0-9a-f]{16})) ([0-9a-f]{16})\n")
+_TALLY_BYTES = 58
 MOST_BYTES = 2**30
 
 
@@ -33,27 +35,29 @@ MOST_BYTES = 2**30
 class LogPolicy:
     """How one kind of log is kept.
 
-    what: its name in messages; owned: one process may write it as long as it is open, a reserve lies beside
-    it, and every record is flushed to the disk at once; otherwise several may add records in turn, which are
-    flushed where that is asked for; forgiving: a damaged line is left out rather than the file refused, a
-    file that is not there is made, and bare lines of JSON, as earlier versions wrote them, are understood.
+    what: its name in messages; owned: one process may write it as long as it is open, and every record is
+    flushed to the disk at once; otherwise several may add records in turn, which are flushed where that is
+    asked for; precious: a reserve and a tally lie beside it; forgiving: a damaged line is left out rather than
+    the file refused, a file that is not there is made, and bare lines of JSON, as earlier versions wrote them, are
+    understood.
     """
 
     what: str
     owned: bool = False
+    precious: bool = False
     forgiving: bool = False
 
 
-JOURNAL = LogPolicy("a journal", owned=True)
+JOURNAL = LogPolicy("a journal", owned=True, precious=True)
 FEED = LogPolicy("a feed", forgiving=True)
 
 
 class EventLog:
     """A file of records, open to be added to; `found` are those it held when it was opened.
 
-    Beside a log that is owned lies a reserve of a megabyte, given up when the disk is full, so that it can
-    be written when nothing else can. Raises StorageError where the file is damaged in its middle,
-    cannot be read or written, or another process owns it.
+    Beside a log that is precious lies a reserve of a megabyte, given up when the disk is full, so that it can
+    be written when nothing else can, and a tally of what was flushed (`missing`). Raises StorageError where the
+    file is damaged in its middle, cannot be read or written, or another process owns it.
     """
 
     def __init__(self, path: Path, policy: LogPolicy = JOURNAL) -> None:
@@ -71,11 +75,13 @@ class EventLog:
                 content = storage.read_bytes(path, policy.what, MOST_BYTES)
                 read = _forgiving(content) if policy.forgiving else _strict(content, path, policy.what)
                 self.found, self._last, self._length = read.records, read.last, read.length
+                self._count = len(read.records)
+                self.missing = _missing(path, content, self._count)
                 self.torn = len(content) - self._length
                 if self.torn:
                     os.ftruncate(self._descriptor, self._length)
                     os.fsync(self._descriptor)
-            if policy.owned:
+            if policy.precious:
                 self._lay_reserve()
         except OSError as error:
             self._let_go()
@@ -122,6 +128,9 @@ class EventLog:
                     self.flush()
                 self._last = line[:_CHECKSUM]
                 self._length += len(line)
+                self._count += 1
+                if self.policy.precious and (flush or self.policy.owned):
+                    _write_tally(self.path, self._count, self._length, self._last)
         except OSError as error:
             raise self._failure(error) from error
 
@@ -131,6 +140,7 @@ class EventLog:
 
     def replace_all(self, records: Iterable[Mapping[str, Any]]) -> None:
         """Writes the log anew with these records, and goes on with that. Raises StorageError."""
+        _tally_path(self.path).unlink(missing_ok=True)
         self.write(self.path, records)
         renewed = type(self)(self.path, self.policy)
         os.close(self._descriptor)
@@ -141,7 +151,7 @@ class EventLog:
         if self._descriptor >= 0:
             with contextlib.suppress(OSError):
                 self.flush()
-            if self.policy.owned:
+            if self.policy.precious:
                 self._reserve.unlink(missing_ok=True)
             self._let_go()
 
@@ -190,6 +200,7 @@ class EventLog:
         if whole:
             last = added[added.rfind(b"\n", 0, whole - 1) + 1 :][:_CHECKSUM]
             self._last, self._length = last, self._length + whole
+            self._count += added.count(b"\n")
         if whole < len(added):
             os.ftruncate(self._descriptor, self._length)
 
@@ -216,6 +227,14 @@ class EventLog:
         if (here.st_dev, here.st_ino) != (there.st_dev, there.st_ino):
             raise OSError(errno.ENOENT, "another file took its place")
 
+    def require_reserve(self) -> None:
+        """Raises StorageError where the disk is so full that the reserve was given up, and cannot be laid again."""
+        try:
+            self._lay_reserve()
+        except OSError as error:
+            self._reserve.unlink(missing_ok=True)
+            raise self._failure(error) from error
+
     def _lay_reserve(self) -> None:
         if not self._reserve.exists():
             with self._reserve.open("wb") as file:
@@ -229,6 +248,45 @@ class EventLog:
             f"{self.path} cannot be written ({reason}); nothing is painted that is not in the journal. "
             "Make room on its disk, or bring the folder back, then resume the painting."
         )
+
+
+def missing(path: Path, what: str) -> int:
+    """How many records a precious log has lost since they were flushed, by its tally; of one that is gone, all.
+
+    0 where nothing is missing, or where there is no tally (any more). Raises StorageError where it cannot be read.
+    """
+    content = storage.read_bytes(path, what, MOST_BYTES) if path.exists() else b""
+    return _missing(path, content, content.count(b"\n"))
+
+
+def _missing(path: Path, content: bytes, count: int) -> int:
+    try:
+        tally = _TALLY.fullmatch(storage.read_bytes(_tally_path(path), "a tally", 2 * _TALLY_BYTES))
+    except StorageError:
+        return 0
+    if tally is None or _checksum(b"", tally[1]) != tally[5]:  # torn by a power cut
+        return 0
+    counted, length, last = int(tally[2]), int(tally[3]), tally[4]
+    line = content[content.rfind(b"\n", 0, length - 1) + 1 : length]
+    return 0 if line.endswith(b"\n") and line.startswith(last) else max(1, counted - count)
+
+
+def _write_tally(path: Path, count: int, length: int, last: bytes) -> None:
+    """Over the one before, in a block of its own that a full disk has room for; without it nothing is painted worse.
+
+    It is not flushed: after a power cut it may tell of less than there is, and never of more.
+    """
+    told = b"%010d %012d %s" % (count, length, last)
+    with contextlib.suppress(OSError):
+        descriptor = os.open(_tally_path(path), os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        try:
+            os.pwrite(descriptor, b"%s %s\n" % (told, _checksum(b"", told)), 0)
+        finally:
+            os.close(descriptor)
+
+
+def _tally_path(path: Path) -> Path:
+    return path.with_name(f".{path.name}-tally")
 
 
 class LogReader:

@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator
@@ -113,7 +114,7 @@ def test_a_killed_painting_is_finished_and_its_story_is_whole(resume: Resume, pa
     assert result["strokes_painted"] == 10 and result["sittings"] == 2 and result["strokes_given_up"] == [7]
     assert [look["strokes"] for look in result["looks"]] == [5] and result["settings"]["photo"] == "coffee.jpg"
     assert result["plan_digest"] == Plan.load(painting).digest
-    assert set(result["files"]) == {path.name for path in painting.iterdir()}
+    assert set(result["files"]) == {path.name for path in painting.iterdir() if path.name[0] != "."}
     page = (painting / "index.html").read_text()
     assert "Strokes given up" in page and "film.mp4" in page and "look-1-photograph.jpg" in page
     status, said = resume("painting", "--yes")
@@ -166,7 +167,12 @@ def test_what_is_painted_cannot_become_something_else(resume: Resume, painting: 
         (lambda folder: (folder / "plan.json").write_text("{"), "plan.json is not a plan"),
         (lambda folder: next(folder.glob("plan-*.safetensors")).write_bytes(b"PK"), "is not the file that belongs to"),
         (lambda folder: (folder / "goal" / "goal.toml").unlink(), "goal: it was"),
-        (lambda folder: (folder / "studio.diary").write_text("{}\n"), "studio.diary is damaged"),
+        (lambda folder: (folder / "studio.diary").write_text("{}\n"), "studio.diary: its last"),
+        (lambda folder: (folder / "studio.diary").unlink(), "studio.diary: its last"),
+        (lambda folder: os.mkfifo(replaced(folder / "studio.diary")), "studio.diary is not a plain file"),
+        (lambda folder: os.mkfifo(replaced(folder / "settings.json")), "settings.json is not a plain file"),
+        (lambda folder: replaced(folder / "plan.json").symlink_to("/dev/zero"), "plan.json is not a plain file"),
+        (lambda folder: os.mkfifo(replaced(folder / "journal")), "journal is not a plain file"),
         (lambda folder: change_middle(folder / "journal"), "was changed after it was written"),
     ],
 )
@@ -177,6 +183,65 @@ def test_what_is_no_painting_any_more_is_refused_with_a_sentence(
     status, said = resume("painting", "--yes")
     assert status == 2 and says in said.replace("\n", " ") and "Traceback" not in said
     assert len(said.splitlines()) < 12
+
+
+def replaced(path: Path) -> Path:
+    path.unlink()
+    return path
+
+
+def shorten(path: Path, lines: int) -> None:
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:-lines]))
+
+
+@pytest.mark.parametrize(
+    ("name", "lines", "says"),
+    [
+        ("journal", 1, "journal: its last record is gone, and their strokes would be painted again"),
+        ("journal", 9, "journal: its last 9 records are gone"),
+        ("studio.diary", 20, "studio.diary: its last 1"),
+    ],
+)
+def test_a_log_that_was_shortened_is_not_believed(
+    resume: Resume, painting: Path, name: str, lines: int, says: str
+) -> None:
+    """B4, B7: whole lines missing at the end leave a log that is whole in itself; another file tells of them."""
+    shorten(painting / name, lines)
+    before = contents(painting)
+    status, said = resume("painting", "--yes")
+    assert status == 2 and says in said and "--accept-changes" in said, said
+    assert contents(painting) == before, "nothing was painted"
+
+
+def test_results_are_made_again_from_what_the_folder_holds(resume: Resume, painting: Path) -> None:
+    """B3: a painting that was killed while its page was written is finished all the same."""
+    assert resume("painting", "--yes")[0] == 0
+    before = contents(painting)
+    for name in ("painting.png", "index.html", "result.json", "film.mp4"):
+        (painting / name).unlink()
+    (painting / ".film-abcd1234.mp4").write_bytes(b"half a film, of a process that was killed")
+    motions = (painting / "studio.diary").read_bytes()
+    status, said = resume("painting", "--yes")
+    assert status == 0 and "made again" in said, said
+    assert (painting / "painting.png").read_bytes() == before[painting / "painting.png"]
+    assert (painting / "film.mp4").stat().st_size > 0.9 * len(before[painting / "film.mp4"])
+    assert not (painting / ".film-abcd1234.mp4").exists()
+    first, again = json.loads(before[painting / "result.json"]), json.loads((painting / "result.json").read_text())
+    same = ("strokes_painted", "sittings", "looks", "files", "robot_seconds", "robot_seconds_expected", "dips")
+    assert [again[name] for name in same] == [first[name] for name in same]
+    assert (painting / "studio.diary").read_bytes() == motions, "nothing was moved"
+    assert "nothing is left to do" in resume("painting", "--yes")[1]
+
+
+def test_without_its_photograph_the_picture_serves_and_without_both_it_is_told(resume: Resume, painting: Path) -> None:
+    assert resume("painting", "--yes")[0] == 0
+    picture = (painting / "painting.png").read_bytes()
+    shutil.rmtree(painting / "photographs")
+    (painting / "result.json").unlink()
+    assert resume("painting")[0] == 0 and (painting / "painting.png").read_bytes() == picture
+    (painting / "painting.png").unlink()
+    status, said = resume("painting")
+    assert status == 2 and "painting.png does not exist" in said
 
 
 def change_middle(path: Path) -> None:

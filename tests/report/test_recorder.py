@@ -93,7 +93,7 @@ def test_everything_that_was_promised_is_in_the_folder_and_the_page_names_only_w
         "plan.json",
         "index.html",
     }
-    assert there == promised | looks | {"strokes.svg", "strokes.csv", "result.json"}
+    assert there == promised | looks | {"strokes.svg", "strokes.csv", "result.json", "sketchbook"}
     names = named(page.read_text())
     assert names <= there and {"painting.png", "target.jpg", "film.mp4", "palette.png", *looks} <= names
     assert set(result["files"]) == there  # type: ignore[call-overload]

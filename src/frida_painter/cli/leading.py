@@ -77,7 +77,7 @@ class Leader:
 
     def conclude(self, outcome: RunOutcome) -> None:
         """Says what came of it, and leaves as a program that was asked to stop, or raises the fault that ended it."""
-        _tell(outcome, self._run.spec.strokes, time.monotonic() - self._started)
+        tell(outcome, self._run.spec.strokes, time.monotonic() - self._started)
         if self._stop.asked and (outcome.trouble is None or isinstance(outcome.trouble, RobotStopped)):
             sys.exit(self._stop.exit_status)
         if outcome.trouble is not None:
@@ -165,7 +165,7 @@ def _forecast(run: PaintingRun, started: float) -> Forecast:
     )
 
 
-def _tell(outcome: RunOutcome, of: int, seconds: float) -> None:
+def tell(outcome: RunOutcome, of: int, seconds: float) -> None:
     """Says what came of it, and where it is."""
     folder, painting = outcome.folder, outcome.painting
     if outcome.page is None or painting is None:

@@ -45,15 +45,22 @@ def resume(
     Shows the progress, photographs the canvas, asks about a stroke in doubt if there is one, cleans the
     brush and paints the rest. Nothing moves before you confirm, or give --yes.
     """
-    from frida_painter.cli.leading import Leader, confirm, require_person, say, say_networks
+    from frida_painter.cli.leading import Leader, confirm, require_person, say, say_networks, tell
     from frida_painter.cli.stop_signal import stop_on_signals
     from frida_painter.errors import Interrupted
+    from frida_painter.runs.folder import are_there
     from frida_painter.runs.reopening import history_of
     from frida_painter.runs.run import PaintingRun
     from frida_painter.session.opening import limit_threads
 
     if (history := history_of(folder)).finished:
-        say(f"This painting is finished: {history.painted} strokes, and nothing is left to do.")
+        if are_there(folder, history.painted):
+            say(f"This painting is finished: {history.painted} strokes, and nothing is left to do.")
+            return
+        say(f"This painting is finished: {history.painted} strokes. Its page and pictures are made again.")
+        limit_threads()
+        with PaintingRun.reopen(folder) as run:
+            tell(run.resume(), history.painted, history.seconds)
         return
     started = time.monotonic()
     limit_threads()

@@ -40,7 +40,6 @@ from frida_painter.session.events import (
 from frida_painter.session.history import History
 from frida_painter.session.names import ARM_FILM
 from frida_painter.session.painting import Painting
-from frida_painter.session.timetable import Timetable
 
 _RESULT = "result.json"
 _DOWNLOADS = (
@@ -83,7 +82,7 @@ class Recorder:
     _recipes: tuple[Recipe, ...] = field(default=(), init=False)
     _left_out: int = field(default=0, init=False)
     _filming: bool = field(default=True, init=False)
-    _timetable: Timetable | None = field(default=None, init=False)
+    _expected_seconds: float | None = field(default=None, init=False)
 
     def __enter__(self) -> Self:
         self._started = time.monotonic()
@@ -99,7 +98,10 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._film.__exit__(kind, error, trace)
+        try:
+            self._film.__exit__(kind, error, trace)
+        except StorageError:
+            self._left_out += 1
 
     def hear(self, event: Event) -> None:
         """Keeps what the event brings."""
@@ -116,8 +118,9 @@ class Recorder:
                 self._keep_plan(event)
             case Resumed():
                 self._keep_on(event)
-            case Scheduled(timetable=timetable, done=done) if done == 0 or self._timetable is None:
-                self._timetable = timetable
+            case Scheduled(timetable=timetable, done=done) if done == 0 or self._expected_seconds is None:
+                self._expected_seconds = timetable.total
+                self._keep_story()
             case Dipped(cleaned=cleaned):
                 self._dips += 1
                 self._cleanings += int(cleaned)
@@ -152,8 +155,6 @@ class Recorder:
         comparisons = self._compare(painting.photograph, self._first_expected)
         story = self._story(self._plan, painting, comparisons)
         page = write_page(story, self.folder)
-        if painting.painted == len(self._plan):
-            self._sketchbook.clear_away()
         self._write_result(self._plan, painting, comparisons)
         return page
 
@@ -170,13 +171,16 @@ class Recorder:
             self._plan = self._plan.part(slice(event.done)).followed_by(event.plan)
             if self._seen is not None:
                 self._looks.append(self._keep_look(self._seen, event))
-        self._sketchbook.keep_story(self._looks, self._phases)
+        self._keep_story()
+
+    def _keep_story(self) -> None:
+        self._sketchbook.keep_story(self._looks, self._phases, self._expected_seconds)
 
     def _keep_on(self, event: Resumed) -> None:
         """Takes up film and story where an earlier run left them."""
         self._plan = event.plan
         self._keep_recipes(event.plan)
-        self._looks, self._phases = self._sketchbook.story()
+        self._looks, self._phases, self._expected_seconds = self._sketchbook.story()
         try:
             self._first_expected = images.load(self.folder / "plan.png")
         except ImageError:
@@ -196,7 +200,7 @@ class Recorder:
 
     @property
     def _runs(self) -> int:
-        return 1 if self.before is None else self.before.runs + 1
+        return 1 if self.before is None else self.before.runs + int(not self.before.finished)
 
     def _keep_recipes(self, plan: Plan) -> None:
         """How to mix the palette, for whoever stands before the wells now."""
@@ -252,7 +256,7 @@ class Recorder:
             ("Brush cleaned", f"{self._cleanings} times"),
             ("Made in", f"{time.monotonic() - self._started:.0f} s"),
             *self._mishaps(),
-            *([("Robot's clock", self._clock(painting))] if self._timetable else []),
+            *([("Robot's clock", self._clock(painting))] if self._expected_seconds else []),
         )
         return Story(
             title=self.title,
@@ -290,7 +294,7 @@ class Recorder:
         return tuple(facts)
 
     def _clock(self, painting: Painting) -> str:
-        expected = self._timetable.total if self._timetable else 0.0
+        expected = self._expected_seconds or 0.0
         return f"{painting.robot_seconds / 60:.1f} min, {expected / 60:.1f} expected"
 
     def _write_result(self, plan: Plan, painting: Painting, comparisons: tuple[Comparison, ...]) -> None:
@@ -310,7 +314,7 @@ class Recorder:
                 "sittings": self._runs,
                 "strokes_given_up": self._given_up,
                 "robot_seconds": round(painting.robot_seconds, 3),
-                "robot_seconds_expected": round(self._timetable.total, 3) if self._timetable else None,
+                "robot_seconds_expected": round(self._expected_seconds, 3) if self._expected_seconds else None,
                 "plan_digest": plan.digest,
                 "palette": [paint.hex for paint in paints(plan)],
                 "comparisons": [

@@ -1,4 +1,4 @@
-"""What film and page will be made of, kept while the painting is made, for another process to go on with."""
+"""What film and page are made of, kept while the painting is made: for another process to go on, or to begin anew."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
@@ -34,24 +34,21 @@ class Sketchbook:
                 except ImageError:
                     continue
 
-    def keep_story(self, looks: Sequence[Look], phases: Sequence[Phase]) -> None:
-        """Keeps what the page tells of looks and planning so far."""
-        told = {"looks": [asdict(look) for look in looks], "phases": [asdict(phase) for phase in phases]}
+    def keep_story(self, looks: Sequence[Look], phases: Sequence[Phase], expected_seconds: float | None) -> None:
+        """Keeps what the page tells of looks and planning so far, and how long the robot was to take in all."""
+        told = {
+            "looks": [asdict(look) for look in looks],
+            "phases": [asdict(phase) for phase in phases],
+            "expected_seconds": expected_seconds,
+        }
         storage.write_json(self._folder / _STORY, told)
 
-    def story(self) -> tuple[list[Look], list[Phase]]:
-        """The looks and phases as they were kept; none where they are lost."""
+    def story(self) -> tuple[list[Look], list[Phase], float | None]:
+        """The looks, the phases and the time as they were kept; none where they are lost."""
         try:
             told = storage.read_json(self._folder / _STORY, "the story so far")
             looks = [Look(**look) for look in told["looks"]]
             phases = [Phase(phase["name"], tuple(map(tuple, phase["loss"]))) for phase in told["phases"]]
         except (StorageError, KeyError, TypeError):
-            return [], []
-        return looks, phases
-
-    def clear_away(self) -> None:
-        """Removes it, once film and page are made of it and nothing more will come."""
-        for path in self._folder.glob("*"):
-            path.unlink(missing_ok=True)
-        if self._folder.exists():
-            self._folder.rmdir()
+            return [], [], None
+        return looks, phases, told.get("expected_seconds")

@@ -8,7 +8,8 @@
 | plan.json, plan-*.safetensors | the plan of all strokes | nothing |
 | photographs/ | the photographs by which something was decided | nothing |
 | studio.diary | the log of a simulated studio | nothing |
-| sketchbook/ | timelapse frames and looks until the painting is finished | nothing |
+| calibration.json | the calibration of the easel as it was painted by | nothing |
+| sketchbook/ | timelapse frames and looks, of which film and page are made | nothing |
 | film.mp4, painting.png, index.html, result.json, palette.png, mixing.png, strokes.svg, strokes.csv | what a person keeps | the files above, by `resume` |
 """  # noqa: E501
 
@@ -20,11 +21,14 @@ from typing import Any
 
 from frida_painter import storage
 from frida_painter.errors import StorageError
+from frida_painter.report.sketchbook import SKETCHBOOK
 from frida_painter.runs.goal_item import read_goal_file
 from frida_painter.runs.spec import RunSpec
 
 SETTINGS = "settings.json"
 GOAL = "goal"
+CALIBRATION = "calibration.json"
+"""A copy of the easel's calibration as it was painted by, by which its photographs can be read again."""
 NOW = "now.png"
 """The canvas as it was found when the painting was resumed."""
 PAUSE_FILE = "pause"
@@ -78,6 +82,18 @@ def rests_on(spec: RunSpec, folder: Path) -> dict[str, str]:
         "brush": brush if brush.suffix else None,
     }
     return {what: "none" if path is None else _hash(path) for what, path in files.items()}
+
+
+def are_there(folder: Path, strokes: int) -> bool:
+    """Whether all that a person keeps of a finished painting of so many strokes is in its folder."""
+    try:
+        result = storage.read_json(folder / "result.json", "the figures of a painting")
+    except StorageError:
+        return False
+    filmed = (folder / "film.mp4").exists() or not any((folder / SKETCHBOOK).glob("glimpse-*"))
+    names = ("painting.png", "index.html", "strokes.svg", "strokes.csv", "palette.png", "plan.png")
+    told = (result.get("strokes_painted"), result.get("stopped"))
+    return told == (strokes, False) and filmed and all((folder / name).exists() for name in names)
 
 
 def _quoted(text: str) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 from torch import Tensor
 
 from frida_painter.errors import ConfigError
+from frida_painter.event_log import missing
 from frida_painter.perception.frame_check import FrameCheck
 from frida_painter.planning.planner import Planner
 from frida_painter.report.doubt import doubt
@@ -15,6 +16,7 @@ from frida_painter.runs.spec import SETTLED, RunSpec, upgraded
 from frida_painter.session import resuming
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
+from frida_painter.session.names import DIARY
 from frida_painter.session.resuming import KeptPlan
 
 
@@ -80,7 +82,8 @@ def _require_unchanged(
     """Raises ConfigError, showing all of them, where there are changes that nobody accepted, or cannot be."""
     begun = RunSpec.of(**upgraded(history.settings)).record()
     history.settings = begun
-    changes = resuming.changes(history, spec.record(), hashes(spec, folder), plan)
+    diary = missing(folder / DIARY, "the diary of a virtual studio") if spec.simulated else 0
+    changes = resuming.changes(history, spec.record(), hashes(spec, folder), plan, diary)
     settled = [name for name in SETTLED if begun[name] != spec.record()[name]]
     if not changes or (accept_changes and not settled):
         return

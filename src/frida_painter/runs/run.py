@@ -25,6 +25,7 @@ from frida_painter.errors import (
     Interrupted,
     PaintingPaused,
     RobotError,
+    StorageError,
 )
 from frida_painter.hardware.easel import Easel
 from frida_painter.objectives.encoders.registry import EncoderRegistry
@@ -36,7 +37,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.easel import needed_calibrations, order, require_sensible, with_operator
 from frida_painter.runs.fitting import fitted
-from frida_painter.runs.folder import NOW, keep_goal, keep_spec, new_folder
+from frida_painter.runs.folder import CALIBRATION, NOW, keep_goal, keep_spec, new_folder
 from frida_painter.runs.folder import rests_on as hashes
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.opening import Controls, open_planner, open_recorder, open_session
@@ -45,7 +46,7 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session import resuming
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.easels import open_easel
-from frida_painter.session.events import Event, Looked, Notify, Stopped, TimelapseFrame
+from frida_painter.session.events import Event, Looked, Notify, Resumed, Stopped, TimelapseFrame
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
@@ -217,6 +218,7 @@ class PaintingRun:
             self.open_easel()
         keep_goal(self.spec, self.folder)
         keep_spec(self.spec, self.folder)
+        self.easel.calibration.save(self.folder / CALIBRATION)
         journal = Journal.begin(self.folder, self.spec.record(), hashes(self.spec, self.folder))
         self._stack.callback(journal.close)
         recorder = self._recorder()
@@ -249,11 +251,14 @@ class PaintingRun:
     def resume(self) -> RunOutcome:
         """Paints what is left: photographs the canvas, asks about the stroke in doubt, cleans the brush, goes on.
 
-        Raises FrameRejected where the canvas is not as it was left and nobody wants it painted on.
+        Of a painting that is finished, only its results are made again. Raises FrameRejected where the canvas is not as
+        it was left and nobody wants it painted on.
         """
         if self._reopened is None:
             raise ConfigError("This painting was not begun yet; give its folder to PaintingRun.reopen to resume it.")
         storage.clear_leftovers(self.folder)
+        if self._reopened.history.finished:
+            return self._make_results(self._reopened.history, self._reopened.plan)
         if self._easel is None:
             self.open_easel()
         journal, history, kept = self._reopened.journal, self._reopened.history, self._reopened.plan
@@ -272,6 +277,17 @@ class PaintingRun:
             return self._to_its_end(session, recorder, lambda: session.run(self.spec.strokes, self.spec.colors))
         where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now)
         return self._to_its_end(session, recorder, lambda: session.resume(where))
+
+    def _make_results(self, history: History, kept: resuming.KeptPlan | None) -> RunOutcome:
+        """Picture, film, page and figures of a finished painting, from what its folder holds; nothing is moved."""
+        if kept is None:
+            raise StorageError(f"{self.folder} holds no plan, and without it there is nothing to tell; bring it back.")
+        canvas = resuming.last_canvas(self.folder, history, self.spec.canvas, self.folder / CALIBRATION)
+        with self._recorder() as recorder:
+            expected = self.planner.expected(kept.plan, torch.ones_like(canvas))
+            recorder.hear(Resumed(kept.plan, history.painted, expected))
+            painting = Painting(canvas, history.painted, None, history.robot_seconds)
+            return RunOutcome(self.folder, painting, recorder.finish(painting))
 
     def _on_record(self, easel: Easel) -> Easel:
         """The easel by its calibration record; one of another simulated easel is as it is delivered."""
@@ -327,7 +343,12 @@ class PaintingRun:
             listener(Finishing())
         with suppress(FridaError):  # whatever is wrong with it was told before
             session.brushwork.easel.robot.close()  # a film of it ends here
-        page = None if painting is None else recorder.finish(painting)
+        page = None
+        try:
+            page = None if painting is None else recorder.finish(painting)
+        except StorageError:
+            if trouble is None:
+                raise  # else the trouble that ended it is what a person has to know; the results are made again later
         return RunOutcome(self.folder, painting, page, trouble)
 
     def _is_as_left(self, session: PaintingSession, before: Tensor, now: Tensor) -> bool:

@@ -236,9 +236,10 @@ class Failed:
 
 @dataclass(frozen=True)
 class Finished:
-    """All strokes are done, `done` of them."""
+    """All strokes are done, `done` of them; robot_seconds: of the robot's clock, in this run."""
 
     done: int
+    robot_seconds: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -50,8 +50,9 @@ class History:
     numbers of strokes in doubt that were skipped, and of those that a person left out; region: the file of
     what a person drew over the canvas, and whether only there it may be painted, None where nothing is
     protected; goal: the folder of the goal that it is painted towards since it was changed, "" before;
-    finished: whether nothing is left to do; seconds: that were spent on it, pauses between runs left
-    out; last: when the last record was written.
+    finished: whether nothing is left to do, and robot_seconds: how long the robot took then; seconds: that were
+    spent on it, pauses between runs left out; last: when the last record was written; missing: how many records
+    the journal has lost at its end.
     """
 
     settings: dict[str, Any]
@@ -71,6 +72,8 @@ class History:
     finished: bool = False
     seconds: float = 0.0
     last: datetime | None = None
+    missing: int = 0
+    robot_seconds: float = 0.0
 
     @classmethod
     def of(cls, records: Iterable[dict[str, Any]], folder: Path) -> "History":
@@ -127,8 +130,8 @@ class History:
                 self.region = None if region is None else (region, only)
             case GoalChanged(goal=goal):
                 self.goal = goal
-            case Finished():
-                self.finished = True
+            case Finished(robot_seconds=robot_seconds):
+                self.finished, self.robot_seconds = True, robot_seconds
             case _:
                 pass
 

@@ -89,6 +89,7 @@ class Journal:
         except StorageError:
             book.close()
             raise
+        history.missing = book.missing
         return cls(book, history.looks), history
 
     def close(self) -> None:
@@ -116,7 +117,9 @@ class Journal:
         self.tell(PlanAdopted(plan.digest, done, self._photograph, placement.error, placement.information))
 
     def begins(self, action: Action, plan: Plan) -> None:
-        """The robot will now be told this."""
+        """The robot will now be told this; not where the disk has no room to take down how it ends."""
+        if self._book is not None:
+            self._book.require_reserve()
         what = tuple(motion.label for motion in action.motions)
         painted = action.done
         if isinstance(painted, StrokePainted):

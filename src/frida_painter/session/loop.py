@@ -164,14 +164,14 @@ class PaintingSession:
         self._executor.fill_wells(where.plan.palette)
 
     def _to_the_end(self, begin: Callable[[], None]) -> Painting:
-        end: type[Finished | Stopped] = Finished
+        stopped = False
         progress = self._progress
         try:
             begin()
             self._paint()
         except StopAsked:
             self._tell(Stopped(progress.painted))
-            end = Stopped
+            stopped = True
         except FridaError as trouble:
             self.journal.hear(Failed(str(trouble)))
             raise
@@ -179,7 +179,8 @@ class PaintingSession:
         if self.brushwork.load.paint is not None:
             self._executor.clean()
         photograph = self.look()
-        self.interruptions.retry(partial(self.journal.tell, end(progress.painted)))
+        end = Stopped(progress.painted) if stopped else Finished(progress.painted, round(took, 3))
+        self.interruptions.retry(partial(self.journal.tell, end))
         return progress.as_painting(photograph, took)
 
     def _tell(self, event: Event) -> None:

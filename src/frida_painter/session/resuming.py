@@ -11,15 +11,20 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.errors import FrameRejected, ImageError, PlanError
+from frida_painter.calibration import Calibration
+from frida_painter.errors import CalibrationError, FrameRejected, ImageError, PlanError
+from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.frame_check import Expected
+from frida_painter.perception.rectify import rectify
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.region import Region, region_of
 from frida_painter.session.canvas_observer import PHOTOGRAPH_ROWS, CanvasObserver
 from frida_painter.session.history import History, Planning
 from frida_painter.session.journal import PHOTOGRAPHS, PLAN
+from frida_painter.session.names import DIARY
 
 
 @dataclass(frozen=True)
@@ -56,9 +61,16 @@ def kept_plan(folder: Path, history: History) -> KeptPlan | None:
 
 
 def changes(
-    history: History, settings: Mapping[str, Any], rests_on: Mapping[str, str], kept: KeptPlan | None
+    history: History,
+    settings: Mapping[str, Any],
+    rests_on: Mapping[str, str],
+    kept: KeptPlan | None,
+    diary_missing: int = 0,
 ) -> list[str]:
-    """What is not as it was when the painting was begun, one line each: what, what it was, what it is."""
+    """What is not as it was when the painting was begun, or broke off, one line each: what, what it was, what it is.
+
+    diary_missing: how many records the log of a simulated studio has lost at its end.
+    """
     lines = [
         f"{name}: it was {history.settings.get(name)!r}, and is {settings.get(name)!r}"
         for name in sorted({*history.settings, *settings})
@@ -69,6 +81,10 @@ def changes(
         for name in sorted({*history.rests_on, *rests_on})
         if history.rests_on.get(name) != rests_on.get(name)
     ]
+    if history.missing:
+        lines.append(f"journal: its last {_records(history.missing)} gone, and their strokes would be painted again")
+    if diary_missing:
+        lines.append(f"{DIARY}: its last {_records(diary_missing)} gone, and what they put on the virtual canvas")
     if kept is not None and kept.foreign:
         noted = history.plannings[-1].digest
         lines.append(f"plan: it was {_short(noted)}, and is {_short(kept.plan.digest)}, of {len(kept.plan)} strokes")
@@ -103,6 +119,22 @@ def as_left(kept: KeptPlan, history: History, planner: Planner, before: Tensor) 
     return Expected(before, planner.expected(since, before) if len(since) else before)
 
 
+def last_canvas(folder: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor:
+    """The canvas [3, H, W] in the last photograph, seen again; as its picture has it where that is lost.
+
+    calibration: the record that it was painted by. Raises ImageError where there is neither.
+    """
+    seen = light(history)
+    try:
+        if history.last_photograph is None or seen is None:
+            raise ImageError(f"{folder} holds no photograph.")
+        photograph, known = images.load_exactly(folder / history.last_photograph), Calibration.load(calibration)
+    except (ImageError, CalibrationError):
+        return images.load(folder / "painting.png")
+    grid = PixelGrid.of_height(size, PHOTOGRAPH_ROWS)
+    return true_color(seen.correct(rectify(photograph, known, grid)), known)
+
+
 def seen_before(folder: Path, kept: KeptPlan, observer: CanvasObserver) -> Tensor | None:
     """The canvas [3, H, W] as the plan was made for it, seen again in its photograph; None where that is lost."""
     if kept.planning.photograph is None:
@@ -112,6 +144,10 @@ def seen_before(folder: Path, kept: KeptPlan, observer: CanvasObserver) -> Tenso
         return observer.see(photograph, PHOTOGRAPH_ROWS)
     except (ImageError, FrameRejected):
         return None
+
+
+def _records(count: int) -> str:
+    return "record is" if count == 1 else f"{count} records are"
 
 
 def _short(digest: str | None) -> str:

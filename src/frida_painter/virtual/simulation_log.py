@@ -22,7 +22,7 @@ Note = Callable[..., None]
 
 _FORMAT = "frida-painter studio"
 _VERSION = 1
-_POLICY = LogPolicy("the diary of a virtual studio")
+_POLICY = LogPolicy("the diary of a virtual studio", precious=True)
 _FIRST_LINE_OF_OLD = re.compile(rb"[0-9a-f]{8} \{")
 
 
