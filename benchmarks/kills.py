@@ -3,9 +3,9 @@
     python benchmarks/kills.py [--kills 200] [--strokes 60] [--seed 1]
 
 A small painting is painted once without any interruption, by the command line, in processes of its own. Then others,
-with the same seed, are killed (SIGKILL, the painting process; the easel's process sees that for itself) at moments
-drawn evenly over the time that it took, the finishing included, and resumed with --yes --repaint until they end. Each
-must have all files, all strokes in its journal once, and a canvas that is the uninterrupted one's but for the paint
+with the same seed, are killed (SIGKILL, the painting process; the easel's process sees that for itself): three of four
+at a record of the journal that is drawn, the others while film and page are written. They are resumed with --yes
+--repaint. Each must have all files, all strokes in its journal once, and a canvas that is the uninterrupted one's but for the paint
 that a brush which was cleaned in between, and the one stroke in doubt, laid otherwise.
 """
 
@@ -28,14 +28,24 @@ from frida_painter.runs.folder import are_there
 
 _PAINT = ("--canvas", "120x90mm", "--fit", "crop", "--render-height", "64", "--effort", "0.05", "--brush", "fine",
           "--colors", "3", "--replans", "1", "--timelapse-frames", "6")  # fmt: skip
+_PAINTING = 0.75  # share of the kills that come between the first record of the journal and the last; then it finishes
+_FINISHED = -1
 _LONGEST = 600.0  # seconds that one process may take on a busy machine
 
 
 @dataclass(frozen=True)
-class Kill:
-    """What came of one painting that was killed: after what share of the time, and what was wrong, if anything."""
+class Way:
+    """How a painting goes without interruption: records in its journal, and seconds from the last to its end."""
 
-    after: float
+    records: int
+    finishing: float
+
+
+@dataclass(frozen=True)
+class Kill:
+    """What came of one painting that was killed: at what share of its way, and what was wrong, if anything."""
+
+    share: float
     painted: int
     difference: float
     wrong: str
@@ -58,34 +68,34 @@ def main() -> int:
 
 
 def killed(place: Path, strokes: int, shares: list[float]) -> list[Kill]:
-    """Paintings of so many strokes in folders below `place`, each killed after a share of the time one takes."""
+    """Paintings of so many strokes in folders below `place`, each killed at a share of its way."""
     photo = place / "photo.png"
     Image.effect_mandelbrot((300, 200), (-2.2, -1.2, 1.0, 1.2), 60).convert("RGB").save(photo)
     words = ("paint", str(photo), "--strokes", str(strokes), *_PAINT, "--yes", "--out")
-    began = time.monotonic()
     first = place / "first"
-    _run(place, *words, str(first))
-    took = time.monotonic() - began
+    process = _begin(place, *words, str(first))
+    _wait_for(process, first, _FINISHED)
+    finished = time.monotonic()
+    process.communicate(timeout=_LONGEST)
+    way = Way(_lines(first), time.monotonic() - finished)
     kills = []
     for number, share in enumerate(shares):
-        kills.append(_killed_once(place, place / f"killed-{number}", first, words, share, share * took, strokes))
-        print(
-            f"{number + 1:4} after {share:4.0%}, {kills[-1].painted:3} strokes: {kills[-1].wrong or 'whole'}",
-            flush=True,
-        )
+        kills.append(_killed_once(place, place / f"killed-{number}", first, words, share, way, strokes))
+        one = kills[-1]
+        print(f"{number + 1:4} at {one.share:4.0%}, {one.painted:3} strokes: {one.wrong or 'whole'}", flush=True)
     return kills
 
 
 def _killed_once(
-    place: Path, folder: Path, first: Path, words: tuple[str, ...], share: float, seconds: float, strokes: int
+    place: Path, folder: Path, first: Path, words: tuple[str, ...], share: float, way: Way, strokes: int
 ) -> Kill:
     process = _begin(place, *words, str(folder))
-    time.sleep(seconds)
+    painting = share < _PAINTING
+    _wait_for(process, folder, int(share / _PAINTING * way.records) if painting else _FINISHED)
+    if not painting:
+        time.sleep((share - _PAINTING) / (1 - _PAINTING) * way.finishing)
     process.send_signal(signal.SIGKILL)
     process.communicate()
-    if not (folder / "journal").exists():  # nothing was painted: it is begun anew
-        _run(place, *words, str(place / f"{folder.name}-anew"))
-        folder = place / f"{folder.name}-anew"
     painted = sum(one["kind"] == "stroke_painted" for one in EventLog.read(folder / "journal"))
     said = _run(place, "resume", str(folder), "--yes", "--repaint")
     wrong = _wrong(folder, strokes)
@@ -93,6 +103,27 @@ def _killed_once(
     if not wrong and not difference <= 0.03:
         wrong = f"its canvas differs from the uninterrupted one by {difference:.3f}"
     return Kill(share, painted, difference, f"{wrong} ({said[-200:]})" if wrong else "")
+
+
+def _wait_for(process: "subprocess.Popen[str]", folder: Path, records: int) -> None:
+    """Until the journal has so many records, or, with _FINISHED, the last one; or the process has ended."""
+    until = time.monotonic() + _LONGEST
+    while process.poll() is None and time.monotonic() < until:
+        if records == _FINISHED and b'"finished"' in _tail(folder):
+            return
+        if records != _FINISHED and _lines(folder) >= max(1, records):
+            return
+        time.sleep(0.002)
+
+
+def _lines(folder: Path) -> int:
+    path = folder / "journal"
+    return path.read_bytes().count(b"\n") if path.exists() else 0
+
+
+def _tail(folder: Path) -> bytes:
+    path = folder / "journal"
+    return path.read_bytes()[-300:] if path.exists() else b""
 
 
 def _wrong(folder: Path, strokes: int) -> str:
