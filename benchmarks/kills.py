@@ -5,8 +5,8 @@
 A small painting is painted once without any interruption, by the command line, in processes of its own. Then others,
 with the same seed, are killed (SIGKILL, the painting process; the easel's process sees that for itself): three of four
 at a record of the journal that is drawn, the others while film and page are written. They are resumed with --yes
---repaint. Each must have all files, all strokes in its journal once, and a canvas that is the uninterrupted one's but for the paint
-that a brush which was cleaned in between, and the one stroke in doubt, laid otherwise.
+--repaint. Each must have all files, each stroke in its journal once, and the uninterrupted one's canvas, but for the
+paint that a brush which was cleaned in between, and the one stroke in doubt, laid otherwise.
 """
 
 import argparse
