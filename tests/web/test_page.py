@@ -130,6 +130,11 @@ def keep(page: Page, name: str) -> None:
     page.screenshot(path=SCREENSHOTS / f"page-{name}.png")
 
 
+def lead(page: Page) -> None:
+    """This page gives the orders from now on; the page of another test may not have given that back yet."""
+    page.evaluate("async () => { await (await import('/static/api.js')).post('/api/lead'); }")
+
+
 def in_sight(page: Page, selector: str) -> bool:
     """Whether all of an element can be seen, below the header."""
     found = page.locator(selector).bounding_box()
@@ -303,7 +308,8 @@ def marked(folder: PaintingFolder) -> Image.Image:
 
 def test_a_part_is_protected_by_keyboard_alone(browser: Browser, studio: OpenStudio, paused: Told) -> None:
     paused.folder.region(1).unlink()
-    with window(browser, studio, 1440, 900) as page:  # it leads, as nobody else does then
+    with window(browser, studio, 1440, 900) as page:
+        lead(page)
         paused.show(page)
         expect(page.get_by_role("button", name="Protect a part")).to_be_visible()
         page.keyboard.press("m")
@@ -470,6 +476,7 @@ def test_what_is_done_elsewhere_can_be_seen_and_stopped_in_the_gallery(desk: Pag
 def test_a_painting_is_put_into_the_queue_and_taken_out(browser: Browser, studio: OpenStudio) -> None:
     painting = Told(studio, *PLANNED)
     with window(browser, studio, 1440, 900) as page, painting.at_work():  # so that the queue does not begin it
+        lead(page)
         painting.show(page)
         page.get_by_role("button", name="Use plan 1").click()
         page.get_by_role("button", name="Paint it after the others").click()
