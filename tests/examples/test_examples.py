@@ -17,7 +17,16 @@ from marks import coarse_table
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PHOTO = str(EXAMPLES / "photographs" / "cat.jpg")
-SCRIPTS = ("compare_seeds", "own_paints", "own_stroke_model", "paint_photograph", "plan_photograph", "poster")
+SCRIPTS = (
+    "compare_seeds",
+    "own_objective",
+    "own_paints",
+    "own_stroke_model",
+    "paint_photograph",
+    "plan_photograph",
+    "poster",
+    "watch_painting",
+)
 TINY = {"strokes": 6, "rows": 64, "effort": 0.02}
 MOST_LINES = 15
 
@@ -120,6 +129,26 @@ def test_a_photograph_is_painted_in_the_virtual_studio(
     script("paint_photograph")(PHOTO, str(folder), strokes=4, replans=1, render_height=64, effort=0.05)
     assert {"index.html", "painting.png", "plan.json"} <= {path.name for path in folder.iterdir()}
     assert "4 strokes: " in capsys.readouterr().out
+
+
+def test_a_listener_is_told_of_every_look(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("frida_painter.runs.opening.cached_table", coarse_table)
+    settings = {"strokes": 4, "replans": 1, "render_height": 64, "effort": 0.05}
+    script("watch_painting")(PHOTO, str(tmp_path / "painting"), str(tmp_path), **settings)
+    half, whole = (fp.load_picture(tmp_path / f"after-{done}.png") for done in (2, 4))
+    assert whole.mean() < half.mean()
+    assert capsys.readouterr().out.count("strokes are on the canvas") == 2
+
+
+def test_an_objective_of_ones_own_shapes_the_plan(tmp_path: Path) -> None:
+    def unrest(weight: float) -> float:
+        script("own_objective")(PHOTO, str(tmp_path / "calm.png"), 20, weight, rows=64, effort=0.1)
+        picture = fp.load_picture(tmp_path / "calm.png")
+        return float(picture.diff(dim=1).abs().mean() + picture.diff(dim=2).abs().mean())
+
+    assert unrest(2.0) < 0.8 * unrest(0.001)
 
 
 def test_the_notebook_runs_from_top_to_bottom(

@@ -1,18 +1,20 @@
 """Goals: the pictures and words of a painting's description are opened, or given in one line by a notebook."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
 from torch import Tensor
 
 from frida_painter.errors import ConfigError
-from frida_painter.goal import Goal, Term
+from frida_painter.goal import Goal, Term, require_weight
 from frida_painter.objectives.kind import goal_kinds
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.objectives.kinds.semantic import SemanticTerm
 from frida_painter.objectives.kinds.sketch import SketchTerm
 from frida_painter.objectives.kinds.style import StyleTerm
+from frida_painter.objectives.objective import ObjectiveContext, ObjectiveTerm
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.spec import RunSpec
 
@@ -21,6 +23,9 @@ _MOST_TERMS = 20
 Picture = str | Path | Tensor
 """A picture file, or sRGB [3, H, W] in [0, 1]."""
 _KINDS = ("image", "semantic", "sketch", "text", "style")
+Scores = Callable[[Tensor], Tensor]
+"""A picture [3, H, W] in [0, 1] to a differentiable number; smaller is nearer."""
+_OBJECTIVE = "objective"
 
 
 def open_goal(spec: RunSpec) -> Goal:
@@ -57,23 +62,41 @@ def make_goal(
     sketch: Picture | Sequence[Picture] = (),
     text: str | Sequence[str] = (),
     style: Picture | Sequence[Picture] = (),
+    objective: Scores | Sequence[Scores] = (),
     weights: Mapping[str, float] | None = None,
 ) -> Goal:
     """What shall be painted: one or more of these, each a single one or a sequence; `make_goal("photo.jpg")`.
 
     image: to come near to, pixel by pixel; semantic: to paint by what it shows; sketch: a drawing to follow;
-    text: words; style: a picture whose colours and marks the painting shall have. weights: how much a kind
-    matters, by its name, above 0; 1 where it is not named. Everything but images is seen through networks that
-    `frida-painter models fetch` gets. Raises ConfigError where there is nothing to paint or a kind is not
-    known, and ImageError where a picture cannot be read.
+    text: words; style: a picture whose colours and marks the painting shall have; objective: a function of one's
+    own. weights: how much a kind matters, by its name, above 0; 1 where it is not named. Semantic, sketch, text and
+    style are seen through networks that `frida-painter models fetch` gets. Raises ConfigError where there is nothing
+    to paint or a kind is not known, and ImageError where a picture cannot be read.
     """
     given = dict(zip(_KINDS, (image, semantic, sketch, text, style), strict=True))
     weights = weights or {}
-    if unknown := sorted(set(weights) - set(_KINDS)):
-        raise ConfigError(f"A weight was given to {unknown[0][:40]!r}; weights are given to {', '.join(_KINDS)}.")
-    return Goal(
-        tuple(_term(kind, one, float(weights.get(kind, 1.0))) for kind, some in given.items() for one in _each(some))
-    )
+    if unknown := sorted(set(weights) - {*_KINDS, _OBJECTIVE}):
+        known = ", ".join((*_KINDS, _OBJECTIVE))
+        raise ConfigError(f"A weight was given to {unknown[0][:40]!r}; weights are given to {known}.")
+    terms = [_term(kind, one, float(weights.get(kind, 1.0))) for kind, some in given.items() for one in _each(some)]
+    functions = [objective] if callable(objective) else objective
+    terms += [_FunctionTerm(float(weights.get(_OBJECTIVE, 1.0)), function) for function in functions]
+    return Goal(tuple(terms))
+
+
+@dataclass(frozen=True)
+class _FunctionTerm(Term):
+    """A function of the picture as a goal. Raises ConfigError for a weight that is none."""
+
+    weight: float
+    function: Scores
+
+    def __post_init__(self) -> None:
+        require_weight(self.weight, "an objective")
+
+    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
+        """The function as it is."""
+        return ObjectiveTerm(self.function)
 
 
 def _each(some: Picture | Sequence[Picture]) -> Sequence[Picture]:
