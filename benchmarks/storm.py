@@ -231,11 +231,11 @@ class Visitor:
         self._host = host
         entered = self._request("GET", f"/?token={token}", {}, b"")
         self._cookie = entered[1]["set-cookie"].split(";")[0]
-        self._csrf = json.loads(self.ask("GET", "/api/studio", {}, b"")[2])["csrf"] if self._cookie else ""
+        self._key = re.search(rb"#key=([\w-]+)", entered[2])[1].decode()
 
     def ask(self, method: str, path: str, headers: dict[str, str], body: bytes) -> tuple[int, dict[str, str], bytes]:
         signs = {"Cookie": self._cookie, "Origin": f"http://{self._host}", "X-Given": str(time.time())}
-        signs |= {"X-CSRF-Token": getattr(self, "_csrf", ""), "X-Nonce": f"{random.getrandbits(100):032x}"}
+        signs |= {"X-Page-Key": self._key, "X-Nonce": f"{random.getrandbits(100):032x}"}
         return self._request(method, path, {**signs, **headers}, body)
 
     def _request(

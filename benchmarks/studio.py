@@ -122,7 +122,7 @@ class Crowd:
         if small:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
         connection.connect((host, int(port)))
-        head = f"GET /api/paintings/{self.painting}/events HTTP/1.1\r\nHost: {self.studio.host}\r\n"
+        head = f"GET /api/events?of={self.painting} HTTP/1.1\r\nHost: {self.studio.host}\r\n"
         connection.sendall(f"{head}Authorization: Bearer {self.studio.token}\r\n\r\n".encode())
         return connection
 

@@ -109,7 +109,7 @@ def window(browser: Browser, studio: OpenStudio, width: int, height: int, **more
     complaints: list[str] = []
     opened.on("pageerror", lambda error: complaints.append(str(error)))
     opened.goto(studio.address)
-    assert "token" not in opened.url
+    opened.wait_for_url("**/#/")  # without the token, and without the key
     expect(opened.get_by_text("What do you want to paint?")).to_be_visible(timeout=PATIENCE)  # it knows the studio now
     yield opened
     opened.goto("about:blank")  # it says that it is left, and leads no longer

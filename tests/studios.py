@@ -1,5 +1,6 @@
 """A studio for tests: its application with all middleware, on a store of its own."""
 
+import re
 import secrets
 import time
 from dataclasses import dataclass
@@ -9,10 +10,11 @@ from typing import Any
 from httpx import Response
 from starlette.testclient import TestClient
 
-from frida_painter.web.access import Keys, Role
+from frida_painter.web.access import Keys
 from frida_painter.web.app import application, guarded
 from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.presence import Presence
+from frida_painter.web.roles import Role
 from frida_painter.web.studio_easel import StudioEasel
 
 HOST = "127.0.0.1:8350"
@@ -24,13 +26,13 @@ class Visitor:
     """A browser that came with the token of a role."""
 
     client: TestClient
-    csrf: str
+    key: str
 
-    def get(self, path: str, **more: Any) -> Response:
-        return self.client.get(path, **more)
+    def get(self, path: str, headers: dict[str, str] | None = None, **more: Any) -> Response:
+        return self.client.get(path, headers={"X-Page-Key": self.key, **(headers or {})}, **more)
 
     def post(self, path: str, headers: dict[str, str] | None = None, **more: Any) -> Response:
-        signs = {"Origin": ORIGIN, "X-CSRF-Token": self.csrf, **order()}
+        signs = {"Origin": ORIGIN, "X-Page-Key": self.key, **order()}
         return self.client.post(path, headers={**signs, **(headers or {})}, **more)
 
 
@@ -56,5 +58,6 @@ class Studio:
     def visitor(self, role: Role = Role.operate) -> Visitor:
         client = self.client()
         entered = client.get("/", params={"token": self.keys.tokens[role]})
-        assert entered.status_code == 303
-        return Visitor(client, client.get("/api/studio").json()["csrf"])
+        key = re.search(r"#key=([\w-]+)", entered.text)
+        assert entered.status_code == 200 and key is not None
+        return Visitor(client, key[1])

@@ -30,11 +30,11 @@ _TEMPORARY = re.compile(r"\..+-[a-z0-9_]{8}(\.[^.]+)?")  # as tempfile names tho
 
 
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, mode: int = 0o644) -> Iterator[Path]:
     """A temporary path beside `path` for programs that write files themselves; takes its place at the end.
 
-    If the block raises, `path` is left as it was. Raises StorageError when the folder cannot be
-    written to or the disk is full.
+    mode: who may read and write it then. If the block raises, `path` is left as it was. Raises StorageError when the
+    folder cannot be written to or the disk is full.
     """
     try:
         if path.exists() and not path.is_file():  # neither a device nor a pipe is a place for a file
@@ -47,7 +47,7 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary = Path(name)
     try:
         yield temporary
-        temporary.chmod(0o644)
+        temporary.chmod(mode)
         _flush(temporary)
         temporary.replace(path)
         _flush(path.parent)

@@ -1,17 +1,20 @@
+import time
 from pathlib import Path
 
 import pytest
 from starlette.websockets import WebSocketDisconnect
 
-from frida_painter.web.access import Keys, Role
+from frida_painter.web import access
+from frida_painter.web.access import Keys
 from frida_painter.web.painting_store import PaintingStore
+from frida_painter.web.roles import Role
 from frida_painter.web.workers import WorkerSlot
-from studios import HOST, ORIGIN, Studio
+from studios import HOST, ORIGIN, Studio, order
 
 ROUTES = [
     ("GET", "/"), ("GET", "/static/main.js"), ("GET", "/static/nothing"), ("GET", "/api/studio"),
     ("GET", "/api/paintings"),
-    ("GET", "/api/paintings/0123456789abcdef"), ("GET", "/api/paintings/0123456789abcdef/events"),
+    ("GET", "/api/paintings/0123456789abcdef"), ("GET", "/api/events?of=calibration"),
     ("GET", "/paintings/0123456789abcdef/live/a.jpg"), ("POST", "/api/stop"), ("POST", "/api/pictures"),
     ("POST", "/api/paintings"), ("POST", "/api/paintings/0123456789abcdef/start"), 
     ("GET", "/openapi.json"), ("GET", "/docs"),
@@ -48,7 +51,7 @@ def test_without_the_token_nothing_is_had(
 def test_the_token_is_taken_out_of_the_address_and_becomes_a_cookie_that_no_script_reads(studio: Studio) -> None:
     client = studio.client()
     entered = client.get("/", params={"token": studio.keys.tokens[Role.watch], "view": "gallery"})
-    assert entered.status_code == 303 and entered.headers["location"] == "/?view=gallery"
+    assert entered.status_code == 200 and 'content="0;url=/?view=gallery#key=' in entered.text
     cookie = entered.headers["set-cookie"].lower()
     assert "httponly" in cookie and "samesite=strict" in cookie
     assert studio.keys.tokens[Role.watch] not in entered.text + str(entered.headers)
@@ -61,18 +64,87 @@ def test_every_start_has_new_tokens_and_every_role_its_own() -> None:
     assert len(set(tokens)) == 6 and all(len(token) >= 32 for token in tokens)
 
 
-def test_after_many_wrong_tokens_only_one_a_second_is_looked_at() -> None:
-    keys = Keys()
-    assert all(keys.admit(f"guess {number}") is None for number in range(10))
-    assert keys.admit(keys.tokens[Role.operate]) is None
-    assert keys.bearer(keys.tokens[Role.operate]) is not None
+@pytest.mark.parametrize("bearer", [False, True])
+def test_wrong_tokens_are_slowed_and_lock_nobody_out_who_has_the_right_one(
+    studio: Studio, monkeypatch: pytest.MonkeyPatch, bearer: bool
+) -> None:
+    monkeypatch.setattr(access, "_DELAY", 0.3)
+    client = studio.client()
+
+    def come(token: str) -> int:
+        if bearer:
+            return client.get("/api/studio", headers={"Authorization": f"Bearer {token}"}).status_code
+        return client.get("/", params={"token": token}).status_code
+
+    assert {come(f"guess {number}") for number in range(10)} == {401}
+    began = time.monotonic()
+    assert come("guess") == 401 and time.monotonic() - began >= 0.3
+    monkeypatch.setattr(access, "_MOST_DELAYED", 0)
+    assert come("guess") == 429
+    assert come(studio.keys.tokens[Role.operate]) == 200
 
 
-def test_sessions_are_not_kept_without_end() -> None:
+@pytest.mark.parametrize("loaded", [("no-cors", "image"), ("navigate", "iframe"), ("cors", "empty")])
+def test_what_another_page_loads_is_refused_before_its_token_is_looked_at(
+    studio: Studio, loaded: tuple[str, str]
+) -> None:
+    client, right = studio.client(), studio.keys.tokens[Role.operate]
+    signs = {f"Sec-Fetch-{name}": value for name, value in zip(("Mode", "Dest"), loaded, strict=True)}
+    for token in (*["guess"] * 30, right):
+        answer = client.get("/", params={"token": token}, headers={"Sec-Fetch-Site": "cross-site", **signs})
+        assert answer.status_code == 403
+    assert client.get("/", params={"token": right}).status_code == 200
+
+
+def test_a_link_that_was_clicked_on_another_page_opens_the_studio(studio: Studio) -> None:
+    clicked = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
+    client = studio.client()
+    assert client.get("/", headers=clicked).status_code == 200, "the browser may keep its cookie back: go on from here"
+    assert client.get("/", headers={"Accept": "text/html"}).status_code == 401
+    for _ in range(30):
+        assert client.get("/", params={"token": "guess"}, headers=clicked).status_code == 401
+    entered = client.get("/", params={"token": studio.keys.tokens[Role.watch]}, headers=clicked)
+    assert entered.status_code == 200 and "set-cookie" in entered.headers
+    assert client.get("/api/paintings", headers=clicked).status_code == 403
+
+
+def test_a_link_for_a_browsers_command_line_is_good_once_and_for_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
     keys = Keys()
+    once, late = keys.code(Role.operate), keys.code(Role.operate)
+    session = keys.admit(once)
+    assert session is not None and session.role is Role.operate and keys.admit(once) is None
+    assert keys.bearer(late) is None
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now + 61)
+    assert keys.admit(late) is None
+
+
+def test_those_who_watch_take_no_session_from_those_who_paint() -> None:
+    keys = Keys()
+    operator, planner = keys.admit(keys.tokens[Role.operate]), keys.admit(keys.tokens[Role.plan])
+    first = keys.admit(keys.tokens[Role.watch])
+    assert operator is not None and planner is not None and first is not None
     for _ in range(250):
+        assert keys.session(first.id) is first, "whoever is here is used, and stays"
         assert keys.admit(keys.tokens[Role.watch]) is not None
-    assert len(keys.sessions) == 200
+    assert len(keys.sessions) == 202
+    assert keys.session(operator.id) is operator and keys.session(planner.id) is planner
+
+
+def test_a_cookie_that_another_port_was_sent_opens_nothing(studio: Studio) -> None:
+    """A browser sends its cookies to every port of a host; only the page's own address and port has the key."""
+    visitor = studio.visitor()
+    entry = studio.store.begin("A painting")
+    for path in ("/api/studio", "/api/paintings", f"/api/paintings/{entry.id}", "/api/events?of=calibration"):
+        assert visitor.client.get(path).status_code == 403
+    for path in ("/api/stop", "/api/lead", "/api/pictures"):
+        assert visitor.client.post(path, headers={"Origin": ORIGIN, **order()}).status_code == 403
+    assert visitor.key not in visitor.client.get("/").text
+    assert visitor.client.get("/static/main.js").status_code == 200
+
+
+def test_headers_that_are_too_large_are_refused(studio: Studio) -> None:
+    assert studio.visitor().get("/api/studio", headers={"X-More": "x" * 100_000}).status_code == 431
 
 
 @pytest.mark.parametrize("host", ["evil.example:8350", "127.0.0.1", "127.0.0.1:80", "127.0.0.1:8350.evil.example", ""])
@@ -99,7 +171,7 @@ def test_a_cookie_alone_changes_nothing(studio: Studio) -> None:
     assert visitor.client.post("/api/stop").status_code == 403, "no origin"
     assert visitor.client.post("/api/stop", headers={"Origin": ORIGIN}).status_code == 403, "no sign"
     other = studio.visitor()
-    assert visitor.post("/api/stop", headers={"X-CSRF-Token": other.csrf}).status_code == 403, "of another browser"
+    assert visitor.post("/api/stop", headers={"X-Page-Key": other.key}).status_code == 403, "of another browser"
     assert visitor.post("/api/stop").status_code == 200
 
 

@@ -24,7 +24,7 @@ from frida_painter.web.asking import Asker, described
 from frida_painter.web.feed import Feed, FeedReader
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.lead import GOOD_FOR
-from frida_painter.web.stop_file import StopFileWatch, StopPressed
+from frida_painter.web.stop_line import StopPressed, StopWatch
 
 PICTURE = torch.zeros(3, 20, 30)
 CORNERS = ((1.25, 1.0), (25.0, 1.0), (25.0, 15.0), (1.0, 15.0))
@@ -58,7 +58,7 @@ def asked(folder: PaintingFolder) -> dict[str, Any]:
 def test_a_question_waits_for_its_answer_and_no_other(
     folder: PaintingFolder, question: Question, says: dict[str, Any], means: Answer
 ) -> None:
-    asker, found = Asker(folder, Feed(folder), StopFileWatch(folder.stop)), list[Answer]()
+    asker, found = Asker(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent)), list[Answer]()
     waiting = threading.Thread(target=lambda: found.append(asker.answer(question)), daemon=True)
     waiting.start()
     shown = asked(folder)
@@ -84,7 +84,7 @@ def test_an_answer_that_comes_too_late_is_none(folder: PaintingFolder, monkeypat
 
 
 def test_stop_ends_a_question(folder: PaintingFolder) -> None:
-    asker, caught = Asker(folder, Feed(folder), StopFileWatch(folder.stop)), list[BaseException]()
+    asker, caught = Asker(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent)), list[BaseException]()
 
     def wait() -> None:
         try:

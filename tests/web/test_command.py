@@ -1,5 +1,7 @@
+import os
 import socket
 import sys
+import webbrowser
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +9,7 @@ import pytest
 
 from frida_painter import cli
 from frida_painter.web import server
-from frida_painter.web.access import Role
+from frida_painter.web.roles import Role
 
 
 @pytest.fixture
@@ -19,9 +21,9 @@ def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
         places.append((address, port))
         return socket.socket()
 
-    def serve(store: Any, easel: Any, listening: socket.socket, names: Any, tell: Any) -> None:
+    def serve(store: Any, easel: Any, listening: socket.socket, names: Any, tell: Any, *more: Any) -> None:
         listening.close()
-        tell({role: f"http://here/?token={role.name}" for role in Role})
+        tell(server.Links({role: f"http://here/?token={role.name}" for role in Role}, "http://here/?token=once"))
 
     monkeypatch.setattr(server, "listen", listen)
     monkeypatch.setattr(server, "serve", serve)
@@ -47,11 +49,27 @@ def test_only_this_machine_reaches_it_unless_another_address_is_given(
     assert "whoever has one of these links can use it" in said and "no encryption" in said and "SSH tunnel" in said
 
 
+def test_the_browser_is_given_an_address_that_is_good_once_and_root_is_warned(
+    served: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    for user, warned in ((0, True), (1000, False)):
+        monkeypatch.setattr(os, "geteuid", lambda user=user: user)
+        assert run(monkeypatch, "--folder", str(tmp_path), "--browser") == 0
+        assert ("runs as root" in capsys.readouterr().out) == warned
+    assert opened == ["http://here/?token=once"] * 2
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
         (("--address", "0.0.0.0"), "would listen on all networks"),
         (("--address", "::"), "would listen on all networks"),
+        (("--address", "::ffff:0.0.0.0"), "would listen on all networks"),
+        (("--address", "::ffff:0:0"), "would listen on all networks"),
+        (("--certificate", "nowhere.pem"), "belong together"),
+        (("--certificate", "nowhere.pem", "--key", "nowhere.key"), "is no file"),
         (("--address", "easel.local"), "an IP address"),
         (("--robot", "toaster"), "There is no robot 'toaster'"),
         (("--port", "99999"), "not from 0 to 65535"),

@@ -5,8 +5,9 @@ from typing import Any
 import pytest
 
 from frida_painter.web import limits
-from frida_painter.web.access import Role, Session
+from frida_painter.web.access import Session
 from frida_painter.web.limits import MOST_BODY, MOST_UPLOAD, Bucket, Limits
+from frida_painter.web.roles import Role
 from studios import Studio
 
 
@@ -49,5 +50,5 @@ def test_a_body_that_never_ends_is_not_waited_for(monkeypatch: pytest.MonkeyPatc
         sent.append(message)
 
     scope = {"type": "http", "path": "/api/pictures", "state": {"session": Session("a", Role.operate, "")}}
-    asyncio.run(Limits(never, "/api/pictures", Bucket(10, 10))(scope, dripping, send))
+    asyncio.run(Limits(never, "/api/pictures")(scope, dripping, send))
     assert sent[0]["status"] == 408

@@ -19,7 +19,7 @@ from frida_painter.web.feed import Feed, FeedReader
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.painting_request import PaintingRequest
 from frida_painter.web.pause_controller import PauseController
-from frida_painter.web.stop_file import StopFileWatch, StopPressed
+from frida_painter.web.stop_line import StopPressed, StopWatch
 from scenes import CANVAS, goal, picture, small_table
 from sittings import Evening
 
@@ -41,7 +41,7 @@ class Table:
     ) -> None:
         self.folder = folder
         self.feed = Feed(folder)
-        self.stop = StopFileWatch(folder.stop)
+        self.stop = StopWatch(folder.stop, folder.path.parent)
         self.controller = PauseController(folder, self.feed, self.stop)
         self.evening = Evening(
             strokes,
@@ -108,7 +108,7 @@ def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder)
 
 def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> None:
     feed = Feed(folder)
-    controller = PauseController(folder, feed, StopFileWatch(folder.stop))
+    controller = PauseController(folder, feed, StopWatch(folder.stop, folder.path.parent))
     tell_painter(folder, "go on", "browser")
     assert controller.go_on(Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
     reasons = [event.reason for event in FeedReader(folder.feed).read() if isinstance(event, Paused)]
@@ -145,8 +145,8 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
 
 
 @pytest.fixture
-def stopped(folder: PaintingFolder) -> Iterator[StopFileWatch]:
-    stop = StopFileWatch(folder.stop)
+def stopped(folder: PaintingFolder) -> Iterator[StopWatch]:
+    stop = StopWatch(folder.stop, folder.path.parent)
     stop.heed()
     folder.stop.touch()
     deadline = time.monotonic() + 20
@@ -155,7 +155,7 @@ def stopped(folder: PaintingFolder) -> Iterator[StopFileWatch]:
     yield stop
 
 
-def test_stop_ends_a_pause_and_whatever_heeds_it(folder: PaintingFolder, stopped: StopFileWatch) -> None:
+def test_stop_ends_a_pause_and_whatever_heeds_it(folder: PaintingFolder, stopped: StopWatch) -> None:
     with pytest.raises(StopPressed):
         stopped.heed()
     assert PauseController(folder, Feed(folder), stopped).go_on(Paused("You asked for a pause.", 3)) is False

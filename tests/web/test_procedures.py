@@ -58,7 +58,7 @@ def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, start
     assert visitor.post("/api/calibration/answer", json=answer).status_code == 200
     assert EventLog.read(folder.replies, FEED)[0]["reply"]["yes"] is True
     assert visitor.post("/api/calibration/start", json={"what": ["canvas"]}).status_code == 409
-    assert visitor.post("/api/stop").json() == {"stopped": 1} and folder.stop.exists()
+    assert visitor.post("/api/stop").json() == {"stopped": 1, "heard": 0} and folder.stop.exists()
     lock.release()
 
 

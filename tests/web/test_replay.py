@@ -21,7 +21,7 @@ from frida_painter.web.feed import Feed, FeedReader
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.pause_controller import PauseController
 from frida_painter.web.state import PaintingState
-from frida_painter.web.stop_file import StopFileWatch
+from frida_painter.web.stop_line import StopWatch
 from frida_painter.web.telling import Reporter
 from scenes import CANVAS, goal, small_table
 from sittings import Evening
@@ -51,7 +51,7 @@ class Sitting(Evening):
 
     def lead(self, folder: PaintingFolder, planner: Planner, page: Page, feed: Feed) -> None:
         self.page = page
-        self.controller = PauseController(folder, feed, StopFileWatch(folder.stop))
+        self.controller = PauseController(folder, feed, StopWatch(folder.stop, folder.path.parent))
         forecast = Forecast(STROKES, EvenlySpaced(self.replans), 0.0, planning=4, replanning=4)
         self.reporter = Reporter(feed, folder, planner.model, CANVAS, forecast)
         self.controller.opened = lambda: self.session

@@ -35,7 +35,7 @@ def test_the_studio_closes_in_peace_while_somebody_watches_and_keeps_no_token(
     match = re.search(r"http://(\S+):(\d+)/\?token=(\S+)", studio.stdout.readline())
     assert match is not None
     host, port, token = match.groups()
-    head = f"GET /api/calibration/events HTTP/1.1\r\nHost: {host}:{port}\r\nAuthorization: Bearer {token}\r\n\r\n"
+    head = f"GET /api/events?of=calibration HTTP/1.1\r\nHost: {host}:{port}\r\nAuthorization: Bearer {token}\r\n\r\n"
     with socket.create_connection((host, int(port)), timeout=60) as watching:
         watching.sendall(head.encode())
         assert b"200 OK" in watching.recv(1000)

@@ -14,7 +14,7 @@ from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.job import Job
 from frida_painter.web.painting_request import PaintingRequest
-from frida_painter.web.stop_file import StopFileWatch
+from frida_painter.web.stop_line import StopWatch
 from frida_painter.web.studio_easel import StudioEasel
 
 
@@ -35,7 +35,7 @@ def test_whose_stops_hold_where(tmp_path: Path, robot: str, simulated: bool, dan
     assert (easel.simulated, easel.drives_machine) == (simulated, dangerous)
     assert StudioEasel.take(json.loads(json.dumps(easel.plain()))) == easel
     folder = PaintingFolder(tmp_path)
-    feed, stop = Feed(folder), StopFileWatch(folder.stop)
+    feed, stop = Feed(folder), StopWatch(folder.stop, folder.path.parent)
     plan = folder.begin_plan(PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a sea"}]}), tmp_path)
     job = Job(folder, easel, feed, stop, Asker(folder, feed, stop))
     wanted = order(job.spec(plan), "broad", folder.painting, job.state)

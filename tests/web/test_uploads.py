@@ -1,12 +1,17 @@
+import asyncio
 import io
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
 from frida_painter import images
-from frida_painter.errors import ImageError
+from frida_painter.errors import ImageError, Interrupted
 from frida_painter.web import uploads
+from frida_painter.web.painting_store import PaintingStore
 
 
 def picture(width: int = 40, height: int = 30, kind: str = "PNG", **more: object) -> bytes:
@@ -40,3 +45,46 @@ def test_what_is_no_picture_is_refused_in_words_that_name_no_path(tmp_path: Path
         uploads.keep(content, tmp_path)
     assert "/" not in str(caught.value).replace("SVG or HTML", "")
     assert not list(tmp_path.glob("*.png"))
+
+
+def test_a_decoder_has_so_much_memory_and_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is the system that ends it: a picture that a decoder does not get through with takes nothing from others."""
+    with pytest.raises(ImageError, match="memory or time"):
+        monkeypatch.setattr(uploads, "MOST_SECONDS", 0.01)
+        uploads.keep(picture(), tmp_path)
+    monkeypatch.undo()
+    limits = "from frida_painter.web import decoder; decoder.limit(); bytearray(3 * 2**30)"
+    done = subprocess.run([sys.executable, "-c", limits], capture_output=True, text=True)
+    assert done.returncode == 1 and "MemoryError" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_pictures_are_for_their_owner_alone(tmp_path: Path) -> None:
+    store = PaintingStore(tmp_path / "paintings")
+    identifier = uploads.keep(picture(), store.pictures)
+    for path in (store.root, store.pictures, store.begin("A painting").folder.path):
+        assert path.stat().st_mode & 0o077 == 0
+    assert (store.pictures / f"{identifier}.png").stat().st_mode & 0o777 == 0o600
+
+
+def test_pictures_are_taken_in_one_after_another_and_only_so_many_wait(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at_once: list[int] = []
+    busy = [0]
+
+    def keep(content: bytes, folder: Path) -> str:
+        busy[0] += 1
+        at_once.append(busy[0])
+        time.sleep(0.02)
+        busy[0] -= 1
+        return "id"
+
+    async def many() -> list[str | BaseException]:
+        taking = uploads.Uploads(tmp_path)
+        return await asyncio.gather(*(taking.keep(b"x") for _ in range(12)), return_exceptions=True)
+
+    monkeypatch.setattr(uploads, "keep", keep)
+    found = asyncio.run(many())
+    assert found[:8] == ["id"] * 8 and all(isinstance(each, Interrupted) for each in found[8:])
+    assert max(at_once) == 1

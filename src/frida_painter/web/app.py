@@ -15,15 +15,18 @@ from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp
 
 from frida_painter.errors import FridaError, Interrupted, RobotStopped
-from frida_painter.web import gallery, goals, in_charge, painting, procedures, queueing
+from frida_painter.web import following, gallery, goals, in_charge, painting, procedures, queueing
 from frida_painter.web.access import AuthMiddleware, Keys
+from frida_painter.web.feed_states import FeedStates
 from frida_painter.web.lead import Lead, Led
-from frida_painter.web.limits import Bucket, Limits
+from frida_painter.web.limits import Limits
 from frida_painter.web.painting_queue import PaintingQueue
 from frida_painter.web.painting_store import PaintingStore
 from frida_painter.web.presence import Presence
 from frida_painter.web.state_stream import StateStreams
+from frida_painter.web.stops import Stops
 from frida_painter.web.studio_easel import StudioEasel
+from frida_painter.web.uploads import Uploads
 from frida_painter.web.workers import Workers
 
 _STATIC = Path(__file__).parent / "static"
@@ -58,9 +61,10 @@ def application(store: PaintingStore, easel: StudioEasel, presence: Presence) ->
     """The routes alone, for those who are already inside."""
     app = FastAPI(title="frida-painter studio", docs_url=None, redoc_url=None, openapi_url=None)
     app.state.store, app.state.streams, app.state.workers = store, StateStreams(), Workers(easel)
-    app.state.lead, app.state.presence = Lead(), presence
-    app.state.queue = PaintingQueue(store, app.state.workers)
-    for part in (in_charge, goals, painting, procedures, gallery, queueing):
+    app.state.feeds, app.state.lead, app.state.presence = FeedStates(), Lead(), presence
+    app.state.stops, app.state.stop_process = Stops(store.root), None
+    app.state.queue, app.state.uploads = PaintingQueue(store, app.state.workers), Uploads(store.pictures)
+    for part in (in_charge, following, goals, painting, procedures, gallery, queueing):
         app.include_router(part.router)
 
     # From memory, and on no thread: a page is there at once, however busy the machine is with planning.
@@ -90,9 +94,11 @@ def application(store: PaintingStore, easel: StudioEasel, presence: Presence) ->
     return app
 
 
-def guarded(app: ASGIApp, keys: Keys, hosts: frozenset[str], cookie: str) -> ASGIApp:
+def guarded(
+    app: ASGIApp, keys: Keys, hosts: frozenset[str], cookie: str, stop_hosts: frozenset[str] = frozenset()
+) -> ASGIApp:
     """The application with its middleware, to be served."""
-    return AuthMiddleware(Limits(app, "/api/pictures", Bucket(rate=40, most=200)), keys, hosts, cookie)
+    return AuthMiddleware(Limits(app, "/api/pictures"), keys, hosts, cookie, stop_hosts)
 
 
 def _mendable(request: Request, error: Exception) -> JSONResponse:

@@ -2,6 +2,7 @@
 
 import secrets
 import time
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,7 +15,7 @@ from frida_painter.session.procedures.dialogue import Answer, Confirm, Jog, Meas
 from frida_painter.web.answers import understood
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.stop_file import StopFileWatch
+from frida_painter.web.stop_line import StopWatch
 
 _BETWEEN_GLANCES = 0.04
 
@@ -25,8 +26,8 @@ class Asker:
 
     folder: PaintingFolder
     feed: Feed
-    stop: StopFileWatch
-    _pictures: int = field(default=0, init=False)
+    stop: StopWatch
+    _shown: deque[str] = field(default_factory=deque, init=False)
 
     def answer(self, question: Question) -> Answer:
         """What the person says, who is waited for. Raises StopPressed where they stop everything."""
@@ -48,10 +49,12 @@ class Asker:
             time.sleep(_BETWEEN_GLANCES)
 
     def _show(self, picture: Tensor) -> str:
-        self._pictures += 1
-        name = f"question-{self._pictures:04d}.jpg"
+        # Whoever knows its name may see it: it is not to be guessed.
+        name = f"question-{secrets.token_hex(12)}.jpg"
         images.save(picture, self.folder.live / name)
-        (self.folder.live / f"question-{self._pictures - 2:04d}.jpg").unlink(missing_ok=True)
+        self._shown.append(name)
+        while len(self._shown) > 2:
+            (self.folder.live / self._shown.popleft()).unlink(missing_ok=True)
         return name
 
 

@@ -1,5 +1,6 @@
 """The worker's part of calibrating: leads the procedures, asks on the page, and keeps the easel's record."""
 
+import secrets
 import shutil
 from dataclasses import replace
 
@@ -34,6 +35,7 @@ def calibrate(job: Job) -> None:
     with easel_of(spec, folder, job.state) as easel:
         here = with_operator(easel, spec, job.asker.answer)
         try:
+            job.stop.then(here.robot.stop)
             here.robot.connect()
             here.camera.connect()
             _lead_all(job, request, here)
@@ -76,8 +78,11 @@ def _shown(name: str, finding: Finding, job: Job) -> str | None:
     if finding.picture is None:
         return None
     images.save(finding.picture, beside(job.easel.record, f"{name}.png"))
-    images.save(finding.picture, job.folder.live / f"found-{name}.png")
-    return f"found-{name}.png"
+    for before in job.folder.live.glob(f"found-{name}-*.png"):
+        before.unlink()
+    shown = f"found-{name}-{secrets.token_hex(12)}.png"  # whoever knows its name may see it: it is not to be guessed
+    images.save(finding.picture, job.folder.live / shown)
+    return shown
 
 
 def _tell_status(feed: Feed, record: Calibration, easel: Calibration) -> None:

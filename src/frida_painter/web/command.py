@@ -1,6 +1,7 @@
 """The command that opens the studio: a web page on which a person and the robot paint together."""
 
 import ipaddress
+import os
 import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,7 +13,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.options import CameraOption, PaceOption, RobotOption, WorkspaceOption, whole_number_within
 
 if TYPE_CHECKING:
-    from frida_painter.web.access import Role
+    from frida_painter.web.server import Links
 
 _LOCAL = "127.0.0.1"
 
@@ -41,6 +42,18 @@ def studio(
             metavar="HOST", help="A host name for that address in browsers, like easel.local. May be repeated."
         ),
     ] = None,
+    stop_port: Annotated[
+        int,
+        typer.Option(
+            parser=whole_number_within(0, 65535),
+            metavar="N",
+            help="The port on which nothing but stops is heard. A tunnel needs both ports. [dim]the next one[/]",
+        ),
+    ] = 0,
+    certificate: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A certificate (PEM); the page is then served with https.")
+    ] = None,
+    key: Annotated[Path | None, typer.Option(metavar="FILE", help="The private key of the certificate (PEM).")] = None,
     robot: RobotOption = "virtual",
     camera: CameraOption = "",
     workspace: WorkspaceOption = None,
@@ -63,8 +76,9 @@ def studio(
     _require_address(address)
     extras.require("web", "fastapi", "The studio")
     extras.require("web", "uvicorn", "The studio")
-    from frida_painter.web.access import Role
+    from frida_painter.web.certificate import Certificate
     from frida_painter.web.painting_store import PaintingStore
+    from frida_painter.web.roles import Role
     from frida_painter.web.server import listen, serve
     from frida_painter.web.studio_easel import StudioEasel
 
@@ -72,25 +86,27 @@ def studio(
     record = calibration or store.calibration.path / "calibration.json"
     easel = StudioEasel(record.absolute(), robot, camera, workspace, pace).validated()
 
-    def tell(links: dict["Role", str]) -> None:
-        print(f"The studio is open: {links[Role.operate]}", flush=True)
-        print(f"  to plan, without starting the robot:  {links[Role.plan]}")
-        print(f"  only to watch:                        {links[Role.watch]}")
+    certified = Certificate.given(certificate, key)
+
+    def tell(links: "Links") -> None:
+        print(f"The studio is open: {links.roles[Role.operate]}", flush=True)
+        print(f"  to plan, without starting the robot:  {links.roles[Role.plan]}")
+        print(f"  only to watch:                        {links.roles[Role.watch]}")
         print(
             f"Paintings are kept in {store.root}. Ctrl-C closes the studio; a painting that is being painted goes on."
         )
         if easel.drives_machine:
             print(f"{robot} moves only when somebody beside it has pressed Enter here within the last minute.")
+        if os.geteuid() == 0:
+            print("It runs as root: a fault in it would have the whole machine. Start it as an ordinary user.")
         if address != _LOCAL:
-            print(
-                f"It listens on {address}: whoever has one of these links can use it, and on the way they can be read "
-                "(there is no encryption). Better: an SSH tunnel to this machine.",
-                flush=True,
-            )
+            read = "" if certified else ", and on the way they can be read (there is no encryption)"
+            better = "" if certified else " Better: --certificate and --key, or an SSH tunnel to this machine."
+            print(f"It listens on {address}: whoever has one of these links can use it{read}.{better}", flush=True)
         if browser:
-            webbrowser.open(links[Role.operate])
+            webbrowser.open(links.once)  # others on this machine can read a browser's command line
 
-    serve(store, easel, listen(address, port), tuple(name or ()), tell)
+    serve(store, easel, listen(address, port), tuple(name or ()), tell, stop_port, certified)
 
 
 def _require_address(address: str) -> None:
@@ -98,7 +114,8 @@ def _require_address(address: str) -> None:
         known = ipaddress.ip_address(address)
     except ValueError as error:
         raise ConfigError(f"--address was given {address[:60]!r}; it is an IP address of this machine.") from error
-    if known.is_unspecified:
+    mapped = getattr(known, "ipv4_mapped", None)
+    if known.is_unspecified or (mapped is not None and mapped.is_unspecified):
         raise ConfigError(
             f"--address {address} would listen on all networks that this machine is in; give the one address that "
             "is meant."

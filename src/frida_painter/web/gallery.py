@@ -1,30 +1,31 @@
 """Routes for what there is already: the gallery, files to take along, deleting."""
 
-import tempfile
+import io
+import os
+import stat
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from fastapi import APIRouter, HTTPException
-from fastapi.responses import FileResponse
-from starlette.background import BackgroundTask
+from fastapi.responses import FileResponse, StreamingResponse
 
-from frida_painter import storage
 from frida_painter.errors import Interrupted
-from frida_painter.web.feed import FeedReader
+from frida_painter.web.feed_states import FeedStates
 from frida_painter.web.folder import PaintingFolder, working
-from frida_painter.web.requests import Operating, ThePaintingStore, TheQueue, ThisPainting
+from frida_painter.web.painting_store import PaintingStore
+from frida_painter.web.requests import AnySession, Operating, TheFeedStates, ThePaintingStore, TheQueue, ThisPainting
 from frida_painter.web.state import PaintingState
 
 router = APIRouter()
+_PIECE = 2**18  # bytes
 
 
 @router.get("/api/paintings")
-def paintings(store: ThePaintingStore) -> list[dict[str, Any]]:
+def paintings(session: AnySession, store: ThePaintingStore, feeds: TheFeedStates) -> list[dict[str, Any]]:
     """All paintings, the newest first, with the picture that shows each best."""
-    return [
-        {"id": entry.id, "title": entry.title, "begun": entry.begun, **_glance(entry.folder)} for entry in store.all()
-    ]
+    return cards(store, feeds)
 
 
 @router.post("/api/paintings/{identifier}/delete")
@@ -49,32 +50,56 @@ def file(entry: ThisPainting, place: str, name: str) -> FileResponse:
 
 
 @router.get("/api/paintings/{identifier}/everything.zip")
-def everything(entry: ThisPainting) -> FileResponse:
+def everything(entry: ThisPainting) -> StreamingResponse:
     """The whole painting in one file: its page, pictures, film, plan and journal."""
-    if not entry.folder.painting.is_dir() or working(entry.folder):
+    folder = entry.folder.painting
+    linked = folder.is_symlink() or entry.folder.path.is_symlink()
+    if linked or not folder.is_dir() or working(entry.folder):
         raise HTTPException(404, "There is nothing to take along yet; wait until the painting is finished.")
-    packed = pack(entry.folder.painting)
     headers = {"Content-Disposition": 'attachment; filename="painting.zip"'}
-    return FileResponse(packed, media_type="application/zip", headers=headers, background=BackgroundTask(packed.unlink))
+    return StreamingResponse(packed(folder), media_type="application/zip", headers=headers)
 
 
-def pack(folder: Path) -> Path:
-    """A ZIP file with all that is in a folder, beside it, to be removed when it was sent. Raises StorageError."""
-    try:
-        with tempfile.NamedTemporaryFile(dir=folder.parent, prefix=".take-along-", delete=False) as file:
-            packed = Path(file.name)
+class _Outlet(io.RawIOBase):
+    """Holds what was written until it is taken; nobody can go back in it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._held = bytearray()
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, content: Any) -> int:
+        self._held += content
+        return len(content)
+
+    def take(self) -> bytes:
+        held, self._held = bytes(self._held), bytearray()
+        return held
+
+
+def packed(folder: Path) -> Iterator[bytes]:
+    """A ZIP file with all that is in a folder, piece by piece; nothing is written to a disk, and no link followed."""
+    outlet = _Outlet()
+    with zipfile.ZipFile(outlet, "w", zipfile.ZIP_STORED) as archive:
+        for path in sorted(folder.rglob("*")):
+            inside = path.relative_to(folder)
+            if _hidden(inside) or any((folder / part).is_symlink() for part in (inside, *inside.parents)):
+                continue
             try:
-                with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
-                    for path in sorted(folder.rglob("*")):
-                        inside = path.relative_to(folder)
-                        if path.is_file() and not path.is_symlink() and not _hidden(inside):
-                            archive.write(path, Path("painting") / inside)
+                file = os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW), "rb")
             except OSError:
-                packed.unlink()
-                raise
-    except OSError as error:
-        raise storage.cannot_write(folder, error) from error
-    return packed
+                continue  # it was taken away meanwhile, or may not be read
+            with file:
+                if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                    continue
+                about = zipfile.ZipInfo.from_file(path, Path("painting") / inside)
+                with archive.open(about, "w", force_zip64=about.file_size >= 2**31) as part:
+                    while content := file.read(_PIECE):
+                        part.write(content)
+                        yield outlet.take()
+    yield outlet.take()
 
 
 def _hidden(path: Path) -> bool:
@@ -82,11 +107,16 @@ def _hidden(path: Path) -> bool:
     return any(part.startswith(".") for part in path.parts)
 
 
-def _glance(folder: PaintingFolder) -> dict[str, Any]:
-    state = PaintingState()
-    for event in FeedReader(folder.feed).read():
-        state.hear(event)
-    return {"stage": state.stage, "working": working(folder), "picture": _best_picture(folder)}
+def cards(store: PaintingStore, feeds: FeedStates) -> list[dict[str, Any]]:
+    """Every painting as the gallery shows it."""
+    return [
+        {
+            "id": entry.id, "title": entry.title, "begun": entry.begun,
+            "stage": feeds.seen(entry.folder, PaintingState, lambda state: state.stage),
+            "working": working(entry.folder), "picture": _best_picture(entry.folder),
+        }
+        for entry in store.all()
+    ]  # fmt: skip
 
 
 def _best_picture(folder: PaintingFolder) -> str | None:

@@ -7,19 +7,26 @@ from dataclasses import asdict
 from typing import Annotated, Any
 
 from fastapi import APIRouter, HTTPException, Path, Request
-from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import FileResponse
 
 from frida_painter.errors import Interrupted
 from frida_painter.session.page_events import PlanRequested
-from frida_painter.web import uploads
 from frida_painter.web.abilities import abilities
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PlanFolder, working
 from frida_painter.web.painting_queue import PaintingQueue
 from frida_painter.web.painting_request import PaintingRequest
 from frida_painter.web.painting_store import Entry, PaintingStore
-from frida_painter.web.requests import AnySession, Planning, ThePaintingStore, TheQueue, TheWorkers, ThisPainting
+from frida_painter.web.requests import (
+    AnySession,
+    Planning,
+    ThePaintingStore,
+    TheQueue,
+    TheStopProcess,
+    TheUploads,
+    TheWorkers,
+    ThisPainting,
+)
 from frida_painter.web.studio_pace import pace
 from frida_painter.web.workers import Workers
 
@@ -27,11 +34,11 @@ router = APIRouter(prefix="/api")
 
 
 @router.get("/studio")
-def studio(session: AnySession, store: ThePaintingStore, workers: TheWorkers) -> dict[str, Any]:
-    """What the page needs to know of this studio, and the sign that its requests carry."""
+def studio(session: AnySession, store: ThePaintingStore, workers: TheWorkers, stop: TheStopProcess) -> dict[str, Any]:
+    """What the page needs to know of this studio, and where and with which secret it stops."""
     easel = workers.easel
     return {
-        "csrf": session.csrf,
+        "stop": None if stop is None else {"port": stop.port, "secret": stop.secret(session.role)},
         "role": session.role.name,
         "abilities": abilities(),
         "now": time.time(),
@@ -45,10 +52,9 @@ def studio(session: AnySession, store: ThePaintingStore, workers: TheWorkers) ->
 
 
 @router.post("/pictures")
-async def give_picture(request: Request, session: Planning, store: ThePaintingStore) -> dict[str, str]:
+async def give_picture(request: Request, session: Planning, uploads: TheUploads) -> dict[str, str]:
     """Takes a picture, the plain bytes of its file, and gives it an id."""
-    content = await request.body()
-    return {"id": await run_in_threadpool(uploads.keep, content, store.pictures)}
+    return {"id": await uploads.keep(await request.body())}
 
 
 @router.get("/pictures/{picture}")

@@ -11,7 +11,7 @@ from frida_painter.web.calibration_request import CalibrationRequest
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder, PlanFolder
 from frida_painter.web.painting_request import GoalRequest
-from frida_painter.web.stop_file import StopFileWatch
+from frida_painter.web.stop_line import StopWatch
 from frida_painter.web.studio_easel import StudioEasel
 
 
@@ -22,7 +22,7 @@ class Job:
     folder: PaintingFolder
     easel: StudioEasel
     feed: Feed
-    stop: StopFileWatch
+    stop: StopWatch
     asker: Asker
 
     @property

@@ -22,15 +22,14 @@ from frida_painter.web.painting_store import Entry
 from frida_painter.web.procedures import hand_on
 from frida_painter.web.requests import (
     Operating,
+    TheFeedStates,
     ThePaintingStore,
     ThePresence,
     TheQueue,
-    TheStreams,
     TheWorkers,
     ThisPainting,
 )
 from frida_painter.web.state import PaintingState
-from frida_painter.web.state_stream import EventStream, current, require_room
 
 router = APIRouter(prefix="/api/paintings/{identifier}")
 _LIVE_FOR = 10.0  # seconds
@@ -67,16 +66,9 @@ class Drawn(BaseModel):
 
 
 @router.get("")
-def state(entry: ThisPainting) -> dict[str, Any]:
+def state(entry: ThisPainting, feeds: TheFeedStates) -> dict[str, Any]:
     """Everything that the page shows of a painting, as it is now."""
-    return {"id": entry.id, "title": entry.title, "begun": entry.begun, **current(entry.folder, PaintingState)}
-
-
-@router.get("/events", response_model=None)
-def events(entry: ThisPainting, streams: TheStreams) -> EventStream:
-    """The same, told again whenever something changes (server-sent events)."""
-    require_room(streams)
-    return EventStream(streams, entry.id, entry.folder, PaintingState)
+    return {"id": entry.id, "title": entry.title, "begun": entry.begun, **feeds.current(entry.folder, PaintingState)}
 
 
 @router.get("/camera")
@@ -127,11 +119,16 @@ def start(
 
 @router.post("/resume")
 def resume(
-    entry: ThisPainting, session: Operating, presence: ThePresence, store: ThePaintingStore, workers: TheWorkers
+    entry: ThisPainting,
+    session: Operating,
+    presence: ThePresence,
+    store: ThePaintingStore,
+    feeds: TheFeedStates,
+    workers: TheWorkers,
 ) -> Mapping[str, str]:
     """Goes on with a painting that was stopped, killed or broke off."""
     folder = entry.folder
-    painting = current(folder, PaintingState)["painting"]
+    painting = feeds.current(folder, PaintingState)["painting"]
     if painting is None or not (folder.painting / JOURNAL).is_file():
         raise HTTPException(409, "There is nothing to go on with: no stroke was painted yet.")
     if painting["status"] == "finished":
@@ -150,10 +147,12 @@ def resume(
 
 
 @router.post("/answer")
-def answer(given: Reply, entry: ThisPainting, session: Operating, store: ThePaintingStore) -> Mapping[str, str]:
+def answer(
+    given: Reply, entry: ThisPainting, session: Operating, store: ThePaintingStore, feeds: TheFeedStates
+) -> Mapping[str, str]:
     """Answers what the painter has asked."""
     store.note(session.id, entry.id, f"answer: {given.words}")
-    hand_on(given, entry.folder, current(entry.folder, PaintingState)["question"], session.id)
+    hand_on(given, entry.folder, feeds.current(entry.folder, PaintingState)["question"], session.id)
     return {"id": entry.id}
 
 

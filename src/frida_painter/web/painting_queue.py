@@ -20,6 +20,8 @@ from frida_painter.web.folder import PaintingFolder, PlanFolder, WorkerLock, wor
 from frida_painter.web.painting_store import Entry, PaintingStore
 from frida_painter.web.workers import Workers, WorkerSlot
 
+QUEUE = "queue"
+"""The name of its folder in the studio's."""
 _MOST = 40
 _BETWEEN = 1.0  # seconds
 
@@ -44,7 +46,7 @@ class PaintingQueue:
 
     def __init__(self, store: PaintingStore, workers: Workers) -> None:
         self._store, self._workers = store, workers
-        self._folder = PaintingFolder(store.root / "queue")
+        self._folder = PaintingFolder(store.root / QUEUE)
         self._file = self._folder.path / "queue.json"
         self._turn = threading.RLock()
         self._lock: WorkerLock | None = None

@@ -4,7 +4,8 @@ import re
 import secrets
 import shutil
 import sqlite3
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -20,6 +21,7 @@ CREATE TABLE IF NOT EXISTS deed (at TEXT NOT NULL, by TEXT NOT NULL, painting TE
 CREATE TRIGGER IF NOT EXISTS deeds_stay_so BEFORE UPDATE ON deed BEGIN SELECT RAISE(ABORT, 'only added to'); END;
 CREATE TRIGGER IF NOT EXISTS deeds_stay BEFORE DELETE ON deed BEGIN SELECT RAISE(ABORT, 'only added to'); END;
 """
+_OURS_ALONE = 0o700
 _IDENTIFIER = re.compile(r"[0-9a-f]{16}")
 
 
@@ -39,10 +41,12 @@ class PaintingStore:
     def __init__(self, root: Path) -> None:
         self.root = root
         try:
-            root.mkdir(parents=True, exist_ok=True)
+            root.mkdir(mode=_OURS_ALONE, parents=True, exist_ok=True)
             self.pictures.mkdir(exist_ok=True)
-            with closing(self._open()) as base, base:
+            self.pictures.chmod(_OURS_ALONE)
+            with closing(sqlite3.connect(self._file, timeout=5)) as base, base:
                 base.executescript(_SCHEMA)
+            self._file.chmod(0o600)
         except (OSError, sqlite3.Error) as error:
             raise StorageError(
                 f"{root} cannot hold paintings ({error}); choose another folder with --folder."
@@ -57,22 +61,23 @@ class PaintingStore:
     def calibration(self) -> PaintingFolder:
         """The folder in which the easel is calibrated; made as soon as it is needed."""
         folder = PaintingFolder(self.root / "calibration")
-        folder.live.mkdir(parents=True, exist_ok=True)
+        folder.path.mkdir(mode=_OURS_ALONE, exist_ok=True)
+        folder.live.mkdir(exist_ok=True)
         return folder
 
     def begin(self, title: str) -> Entry:
         """A new painting with an empty folder."""
         identifier, now = secrets.token_hex(8), datetime.now()
         folder = self.root / f"{now:%Y%m%d-%H%M%S}-{identifier[:6]}"
-        folder.mkdir()
+        folder.mkdir(mode=_OURS_ALONE)
         begun = now.isoformat(timespec="seconds")
-        with closing(self._open()) as base, base:
+        with self._base() as base:
             base.execute("INSERT INTO painting VALUES (?, ?, ?, ?)", (identifier, folder.name, title, begun))
         return Entry(identifier, PaintingFolder(folder), title, begun)
 
     def all(self) -> list[Entry]:
         """All paintings, the newest first."""
-        with closing(self._open()) as base:
+        with self._base() as base:
             rows = base.execute("SELECT id, folder, title, begun FROM painting ORDER BY begun DESC, rowid DESC")
             return [self._entry(*row) for row in rows.fetchall()]
 
@@ -80,13 +85,13 @@ class PaintingStore:
         """The painting of that id, None where there is none."""
         if not _IDENTIFIER.fullmatch(identifier):
             return None
-        with closing(self._open()) as base:
+        with self._base() as base:
             row = base.execute("SELECT id, folder, title, begun FROM painting WHERE id = ?", (identifier,)).fetchone()
         return None if row is None else self._entry(*row)
 
     def rename(self, identifier: str, title: str) -> None:
         """Gives a painting another title."""
-        with closing(self._open()) as base, base:
+        with self._base() as base:
             base.execute("UPDATE painting SET title = ? WHERE id = ?", (title, identifier))
 
     def delete(self, entry: Entry) -> None:
@@ -95,17 +100,27 @@ class PaintingStore:
             shutil.rmtree(entry.folder.path)
         except OSError as error:
             raise StorageError(f"The painting cannot be deleted ({error.strerror}).") from error
-        with closing(self._open()) as base, base:
+        with self._base() as base:
             base.execute("DELETE FROM painting WHERE id = ?", (entry.id,))
 
     def note(self, by: str, painting: str, what: str) -> None:
         """Puts down who asked for what, and when; these lines are only ever added."""
-        with closing(self._open()) as base, base:
+        with self._base() as base:
             at = datetime.now().astimezone().isoformat(timespec="milliseconds")
             base.execute("INSERT INTO deed VALUES (?, ?, ?, ?)", (at, by, painting, what))
 
     def _entry(self, identifier: str, folder: str, title: str, begun: str) -> Entry:
         return Entry(identifier, PaintingFolder(self.root / folder), title, begun)
 
-    def _open(self) -> sqlite3.Connection:
-        return sqlite3.connect(self.root / "studio.sqlite", timeout=5)
+    @property
+    def _file(self) -> Path:
+        return self.root / "studio.sqlite"
+
+    @contextmanager
+    def _base(self) -> Iterator[sqlite3.Connection]:
+        """The database, for one transaction. Raises StorageError where it is locked, damaged or full."""
+        try:
+            with closing(sqlite3.connect(self._file, timeout=5)) as base, base:
+                yield base
+        except sqlite3.Error as error:
+            raise StorageError(f"The studio's list of paintings cannot be used ({error}); try again.") from error

@@ -40,7 +40,7 @@ def resume(job: Job, place: PlanFolder) -> None:
 
 def _lead(job: Job, run: PaintingRun) -> None:
     """Has the page hear of everything, and a person lead the run from there."""
-    run.open_easel()
+    job.stop.then(run.open_easel().robot.stop)
     planner, spec = run.planner, run.spec
     again = planner.effort.refining + planner.effort.replanning
     forecast = Forecast(spec.strokes, replan_policy(spec), time.monotonic(), planning=0, replanning=again)

@@ -34,7 +34,7 @@ from frida_painter.session.page_events import Considering, Remark, Turns, WentOn
 from frida_painter.web.commands import CommandReader
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.stop_file import StopFileWatch
+from frida_painter.web.stop_line import StopWatch
 
 _BETWEEN_GLANCES = 0.04  # seconds
 _ROUNDS = 3  # of planning where the goal has changed
@@ -48,7 +48,7 @@ class PauseController:
 
     folder: PaintingFolder
     feed: Feed
-    stop: StopFileWatch
+    stop: StopWatch
     opened: Callable[[], PaintingSession | None] = lambda: None
     _commands: deque[PaintingCommand] = field(default_factory=deque, init=False)
     _turns: int = field(default=0, init=False)

@@ -12,24 +12,16 @@ from frida_painter.web.calibration_request import CalibrationRequest
 from frida_painter.web.calibration_state import CalibrationState
 from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder, require_disk, working
-from frida_painter.web.requests import AnySession, Operating, ThePaintingStore, ThePresence, TheStreams, TheWorkers
-from frida_painter.web.state_stream import EventStream, current, require_room
+from frida_painter.web.requests import AnySession, Operating, TheFeedStates, ThePaintingStore, ThePresence, TheWorkers
 
 router = APIRouter(prefix="/api/calibration")
 _ID = "calibration"
 
 
 @router.get("")
-def state(session: AnySession, store: ThePaintingStore) -> dict[str, Any]:
+def state(session: AnySession, store: ThePaintingStore, feeds: TheFeedStates) -> dict[str, Any]:
     """Everything that the page shows of it, as it is now."""
-    return current(store.calibration, CalibrationState)
-
-
-@router.get("/events", response_model=None)
-def events(session: AnySession, store: ThePaintingStore, streams: TheStreams) -> EventStream:
-    """The same, told again whenever something changes (server-sent events)."""
-    require_room(streams)
-    return EventStream(streams, _ID, store.calibration, CalibrationState)
+    return feeds.current(store.calibration, CalibrationState)
 
 
 @router.post("/start")
@@ -52,10 +44,10 @@ def start(
 
 
 @router.post("/answer")
-def answer(given: Reply, session: Operating, store: ThePaintingStore) -> Mapping[str, str]:
+def answer(given: Reply, session: Operating, store: ThePaintingStore, feeds: TheFeedStates) -> Mapping[str, str]:
     """Answers what a procedure has asked, or moves the brush as it is asked for."""
     store.note(session.id, _ID, f"answer: {given.words}")
-    hand_on(given, store.calibration, current(store.calibration, CalibrationState)["question"], session.id)
+    hand_on(given, store.calibration, feeds.current(store.calibration, CalibrationState)["question"], session.id)
     return {"id": _ID}
 
 

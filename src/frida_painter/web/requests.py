@@ -1,4 +1,7 @@
-"""What routes need of a request: who asks, which painting is meant, and whether they may do that."""
+"""What routes need of a request: who asks, which painting is meant, and whether they may do that.
+
+All but the painting is told without a thread of the pool, which may be full.
+"""
 
 import math
 from dataclasses import dataclass
@@ -6,52 +9,74 @@ from typing import Annotated
 
 from fastapi import Depends, Header, HTTPException, Path, Request
 
-from frida_painter.web.access import Role, Session
+from frida_painter.web.access import Session
+from frida_painter.web.feed_states import FeedStates
 from frida_painter.web.lead import Lead
 from frida_painter.web.painting_queue import PaintingQueue
 from frida_painter.web.painting_store import Entry, PaintingStore
 from frida_painter.web.presence import Presence
+from frida_painter.web.roles import Role
 from frida_painter.web.state_stream import StateStreams
+from frida_painter.web.stop_process import StopProcess
+from frida_painter.web.uploads import Uploads
 from frida_painter.web.workers import Workers
 
 
-def session_of(request: Request) -> Session:
+async def session_of(request: Request) -> Session:
     """The session of the request, which the middleware has accepted."""
     session: Session = request.state.session
     return session
 
 
-def painting_store_of(request: Request) -> PaintingStore:
+async def painting_store_of(request: Request) -> PaintingStore:
     """The store of this studio."""
     store: PaintingStore = request.app.state.store
     return store
 
 
-def streams_of(request: Request) -> StateStreams:
+async def streams_of(request: Request) -> StateStreams:
     """The streams of states of this studio."""
     streams: StateStreams = request.app.state.streams
     return streams
 
 
-def workers_of(request: Request) -> Workers:
+async def stop_process_of(request: Request) -> StopProcess | None:
+    """Where stops are listened to; None for a studio that is not served on a port."""
+    process: StopProcess | None = request.app.state.stop_process
+    return process
+
+
+async def uploads_of(request: Request) -> Uploads:
+    """What takes pictures in."""
+    uploads: Uploads = request.app.state.uploads
+    return uploads
+
+
+async def feeds_of(request: Request) -> FeedStates:
+    """What the feeds of this studio have told."""
+    feeds: FeedStates = request.app.state.feeds
+    return feeds
+
+
+async def workers_of(request: Request) -> Workers:
     """Those who work."""
     workers: Workers = request.app.state.workers
     return workers
 
 
-def queue_of(request: Request) -> PaintingQueue:
+async def queue_of(request: Request) -> PaintingQueue:
     """What waits."""
     queue: PaintingQueue = request.app.state.queue
     return queue
 
 
-def lead_of(request: Request) -> Lead:
+async def lead_of(request: Request) -> Lead:
     """Who leads."""
     lead: Lead = request.app.state.lead
     return lead
 
 
-def presence_of(request: Request) -> Presence:
+async def presence_of(request: Request) -> Presence:
     """Whether somebody stands at the machine."""
     presence: Presence = request.app.state.presence
     return presence
@@ -67,12 +92,12 @@ def painting_of(
     return entry
 
 
-def may_plan(session: Annotated[Session, Depends(session_of)]) -> Session:
+async def may_plan(session: Annotated[Session, Depends(session_of)]) -> Session:
     """Answers 403 to those who may only watch."""
     return _require(session, Role.plan)
 
 
-def operator(session: Annotated[Session, Depends(session_of)]) -> Session:
+async def operator(session: Annotated[Session, Depends(session_of)]) -> Session:
     """Answers 403 to those who may not have the robot move."""
     return _require(session, Role.operate)
 
@@ -86,7 +111,7 @@ class Signs:
     page: str
 
 
-def signs_of(
+async def signs_of(
     x_nonce: Annotated[str, Header(max_length=64)] = "",
     x_given: Annotated[float, Header()] = math.nan,
     x_page: Annotated[str, Header(max_length=64)] = "",
@@ -95,7 +120,7 @@ def signs_of(
     return Signs(x_nonce, x_given, x_page)
 
 
-def may_operate(
+async def may_operate(
     session: Annotated[Session, Depends(operator)],
     lead: Annotated[Lead, Depends(lead_of)],
     signs: Annotated[Signs, Depends(signs_of)],
@@ -119,6 +144,9 @@ OperatorSession = Annotated[Session, Depends(operator)]
 Operating = Annotated[Session, Depends(may_operate)]
 ThisPainting = Annotated[Entry, Depends(painting_of)]
 ThePaintingStore = Annotated[PaintingStore, Depends(painting_store_of)]
+TheFeedStates = Annotated[FeedStates, Depends(feeds_of)]
+TheStopProcess = Annotated[StopProcess | None, Depends(stop_process_of)]
+TheUploads = Annotated[Uploads, Depends(uploads_of)]
 TheStreams = Annotated[StateStreams, Depends(streams_of)]
 TheSigns = Annotated[Signs, Depends(signs_of)]
 TheLead = Annotated[Lead, Depends(lead_of)]

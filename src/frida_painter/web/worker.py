@@ -29,7 +29,7 @@ from frida_painter.web.folder import PaintingFolder, PlanFolder
 from frida_painter.web.illustrations import Growing, illustrate, mixtures
 from frida_painter.web.job import Job
 from frida_painter.web.painting_worker import paint, resume
-from frida_painter.web.stop_file import StopFileWatch, StopPressed
+from frida_painter.web.stop_line import StopPressed, StopWatch
 from frida_painter.web.studio_easel import StudioEasel
 
 _GROWING_COST = 1.4  # later iterations, with all strokes placed, take longer than the first
@@ -41,7 +41,7 @@ def main() -> None:
     folder = PaintingFolder(Path(path))
     folder.live.mkdir(exist_ok=True)
     feed = Feed(folder)
-    stop = StopFileWatch(folder.stop)
+    stop = StopWatch(folder.stop, folder.path.parent)
     limit_threads()
     try:
         job = Job(folder, StudioEasel.take(json.loads(easel)), feed, stop, Asker(folder, feed, stop))

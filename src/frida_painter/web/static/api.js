@@ -1,8 +1,8 @@
 // Speaking to the studio. Whatever goes wrong becomes an Error whose message is a sentence to show.
 
-const page = random(); // of this page, as long as it is open
-let csrf = "";
-let ahead = 0; // seconds that the studio's clock is ahead of this browser's
+import { key, orderSigns, questionSigns, setClock } from "./session.js";
+import { setStopWay } from "./stop.js";
+import * as stream from "./stream.js";
 
 const OFFLINE = "The studio does not answer. Look whether it is still running in its terminal.";
 
@@ -21,37 +21,28 @@ async function answer(promise) {
   return body;
 }
 
-function random() {
-  return Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
-}
-
-/** What every order carries: the studio's sign, which page gives it, a number of its own, and when it was given. */
-function signs() {
-  return { "X-CSRF-Token": csrf, "X-Page": page, "X-Nonce": random(), "X-Given": String(Date.now() / 1000 + ahead) };
-}
-
 /** What the studio can do, and who we are; to be asked first. */
 export async function enter() {
-  const studio = await answer(fetch("/api/studio"));
-  csrf = studio.csrf;
-  ahead = studio.now - Date.now() / 1000;
+  const studio = await get("/api/studio");
+  setClock(studio.now);
+  setStopWay(studio.stop);
   return studio;
 }
 
-export const get = (path) => answer(fetch(path));
+export const get = (path) => answer(fetch(path, { headers: questionSigns() }));
 
 export const post = (path, record = {}) =>
-  answer(fetch(path, { method: "POST", headers: { "Content-Type": "application/json", ...signs() }, body: JSON.stringify(record) }));
+  answer(fetch(path, { method: "POST", headers: { "Content-Type": "application/json", ...orderSigns() }, body: JSON.stringify(record) }));
 
 /** Says that this page is left: it leads no longer. Nobody waits for an answer. */
 export function leave() {
-  if (csrf) fetch("/api/lead/back", { method: "POST", keepalive: true, headers: signs() }).catch(() => {});
+  if (key()) fetch("/api/lead/back", { method: "POST", keepalive: true, headers: orderSigns() }).catch(() => {});
 }
 
 /** Gives a picture (File or Blob) to the studio; returns its id. */
 export async function upload(blob) {
   if (blob.size > 32 * 2 ** 20) throw new Error("This file is larger than 32 MB; make the picture smaller first.");
-  const headers = { "Content-Type": "application/octet-stream", ...signs() };
+  const headers = { "Content-Type": "application/octet-stream", ...orderSigns() };
   return (await answer(fetch("/api/pictures", { method: "POST", headers, body: blob }))).id;
 }
 
@@ -59,10 +50,4 @@ export const picture = (id) => `/api/pictures/${id}`;
 export const file = (painting, place, name) => `/paintings/${painting}/${place}/${name}`;
 
 /** Follows a painting, or the calibration: `hear` gets its state whenever it changes, `connected` whether the studio is there. */
-export function follow(path, hear, connected) {
-  const source = new EventSource(`${path}/events`);
-  source.onmessage = (event) => hear(JSON.parse(event.data));
-  source.onopen = () => connected(true);
-  source.onerror = () => connected(false);
-  return () => source.close();
-}
+export const follow = (path, hear, connected) => stream.follow(path.split("/").pop(), hear, connected);

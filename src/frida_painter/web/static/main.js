@@ -9,6 +9,7 @@ import { Herald, turn } from "./needs.js";
 import { painting } from "./painting.js";
 import { WorkWatch } from "./queue.js";
 import { shortcuts } from "./shortcuts.js";
+import { armStop } from "./stop.js";
 
 /** @param {string} id */
 const part = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
@@ -59,7 +60,7 @@ const house = {
   get camera() { return studio.camera; },
   get canvas() { return studio.canvas; },
   get pace() { return studio.pace; },
-  connected(there) { connection.textContent = there ? "" : "No connection. Trying again."; },
+  connected(there, sentence) { connection.textContent = there ? "" : sentence || "No connection. Trying again."; },
   /** A view, or a step of one, has just been shown. */
   entered(element) {
     window.scrollTo(0, 0);
@@ -91,20 +92,7 @@ async function route() {
   first = false;
 }
 
-async function stop() {
-  stopButton.classList.add("pressed");
-  setTimeout(() => stopButton.classList.remove("pressed"), 1500);
-  const done = await attempt(() => api.post("/api/stop"));
-  if (done && done.stopped === 0) notice("Nothing is running.");
-}
-
-let escaped = 0;
-stopButton.addEventListener("click", stop);
-document.addEventListener("keydown", (event) => {
-  if (event.key !== "Escape") return;
-  if (event.timeStamp - escaped < 700) stop();
-  escaped = event.timeStamp;
-});
+armStop(stopButton, notice);
 
 document.querySelector(".bar nav")?.append(shortcuts());
 

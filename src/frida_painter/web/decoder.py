@@ -1,0 +1,57 @@
+"""The process that decodes one picture: `python -m frida_painter.web.decoder`, a file in, a PNG out.
+
+It ends with status 2, and a sentence on the standard error, where that is no picture.
+"""
+
+import os
+import resource
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from frida_painter import picture_file
+from frida_painter.errors import ImageError
+
+_MOST_PIXELS = 50_000_000
+_LONGEST = 2048
+_MOST_MEMORY = 2 * 2**30
+_MOST_SECONDS = 20
+_MOST_WRITTEN = 64 * 2**20
+
+
+def limit() -> None:
+    """From now on this process has so much memory and time, and writes so much, and no more."""
+    for kind, most in (
+        (resource.RLIMIT_AS, _MOST_MEMORY), (resource.RLIMIT_CPU, _MOST_SECONDS),
+        (resource.RLIMIT_FSIZE, _MOST_WRITTEN), (resource.RLIMIT_CORE, 0),
+    ):  # fmt: skip
+        resource.setrlimit(kind, (most, most))
+
+
+def main() -> None:
+    """Decodes what comes over the standard input."""
+    limit()
+    os.nice(5)  # a painting goes first
+    with tempfile.NamedTemporaryFile(prefix="upload-") as file:
+        file.write(sys.stdin.buffer.read())
+        file.flush()
+        try:
+            picture = picture_file.decode(Path(file.name), most_pixels=_MOST_PIXELS, longest=_LONGEST)
+        except ImageError as trouble:
+            print(str(trouble).replace(file.name, "The file"), file=sys.stderr)
+            sys.exit(2)
+    _of_bytes(picture).save(sys.stdout.buffer, format="PNG")
+
+
+def _of_bytes(picture: Image.Image) -> Image.Image:
+    """The picture with one byte for each value; grey of 16 bits is rounded."""
+    if picture.mode != "F":
+        return picture
+    return Image.fromarray((np.asarray(picture).clip(0, 1) * 255).round().astype(np.uint8))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,98 @@
+// Stop: by the button, or Escape twice. It is sent two ways at once, to a port of its own that nothing else uses and to
+// the page's own; where neither answers, the page sends the person to the real emergency stop.
+
+import { keep, kept, orderSigns } from "./session.js";
+
+const WAY = "studio-stop"; // where it is put down: it outlives the studio's sessions
+const UNTIL_DOUBT = 1500; // ms
+const GIVE_UP = 30000;
+const AGAIN = 1000;
+const LOST = "The stop did not arrive. Use the emergency stop at the robot, or switch off its power, now.";
+const UNHEARD = "The stop was sent, but the painter has not confirmed it. If the robot moves, use its emergency stop.";
+const TWICE = 700; // ms between two presses of Escape
+
+let way = read();
+
+function read() {
+  try { return JSON.parse(kept(WAY)); } catch { return null; }
+}
+
+/** Takes note of where stops go, as the studio tells it: { port, secret }. */
+export function setStopWay(told) {
+  if (!told) return;
+  way = told;
+  keep(WAY, JSON.stringify(told));
+}
+
+async function answer(promise) {
+  const response = await promise;
+  if (!response.ok) throw new Error(String(response.status));
+  return response.json();
+}
+
+/** Sends it both ways; the first that is answered counts. */
+function send(signal) {
+  const ways = [answer(fetch("/api/stop", { method: "POST", headers: orderSigns(), keepalive: true, signal }))];
+  if (way) {
+    const address = `${location.protocol}//${location.hostname}:${way.port}/stop`;
+    // Plain text and no headers: the browser asks nothing in advance.
+    ways.unshift(answer(fetch(address, { method: "POST", body: way.secret, mode: "cors", credentials: "omit", keepalive: true, signal })));
+  }
+  return Promise.any(ways);
+}
+
+/** Has the button and the keyboard stop everything; `said(sentence)` shows what is of interest and no alarm. */
+export function armStop(button, said) {
+  const alarm = document.createElement("div");
+  alarm.className = "stop-alarm";
+  alarm.setAttribute("role", "alert");
+  alarm.hidden = true;
+  const words = document.createElement("p");
+  const close = document.createElement("button");
+  close.type = "button";
+  close.textContent = "I have looked at the robot";
+  close.addEventListener("click", () => { alarm.hidden = true; });
+  alarm.append(words, close);
+  document.body.append(alarm);
+  let pressing = 0;
+
+  function warn(sentence) {
+    words.textContent = sentence;
+    alarm.hidden = false;
+  }
+
+  async function press() {
+    pressing += 1;
+    const number = pressing;
+    const pressed = performance.now();
+    button.classList.add("pressed");
+    const doubt = setTimeout(() => { if (number === pressing) warn(LOST); }, UNTIL_DOUBT);
+    while (number === pressing && performance.now() - pressed < GIVE_UP) {
+      const cut = new AbortController();
+      const patience = setTimeout(() => cut.abort(), 5000);
+      const done = await send(cut.signal).catch(() => null);
+      clearTimeout(patience);
+      if (done) {
+        clearTimeout(doubt);
+        alarm.hidden = true;
+        const late = (performance.now() - pressed) / 1000;
+        if (done.heard < done.stopped) warn(UNHEARD);
+        else if (late > UNTIL_DOUBT / 1000) warn(`The stop arrived after ${late.toFixed(1)} s. Look at the robot.`);
+        else if (done.stopped === 0) said("Nothing is running.");
+        break;
+      }
+      if (number === pressing) warn(LOST);
+      await new Promise((resolve) => setTimeout(resolve, AGAIN));
+    }
+    clearTimeout(doubt);
+    if (number === pressing) setTimeout(() => button.classList.remove("pressed"), 1000);
+  }
+
+  let escaped = -TWICE;
+  button.addEventListener("click", press);
+  window.addEventListener("keydown", (event) => {
+    if (event.key !== "Escape" || event.repeat) return;
+    if (event.timeStamp - escaped < TWICE) press();
+    escaped = event.timeStamp;
+  }, true); // before any part of the page can keep it
+}

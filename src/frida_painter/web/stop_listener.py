@@ -1,0 +1,141 @@
+"""The process that hears a stop: its own port, its own secret, no session, no pool of threads, no database, no disk.
+
+`python -m frida_painter.web.stop_listener FOLDER PORT LINE LOCK CONFIG`: the studio's folder; the listening sockets for
+pages and for workers and the file that is locked while there is a listener, all inherited; names and certificate as
+JSON. It lives as long as a studio is open or somebody works, also after the studio was closed or has crashed.
+"""
+
+import asyncio
+import contextlib
+import json
+import os
+import socket
+import sys
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import h11
+
+from frida_painter.web.certificate import Certificate
+from frida_painter.web.connections import Connections, most_connections
+from frida_painter.web.folder import PaintingFolder, working
+from frida_painter.web.stop_key import StopKey
+from frida_painter.web.stops import Stops
+from frida_painter.web.studio_lock import StudioLock
+
+_PATIENCE = 3.0  # seconds for a whole request
+_MOST_BYTES = 8192
+_BETWEEN_LOOKS = 1.0
+
+
+class StopRequest(asyncio.Protocol):
+    """One HTTP request of a page: `POST /stop` with the secret as its body, or `GET /` to see that somebody listens.
+
+    A plain POST needs no question in advance (CORS preflight), so that a stop is one way there and one back.
+    """
+
+    def __init__(self, stops: Stops, key: StopKey, names: frozenset[str]) -> None:
+        self._stops, self._key, self._names = stops, key, names
+        self._http = h11.Connection(h11.SERVER, _MOST_BYTES)
+        self._body, self._request = b"", h11.Request(method="GET", target="/", headers=[("host", "")])
+        self.waiting_since: float | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """From now on a request is waited for."""
+        assert isinstance(transport, asyncio.Transport)
+        self._transport = transport
+        self.waiting_since = asyncio.get_running_loop().time()
+
+    def data_received(self, data: bytes) -> None:
+        """Reads on, and answers once the request is whole."""
+        try:
+            self._http.receive_data(data)
+            while True:
+                event = self._http.next_event()
+                if isinstance(event, h11.Request):
+                    self._request = event
+                elif isinstance(event, h11.Data):
+                    self._body += event.data
+                    if len(self._body) > _MOST_BYTES:
+                        self._transport.abort()
+                        return
+                elif isinstance(event, h11.EndOfMessage):
+                    self.waiting_since = None
+                    self._task = asyncio.get_running_loop().create_task(self._answer())
+                    return
+                else:
+                    return
+        except h11.RemoteProtocolError:
+            self._transport.abort()
+
+    async def _answer(self) -> None:
+        headers = {bytes(name): bytes(value).decode("latin-1") for name, value in self._request.headers}
+        origin = headers.get(b"origin", "")
+        known = urlsplit(f"//{headers.get(b'host', '')}").hostname in self._names
+        if not known or (origin and _hostname(origin) not in self._names):
+            self._send(403, {"sentence": "Another page asked for this."}, "")
+        elif self._request.method == b"GET":
+            self._send(200, {"listening": True}, origin)
+        elif (self._request.method, self._request.target) != (b"POST", b"/stop"):
+            self._send(404, {"sentence": "Here is only POST /stop."}, origin)
+        elif (role := self._key.role(self._body.decode("utf-8", "replace").strip())) is None:
+            self._send(403, {"sentence": "This page is too old to stop; use the robot's emergency stop."}, origin)
+        else:
+            self._send(200, dict(await self._stops.press(role.name)), origin)
+
+    def _send(self, status: int, said: dict[str, object], origin: str) -> None:
+        body = json.dumps(said).encode()
+        headers = [("Content-Type", "application/json"), ("Content-Length", str(len(body))), ("Connection", "close")]
+        headers += [("Cache-Control", "no-store"), ("X-Content-Type-Options", "nosniff"), ("Vary", "Origin")]
+        if origin:
+            headers.append(("Access-Control-Allow-Origin", origin))
+        answer = h11.Response(status_code=status, headers=headers, reason=b"")
+        content = b"".join(filter(None, map(self._http.send, (answer, h11.Data(data=body), h11.EndOfMessage()))))
+        self._transport.write(content)
+        self._transport.close()
+
+
+def _hostname(origin: str) -> str | None:
+    try:
+        return urlsplit(origin).hostname
+    except ValueError:
+        return None
+
+
+async def serve(root: Path, port: socket.socket, line: socket.socket, config: dict[str, list[str]]) -> None:
+    """Hears stops until nobody is left who could want one."""
+    stops, key = Stops(root), StopKey.of(root)
+    names, files = frozenset(config["names"]), config["certificate"]
+    tls = Certificate(*map(Path, files)).context() if files else None
+    listening = Connections(
+        port, lambda: StopRequest(stops, key, names), most=most_connections(), patience=_PATIENCE, tls=tls
+    )
+    local = await asyncio.start_unix_server(stops.answer, sock=line)
+    accepting = asyncio.create_task(listening.accept())
+    async with local:
+        while not accepting.done():
+            await asyncio.sleep(_BETWEEN_LOOKS)
+            if await asyncio.to_thread(_alone, root):
+                return
+
+
+def _alone(root: Path) -> bool:
+    """Whether no studio is open, and nobody works; then no studio opens before this process has ended."""
+    if any(working(PaintingFolder(path)) for path in root.iterdir()):
+        return False
+    return StudioLock(root).take_alone()
+
+
+def main() -> None:
+    """Serves, with what was inherited."""
+    folder, port, line, lock, config = sys.argv[1:]
+    os.set_inheritable(int(lock), False)
+    with contextlib.suppress(RuntimeError):  # the loop was stopped: another listener takes over
+        asyncio.run(
+            serve(Path(folder), socket.socket(fileno=int(port)), socket.socket(fileno=int(line)), json.loads(config))
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,113 @@
+"""Keeps the listener for stops at work beside a studio: starts it, or takes over the one that is there."""
+
+import asyncio
+import contextlib
+import json
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from frida_painter import storage
+from frida_painter.errors import ConfigError, StorageError
+from frida_painter.web.certificate import Certificate
+from frida_painter.web.roles import Role
+from frida_painter.web.stop_key import StopKey
+from frida_painter.web.stop_line import END, call, listen_locally
+from frida_painter.web.studio_lock import StudioLock
+
+_FILE = ".stop.json"
+_LOCK = ".stop-lock"
+_BETWEEN_LOOKS = 1.0
+_ENDING = 3.0  # seconds
+
+
+@dataclass
+class StopProcess:
+    """The listener for stops of the studio in `root`.
+
+    listen: opens a listening socket on a port, 0 for a free one, and raises ConfigError where it cannot be had;
+    names: of this machine, as browsers call it; wanted: the port to take where it is free; certificate: None without
+    encryption. `port` is where it listens once it was started.
+    """
+
+    root: Path
+    listen: Callable[[int], socket.socket]
+    names: frozenset[str]
+    wanted: int
+    certificate: Certificate | None = None
+    port: int = field(default=0, init=False)
+    _stop_key: StopKey | None = field(default=None, init=False)
+    _process: subprocess.Popen[bytes] | None = field(default=None, init=False)
+
+    def start(self) -> None:
+        """Has a listener work, if there is none that does it as it is wanted here. Raises ConfigError, StorageError."""
+        lock = StudioLock(self.root, _LOCK)
+        try:
+            before = self._before()
+            if not lock.take_alone():
+                if before == self._config | {"port": before.get("port", 0)} and before["port"]:
+                    self.port = int(before["port"])
+                    return
+                self._end_other(lock)
+            self._launch(lock, self.port or int(before.get("port", 0)) or self.wanted)
+        except OSError as error:
+            raise StorageError(f"The listener for stops cannot be started ({error.strerror}).") from error
+        finally:
+            lock.release()
+
+    def secret(self, role: Role) -> str:
+        """What a page of that role stops with. Raises StorageError."""
+        if self._stop_key is None:
+            self._stop_key = StopKey.of(self.root)
+        return self._stop_key.secret(role)
+
+    async def keep(self) -> None:
+        """Starts it again whenever it has ended."""
+        while True:
+            await asyncio.sleep(_BETWEEN_LOOKS)
+            if self._process is not None:
+                self._process.poll()
+            with contextlib.suppress(ConfigError, StorageError):
+                await asyncio.to_thread(self.start)
+
+    @property
+    def _config(self) -> dict[str, object]:
+        files = self.certificate and [str(self.certificate.certificate), str(self.certificate.key)]
+        return {"names": sorted(self.names), "certificate": files}
+
+    def _before(self) -> dict[str, Any]:
+        """As what the last one was started, empty where none was."""
+        try:
+            return storage.read_json(self.root / _FILE, "where stops are listened to")
+        except StorageError:
+            return {}
+
+    def _end_other(self, lock: StudioLock) -> None:
+        with contextlib.suppress(OSError), call(self.root) as line:
+            line.sendall(f"{END}\n".encode())
+        until = time.monotonic() + _ENDING
+        while not lock.take_alone():
+            if time.monotonic() > until:
+                raise StorageError("Another studio in this folder listens for stops, and does not give way; close it.")
+            time.sleep(0.02)
+
+    def _launch(self, lock: StudioLock, wanted: int) -> None:
+        try:
+            port = self.listen(wanted)
+        except ConfigError:
+            port = self.listen(0)
+        with port, listen_locally(self.root) as line:
+            self.port = port.getsockname()[1]
+            storage.write_json(self.root / _FILE, {**self._config, "port": self.port})
+            inherited = [port.fileno(), line.fileno(), lock.fileno()]
+            program = [sys.executable, "-m", "frida_painter.web.stop_listener", str(self.root), *map(str, inherited)]
+            with (self.root / "stop.log").open("ab") as log:
+                self._process = subprocess.Popen(
+                    [*program, json.dumps(self._config)], pass_fds=inherited, start_new_session=True,
+                    stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+                )  # fmt: skip

@@ -1,0 +1,95 @@
+"""A studio in processes of its own, and somebody at work in it who waits for a stop."""
+
+import contextlib
+import fcntl
+import json
+import re
+import resource
+import secrets
+import subprocess
+import sys
+import threading
+import time
+from contextlib import closing
+from dataclasses import dataclass
+from http.client import HTTPConnection
+from pathlib import Path
+from typing import Any
+
+from frida_painter.web.folder import WorkerLock
+from frida_painter.web.painting_store import PaintingStore
+from frida_painter.web.stop_line import StopWatch
+
+PATIENCE = 5.0
+"""Seconds for a stop on a machine on which anything else may run; benchmarks/stop.py measures how long it takes."""
+
+
+@dataclass
+class Served:
+    """A studio in a process of its own."""
+
+    process: subprocess.Popen[str]
+    host: str
+    port: int
+    tokens: dict[str, str]
+    folder: Path
+
+    def ask(self, path: str, record: Any = None, role: str = "operate") -> Any:
+        connection = HTTPConnection(self.host, self.port, timeout=60)
+        signs = {"X-Nonce": secrets.token_hex(16), "X-Given": str(time.time()), "Content-Type": "application/json"}
+        body = None if record is None else json.dumps(record)
+        headers = {"Authorization": f"Bearer {self.tokens[role]}", **signs}
+        with closing(connection):
+            connection.request("GET" if record is None else "POST", path, body, headers)
+            return json.loads(connection.getresponse().read())
+
+    @property
+    def way(self) -> dict[str, Any]:
+        """Where its pages send a stop."""
+        return dict(self.ask("/api/studio")["stop"])
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait(10)
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
+
+def open_studio(folder: Path, *, files: int | None = None, port: int = 0) -> Served:
+    program = [sys.executable, "-m", "frida_painter", "studio", "--folder", str(folder), "--port", str(port)]
+
+    def few_files() -> None:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (files or 0, files or 0))
+
+    process = subprocess.Popen(
+        [*program, "--no-browser"], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        text=True, preexec_fn=few_files if files else None,
+    )  # fmt: skip
+    assert process.stdout is not None
+    links = [re.search(r"http://(\S+):(\d+)/\?token=(\S+)", process.stdout.readline()) for _ in range(3)]
+    (host, port_, operate), (_, _, plan), (_, _, watch) = [link.groups() for link in links if link]
+    return Served(process, host, int(port_), {"operate": operate, "plan": plan, "watch": watch}, folder)
+
+
+def end_listener(folder: Path) -> None:
+    """Nobody works and no studio is open: it ends by itself."""
+    for _ in range(400):
+        with contextlib.suppress(OSError), (folder / ".stop-lock").open() as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        time.sleep(0.05)
+    raise AssertionError("the listener for stops goes on though nobody needs it")
+
+
+class Work:
+    """Somebody at work, as the studio sees it: holds a painting's lock, and watches for a stop."""
+
+    def __init__(self, store: PaintingStore) -> None:
+        self.entry = store.begin("A painting")
+        self.folder = self.entry.folder
+        self.folder.painting.mkdir()
+        self.lock = WorkerLock(self.folder)
+        assert self.lock.take()
+        self.watch = StopWatch(self.folder.stop, store.root)
+        self.told = threading.Event()
+        self.watch.then(self.told.set)

@@ -1,0 +1,201 @@
+"""A stop is answered, and heard by who works, whatever else the studio is asked for: in real processes."""
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import sqlite3
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from http.client import HTTPConnection
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.painting_store import PaintingStore
+from frida_painter.web.roles import Role
+from frida_painter.web.stop_key import StopKey
+from frida_painter.web.stop_line import StopWatch
+from served import PATIENCE, Served, Work, end_listener, open_studio
+
+
+@pytest.fixture
+def studio(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Served]:
+    folder = tmp_path / "paintings"
+    served = open_studio(folder, files=getattr(request, "param", None))
+    yield served
+    served.kill()
+    end_listener(folder)
+
+
+@pytest.fixture
+def work(studio: Served) -> Iterator[Work]:
+    working = Work(PaintingStore(studio.folder))
+    yield working
+    working.lock.release()
+
+
+def press_way(host: str, way: dict[str, Any], *, origin: str | None = None) -> dict[str, Any]:
+    connection = HTTPConnection(host, way["port"], timeout=PATIENCE)
+    with closing(connection):
+        headers = {"Content-Type": "text/plain", **({"Origin": origin} if origin else {})}
+        connection.request("POST", "/stop", way["secret"], headers)
+        return dict(json.loads(connection.getresponse().read()))
+
+
+def require_stopped(studio: Served, work: Work, way: dict[str, Any]) -> None:
+    """By both ways, each in time, and heard by who works."""
+    began = time.monotonic()
+    assert press_way(studio.host, way, origin=f"http://{studio.host}:{studio.port}")["stopped"] == 1
+    assert work.told.wait(PATIENCE)
+    assert time.monotonic() - began < PATIENCE
+
+
+def test_a_stop_is_heard_by_line_and_leaves_files_and_a_record(studio: Served, work: Work) -> None:
+    way = studio.way
+    deadline = time.monotonic() + 20
+    while press_way(studio.host, way) != {"stopped": 1, "heard": 1}:
+        assert time.monotonic() < deadline, "the worker calls, and is heard"
+    assert work.told.is_set()
+    for file in (work.folder.stop, work.folder.robot_stop):
+        while not file.exists():
+            assert time.monotonic() < deadline
+    studio.ask("/api/stop", {}, "watch")
+    while True:
+        with closing(sqlite3.connect(studio.folder / "studio.sqlite")) as base:
+            by = {by for (by,) in base.execute("SELECT by FROM deed WHERE what = 'stop'")}
+        if by == {"operate", "bearer-watch"}:
+            break
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_a_locked_database_and_threads_that_wait_for_it_hold_no_stop_up(studio: Served, work: Work) -> None:
+    way, paths = studio.way, ["/api/paintings", "/api/studio", f"/api/paintings/{'0' * 16}"]
+    with closing(sqlite3.connect(studio.folder / "studio.sqlite", isolation_level=None)) as base:
+        base.execute("BEGIN EXCLUSIVE")
+        waiting = [raw_get(studio, paths[number % 3]) for number in range(120)]
+        time.sleep(0.5)
+        require_stopped(studio, work, way)
+        began = time.monotonic()
+        assert studio.ask("/api/stop", {})["stopped"] == 1
+        assert time.monotonic() - began < PATIENCE
+        for each in waiting:
+            each.close()
+        base.execute("ROLLBACK")
+
+
+def raw_get(studio: Served, path: str) -> socket.socket:
+    """A question whose answer nobody reads."""
+    connection = socket.create_connection((studio.host, studio.port), timeout=PATIENCE)
+    head = f"GET {path} HTTP/1.1\r\nHost: {studio.host}:{studio.port}\r\nAuthorization: Bearer {studio.tokens['watch']}"
+    connection.sendall(f"{head}\r\n\r\n".encode())
+    return connection
+
+
+@pytest.mark.parametrize("studio", [200], indirect=True)
+def test_half_open_connections_keep_nobody_out(studio: Served, work: Work) -> None:
+    way = studio.way
+    with contextlib.ExitStack() as stack:
+        for number in range(300):
+            for port in (studio.port, way["port"]):
+                half = stack.enter_context(socket.create_connection((studio.host, port), timeout=PATIENCE))
+                if number % 2:
+                    with contextlib.suppress(OSError):  # it was cut already
+                        half.sendall(b"POST /stop HTTP/1.1\r\nHost: ")
+        require_stopped(studio, work, way)
+        assert studio.ask("/api/studio")["role"] == "operate", "the page as well"
+
+
+def test_what_waits_for_a_request_is_cut(studio: Served) -> None:
+    with socket.create_connection((studio.host, studio.way["port"]), timeout=20) as slow:
+        slow.sendall(b"POST /stop HTTP/1.1\r\nHost: ")
+        assert slow.recv(100) == b""
+
+
+def test_an_old_page_stops_while_the_studio_is_gone_and_after_it_was_opened_again(studio: Served, work: Work) -> None:
+    way = studio.way
+    studio.kill()
+    require_stopped(studio, work, way)
+    again = open_studio(studio.folder, port=studio.port)
+    try:
+        assert again.way["port"] == way["port"], "the one that listens is taken over"
+        assert press_way(again.host, way)["stopped"] == 1
+    finally:
+        again.kill()
+
+
+def test_a_listener_that_was_killed_is_started_again_on_its_port(studio: Served, work: Work) -> None:
+    way = studio.way
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            words = path.read_bytes().split(b"\0")
+            if b"frida_painter.web.stop_listener" in words and str(studio.folder).encode() in words:
+                os.kill(int(path.parent.name), signal.SIGKILL)
+    deadline = time.monotonic() + 20
+    while True:
+        with contextlib.suppress(OSError, ValueError):
+            if press_way(studio.host, way)["stopped"] == 1:
+                break
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1.evil.example"])
+def test_other_pages_and_wrong_secrets_stop_nothing(studio: Served, work: Work, origin: str) -> None:
+    way = studio.way
+    assert "stopped" not in press_way(studio.host, way, origin=origin)
+    for wrong in ("", "guess", way["secret"][:-1], way["secret"].replace("operate", "watch")):
+        assert "stopped" not in press_way(studio.host, {**way, "secret": wrong})
+    connection = HTTPConnection(studio.host, way["port"], timeout=PATIENCE)
+    with closing(connection):
+        connection.request("POST", "/stop", way["secret"], {"Host": "evil.example"})
+        assert connection.getresponse().status == 403
+    assert not work.told.is_set()
+
+
+def test_secrets_end_a_watchers_before_an_operators(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    key = StopKey.of(tmp_path)
+    secret = {role: key.secret(role) for role in Role}
+    again = StopKey.of(tmp_path)
+    assert all(again.role(text) is role for role, text in secret.items())
+    assert (tmp_path / ".stop-key").stat().st_mode & 0o777 == 0o600
+    assert StopKey(b"x" * 32).role(secret[Role.operate]) is None
+    now = time.time()
+    monkeypatch.setattr(time, "time", lambda: now + 2 * 86400)
+    assert again.role(secret[Role.watch]) is None and again.role(secret[Role.operate]) is Role.operate
+    monkeypatch.setattr(time, "time", lambda: now + 31 * 86400)
+    assert again.role(secret[Role.operate]) is None
+
+
+def test_a_worker_in_a_folder_of_any_name_hears(tmp_path: Path) -> None:
+    """Addresses of local sockets are short; folders need not be."""
+    folder = tmp_path / ("a long name " * 12)
+    served = open_studio(folder)
+    try:
+        work = Work(PaintingStore(folder))
+        deadline = time.monotonic() + 20
+        while press_way(served.host, served.way)["heard"] != 1:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        work.lock.release()
+    finally:
+        served.kill()
+        end_listener(folder)
+
+
+def test_no_stop_file_or_line_needs_the_other(tmp_path: Path) -> None:
+    folder = PaintingFolder(tmp_path / "painting")
+    folder.path.mkdir()
+    watch, told = StopWatch(folder.stop, tmp_path), threading.Event()
+    watch.then(told.set)
+    folder.stop_now()
+    assert told.wait(PATIENCE) and watch.asked
+    later = threading.Event()
+    watch.then(later.set)
+    assert later.is_set(), "it was pressed before"

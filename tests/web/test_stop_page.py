@@ -1,0 +1,192 @@
+"""The page's stop and its one stream, in a real browser; skipped where there is no Chromium."""
+
+import contextlib
+import threading
+import time
+from collections.abc import Iterator
+from http.client import HTTPConnection
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect
+
+from browsing import SCREENSHOTS, WITH_CHROMIUM, chromium, deadline
+from frida_painter.session.events import Failed
+from frida_painter.session.page_events import PlanRequested
+from frida_painter.web.feed import Feed
+from frida_painter.web.painting_request import PaintingRequest
+from frida_painter.web.painting_store import PaintingStore
+from served import Served, Work, end_listener, open_studio
+
+pytestmark = [pytest.mark.slow, WITH_CHROMIUM]
+WAIT = 30_000  # ms
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with deadline(), chromium() as opened:
+        yield opened
+
+
+@pytest.fixture
+def studio(tmp_path: Path) -> Iterator[Served]:
+    served = open_studio(tmp_path / "paintings")
+    yield served
+    served.kill()
+    end_listener(served.folder)
+
+
+@pytest.fixture
+def work(studio: Served) -> Iterator[Work]:
+    working = Work(PaintingStore(studio.folder))
+    wish = PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a ship"}]})
+    Feed(working.folder).tell(PlanRequested(1, wish.model_dump(mode="json")))
+    yield working
+    working.lock.release()
+
+
+@pytest.fixture
+def context(browser: Browser) -> Iterator[BrowserContext]:
+    opened = browser.new_context()
+    opened.set_default_timeout(WAIT)
+    yield opened
+    opened.close()
+
+
+def enter(context: BrowserContext, studio: Served, view: str = "") -> Page:
+    page = context.new_page()
+    token = "" if context.cookies() else f"?token={studio.tokens['operate']}"
+    page.goto(f"http://{studio.host}:{studio.port}/{token}")
+    if token:
+        page.wait_for_url(f"http://{studio.host}:{studio.port}/#/")
+    page.locator("#view > *").first.wait_for()
+    if view:
+        page.evaluate("view => { location.hash = view; }", view)
+    return page
+
+
+def stop(page: Page) -> None:
+    page.get_by_role("button", name="Stop", exact=True).click()
+
+
+def streams(studio: Served) -> int:
+    """How many connections lead to the studio."""
+    end = f"{int.from_bytes(bytes(map(int, studio.host.split('.')))[::-1], 'big'):08X}:{studio.port:04X}"
+    rows = [row.split() for row in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    return sum(row[2] == end and row[3] == "01" for row in rows)
+
+
+@pytest.mark.parametrize("shared", [True, False], ids=["worker", "pages"])
+def test_seven_pages_of_one_painting_have_one_stream_and_each_of_them_stops(
+    context: BrowserContext, studio: Served, work: Work, shared: bool
+) -> None:
+    if not shared:
+        context.add_init_script("delete window.SharedWorker")
+    pages = [enter(context, studio, f"#/p/{work.entry.id}") for _ in range(7)]
+    feed = Feed(work.folder)
+    feed.tell(Failed("The first is told"))
+    for page in pages:
+        expect(page.get_by_text("The first is told")).to_be_visible(timeout=WAIT)
+    feed.tell(Failed("The second as well"))
+    for page in pages:
+        expect(page.get_by_text("The second as well")).to_be_visible(timeout=WAIT)
+    time.sleep(11)  # connections that nobody needs are closed
+    assert streams(studio) <= 2
+    stop(pages[0])
+    assert work.told.wait(5)
+    pages[6].keyboard.press("Escape")
+    pages[6].keyboard.press("Escape")
+    time.sleep(2.5)
+    for page in pages:
+        assert page.locator(".stop-alarm").is_hidden()
+
+
+def test_where_a_stop_cannot_arrive_the_page_says_so_within_two_seconds(
+    context: BrowserContext, studio: Served, work: Work
+) -> None:
+    page = enter(context, studio)
+    page.route("**/stop", lambda route: None)  # it is never answered
+    pressed = time.monotonic()
+    stop(page)
+    expect(page.locator(".stop-alarm")).to_contain_text("emergency stop at the robot")
+    assert time.monotonic() - pressed < 2 + 1  # of which the test's own glance is a part
+    page.screenshot(path=SCREENSHOTS / "stop-did-not-arrive.png")
+    page.unroute("**/stop")
+    assert work.told.wait(15), "it is sent again"
+    expect(page.locator(".stop-alarm")).to_contain_text("The stop arrived after", timeout=WAIT)
+    page.get_by_role("button", name="I have looked at the robot").click()
+    expect(page.locator(".stop-alarm")).to_be_hidden()
+
+
+@pytest.mark.parametrize("heard", [True, False], ids=["connected", "connecting"])
+def test_an_old_page_stops_though_the_studio_does_not_know_it_any_more(
+    context: BrowserContext, studio: Served, work: Work, heard: bool
+) -> None:
+    page = enter(context, studio, f"#/p/{work.entry.id}")
+    if heard:
+        Feed(work.folder).tell(Failed("The first is told"))
+        expect(page.get_by_text("The first is told")).to_be_visible(timeout=WAIT)
+    studio.kill()
+    again = open_studio(studio.folder, port=studio.port)
+    try:
+        if heard:
+            expect(page.get_by_text("open the link that its terminal shows")).to_be_visible(timeout=WAIT)
+        stop(page)
+        assert work.told.wait(5)
+        page.wait_for_timeout(2500)
+        assert page.locator(".stop-alarm").is_hidden()
+    finally:
+        again.kill()
+
+
+class _Thief(BaseHTTPRequestHandler):
+    """Another server on this machine, which the browser sends its cookies to."""
+
+    cookies: ClassVar[list[str]] = []
+
+    def do_GET(self) -> None:
+        self.cookies.append(self.headers.get("Cookie", ""))
+        self.send_response(200)
+        self.end_headers()
+
+    def log_message(self, *words: object) -> None:
+        pass
+
+
+def test_a_server_on_another_port_is_sent_the_cookie_and_can_do_nothing_with_it(
+    context: BrowserContext, studio: Served, work: Work
+) -> None:
+    enter(context, studio)
+    with ThreadingHTTPServer((studio.host, 0), _Thief) as thief:
+        threading.Thread(target=thief.serve_forever, daemon=True).start()
+        page = context.new_page()
+        page.goto(f"http://{studio.host}:{thief.server_port}/")
+        assert page.evaluate("localStorage.length") == 0
+        thief.shutdown()
+    cookie = next(filter(None, _Thief.cookies))
+    for method, path in (
+        ("GET", "/api/studio"),
+        ("GET", "/api/paintings"),
+        ("POST", "/api/lead"),
+        ("POST", "/api/stop"),
+    ):
+        connection = HTTPConnection(studio.host, studio.port, timeout=30)
+        with contextlib.closing(connection):
+            origin = f"http://{studio.host}:{studio.port}"
+            connection.request(method, path, headers={"Cookie": cookie, "Origin": origin, "X-Page-Key": ""})
+            assert connection.getresponse().status == 403
+    assert not work.told.is_set()
+
+
+def test_a_link_on_another_page_opens_the_studio(context: BrowserContext, studio: Served) -> None:
+    page, address = context.new_page(), f"http://{studio.host}:{studio.port}/"
+    for way in (f"{address}?token={studio.tokens['operate']}", address):
+        page.goto("about:blank")
+        body = f'<a href="{way}">Come</a>'
+        page.route("http://elsewhere.test/", lambda route: route.fulfill(body=body, content_type="text/html"))  # noqa: B023
+        page.goto("http://elsewhere.test/")
+        page.get_by_text("Come").click()
+        expect(page.get_by_role("button", name="Stop", exact=True)).to_be_visible(timeout=WAIT)
+        page.unroute("http://elsewhere.test/")
