@@ -55,18 +55,18 @@ class Served:
         self.process.stdout.close()
 
 
-def open_studio(folder: Path, *, files: int | None = None, port: int = 0) -> Served:
+def open_studio(folder: Path, *, files: int | None = None, port: int = 0, words: tuple[str, ...] = ()) -> Served:
     program = [sys.executable, "-m", "frida_painter", "studio", "--folder", str(folder), "--port", str(port)]
 
     def few_files() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (files or 0, files or 0))
 
     process = subprocess.Popen(
-        [*program, "--no-browser"], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        [*program, *words, "--no-browser"], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
         text=True, preexec_fn=few_files if files else None,
     )  # fmt: skip
     assert process.stdout is not None
-    links = [re.search(r"http://(\S+):(\d+)/\?token=(\S+)", process.stdout.readline()) for _ in range(3)]
+    links = [re.search(r"https?://(\S+):(\d+)/\?token=(\S+)", process.stdout.readline()) for _ in range(3)]
     (host, port_, operate), (_, _, plan), (_, _, watch) = [link.groups() for link in links if link]
     return Served(process, host, int(port_), {"operate": operate, "plan": plan, "watch": watch}, folder)
 

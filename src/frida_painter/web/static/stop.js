@@ -72,6 +72,7 @@ export function armStop(button, said) {
       const patience = setTimeout(() => cut.abort(), 5000);
       const done = await send(cut.signal).catch(() => null);
       clearTimeout(patience);
+      cut.abort(); // one way was enough: the other must not arrive when something else has been begun
       if (done) {
         clearTimeout(doubt);
         alarm.hidden = true;
