@@ -14,6 +14,7 @@ from typing import Any
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError, StorageError
+from frida_painter.web import stop_listener
 from frida_painter.web.certificate import Certificate
 from frida_painter.web.roles import Role
 from frida_painter.web.stop_key import StopKey
@@ -105,7 +106,7 @@ class StopProcess:
             self.port = port.getsockname()[1]
             storage.write_json(self.root / _FILE, {**self._config, "port": self.port})
             inherited = [port.fileno(), line.fileno(), lock.fileno()]
-            program = [sys.executable, "-m", "frida_painter.web.stop_listener", str(self.root), *map(str, inherited)]
+            program = [sys.executable, "-m", stop_listener.__name__, str(self.root), *map(str, inherited)]
             with (self.root / "stop.log").open("ab") as log:
                 self._process = subprocess.Popen(
                     [*program, json.dumps(self._config)], pass_fds=inherited, start_new_session=True,
