@@ -17,7 +17,9 @@ from frida_painter.objectives.encoders.hed import Hed
 from frida_painter.objectives.encoders.registry import Choice, EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.encoders.vgg import Vgg16
-from frida_painter.objectives.pictograms import Pictograms
+from frida_painter.objectives.scenes.libraries import Pictograms
+from frida_painter.objectives.scenes.reading import PromptReader
+from frida_painter.objectives.scenes.retrieval import PictureIndex
 
 
 @cache
@@ -167,8 +169,16 @@ class QuickEncoders(EncoderRegistry):
     def sentences(self) -> SentenceEncoder:
         return WordBag()
 
-    def pictograms(self) -> Pictograms | None:
+    def prompts(self) -> PromptReader:
+        return PromptReader(None)
+
+    def picture_index(self) -> PictureIndex | None:
         return None
+
+
+def index_of(folder: Path) -> PictureIndex:
+    """The pictures of `write_pictograms`, found by a bag of words."""
+    return PictureIndex([Pictograms(write_pictograms(folder / "pictograms.zip"))], WordBag(), folder)
 
 
 def write_pictograms(path: Path) -> Path:

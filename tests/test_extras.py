@@ -13,7 +13,8 @@ from frida_painter.hardware.cameras.gphoto import GphotoCamera
 from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.objectives.pictograms import Pictograms
+from frida_painter.objectives.scenes.drawings import read_picture
+from frida_painter.objectives.scenes.reading import PromptReader
 from frida_painter.web.abilities import abilities
 from frida_painter.weights import convert
 
@@ -41,7 +42,8 @@ def test_the_studio_names_its_extra(
     [
         ("transformers", "words", ConfigError, lambda folder: SentenceEncoder.load(folder)),
         ("transformers", "words", ConfigError, lambda folder: Clip.load(folder)),
-        ("resvg_py", "words", ConfigError, lambda folder: Pictograms(folder / "pictograms.zip", None, folder)),
+        ("resvg_py", "words", ConfigError, lambda folder: read_picture(b"<svg/>", "drawing.svg")),
+        ("spacy", "words", ConfigError, PromptReader),
         ("h5py", "sketch", WeightsError, lambda folder: convert.holistic_edges(folder / "hed.h5")),
         ("serial", "plotter", RobotError, lambda folder: SerialLine.open("/dev/null", 115200)),
         ("gphoto2", "gphoto", CameraError, lambda folder: GphotoCamera().connect()),

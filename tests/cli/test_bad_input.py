@@ -110,6 +110,7 @@ def photo(tmp_path: Path) -> str:
         (("--goal", "heavy.toml"), ("heavy.toml is not TOML", "400 digits")),
         (("--image", "/dev/zero"), ("/dev/zero is not a plain file (but a device)",)),
         (("--clip", "nowhere"), ("nothing of this goal is seen through a CLIP",)),
+        (("--pictures", "."), ("nothing of this goal is made of pictures of things",)),
         (("--palette", "photo.png", "--colors", "2"), ("40 x 30 pixels is too small", "photograph it from nearer")),
     ],
 )  # fmt: skip

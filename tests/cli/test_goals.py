@@ -188,7 +188,7 @@ def test_a_sketch_and_a_blank_sheet(photo: Path) -> None:
 def test_words_are_painted_without_any_photograph(
     coarse_brush: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in ("readers", "reader_aside", "sentences", "pictograms"):
+    for name in ("readers", "reader_aside", "sentences", "prompts", "picture_index"):
         monkeypatch.setattr(EncoderRegistry, name, getattr(QuickEncoders, name))
     out = tmp_path / "out"
     words = ["paint", "--text", "a <script>alert(1)</script> ship", "--strokes", "5", "--replans", "1"]
@@ -198,7 +198,7 @@ def test_words_are_painted_without_any_photograph(
         cli.main()
     assert not end.value.code
     said = capsys.readouterr().err
-    assert "Seeing words through random networks (better: CLIP)" in said and "No pictogram was found" in said
+    assert "Seeing words through random networks (better: CLIP)" in said and "was found; give one with --image" in said
     result = json.loads((out / "result.json").read_text())
     assert result["settings"]["goal"] == [["Words", "“A <script>alert(1)</script> ship”"]]
     assert result["settings"]["remarks"] and result["strokes_painted"] == 5
@@ -226,5 +226,6 @@ def test_words_without_networks_say_what_to_fetch(tmp_path: Path) -> None:
     encoders = EncoderRegistry(tmp_path)
     with pytest.raises(WeightsError, match="fetch minilm efficientnet-lite0"):
         encoders.readers()
-    assert encoders.pictograms() is None and encoders.reader_aside() is None
-    assert "models fetch openmoji minilm" in encoders.remarks[0]
+    assert encoders.picture_index() is None and encoders.reader_aside() is None
+    assert "models fetch stamps openclipart openmoji" in encoders.remarks[0]
+    assert len(encoders.prompts().read("a cat").things) == 1 and "models fetch english" in encoders.remarks[1]

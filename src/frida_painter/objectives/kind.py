@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from frida_painter.goal import Term
 
 _NAME = re.compile("[a-z][a-z0-9_]{0,29}")
-_TAKEN = ("goal", "initial", "photo", "weight", "clip")
+_TAKEN = ("goal", "initial", "photo", "weight", "clip", "pictures")
 
 
 class Gives(Enum):

@@ -1,5 +1,7 @@
 """A drawing in another colour: what makes up most of it changes, and what has another hue stays."""
 
+import math
+
 import torch
 from torch import Tensor
 
@@ -10,6 +12,7 @@ _COLORLESS = 12.0  # chroma below which a colour has no hue
 _HUE = 0.8  # radians by which a shade of the same colour may differ in hue
 _SHADE = 45.0  # L* by which it may be lighter or darker, where there is no hue to tell
 _STEP = 8.0  # of Lab, within which colours are counted as one
+_PASSES = 25.0  # of Lab, by which a colour may differ from what it is called
 _CONTRAST = 0.7  # of the differences between shades that is kept
 _VIVID = 40.0  # chroma from which a colour's shades may differ in hue as much as those of the drawing
 _AROUND = (81.0, -14.0, -23.0)  # Lab of what pictograms paint water, sky and glass with
@@ -35,6 +38,20 @@ def recolored(drawing: Tensor, color: Tensor) -> Tensor:
     hue = min(1.0, float(wanted[1:].norm()) / _VIVID)  # gray has shades, but none of them is blue
     changed[alike] = wanted + _CONTRAST * (lab[alike] - main) * lab.new_tensor([1.0, hue, hue])
     return torch.cat((from_lab(changed).T.reshape(drawing[:3].shape), drawing[3:]))
+
+
+def is_colored(drawing: Tensor, color: Tensor) -> bool:
+    """Whether the main colour of a drawing [4, h, w] passes for sRGB `color` [3]: a fox is red as it is."""
+    lab = to_lab(drawing[:3].flatten(1).T)
+    body = (drawing[3].flatten() > 0.5) & (lab[:, 0] > _DARKEST)
+    if not bool(body.any()):
+        return False
+    main, wanted = _commonest(lab[body]), to_lab(color)
+    if float((main - wanted).norm()) <= _PASSES:
+        return True
+    turned = main[1:] @ wanted[1:] / (main[1:].norm() * wanted[1:].norm()).clamp(min=1e-6)
+    hued = min(float(main[1:].norm()), float(wanted[1:].norm())) > _COLORLESS
+    return hued and float(turned) > math.cos(_HUE) and abs(float(main[0] - wanted[0])) <= _PASSES
 
 
 def _commonest(lab: Tensor) -> Tensor:

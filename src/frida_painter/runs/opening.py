@@ -79,7 +79,7 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
         if known.weights is not None and known.brush == spec.brush:
             source = Path(known.weights.path)
     device = planning_device()
-    networks = encoders or EncoderRegistry(clip=spec.clip, device=device)
+    networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures)
     planner = Planner(
         goal,
         spec.canvas,
@@ -94,6 +94,11 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
         raise ConfigError(
             f"--clip was given {networks.idle_clip[:60]!r}, and nothing of this goal is seen through a CLIP; leave it "
             "out, or give words (--text) or a meaning (--semantic)."
+        )
+    if networks.idle_pictures is not None:
+        raise ConfigError(
+            f"--pictures was given {networks.idle_pictures}, and nothing of this goal is made of pictures of things; "
+            "leave it out, or give words alone (--text)."
         )
     return planner
 

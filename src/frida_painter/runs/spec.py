@@ -50,6 +50,7 @@ class RunSpec(BaseModel):
 
     goal, initial: what to paint, and what to begin with; canvas: the size asked for, which `fit` may change;
     brush: a name or a file of learned weights; clip: a CLIP to see words through, None: what was fetched;
+    pictures: a folder of the person's own pictures, for what words name;
     palette: a file with the paints that were really mixed; timelapse_frames: pictures of the film at the most;
     workspace, calibration: files of a real easel; placement_error: of the virtual studio, like "4mm,2deg".
     """
@@ -109,6 +110,7 @@ class RunSpec(BaseModel):
         description="Random seed. The same seed gives the same painting, another seed a different one.",
     )
     clip: str | None = Field(None, min_length=1)
+    pictures: File = None
     palette: File = None
     film: bool = True
     timelapse_frames: int = Field(120, ge=0, le=2000, description="Maximum number of frames in the timelapse film.")
@@ -163,7 +165,7 @@ class RunSpec(BaseModel):
     def from_toml(cls, path: Path, **overrides: Any) -> Self:
         """A description from a TOML file, with `overrides` on top; files in it are named relative to it."""
         values = storage.read_toml(path, "a settings file (TOML)", _MOST_BYTES, "write lines such as: strokes = 300")
-        for name in ("palette", "workspace", "calibration", "arm_meshes"):
+        for name in ("palette", "pictures", "workspace", "calibration", "arm_meshes"):
             if isinstance(values.get(name), str):
                 values[name] = path.parent / values[name]
         return cls.of(**{**values, **overrides})

@@ -174,12 +174,14 @@ def _keep_file(file: CachedFile, scratch: Path, folder: Path) -> str:
     try:
         read = file.convert(brought) if file.convert else None
         with storage.replacing(folder / file.name) as temporary:
-            if read is None:
+            if file.repack is not None:
+                file.repack(brought, temporary)
+            elif read is None:
                 shutil.copyfile(brought, temporary)
             else:
                 save_file(read, temporary, metadata={"format": "pt"})
             sha256 = _sha256(temporary)
-            if read is None and sha256 != file.original.sha256:
+            if not file.is_converted and sha256 != file.original.sha256:
                 raise WeightsError(f"its {file.original.name} became another file while it was kept")
     except SafetensorError as cause:
         raise OSError(str(cause)) from cause
@@ -202,7 +204,7 @@ def _recorded(weights: NamedWeights, folder: Path) -> dict[str, str]:
     current = record.get("version") == _VERSION and originals == [file.original.sha256 for file in weights.kept]
     if not current or not isinstance(files, dict) or set(files) != {file.name for file in weights.kept}:
         raise WeightsError(f"{folder} holds other files than this version uses; {mend}.")
-    return {file.name: str(files[file.name]) if file.convert else file.original.sha256 for file in weights.kept}
+    return {file.name: str(files[file.name]) if file.is_converted else file.original.sha256 for file in weights.kept}
 
 
 def _require_space(weights: NamedWeights, source: WeightsSource, cache: Path) -> None:

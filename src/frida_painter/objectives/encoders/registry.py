@@ -17,7 +17,8 @@ if TYPE_CHECKING:  # each is imported where it is first asked for: most painting
     from frida_painter.objectives.encoders.hed import Hed
     from frida_painter.objectives.encoders.sentence import SentenceEncoder
     from frida_painter.objectives.encoders.vgg import Vgg16
-    from frida_painter.objectives.pictograms import Pictograms
+    from frida_painter.objectives.scenes.reading import PromptReader
+    from frida_painter.objectives.scenes.retrieval import PictureIndex
 
 GROUP = "frida_painter.encoders"
 """The group of entry points in which a package names its encoders."""
@@ -45,15 +46,23 @@ class EncoderRegistry:
     what was fetched: an encoder that an installed package brings, a folder, a name on the hub, or a file of CLIP's
     ResNet kind; device: where
     those that see are held (pictures of any device are seen, but best of that one); choices: those
-    used so far; remarks: what else a person is to be told of how the goal was understood.
+    used so far; pictures: a folder of the person's own pictures of things; remarks: what else a person is to be told of
+    how the goal was understood.
     Everything that loads raises WeightsError, with the command that mends it, where weights are
     missing or altered.
     """
 
-    def __init__(self, cache: Path | None = None, clip: str | None = None, device: torch.device | None = None) -> None:
+    def __init__(
+        self,
+        cache: Path | None = None,
+        clip: str | None = None,
+        device: torch.device | None = None,
+        pictures: Path | None = None,
+    ) -> None:
         self._cache = cache
         self._device = device or torch.device("cpu")
         self._clip_source = clip
+        self._picture_folder = pictures
         self._clip: Encoder | None = None
         self._vgg: Vgg16 | None = None
         self._meaning: Seer | None = None
@@ -62,7 +71,8 @@ class EncoderRegistry:
         self._sentences: SentenceEncoder | None = None
         self._readers: tuple[Reader, ...] = ()
         self._reader_aside: Reader | None = None
-        self._pictograms: Pictograms | None = None
+        self._prompts: PromptReader | None = None
+        self._pictures: PictureIndex | None = None
         self.choices: list[Choice] = []
         self.remarks: list[str] = []
 
@@ -98,6 +108,11 @@ class EncoderRegistry:
     def idle_clip(self) -> str | None:
         """The CLIP that was to be used, and that nothing asked for so far; None where there is no such one."""
         return self._clip_source if self._clip is None else None
+
+    @property
+    def idle_pictures(self) -> Path | None:
+        """The folder of own pictures that nothing asked for so far; None where there is no such one."""
+        return self._picture_folder if self._pictures is None else None
 
     def clip(self) -> Encoder | None:
         """The CLIP that was asked for, or that was fetched; None where there is none."""
@@ -181,17 +196,33 @@ class EncoderRegistry:
             self._sentences = SentenceEncoder.load(self._cache)
         return self._sentences
 
-    def pictograms(self) -> "Pictograms | None":
-        """The picture dictionary, or None, with a remark on how to get it, where it cannot be read."""
-        from frida_painter.objectives.pictograms import Pictograms
+    def prompts(self) -> "PromptReader":
+        """What reads prompts: by their grammar, or, with a remark on how to get it, as one thing."""
+        from frida_painter.objectives.scenes.reading import PromptReader
 
-        if self._pictograms is None:
-            folder = weights.find("openmoji", self._cache)
-            if folder is None or not self._has("minilm"):
-                self.remark("Better begun from a pictogram: frida-painter models fetch openmoji minilm")
+        if self._prompts is None:
+            folder = weights.find("english", self._cache)
+            if folder is None or not extras.is_installed("spacy"):
+                self.remark(
+                    "The prompt is taken for one thing; to have its grammar read: pip install 'frida-painter[words]', "
+                    "frida-painter models fetch english"
+                )
+                folder = None
+            self._prompts = PromptReader(folder)
+        return self._prompts
+
+    def picture_index(self) -> "PictureIndex | None":
+        """The pictures of all libraries at hand; None, with a remark on how to get some, where there is none."""
+        from frida_painter.objectives.scenes.libraries import libraries_at_hand
+        from frida_painter.objectives.scenes.retrieval import PictureIndex
+
+        if self._pictures is None:
+            libraries = libraries_at_hand(self._cache, self._picture_folder)
+            if not libraries:
+                self.remark("Better begun from pictures: frida-painter models fetch stamps openclipart openmoji")
                 return None
-            self._pictograms = Pictograms(folder / "pictograms.zip", self.sentences(), self._kept)
-        return self._pictograms
+            self._pictures = PictureIndex(libraries, self.sentences(), self._kept)
+        return self._pictures
 
     def remark(self, words: str) -> None:
         """Notes once what a person is to be told."""

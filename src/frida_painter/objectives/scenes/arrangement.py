@@ -1,0 +1,220 @@
+"""Where the things of a scene stand: by the words between them, and by how large they are in the world.
+
+Lengths are relative; x goes right, y up from the floor. The composition fits all of it to the canvas.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from frida_painter.objectives.compositing import resized
+from frida_painter.objectives.scenes.reading import Relation
+from frida_painter.objectives.scenes.world import Known
+
+_GROWTH = 0.35  # power of the height in the world that the height in a picture follows
+_LEAST = 0.3  # of the tallest thing's height, that every thing has
+_SUBJECT = 0.5  # the same of the thing that a prompt names first
+_ALOFT = 0.38  # height of what hangs in the sky beside a thing of height 1
+_SINKS = 0.1  # of its height, by which a thing on another overlaps it
+_SIDE = 256  # pixels of one of several copies
+_OF_WORD = {
+    "on": "on", "on top of": "on", "upon": "on", "onto": "on", "riding": "on", "from": "beside",
+    "in": "in", "inside": "in", "into": "in", "within": "in", "of": "in", "out of": "in",
+    "under": "under", "below": "under", "beneath": "under", "underneath": "under",
+    "over": "over", "above": "over", "across": "over", "crossing": "on",
+    "behind": "behind", "in front of": "front", "before": "front", "against": "front", "between": "between",
+    "with": "with", "holding": "with", "carrying": "with", "eating": "with",
+}  # fmt: skip
+_OPPOSITE = {"on": "beneath", "in": "around", "under": "over", "over": "under", "behind": "front", "front": "behind"}
+
+
+@dataclass(frozen=True)
+class Part:
+    """A thing to be placed: its picture, colour and opacity [4, h, w], all copies in one, and what is known of it."""
+
+    picture: Tensor
+    known: Known
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A picture in a scene: the middle of its lower edge, its height, and what it is drawn before; `submerged`: share
+    of its height that is hidden in what it stands in."""
+
+    picture: Tensor
+    x: float
+    y: float
+    height: float
+    depth: int = 0
+
+    @property
+    def width(self) -> float:
+        """By the picture's proportions."""
+        return self.height * self.picture.shape[2] / self.picture.shape[1]
+
+
+def arranged(parts: Sequence[Part | None], relations: Sequence[Relation]) -> list[Placed]:
+    """The parts as they stand to each other; those that are None have no picture. The relations' numbers are parts'."""
+    shown = [number for number, part in enumerate(parts) if part is not None]
+    if not shown:
+        return []
+    sizes = _sizes(parts, shown)
+    known = [part.known.where if part is not None else "" for part in parts]
+    placed: dict[int, Placed] = {}
+    usable = [one for one in relations if {one.subject, one.object} <= set(shown) and one.subject != one.object]
+    floor = [number for number in shown if known[number] != "air"] or shown
+    first = (
+        usable[0].object
+        if usable and _OF_WORD.get(usable[0].word) in ("on", "in", "under", "over", "behind", "between")
+        else floor[0]
+    )
+    placed[first] = _alone(parts, first, sizes)
+    rest = list(usable)
+    while rest:
+        one = next((one for one in rest if {one.subject, one.object} & set(placed)), None)
+        if one is None:
+            one = rest[0]
+            placed[one.object] = _beside(list(placed.values()), _alone(parts, one.object, sizes))
+        rest.remove(one)
+        kind = _OF_WORD.get(one.word, "beside")
+        if one.subject not in placed:
+            mine, other, number = _alone(parts, one.subject, sizes), placed[one.object], one.subject
+            placed[number], placed[one.object] = _put(mine, other, kind, known[number], known[one.object])
+        elif one.object not in placed:
+            mine, other, number = _alone(parts, one.object, sizes), placed[one.subject], one.object
+            turned = _OPPOSITE.get(kind, kind)
+            placed[number], placed[one.subject] = _put(mine, other, turned, known[number], known[one.subject])
+    for number in shown:
+        if number not in placed:
+            mine = _alone(parts, number, sizes)
+            aloft = known[number] == "air" and any(known[other] != "air" for other in placed)
+            everything = list(placed.values())
+            placed[number] = _put(mine, everything[0], "over", "air", "")[0] if aloft else _beside(everything, mine)
+    return sorted(placed.values(), key=lambda one: one.depth)
+
+
+def _alone(parts: Sequence[Part | None], number: int, sizes: dict[int, float]) -> Placed:
+    part = parts[number]
+    assert part is not None
+    # As large in area as it is high: a spoon is long and not large.
+    _, rows, columns = part.picture.shape
+    stretch = (rows / columns) ** 0.5 if columns > rows else 1.0
+    return Placed(part.picture, 0.0, 0.0, sizes[number] * stretch)
+
+
+def _sizes(parts: Sequence[Part | None], shown: Sequence[int]) -> dict[int, float]:
+    """Heights of the parts, 1 for the tallest that stands on the floor: nearer to each other than in the world."""
+    known = {number: part.known for number in shown if (part := parts[number]) is not None}
+    standing = [one.height for one in known.values() if one.where != "air"] or [1.0]
+    sizes = {}
+    for number, one in known.items():
+        aloft = one.where == "air" and any(other.where != "air" for other in known.values())
+        size = _ALOFT if aloft else max(_LEAST, min(1.0, (one.height / max(standing)) ** _GROWTH))
+        sizes[number] = max(size, _SUBJECT if number == shown[0] and not aloft else 0.0)
+    return sizes
+
+
+def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -> tuple[Placed, Placed]:
+    """A thing at its place by another, and that one, which may have changed its size."""
+    if kind in ("on", "beneath"):
+        upper, lower = (mine, other) if kind == "on" else (other, mine)
+        if upper.height > 0.9 * lower.height and lower.width < 1.5 * upper.width:
+            upper = replace(upper, height=max(0.62 * lower.height, 0.6 * upper.height))
+        top = lower.y + lower.height * _top(lower.picture, upper.width / max(lower.width, 1e-6))
+        upper = replace(upper, x=lower.x, y=top - _SINKS * upper.height, depth=lower.depth + 1)
+        return (upper, lower) if kind == "on" else (lower, upper)
+    if kind in ("in", "around"):
+        inner, outer = (mine, other) if kind == "in" else (other, mine)
+        # It looks out over the rim.
+        size = min(0.8 * outer.height, 0.85 * outer.width * inner.height / max(inner.width, 1e-6))
+        inner = replace(inner, height=size, x=outer.x, y=outer.y + outer.height - 0.55 * size, depth=outer.depth - 1)
+        return (inner, outer) if kind == "in" else (outer, inner)
+    if kind == "under":
+        if other_where == "air":
+            return mine, replace(other, x=mine.x + 0.35 * max(mine.width, 0.6), y=0.95 * mine.height)
+        if _hollow(other.picture):
+            height = min(mine.height, 0.5 * other.height, 0.5 * other.width * mine.height / mine.width)
+            return replace(mine, x=other.x, y=other.y, height=height, depth=other.depth + 1), other
+        return replace(mine, x=other.x - 0.2 * other.width, y=other.y - 0.4 * mine.height, depth=other.depth + 1), other
+    if kind == "over":
+        side = 0.0 if where != "air" else 0.28 * max(other.width, 0.6)
+        return replace(mine, x=other.x + side, y=other.y + 1.04 * other.height, depth=other.depth - 1), other
+    if kind == "behind":
+        size = max(mine.height, 0.85 * other.height)
+        return replace(
+            mine, x=other.x + 0.45 * other.width, y=other.y + 0.08, height=size, depth=other.depth - 1
+        ), other
+    if kind == "front":
+        return replace(mine, x=other.x - 0.3 * other.width, y=other.y - 0.06, depth=other.depth + 1), other
+    if kind == "with" and where == "air":
+        return replace(mine, x=other.x + 0.5 * (other.width + mine.width), y=0.75 * other.height), other
+    if kind == "with" and mine.height <= 0.6 * other.height:
+        return replace(mine, x=other.x + 0.4 * other.width, y=other.y, depth=other.depth + 1), other
+    if kind == "between":
+        return replace(mine, x=other.x, y=other.y, depth=other.depth + 1), other
+    return _beside([other], mine), other
+
+
+def _beside(others: Sequence[Placed], mine: Placed) -> Placed:
+    """On the same floor, to the right of all others."""
+    edge = max(one.x + one.width / 2 for one in others)
+    return replace(mine, x=edge + 0.53 * mine.width, y=min(one.y for one in others))
+
+
+def _top(picture: Tensor, share: float) -> float:
+    """How high a picture reaches in its middle, as a share of its height; `share`: of its width, that counts."""
+    seen = picture[3] > 0.5
+    middle = seen.shape[1] / 2
+    half = max(1.0, min(0.3, 0.25 * share) * seen.shape[1])
+    columns = seen[:, int(middle - half) : int(middle + half) + 1]
+    tops = [int(column.nonzero()[0]) for column in columns.T if bool(column.any())]
+    return 1 - sorted(tops)[len(tops) // 2] / seen.shape[0] if tops else 1.0
+
+
+def _hollow(picture: Tensor) -> bool:
+    """Whether there is room in the lower half of a picture, as under a table or a tree."""
+    lower = picture[3, picture.shape[1] // 2 :]
+    return float(lower.mean()) < 0.5
+
+
+def copies(picture: Tensor, count: int, where: str, seed: int, *, apart: bool = False) -> Tensor:
+    """So many copies of a picture as one [4, h, w]: in rows on a floor, the rear ones smaller; scattered in the air.
+
+    apart: with room for another thing between them.
+    """
+    if count == 1:
+        return picture
+    generator = torch.Generator().manual_seed(seed)
+    one = resized(picture, _SIDE / max(picture.shape[1:]))
+    high, wide = one.shape[1:]
+    spots: list[tuple[float, float, float]] = []  # left, bottom, size
+    rows = 1 if count <= 3 else 2 if count <= 7 else 3
+    for row in range(rows):
+        here = count // rows + (row < count % rows)
+        size = 0.8**row
+        step = (2.2 if apart else 0.98) * size * wide
+        for number in range(here):
+            shake = torch.rand(3, generator=generator)
+            jitter = 0.5 if where == "air" else 0.06
+            left = (number - (here - 1) / 2 + (0.5 if row % 2 else 0.0)) * step * (1.15 if where == "air" else 1.0)
+            rise = row * (0.95 if where == "air" else 0.42) * high + jitter * float(shake[0]) * high
+            spots.append((left, rise, size * (0.86 + 0.14 * float(shake[1]))))
+    left = min(x - size * wide / 2 for x, _, size in spots)
+    right = max(x + size * wide / 2 for x, _, size in spots)
+    height = max(y + size * high for _, y, size in spots)
+    colors, opacity = (
+        torch.zeros(3, round(height) + 2, round(right - left) + 2),
+        torch.zeros(1, round(height) + 2, round(right - left) + 2),
+    )
+    for number, (x, y, size) in sorted(enumerate(spots), key=lambda spot: -spot[1][1]):
+        copy = resized(one, size)
+        copy = copy.flip(2) if number % 2 else copy
+        top, start = round(height - y - copy.shape[1]), round(x - size * wide / 2 - left)
+        area = slice(max(0, top), max(0, top) + copy.shape[1]), slice(start, start + copy.shape[2])
+        over = copy[3:, : colors[:, area[0], area[1]].shape[1], : colors[:, area[0], area[1]].shape[2]]
+        paint = copy[:3, : over.shape[1], : over.shape[2]]
+        colors[:, area[0], area[1]] = paint * over + (1 - over) * colors[:, area[0], area[1]]
+        opacity[:, area[0], area[1]] = over + (1 - over) * opacity[:, area[0], area[1]]
+    return torch.cat((colors / opacity.clamp(min=1e-4), opacity)).clamp(0, 1)

@@ -1,0 +1,81 @@
+"""A scene as one picture: its things on a ground, told from it by light and dark, with what falls over them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.compositing import laid, resized
+from frida_painter.objectives.scenes.arrangement import Placed
+from frida_painter.objectives.scenes.settings import DAY, Setting, with_contrast
+
+_WIDE, _HIGH = 0.86, 0.80  # of the canvas, that things fill at the most
+_STANDS = 0.55  # of the land below the horizon, on which things stand
+_ALOFT = 0.40  # of the height, where the middle of what hangs in the air is
+_AMID = 0.62  # of the height that a single thing fills where its place is shown too
+_THIRD = 0.07  # of the width, by which a thing that leaves room is off the middle
+_LIT = 0.55  # how far things take the colour of the light
+_DIPS = 0.07  # of its height, by which a thing in water is hidden
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A composed scene: its picture [3, H, W], and how much of its things is where, [H, W] in [0, 1]."""
+
+    picture: Tensor
+    where: Tensor
+
+
+def composed(things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, aloft: bool) -> Scene:
+    """The things in their setting; aloft: whether none of them stands on anything."""
+    ground = setting.ground(grid, seed)
+    if not things:
+        return Scene(setting.fallen(setting.starred(ground, seed), seed), torch.zeros(grid.rows, grid.columns))
+    drawn = _fitted(things, setting, grid, seed, aloft=aloft)
+    where, colors = torch.zeros(grid.rows, grid.columns), torch.zeros(3, grid.rows, grid.columns)
+    for picture, top, left in drawn:
+        colors, over = laid(picture, colors, top, left)
+        where = torch.maximum(where, over)
+    if setting.light != DAY:
+        shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
+        colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
+    ground = setting.starred(with_contrast(ground, where, colors), seed)
+    picture = torch.lerp(ground, colors, where)
+    return Scene(setting.fallen(picture, seed).clamp(0, 1), where)
+
+
+def _fitted(
+    things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, aloft: bool
+) -> list[tuple[Tensor, int, int]]:
+    """The pictures at their sizes in pixels, each with its first row and column; nothing touches the edge."""
+    rows, columns = grid.rows, grid.columns
+    left = min(one.x - one.width / 2 for one in things)
+    right = max(one.x + one.width / 2 for one in things)
+    low, high = min(one.y for one in things), max(one.y + one.height for one in things)
+    tall = _AMID if setting.is_named and len(things) == 1 else _HIGH
+    if aloft and setting.is_named:
+        tall = 0.75 * _AMID
+    scale = min(_WIDE * columns / (right - left), tall * rows / (high - low))
+    width, height = scale * (right - left), scale * (high - low)
+    if aloft:
+        bottom = _ALOFT * rows + height / 2 if setting.is_named else (rows + height) / 2
+    else:
+        floor = setting.place.horizon + _STANDS * (1 - setting.place.horizon)
+        bottom = floor * rows if height < (floor - 0.05) * rows else (rows + height) / 2
+    bottom = min(max(bottom, height + 0.04 * rows), 0.96 * rows)
+    free = columns - width
+    shift = min(_THIRD * columns, 0.5 * free - 0.04 * columns) if setting.is_named else 0.0
+    start = free / 2 + (1 if seed % 2 else -1) * max(0.0, shift)
+    found = []
+    for one in things:
+        picture = resized(one.picture, max(1e-3, scale * one.height / one.picture.shape[1]))
+        if setting.place.is_water and setting.is_named and not aloft and one.y == low:
+            dips = max(1, round(_DIPS * picture.shape[1]))
+            picture[3, -dips:] *= torch.linspace(1, 0, dips)[:, None]
+        top = round(bottom - scale * (one.y - low) - picture.shape[1])
+        at = round(start + scale * (one.x - one.width / 2 - left))
+        top = max(0, min(top, rows - picture.shape[1]))
+        found.append((picture[:, :rows, :columns], top, max(0, min(at, columns - picture.shape[2]))))
+    return found

@@ -1,0 +1,310 @@
+"""What a prompt says: its things, how they stand to each other, and what must not be seen.
+
+The grammar is read by spaCy's small English model (Honnibal et al. 2020); no word lists decide what is a thing.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import torch
+from torch import Tensor
+
+from frida_painter import extras
+from frida_painter.errors import WeightsError
+from frida_painter.palette import from_lab, to_lab
+
+if TYPE_CHECKING:
+    from spacy.language import Language
+    from spacy.tokens import Token
+
+_PLURAL = 3  # things that are painted for a plural without a number
+_MOST = 12
+_NUMBERS = ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
+_MANY = ("many", "several", "some", "few", "both")
+_GROUPS = {"pair": 2, "couple": 2, "trio": 3, "dozen": 12}
+_DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph", "image", "portrait", "watercolor",
+                "watercolour")  # fmt: skip
+_BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
+_VIVID = 72.0  # chroma
+_LONGEST = 400  # characters; more is no description of one picture
+
+
+@dataclass(frozen=True)
+class Thing:
+    """A thing that a prompt names.
+
+    name: what it is called, in the singular, with its adjectives and without its colour, as "old man"; noun: the last
+    word of it; color: the word for its colour, as "dark blue", or nothing; count: the number of them that was said;
+    None: several, without a number; doing: the verb for what it does, as "sleep", or nothing.
+    """
+
+    name: str
+    noun: str
+    color: str = ""
+    count: int | None = 1
+    doing: str = ""
+
+    @property
+    def shown(self) -> int:
+        """How many of them are painted: 1 to 12."""
+        return _PLURAL if self.count is None else max(1, min(self.count, _MOST))
+
+
+@dataclass(frozen=True)
+class Relation:
+    """How two things stand to each other: positions in `Reading.things`, and a preposition or verb between them."""
+
+    subject: int
+    word: str
+    object: int
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The things of a prompt, their relations, and the nouns of what must not be seen."""
+
+    things: tuple[Thing, ...]
+    relations: tuple[Relation, ...] = ()
+    absent: tuple[str, ...] = ()
+
+
+class PromptReader:
+    """Reads prompts by their grammar. folder: of the fetched model; None: every prompt is one thing.
+
+    Raises ConfigError and WeightsError.
+    """
+
+    def __init__(self, folder: Path | None) -> None:
+        self._language: Language | None = None
+        self._verbs: frozenset[str] = frozenset()
+        if folder is None:
+            return
+        extras.require("words", "spacy", "Reading a prompt")
+        import spacy
+
+        try:
+            self._language = spacy.load(folder, exclude=["ner", "senter"])
+        except (OSError, ValueError) as cause:
+            raise WeightsError(f"{folder} does not hold the English grammar; fetch english again.") from cause
+        lemmas: Any = self._language.get_pipe("lemmatizer")
+        self._verbs = frozenset(lemmas.lookups.get_table("lemma_index")["verb"])
+
+    def read(self, prompt: str) -> Reading:
+        """What the prompt says. A prompt without any noun is one thing that is called like the prompt."""
+        text = prompt[:_LONGEST].strip().rstrip(".!")
+        text = text.lower() if text.isupper() else text[:1].lower() + text[1:]
+        walk = _Walk(self._verbs)
+        for sentence in self._language(text).sents if self._language is not None else ():
+            walk.sentence(sentence.root)
+        plain = re.sub("^(an?|the) ", "", text)
+        things = tuple(walk.things) or (Thing(plain, plain.rpartition(" ")[2]),)
+        return Reading(things, tuple(dict.fromkeys(walk.relations)), tuple(dict.fromkeys(walk.absent)))
+
+
+class _Walk:
+    """Collects the things of a dependency tree."""
+
+    def __init__(self, verbs: frozenset[str]) -> None:
+        self._verbs = verbs
+        self.things: list[Thing] = []
+        self.relations: list[Relation] = []
+        self.absent: list[str] = []
+
+    def sentence(self, root: Token) -> None:
+        """Starts at the nouns that a depiction shows, at a verb, or at the root itself."""
+        if root.pos_ in ("VERB", "AUX") or self._is_participle(root):
+            subjects = [word for word in root.lefts if _is_noun(word)]
+            self._clause(root, self._thing(subjects[-1], root) if subjects else [])
+        elif _is_depiction(root) and (shown := _shown(root)) is not None:
+            self._hanging(root, self._thing(shown), but=shown.head)
+        else:
+            self._thing(root)
+        for noun in root.subtree:
+            if noun.dep_ == "preconj" and _is_noun(
+                noun
+            ):  # "a lemon and two pears", where the parser takes it for "both"
+                self._thing(noun)
+
+    def _is_participle(self, noun: Token) -> bool:
+        """Whether a last word is what the noun before it does, as in "a zebra drinking from a river"."""
+        before = _child(noun, "compound")
+        stem = noun.text.removesuffix("ing")
+        return before is not None and stem != noun.text and bool(self._verbs & {stem, f"{stem}e", stem[:-1]})
+
+    def _thing(self, noun: Token, whole: Token | None = None) -> list[int]:
+        """The numbers of this noun and of those joined to it by "and"; what hangs on them is read too.
+
+        whole: the word on which the noun's own adjectives and numbers hang, where that is a verb.
+        """
+        counted = next((word for word in _children(noun, "prep") if word.lower_ == "of"), None)
+        inner = None if counted is None or noun.lemma_ not in _GROUPS else _child(counted, "pobj")
+        if inner is not None:
+            numbers = self._thing(inner)
+            first = self.things[numbers[0]]
+            self.things[numbers[0]] = replace(first, count=_GROUPS[noun.lemma_])
+            self._hanging(noun, numbers, but=counted)
+            return numbers
+        number = len(self.things)
+        self.things.append(_described(noun, whole or noun))
+        joined = [at for other in _children(noun, "conj", "appos") if _is_noun(other) for at in self._thing(other)]
+        self._hanging(noun, [number])
+        return [number, *joined]
+
+    def _hanging(self, noun: Token, subjects: list[int], but: Token | None = None) -> None:
+        """What is said of a thing: where it is, what it has, and what it does."""
+        # "A cow and a calf in a meadow": what is said of the last place is said of all.
+        for word in _children(noun, "prep", "advmod"):
+            if word != but:
+                self._preposition(word, subjects)
+        for verb in _children(noun, "acl", "relcl", "advcl"):
+            self._clause(verb, subjects)
+
+    def _preposition(self, word: Token, subjects: list[int], said: str = "") -> None:
+        """One relation for each subject and each object; "in front of" and "next to" are one word."""
+        said = f"{said} {word.lower_}".strip()
+        for inner in _children(word, "prep"):
+            self._preposition(inner, subjects, said)
+        for noun in _children(word, "pobj"):
+            further = [one for one in _children(noun, "prep") if one.lower_ == "of"]
+            if (
+                further
+                and noun.pos_ == "NOUN"
+                and not any(child.dep_ in ("det", "amod", "nummod", "compound") for child in noun.children)
+            ):
+                for one in further:
+                    self._preposition(one, subjects, f"{said} {noun.lower_}")
+                continue
+            if said == "without" or any(child.lower_ == "no" for child in _children(noun, "det")):
+                self.absent.append(noun.lemma_)
+                continue
+            self._relate(subjects, said, self._object(noun, subjects))
+
+    def _object(self, noun: Token, subjects: list[int]) -> list[int]:
+        """The numbers of an object; where it is in its turn is said of the subjects as well."""
+        before = len(self.relations)
+        numbers = self._thing(noun)
+        raised = []
+        for relation in self.relations[before:]:
+            if relation.subject in numbers and subjects and relation.word not in ("of", "with"):
+                raised += [Relation(subject, relation.word, relation.object) for subject in subjects]
+            else:
+                raised.append(relation)
+        self.relations[before:] = raised
+        return numbers
+
+    def _clause(self, verb: Token, subjects: list[int]) -> None:
+        for number in subjects:
+            self.things[number] = replace(self.things[number], doing=verb.lower_)
+        for noun in _children(verb, "dobj", "attr"):
+            self._relate(subjects, verb.lower_, self._object(noun, subjects))
+        for word in _children(verb, "prep", "advmod"):
+            self._preposition(word, subjects)
+        for other in _children(verb, "advcl", "xcomp", "conj"):
+            self._clause(other, subjects)
+
+    def _relate(self, subjects: list[int], word: str, objects: list[int]) -> None:
+        self.relations += [Relation(subject, word, other) for subject in subjects for other in objects]
+
+
+def _described(noun: Token, whole: Token) -> Thing:
+    """The thing of a noun, by the words before it."""
+    before = [word for word in whole.subtree if word.i < noun.i and _belongs(word, whole)]
+    color, colored = _color(before)
+    name = [word.text for word in before if word not in colored and not _is_number(word)]
+    lemma = noun.text if noun.pos_ == "PROPN" else noun.lemma_
+    numbers = [word for word in whole.children if _is_number(word) and word.i < noun.i]
+    plural = noun.tag_ in ("NNS", "NNPS")
+    count = _number(numbers[0].lower_) if numbers else None
+    count = 1 if count is None and not plural else count
+    return Thing(" ".join([*name, lemma]), lemma, color, count)
+
+
+def _belongs(word: Token, noun: Token) -> bool:
+    """Whether a word before a noun is part of what it is called, or of its colour or number."""
+    head = word
+    while head != noun:
+        if head.dep_ not in (
+            "amod",
+            "compound",
+            "nmod",
+            "conj",
+            "cc",
+            "advmod",
+            "nummod",
+            "punct",
+            "npadvmod",
+            "quantmod",
+        ):
+            return False
+        head = head.head
+    return True
+
+
+def _is_number(word: Token) -> bool:
+    return word.dep_ in ("nummod", "quantmod") or word.lower_ in _MANY or word.lemma_ in _GROUPS
+
+
+def _number(word: str) -> int | None:
+    """The value of a number in words or digits; None for many."""
+    if word.isdecimal():
+        return int(word[:4])
+    return _NUMBERS.index(word) if word in _NUMBERS else _GROUPS.get(word)
+
+
+def _children(word: Token, *kinds: str) -> list[Token]:
+    return [child for child in word.children if child.dep_ in kinds]
+
+
+def _child(word: Token, *kinds: str) -> Token | None:
+    return next(iter(_children(word, *kinds)), None)
+
+
+def _is_noun(word: Token) -> bool:
+    return word.pos_ in ("NOUN", "PROPN", "PRON")
+
+
+def _is_depiction(noun: Token) -> bool:
+    return noun.lemma_.lower() in _DEPICTIONS or (noun.lemma_ == "life" and noun.nbor(-1).lower_ == "still")
+
+
+def _shown(depiction: Token) -> Token | None:
+    """The noun that a depiction shows: a portrait of one, a still life with one."""
+    shown = {word.lower_: noun for word in _children(depiction, "prep") if (noun := _child(word, "pobj")) is not None}
+    return shown.get("of", shown.get("with"))
+
+
+def _color(words: list[Token]) -> tuple[str, list[Token]]:
+    """The longest run of words that names a colour, or colours joined by "and", with those words."""
+    runs = [words[first:last] for first in range(len(words)) for last in range(len(words), first, -1)]
+    for run in sorted(runs, key=len, reverse=True):
+        said = " ".join(word.lower_ for word in run)
+        named = run[-1].pos_ == "ADJ" or run[-1].lower_ in _BASIC  # an apple tree and a rose garden are no colours
+        if named and all(paint_of(part) is not None for part in said.split(" and ")):
+            return said, run
+    return "", []
+
+
+@cache
+def _paints() -> dict[str, str]:
+    """Names of colours: those that the web has, and those of the xkcd survey (CC0), by matplotlib."""
+    from matplotlib.colors import CSS4_COLORS, XKCD_COLORS
+
+    surveyed = {name.removeprefix("xkcd:"): paint for name, paint in XKCD_COLORS.items()}
+    return {**CSS4_COLORS, **surveyed, **{name.replace("grey", "gray"): surveyed[name] for name in surveyed}}
+
+
+def paint_of(color: str) -> Tensor | None:
+    """A colour's name, as "dark blue" or "black and white", as sRGB [3] in [0, 1], its first; None for no name."""
+    from matplotlib.colors import to_rgb
+
+    first = color.split(" and ")[0]
+    if first not in _paints():
+        return None
+    lab = to_lab(torch.tensor(to_rgb(_paints()[first])))
+    # No paint is as vivid as a screen.
+    return from_lab(torch.cat((lab[:1], lab[1:] * min(1.0, _VIVID / max(float(lab[1:].norm()), 1e-6)))))

@@ -1,0 +1,194 @@
+"""Pictures of the things that a prompt names: found by their captions, and chosen by looking at them."""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from frida_painter.errors import ImageError
+from frida_painter.objectives.compositing import lay
+from frida_painter.objectives.encoders.conse import synonyms
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.objectives.scenes.libraries import PictureLibrary
+from frida_painter.objectives.scenes.reading import Thing
+from frida_painter.palette import to_lab
+
+_LEAST = 0.55  # similarity of a caption to a thing, below which it speaks of something else
+_AKIN = 0.42  # the same for what stands for a thing that has no picture
+_AGREES = 0.35  # similarity to the prompt's own words that a caption needs where a synonym found it
+_BAND = 0.25  # of similarity below the best, within which pictures are looked at
+_LOOKED_AT = 9
+_EXACT = 1.5  # of similarity, against how a picture looks
+_KEYWORD = 0.05  # less than a title
+_COLORED = 0.1  # more, at the most, for a caption that has the colour too
+_AGREED = 0.5  # of a keyword, however little the title agrees with it
+_NOUN = 0.35  # share of the last word of a name in what a name means
+_CONTEXT = 0.15  # of the similarity of a caption to the whole prompt
+_WORD = 0.1
+_SEEN = 0.25  # the most that looking nearer to the words than a bare ground, or farther, counts
+_LIKENESS = 0.4  # of a photograph before a sign
+_OWN = 0.3  # of a person's own picture
+_PLAIN = 0.25  # against drawings without colour, and pictures that are no cut-outs
+_COLORFUL = 8.0  # chroma
+_BLACK, _SILHOUETTE = 12.0, 0.4  # L*, and share of a picture, from which it is a silhouette
+_SKETCHY = 0.25  # share of its box that a thing fills, below which there are only lines
+_FILLED = 0.95  # share of its box, from which a picture is a rectangle
+_SPEAKS = 0.45  # similarity of a caption to one of several things that it shows
+_GROUND = (0.93, 0.92, 0.88)
+_LOOK = 160  # pixels
+
+
+@dataclass(frozen=True)
+class Found:
+    """A picture for a thing: colour and opacity [4, h, w], its caption and library, and how like the thing that is.
+
+    exact: whether it shows the thing that was named, rather than one that is akin.
+    """
+
+    picture: Tensor
+    caption: str
+    library: PictureLibrary
+    similarity: float
+    exact: bool
+
+
+@dataclass(frozen=True)
+class _Entry:
+    library: PictureLibrary
+    file: str
+    title: str
+    rows: tuple[int, ...]  # of its captions among the meanings, the title's first
+    likeness: float
+
+
+class PictureIndex:
+    """All captions of several libraries as directions, computed once and kept in the folder `keep`."""
+
+    def __init__(self, libraries: Sequence[PictureLibrary], sentences: SentenceEncoder, keep: Path) -> None:
+        self._sentences = sentences
+        self._entries: list[_Entry] = []
+        self._meanings = torch.zeros(0, 1)
+        parts: list[Tensor] = []
+        before = 0
+        for library in libraries:
+            captioned = library.captioned()
+            said = list(dict.fromkeys(_cleaned(caption) for one in captioned for caption in one.captions))
+            at = {caption: before + number for number, caption in enumerate(said)}
+            for one in captioned:
+                rows = tuple(at[_cleaned(caption)] for caption in one.captions)
+                self._entries.append(_Entry(library, one.file, _cleaned(one.captions[0]), rows, one.likeness))
+            parts.append(sentences.embed_once(said, keep))
+            before += len(said)
+        self._meanings = torch.cat(parts)
+        longest = max(len(entry.rows) for entry in self._entries)
+        self._titles = torch.tensor([entry.rows[0] for entry in self._entries])
+        self._words = torch.tensor(
+            [entry.rows + (entry.rows[0],) * (longest - len(entry.rows)) for entry in self._entries]
+        )
+
+    def find(
+        self,
+        thing: Thing,
+        prompt: str,
+        distance: Callable[[Tensor], float],
+        *,
+        least: float = 0.0,
+        shows: Sequence[str] = (),
+        cut_out: bool = False,
+    ) -> Found | None:
+        """The picture that shows a thing best; None where none does.
+
+        distance: how far a picture [3, h, w] looks from the thing, to networks; 0 is near. least: similarity that a
+        caption needs, where nothing that is only akin will do; shows: words of each of which the caption speaks;
+        cut_out: whether it stands among others, so that no picture with a ground of its own will do.
+        """
+        similarity = self._similarity(thing)
+        for words in shows:
+            similarity = similarity.masked_fill(self._captioned(words) < _SPEAKS, 0)
+        exact = float(similarity.max()) >= (least or _LEAST)
+        if least and not exact:
+            return None
+        least = least or (_LEAST if exact else _AKIN)
+        context = self._similar(prompt)[self._titles]
+        order = (similarity + _CONTEXT * context).argsort(descending=True)[: 4 * _LOOKED_AT].tolist()
+        near = [at for at in order if similarity[at] >= max(least, float(similarity.max()) - _BAND)][:_LOOKED_AT]
+        bare = distance(torch.tensor(_GROUND)[:, None, None].expand(3, _LOOK, _LOOK))
+        best, found = -float("inf"), None
+        for at in near:
+            entry = self._entries[at]
+            try:
+                shown = entry.library.pictures(entry.file)
+            except ImageError:
+                continue
+            for picture in shown:
+                if cut_out and float(picture[3].mean()) > _FILLED:
+                    continue
+                looks = bare - distance(lay(picture, torch.tensor(_GROUND)[:, None, None].expand(3, _LOOK, _LOOK)))
+                worth = (
+                    _EXACT * float(similarity[at])
+                    + _spoken(entry, thing)
+                    + _CONTEXT * float(context[at])
+                    + max(-_SEEN, min(looks, _SEEN))
+                    + _prior(entry, picture)
+                )
+                if worth > best:
+                    best = worth
+                    found = Found(picture, entry.title, entry.library, float(similarity[at]), exact)
+        return found
+
+    def nearest(self, thing: Thing) -> float:
+        """How like the thing the captions are that are most like it."""
+        return float(self._similarity(thing).max())
+
+    def _similarity(self, thing: Thing) -> Tensor:
+        """How like the thing each picture's captions are, [n]."""
+        named = self._captioned(thing.name)
+        if thing.color:
+            named = torch.maximum(
+                named, torch.minimum(self._captioned(f"{thing.color} {thing.name}"), named + _COLORED)
+            )
+        if thing.doing:
+            named = torch.maximum(named, self._captioned(f"{thing.name} {thing.doing}"))
+        for other in synonyms(thing.name):
+            named = torch.maximum(named, self._captioned(other).masked_fill(named < _AGREES, 0))
+        if thing.noun == thing.name:
+            return named
+        return (1 - _NOUN) * named + _NOUN * self._captioned(thing.noun)
+
+    def _captioned(self, words: str) -> Tensor:
+        """The same for words: the title's, or a keyword's as far as the title agrees with it."""
+        similar = self._similar(words)
+        title, keyword = similar[self._titles], similar[self._words].amax(1) - _KEYWORD
+        return torch.maximum(title, torch.minimum(keyword, _AGREED + (1 - _AGREED) * title))
+
+    def _similar(self, words: str) -> Tensor:
+        return self._meanings @ self._sentences.embed([words])[0]
+
+
+def _spoken(entry: _Entry, thing: Thing) -> float:
+    """What it is worth that a title has the very word, or is no more than it: a clown is no clownfish."""
+    return _WORD * (thing.noun in entry.title.split()) + _WORD * (entry.title in (thing.name, thing.noun))
+
+
+def _prior(entry: _Entry, picture: Tensor) -> float:
+    """What a picture is worth before it is compared: cut-outs before rectangles, colours before outlines."""
+    seen = picture[:3, picture[3] > 0.5].T
+    own = entry.library.is_own
+    worth = _LIKENESS * entry.likeness + _OWN * own
+    if len(seen) == 0:
+        return -1.0
+    lab = to_lab(seen[:: max(1, len(seen) // 2000)])
+    chroma = float(lab[:, 1:].norm(dim=1).mean())
+    worth -= _PLAIN * float((lab[:, 0] < _BLACK).float().mean() > _SILHOUETTE) * (not own)
+    worth -= _PLAIN * (chroma < _COLORFUL and not own)
+    worth -= _PLAIN * (float(picture[3].mean()) < _SKETCHY)
+    return worth - _PLAIN * (float(picture[3].mean()) > _FILLED and not own)
+
+
+def _cleaned(caption: str) -> str:
+    """A caption without article, numbers, underscores and what is in brackets, in small letters."""
+    plain = " ".join(re.sub(r"\(.*?\)|[^a-zA-Z' -]+", " ", caption).split()).lower()
+    return re.sub("^(an?|the|another|some) ", "", plain) or caption

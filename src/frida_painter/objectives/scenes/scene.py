@@ -1,0 +1,259 @@
+"""From a prompt to a scene: it is read, pictures of its things are found, and they are composed in their setting."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.objectives.recoloring import is_colored, recolored
+from frida_painter.objectives.scenes.arrangement import Part, arranged, copies
+from frida_painter.objectives.scenes.composition import Scene, composed
+from frida_painter.objectives.scenes.reading import Reading, Relation, Thing, paint_of
+from frida_painter.objectives.scenes.retrieval import Found, PictureIndex
+from frida_painter.objectives.scenes.settings import (
+    CLEAR,
+    DAY,
+    GREY,
+    HILLS,
+    PAPER,
+    Setting,
+    implied_place,
+    in_color,
+    named_light,
+    named_place,
+    named_weather,
+)
+from frida_painter.objectives.scenes.world import known_like
+from frida_painter.objectives.text import Text
+
+_WHOLE = 0.80  # similarity of a caption to two things and what is between them, from which it shows both
+_PART = 0.75  # the same for what a thing has
+_HELD = 0.72  # the same for "a bowl of cherries"
+_BY_THINGS = ("under", "beneath", "underneath", "below", "beside", "next to", "behind", "in front of", "with")
+_ROUNDING = 1e-3
+_IMPLIED = 0.42  # similarity to what is found at a place, from which things imply it
+_TITLE = 60  # characters of a name in a remark
+
+
+@dataclass(frozen=True)
+class SceneThing:
+    """A thing of a scene, and its picture, if one was found."""
+
+    thing: Thing
+    found: Found | None
+
+    @property
+    def colored(self) -> Tensor:
+        """The picture that was found, in the colour that the words name, unless it has it."""
+        assert self.found is not None
+        color, paint = self.thing.color, paint_of(self.thing.color)
+        named = set(color.split()) <= set(self.found.caption.split())
+        if paint is None or " and " in color or named or is_colored(self.found.picture, paint):
+            return self.found.picture
+        return recolored(self.found.picture, paint)
+
+    @property
+    def told(self) -> str:
+        """The picture that was found, for a person."""
+        assert self.found is not None
+        times = f", {self.thing.shown} times" if self.thing.shown > 1 else ""
+        stands = "" if self.found.exact else f" for {self.thing.name[:_TITLE]!r}, which has no picture of its own"
+        return f"{self.found.caption[:_TITLE]!r} ({self.found.library.name}{times}){stands}"
+
+    @property
+    def credit(self) -> str:
+        """Who made the picture, for the end of a sentence."""
+        assert self.found is not None
+        return f"; picture by {self.found.library.credit}" if self.found.library.credit else ""
+
+
+def thing_of(prompt: str, encoders: EncoderRegistry, seed: int) -> SceneThing | None:
+    """The first thing of a prompt that has a picture; None where none has."""
+    index = encoders.picture_index()
+    if index is None:
+        return None
+    for thing in encoders.prompts().read(prompt).things:
+        found = index.find(thing, prompt, _looks(thing.name, encoders, seed))
+        if found is not None:
+            return SceneThing(thing, found)
+    return None
+
+
+def scene_of(prompt: str, grid: PixelGrid, encoders: EncoderRegistry, seed: int, use: str = "begun with") -> Scene:
+    """The scene of a prompt; the encoders remember what it was made of, and what `use` the painting makes of it."""
+    reading, index = encoders.prompts().read(prompt), encoders.picture_index()
+    setting, settled = _setting(reading, index, encoders)
+    sentences = encoders.sentences()
+    if len(settled) == len(reading.things) and setting.place is not PAPER:
+        reading = _peopled(reading, setting, sentences)
+    things, relations = _found(reading, settled, prompt, index, encoders, seed)
+    shown = [one for one in things if one is not None and one.found is not None]
+    if setting.place is PAPER:
+        names = [name for one in shown for name in (one.thing.name, one.found.caption if one.found else "")]
+        names = names or [thing.name for thing in reading.things[:1]]
+        asked = setting.is_named or not shown
+        outside = setting.weather != CLEAR
+        place = implied_place(names, sentences, _IMPLIED, outside=outside)
+        place = HILLS if place is PAPER and asked else place
+        setting = replace(setting, place=place, is_named=asked)
+    things = _dressed(things, relations, sentences)
+    parts: list[Part | None] = []
+    for number, one in enumerate(things):
+        if one is None or one.found is None:
+            parts.append(None)
+            continue
+        known = known_like(one.thing.name, sentences)
+        if one.thing.doing == "flying":
+            known = known._replace(where="air")
+        between = any(relation.object == number and relation.word == "between" for relation in relations)
+        parts.append(Part(copies(one.colored, one.thing.shown, known.where, seed + number, apart=between), known))
+    known_parts = [part.known for part in parts if part is not None]
+    over = {
+        one.subject for one in reading.relations if one.word in ("over", "above", "across") and one.object in settled
+    }
+    aloft = bool(known_parts) and (all(part.where == "air" for part in known_parts) or _subjects(things, over))
+    scene = composed(arranged(parts, relations), setting, grid, seed, aloft=aloft)
+    _tell(reading, things, setting, encoders, use)
+    return scene
+
+
+def _dressed(
+    things: list[SceneThing | None], relations: list[Relation], sentences: SentenceEncoder
+) -> list[SceneThing | None]:
+    """The things, where clothes that somebody wears are no things of their own but give him their colour."""
+    dressed = list(things)
+    for relation in relations:
+        wearer, worn = dressed[relation.subject], dressed[relation.object]
+        if relation.word in ("in", "with", "wearing") and wearer is not None and worn is not None:
+            if known_like(worn.thing.name, sentences).where != "worn":
+                continue
+            dressed[relation.subject] = replace(wearer, thing=replace(wearer.thing, color=worn.thing.color))
+            dressed[relation.object] = None
+    return dressed
+
+
+def _peopled(reading: Reading, setting: Setting, sentences: SentenceEncoder) -> Reading:
+    """A place that is named alone, with what is found there: boats in a harbour."""
+    meanings = sentences.embed([reading.things[0].name, *setting.place.found])
+    name = setting.place.found[int((meanings[1:] @ meanings[0]).argmax())]
+    if name in reading.absent:
+        return reading
+    number = len(reading.things)
+    thing = Thing(name, name.rpartition(" ")[2], count=2)
+    return replace(reading, things=(*reading.things, thing), relations=(*reading.relations, Relation(number, "in", 0)))
+
+
+def _subjects(things: list[SceneThing | None], over: set[int]) -> bool:
+    """Whether all things that are shown are over a place."""
+    shown = {number for number, one in enumerate(things) if one is not None and one.found is not None}
+    return bool(shown) and shown <= over
+
+
+def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegistry) -> tuple[Setting, set[int]]:
+    """The setting that words name, and the numbers of the things that are no more than part of it."""
+    sentences, setting, settled = encoders.sentences(), Setting(), set[int]()
+    for number, thing in enumerate(reading.things):
+        if any(one.object == number and one.word in _BY_THINGS for one in reading.relations):
+            continue
+        subject_only = len(reading.things) == 1
+        # What has a picture of its own is a thing: a tree is no forest.
+        least = 0.0 if index is None else index.nearest(thing) - _ROUNDING
+        place = named_place(thing.noun, sentences, least)
+        light = named_light(thing.noun, sentences, least)
+        weather = named_weather(thing.noun, sentences, least)
+        if light is None and weather is None and place is None and thing.name != thing.noun:
+            place = named_place(thing.name, sentences, least)
+        if place is not None:
+            paint = paint_of(thing.color)
+            setting = replace(setting, place=place if paint is None else in_color(place, paint), is_named=True)
+            settled.add(number)
+        elif light is not None:
+            setting = replace(setting, light=light, is_named=True)
+            if not subject_only:
+                settled.add(number)
+        elif weather is not None:
+            setting = replace(setting, weather=weather, is_named=True)
+            settled.add(number)
+        for word in thing.name.split()[:-1]:
+            if setting.light == DAY and (felt := named_light(word, sentences)) is not None:
+                setting = replace(setting, light=felt, is_named=True)
+            if setting.weather == CLEAR and (felt_weather := named_weather(word, sentences)) is not None:
+                setting = replace(setting, weather=felt_weather, is_named=True)
+    if setting.weather.rain and setting.light == DAY:
+        setting = replace(setting, light=GREY)
+    return setting, settled
+
+
+def _found(
+    reading: Reading, settled: set[int], prompt: str, index: PictureIndex | None, encoders: EncoderRegistry, seed: int
+) -> tuple[list[SceneThing | None], list[Relation]]:
+    """A picture for each thing; where one shows two things and what is between them, it is the first one's."""
+    things: list[SceneThing | None] = [None] * len(reading.things)
+    if index is None:
+        return [SceneThing(thing, None) for thing in reading.things], []
+    merged = set[int]()
+    relations = [one for one in reading.relations if one.subject not in settled and one.object not in settled]
+    for relation in list(relations):
+        first, second = reading.things[relation.subject], reading.things[relation.object]
+        if relation.subject in merged or relation.object in merged:
+            continue
+        called = f"{first.name} {relation.word} {second.color} {second.name}".replace("  ", " ")
+        least = _HELD if relation.word == "of" else _WHOLE
+        looks, nouns = _looks(called, encoders, seed), (first.noun, second.noun)
+        whole = index.find(Thing(called, called), prompt, looks, least=least, shows=nouns)
+        if whole is not None:
+            things[relation.subject] = SceneThing(first, whole)
+            merged |= {relation.subject, relation.object}
+            relations = [one for one in relations if not {one.subject, one.object} & {relation.object}]
+    had = {one.object for one in relations if one.word == "with"}  # parts, such as a roof, belong to their whole
+    for number, thing in enumerate(reading.things):
+        if number not in settled and number not in merged:
+            looks, least = _looks(thing.name, encoders, seed), _PART if number in had else 0.0
+            found = index.find(thing, prompt, looks, least=least, cut_out=bool(relations))
+            things[number] = None if number in had and found is None else SceneThing(thing, found)
+    held = [one for one in relations if one.word == "of"]
+    for relation in held:  # a flock of birds is birds
+        group = things[relation.subject]
+        if group is not None and (group.found is None or not group.found.exact):
+            things[relation.subject] = None
+            relations = [one for one in relations if one != relation]
+            relations = [
+                replace(one, subject=relation.object) if one.subject == relation.subject else one for one in relations
+            ]
+    for relation in reading.relations:
+        group = things[relation.object]
+        if relation.word == "of" and relation.subject in settled and group is not None and group.thing.count is None:
+            things[relation.object] = replace(group, thing=replace(group.thing, count=7))
+    return things, relations
+
+
+def _looks(name: str, encoders: EncoderRegistry, seed: int) -> Callable[[Tensor], float]:
+    """How far pictures look from a thing, to the networks that the painting is seen through."""
+    words = Text(name, encoders.readers(), seed)
+
+    @torch.no_grad()
+    def distance(picture: Tensor) -> float:
+        return float(words.glance(picture))
+
+    return distance
+
+
+def _tell(
+    reading: Reading, things: list[SceneThing | None], setting: Setting, encoders: EncoderRegistry, use: str
+) -> None:
+    """What the painting began with, who made it, and what was missing."""
+    shown = [one for one in things if one is not None and one.found is not None]
+    credits = dict.fromkeys(one.found.library.credit for one in shown if one.found and one.found.library.credit)
+    made = f"; pictures by {'; '.join(credits)}" if credits else ""
+    told = " and ".join(one.told for one in shown) or "no picture of a thing"
+    encoders.remark(f"{use.capitalize()} {told}, on {setting.words}{made}.")
+    missing = [one.thing.name[:_TITLE] for one in things if one is not None and one.found is None]
+    if missing:
+        encoders.remark(
+            f"No picture of {', '.join(map(repr, missing))} was found; give one with --image, or a folder of your own "
+            "with --pictures."
+        )

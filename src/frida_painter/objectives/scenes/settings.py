@@ -1,0 +1,301 @@
+"""Where a scene is, in which light and weather: chosen by what a prompt means, painted as a ground for its things."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.palette import from_lab, to_lab
+
+Color = tuple[float, float, float]
+_PAPER: Color = (1.0, 1.0, 1.0)
+_EDGE = 0.04  # of the height, over which two bands pass into each other
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where things are. words: what it is called, and what is found there; above, below: sRGB over and under the
+    horizon, which has that share of the height above it; relief: height of hills on it, as a share of the height;
+    is_water, is_open: whether things float on it, and whether a sky is over it.
+    """
+
+    name: str
+    words: tuple[str, ...]
+    found: tuple[str, ...]
+    above: Color
+    below: Color
+    horizon: float
+    relief: float = 0.0
+    is_water: bool = False
+    is_open: bool = True
+
+
+@dataclass(frozen=True)
+class Light:
+    """The light of a scene. words: what it is called; top, low: sRGB of the sky at its top and over the horizon;
+    shade: what colours of the land are multiplied by; stars: how many.
+    """
+
+    name: str
+    words: tuple[str, ...]
+    top: Color
+    low: Color
+    shade: Color
+    stars: int = 0
+
+
+@dataclass(frozen=True)
+class Weather:
+    """What falls or hangs in the air: its name, words, the sRGB and share of strokes of rain, flakes, or fog."""
+
+    name: str
+    words: tuple[str, ...]
+    color: Color
+    rain: int = 0
+    flakes: int = 0
+    fog: float = 0.0
+
+
+PAPER = Place("bare paper", (), (), _PAPER, _PAPER, 0.5)
+PLACES = (
+    Place("the sea", ("sea", "ocean", "harbour", "coast", "wave"), ("sailing boat", "ship", "whale", "fish"),
+          (0.80, 0.89, 0.95), (0.22, 0.46, 0.66), 0.58, is_water=True),
+    Place("a lake", ("lake", "pond", "river", "water"), ("swan", "duck", "frog", "lily pad", "boat"),
+          (0.82, 0.90, 0.94), (0.36, 0.58, 0.68), 0.50, 0.08, is_water=True),
+    Place("a beach", ("beach", "sand", "shore"), ("palm tree", "crab", "starfish"),
+          (0.66, 0.84, 0.93), (0.90, 0.80, 0.58), 0.62),
+    Place("a meadow", ("meadow", "grass", "field", "garden", "park"),
+          ("flower", "animal", "butterfly", "insect", "tractor", "cow", "bicycle"),
+          (0.80, 0.90, 0.96), (0.46, 0.64, 0.32), 0.62),
+    Place("hills", ("hill", "valley", "landscape", "village", "horizon"),
+          ("house", "castle", "windmill", "tower", "barn"), (0.80, 0.88, 0.95), (0.50, 0.62, 0.36), 0.70, 0.14),
+    Place("mountains", ("mountain range", "cliff", "alps"), ("mountain", "eagle", "volcano"),
+          (0.80, 0.87, 0.94), (0.44, 0.50, 0.52), 0.64, 0.28),
+    Place("a forest", ("forest", "jungle", "woods", "wilderness"), ("tree", "bear", "deer", "owl", "mushroom", "fox"),
+          (0.60, 0.74, 0.58), (0.27, 0.40, 0.22), 0.60, 0.30),
+    Place("a desert", ("desert", "dune", "savannah"), ("cactus", "camel", "giraffe"),
+          (0.90, 0.88, 0.80), (0.86, 0.68, 0.42), 0.66, 0.07),
+    Place("snow", ("snow", "ice", "winter landscape", "iceberg"), ("snowman", "penguin", "polar bear"),
+          (0.70, 0.80, 0.90), (0.94, 0.96, 0.98), 0.60, 0.06),
+    Place("a street", ("street", "road", "city", "town", "square", "market"),
+          ("house", "car", "bus", "train", "traffic light"), (0.84, 0.88, 0.92), (0.56, 0.55, 0.54), 0.68),
+    Place("the sky", ("sky", "clouds"), ("cloud", "airplane", "hot air balloon", "kite", "flying bird", "rocket"),
+          (0.55, 0.76, 0.92), (0.78, 0.88, 0.95), 0.74),
+    Place("a table", ("table top", "kitchen", "tablecloth", "still life"),
+          ("fruit", "food", "cup", "dish", "vase", "cake"),
+          (0.93, 0.89, 0.80), (0.66, 0.46, 0.30), 0.62, is_open=False),
+    Place("a room", ("room", "indoors", "floor", "wall", "stage"),
+          ("furniture", "musical instrument", "clothes", "tool", "chair", "computer"),
+          (0.92, 0.88, 0.80), (0.60, 0.44, 0.32), 0.70, is_open=False),
+)  # fmt: skip
+HILLS = PLACES[4]
+DAY = Light("day", (), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+LIGHTS = (
+    Light("dawn", ("dawn", "sunrise", "early morning", "morning"), (0.62, 0.70, 0.86), (0.99, 0.82, 0.68),
+          (0.92, 0.84, 0.84)),
+    Light("sunset", ("sunset", "dusk", "evening", "twilight"), (0.42, 0.36, 0.58), (0.99, 0.60, 0.28),
+          (0.78, 0.60, 0.58)),
+    Light("night", ("night", "midnight", "moonlight", "dark night", "starry night"), (0.05, 0.08, 0.22),
+          (0.16, 0.22, 0.42), (0.30, 0.35, 0.52), 14),
+    Light("a grey day", ("gloomy", "sad", "lonely", "loneliness", "melancholy", "grief", "stormy", "grey weather",
+          "cloudy day"), (0.52, 0.56, 0.62), (0.76, 0.78, 0.80), (0.72, 0.75, 0.80)),
+    Light("warm light", ("joy", "happiness", "love", "cheerful", "summer"), (0.55, 0.80, 0.97),
+          (1.0, 0.94, 0.70), (1.05, 1.0, 0.88)),
+    Light("autumn light", ("autumn", "fall foliage"), (0.86, 0.84, 0.76), (0.98, 0.84, 0.56), (1.18, 0.80, 0.52)),
+)  # fmt: skip
+GREY = LIGHTS[3]
+CLEAR = Weather("clear", (), _PAPER)
+WEATHERS = (
+    Weather("rain", ("rain", "rainy", "downpour", "storm"), (0.86, 0.90, 0.95), rain=46),
+    Weather("snow", ("snowfall", "snowing", "snowy", "blizzard"), (1.0, 1.0, 1.0), flakes=46),
+    Weather("fog", ("fog", "mist", "misty", "haze"), (0.90, 0.91, 0.92), fog=0.6),
+)
+_Part = TypeVar("_Part", Place, Light, Weather)
+_CALLED = 0.72  # similarity to what a place is called, from which words name it
+_FELT = 0.62  # to the words of a light or a weather
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Where a scene is, in which light and weather. is_named: whether words of the prompt ask for it."""
+
+    place: Place = PAPER
+    light: Light = DAY
+    weather: Weather = CLEAR
+    is_named: bool = False
+
+    @property
+    def words(self) -> str:
+        """For a person."""
+        parts = [self.place.name, self.light.name if self.light != DAY else "",
+                 self.weather.name if self.weather != CLEAR else ""]  # fmt: skip
+        return ", ".join(part for part in parts if part)
+
+    def ground(self, grid: PixelGrid, seed: int) -> Tensor:
+        """The picture [3, H, W] of the grid, without what falls.
+
+        Where nothing of the prompt names it, the sky stays bare paper: its strokes are better spent on the thing.
+        """
+        rows, columns = grid.rows, grid.columns
+        place, shade = self.place, torch.tensor(self.light.shade)
+        above = torch.tensor(place.above if self.is_named else _PAPER)
+        high, low = (
+            (above, above) if self.light == DAY else (torch.tensor(self.light.top), torch.tensor(self.light.low))
+        )
+        if self.is_named and self.light == DAY and place.is_open:
+            low = torch.lerp(above, torch.ones(3), 0.5)
+        if not place.is_open and self.light != DAY:
+            high = low = torch.tensor(place.above) * shade
+        height = ((torch.arange(rows) + 0.5) / rows)[:, None]
+        up = (height / place.horizon).clamp(0, 1)[None]
+        sky = torch.lerp(high[:, None, None], low[:, None, None], up).expand(3, rows, columns)
+        land = torch.tensor(place.below) * shade
+        if place.is_water and self.is_named:  # water mirrors the sky
+            land = torch.lerp(land, low, 0.25)
+        deep = ((height - place.horizon) / (1 - place.horizon)).clamp(0, 1)[None]
+        near = torch.lerp(land[:, None, None], (0.82 * land)[:, None, None], deep)
+        picture = sky.clone()
+        if place.relief and (self.is_named or place is not PAPER):
+            far = torch.lerp(land, low, 0.35)[:, None, None]
+            picture = torch.lerp(picture, far.expand_as(picture), self._hills(rows, columns, seed))
+        share = ((height - place.horizon) / _EDGE + 0.5).clamp(0, 1)[None]
+        return torch.lerp(picture, near.expand_as(picture), share).clamp(0, 1)
+
+    def fallen(self, picture: Tensor, seed: int) -> Tensor:
+        """The picture [3, H, W] with stars, rain, flakes or fog over it."""
+        generator = torch.Generator().manual_seed(seed)
+        _, rows, _columns = picture.shape
+        if self.weather.fog:
+            height = ((torch.arange(rows) + 0.5) / rows)[None, :, None]
+            thick = self.weather.fog * (1 - ((height - self.place.horizon).abs() / 0.45)).clamp(0, 1)
+            picture = torch.lerp(
+                picture, torch.tensor(self.weather.color)[:, None, None].expand_as(picture), thick.expand_as(picture)
+            )
+        color = torch.tensor(self.weather.color)[:, None, None]
+        if self.weather.rain:
+            picture = _slashed(picture, color, self.weather.rain, generator)
+        if self.weather.flakes:
+            spots = torch.rand(self.weather.flakes, 2, generator=generator) * torch.tensor([1.0, 1.0])
+            picture = _dotted(picture, color, spots, 0.012)
+        return picture
+
+    def starred(self, ground: Tensor, seed: int) -> Tensor:
+        """The ground with its stars, above the horizon."""
+        if not self.light.stars or not self.place.is_open:
+            return ground
+        generator = torch.Generator().manual_seed(seed)
+        spots = torch.rand(self.light.stars, 2, generator=generator) * torch.tensor([0.8 * self.place.horizon, 1.0])
+        return _dotted(ground, torch.tensor([1.0, 0.96, 0.78])[:, None, None], spots, 0.009)
+
+    def _hills(self, rows: int, columns: int, seed: int) -> Tensor:
+        """Where hills rise over the horizon, [1, H, W]."""
+        generator = torch.Generator().manual_seed(seed)
+        across = torch.linspace(0, 1, columns)
+        phases = torch.rand(3, generator=generator) * 2 * math.pi
+        waves = torch.zeros(columns)
+        for number, phase in enumerate(phases.tolist()):
+            waves = waves + torch.sin(2 * math.pi * (1.1 + number) * across + phase) / (1 + number)
+        top = self.place.horizon - self.place.relief * (0.65 + 0.3 * waves)
+        height = ((torch.arange(rows) + 0.5) / rows)[:, None]
+        return ((height - top[None]) / _EDGE + 0.5).clamp(0, 1)[None]
+
+
+def named_place(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Place | None:
+    """The place that is called so; None where it is less than so like one of them: the words name a thing."""
+    place, similarity = _nearest(name, PLACES, sentences)
+    return place if similarity >= max(least, _CALLED) else None
+
+
+def named_light(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Light | None:
+    """The light that words such as "dawn" or "gloomy" mean."""
+    light, similarity = _nearest(name, LIGHTS, sentences)
+    return light if similarity >= max(least, _FELT) else None
+
+
+def named_weather(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Weather | None:
+    """The weather that words such as "rain" mean."""
+    weather, similarity = _nearest(name, WEATHERS, sentences)
+    return weather if similarity >= max(least, _FELT) else None
+
+
+def implied_place(names: Sequence[str], sentences: SentenceEncoder, least: float, *, outside: bool = False) -> Place:
+    """Where such things are found; bare paper where nothing says it clearly enough."""
+    places = [place for place in PLACES if place.is_open or not outside]
+    words = [(place, word) for place in places for word in (*place.found, *place.words)]
+    meanings = sentences.embed([*names, *(word for _, word in words)])
+    similarity = (meanings[len(names) :] @ meanings[: len(names)].T).mean(1)
+    best = int(similarity.argmax())
+    return words[best][0] if float(similarity[best]) >= least else PAPER
+
+
+def in_color(place: Place, paint: Tensor) -> Place:
+    """The place in a colour that words name: a teal sky, a green meadow."""
+    color = (float(paint[0]), float(paint[1]), float(paint[2]))
+    return replace(place, above=color) if place.name == "the sky" else replace(place, below=color)
+
+
+def with_contrast(ground: Tensor, where: Tensor, thing: Tensor) -> Tensor:
+    """The ground [3, H, W], darker or lighter around what stands on it, where that could not be told from it.
+
+    where [H, W]: how much of the things is there; thing [3, H, W]: their colours.
+    """
+    lab = to_lab(ground.permute(1, 2, 0))
+    seen = where > 0.5
+    around = (functional.max_pool2d(where[None, None], 31, 1, 15)[0, 0] > 0.5) & ~seen
+    if not bool(seen.any()) or not bool(around.any()):
+        return ground
+    own = to_lab(thing.permute(1, 2, 0))[seen].mean(0)
+    behind = lab[around].mean(0)
+    apart = float((own - behind).norm())
+    if apart >= _TOLD_APART:
+        return ground
+    darker = float(own[0]) > _MIDDLE
+    lab[..., 0] = (lab[..., 0] + (-1 if darker else 1) * (_TOLD_APART - apart)).clamp(5, 98)
+    return from_lab(lab).permute(2, 0, 1).clamp(0, 1)
+
+
+_TOLD_APART, _MIDDLE = 28.0, 55.0  # of Lab, and L*
+
+
+def _nearest(name: str, parts: tuple[_Part, ...], sentences: SentenceEncoder) -> tuple[_Part, float]:
+    owners: list[_Part] = []
+    words: list[str] = []
+    for part in parts:
+        owners += [part] * len(part.words)
+        words += part.words
+    meanings = sentences.embed([name, *words])
+    similarity = meanings[1:] @ meanings[0]
+    best = int(similarity.argmax())
+    return owners[best], float(similarity[best])
+
+
+def _dotted(picture: Tensor, color: Tensor, spots: Tensor, radius: float) -> Tensor:
+    """Round dots at shares [n, 2] of the height and width, of a radius as a share of the height."""
+    _, rows, columns = picture.shape
+    down, across = torch.meshgrid(torch.arange(rows) + 0.5, torch.arange(columns) + 0.5, indexing="ij")
+    over = torch.zeros(rows, columns)
+    for row, column in (spots * torch.tensor([float(rows), float(columns)])).tolist():
+        far = ((down - row).square() + (across - column).square()).sqrt()
+        over = torch.maximum(over, (radius * rows - far + 0.5).clamp(0, 1))
+    return torch.lerp(picture, color.expand_as(picture), over.expand_as(picture))
+
+
+def _slashed(picture: Tensor, color: Tensor, count: int, generator: torch.Generator) -> Tensor:
+    """Slanting strokes of rain."""
+    _, rows, columns = picture.shape
+    down, across = torch.meshgrid(torch.arange(rows) + 0.5, torch.arange(columns) + 0.5, indexing="ij")
+    over = torch.zeros(rows, columns)
+    slope, length, width = 0.28, 0.11 * rows, 0.006 * rows
+    for row, column in (
+        torch.rand(count, 2, generator=generator) * torch.tensor([float(rows), float(columns)])
+    ).tolist():
+        off = (across - column + slope * (down - row)).abs()
+        inside = ((down - row).abs() <= length / 2).float()
+        over = torch.maximum(over, (width - off + 0.5).clamp(0, 1) * inside)
+    return torch.lerp(picture, color.expand_as(picture), 0.75 * over.expand_as(picture))

@@ -1,0 +1,98 @@
+"""Where things stand to each other."""
+
+import itertools
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as some
+from torch import Tensor
+
+from frida_painter.objectives.scenes.arrangement import Part, Placed, arranged, copies
+from frida_painter.objectives.scenes.reading import Relation
+from frida_painter.objectives.scenes.world import Known
+
+
+def thing(color: int, height: float, where: str = "ground", shape: tuple[int, int] = (40, 40)) -> Part:
+    picture = torch.zeros(4, *shape)
+    picture[3], picture[color] = 1, 1
+    return Part(picture, Known("thing", height, where))
+
+
+def table() -> Part:
+    picture = torch.zeros(4, 40, 60)
+    picture[2, :], picture[3, :8], picture[3, :, :4], picture[3, :, -4:] = 1, 1, 1, 1
+    return Part(picture, Known("table", 0.8, "ground"))
+
+
+def put(word: str, first: Part, second: Part) -> tuple[Placed, Placed]:
+    placed = arranged([first, second], [Relation(0, word, 1)])
+    (one,) = [item for item in placed if item.picture is first.picture]
+    (other,) = [item for item in placed if item.picture is second.picture]
+    return one, other
+
+
+def test_on_stands_on_top_in_front() -> None:
+    cat, sofa = put("on", thing(0, 0.3), thing(1, 0.9, shape=(40, 80)))
+    assert sofa.y == 0 and 0.8 * sofa.height <= cat.y <= sofa.height and cat.depth > sofa.depth
+    assert abs(cat.x - sofa.x) < sofa.width / 2
+
+
+def test_a_small_thing_on_a_large_one_is_seen_still() -> None:
+    snail, elephant = put("on", thing(0, 0.03), thing(1, 3.2))
+    assert snail.height >= 0.3 * elephant.height
+
+
+def test_under_a_table_is_between_its_legs_and_under_the_moon_is_below_it() -> None:
+    dog, over = put("under", thing(0, 0.6), table())
+    assert dog.y == over.y == 0 and dog.height <= 0.5 * over.height and dog.depth > over.depth
+    castle, moon = put("under", thing(0, 25), thing(1, 100, "air"))
+    assert moon.y > 0.5 * castle.height and moon.height < castle.height
+
+
+def test_over_is_above_behind_is_hidden_and_in_looks_out() -> None:
+    bee, flower = put("above", thing(0, 0.015, "air"), thing(1, 0.4))
+    assert bee.y >= flower.height
+    rabbit, tree = put("behind", thing(0, 0.3), thing(1, 8))
+    assert rabbit.depth < tree.depth and abs(rabbit.x - tree.x) > 0.2 * tree.width
+    apples, bowl = put("in", thing(0, 0.08), thing(1, 0.15))
+    assert apples.depth < bowl.depth and apples.y < bowl.height < apples.y + apples.height
+
+
+@pytest.mark.parametrize("word", ["beside", "next to", "and then some"])
+def test_beside_does_not_hide(word: str) -> None:
+    one, other = put(word, thing(0, 1.0), thing(1, 1.0))
+    assert abs(one.x - other.x) >= (one.width + other.width) / 2 and one.y == other.y
+
+
+def test_what_has_no_relation_stands_beside_and_what_has_no_picture_is_left_out() -> None:
+    placed = arranged([thing(0, 1), None, thing(1, 1), thing(2, 1)], [Relation(0, "on", 1)])
+    edges = sorted((one.x - one.width / 2, one.x + one.width / 2) for one in placed)
+    assert len(placed) == 3 and all(left >= right for (_, right), (left, _) in itertools.pairwise(edges))
+    assert arranged([None], []) == []
+
+
+NUMBERS, WORDS = some.integers(0, 3), some.sampled_from(["on", "in", "under", "over", "behind", "with", "of", "x"])
+
+
+@given(some.lists(some.tuples(NUMBERS, WORDS, NUMBERS), max_size=6))
+def test_any_relations_place_every_thing_once(said: list[tuple[int, str, int]]) -> None:
+    parts = [thing(0, 0.1), table(), thing(1, 20), thing(2, 1, "air")]
+    placed = arranged(parts, [Relation(*one) for one in said])
+    assert sorted(id(one.picture) for one in placed) == sorted(id(part.picture) for part in parts)
+    assert all(one.height > 0 for one in placed)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 7, 12])
+@pytest.mark.parametrize("where", ["ground", "air"])
+def test_copies_are_all_there(count: int, where: str) -> None:
+    drawing = thing(0, 1).picture
+    together = copies(drawing, count, where, seed=3)
+    assert together.shape[0] == 4 and float(together.min()) >= 0 and float(together.max()) <= 1
+    one = _area(copies(drawing, 1, where, seed=3)) * (256 / 40) ** 2
+    assert count * 0.35 * one <= _area(together) + (count == 1) * one <= (count + 1) * one
+    assert torch.equal(together, copies(drawing, count, where, seed=3)), "the same seed, the same place"
+
+
+def _area(drawing: Tensor) -> float:
+    return float(drawing[3].sum())

@@ -1,0 +1,115 @@
+"""Libraries of pictures: a person's own folder, and fetched archives."""
+
+import json
+import zipfile
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from frida_painter import weights
+from frida_painter.errors import ConfigError, ImageError, WeightsError
+from frida_painter.objectives.scenes.libraries import (
+    Pictograms,
+    PictureArchive,
+    PictureFolder,
+    libraries_at_hand,
+)
+from networks import write_pictograms
+from plugins import install
+
+
+def painted(path: Path, color: str = "red") -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.new("RGB", (40, 40), color).save(path)
+    return path
+
+
+def test_own_pictures_are_called_by_the_text_beside_them_or_by_their_names(tmp_path: Path) -> None:
+    painted(tmp_path / "red-fox_2.png")
+    painted(tmp_path / "below" / "OldBoat.JPG")
+    painted(tmp_path / "IMG_0042.png").with_suffix(".txt").write_text("  my   cat\nmore\n")
+    painted(tmp_path / "IMG_0043.png")
+    painted(tmp_path / "renard 狐.png")
+    painted(tmp_path / ".hidden.png")
+    (tmp_path / "notes.pdf").write_text("no picture")
+    (tmp_path / "loop").symlink_to(tmp_path, target_is_directory=True)
+    library = PictureFolder(tmp_path)
+    said = {Path(one.file).name: one.captions for one in library.captioned()}
+    assert said == {
+        "red-fox_2.png": ("red fox",), "OldBoat.JPG": ("old boat",), "IMG_0042.png": ("my cat",),
+        "renard 狐.png": ("renard",),
+    }  # fmt: skip
+    (picture,) = library.pictures(str(tmp_path / "red-fox_2.png"))
+    assert picture.shape == (4, 40, 40)
+
+
+def test_a_folder_without_pictures_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="is no folder"):
+        PictureFolder(tmp_path / "missing")
+    with pytest.raises(ConfigError, match="holds no picture with a name"):
+        PictureFolder(tmp_path).captioned()
+
+
+def test_pictures_that_went_away_or_are_links_to_nothing(tmp_path: Path) -> None:
+    (tmp_path / "cat.png").symlink_to(tmp_path / "nothing.png")
+    library = PictureFolder(tmp_path)
+    (cat,) = library.captioned()
+    with pytest.raises(ImageError, match="does not exist"):
+        library.pictures(cat.file)
+
+
+def test_an_archive_has_its_captions_with_it(tmp_path: Path) -> None:
+    archive = tmp_path / "pictures.zip"
+    with zipfile.ZipFile(archive, "w") as packed:
+        packed.write(painted(tmp_path / "fox.png"), "a/fox.png")
+        packed.writestr("captions.json", json.dumps({"a/fox.png": ["a fox", "animals"]}))
+    library = PictureArchive("stamps", "somebody", archive)
+    (fox,) = library.captioned()
+    assert fox.captions == ("a fox", "animals") and library.pictures(fox.file)[0].shape == (4, 40, 40)
+    archive.write_bytes(archive.read_bytes()[:100])
+    with pytest.raises(WeightsError, match="fetch stamps again"):
+        library.captioned()
+
+
+def test_pictograms_are_called_as_their_characters_and_come_with_and_without_outlines(tmp_path: Path) -> None:
+    library = Pictograms(write_pictograms(tmp_path / "pictograms.zip"))
+    known = {one.captions[0]: one.file for one in library.captioned()}
+    assert known == {"strawberry": "1F353.svg", "umbrella": "2602-FE0F.svg"}
+    plain, outlined = library.pictures("1F353.svg")
+    assert float(plain[:3, 2, 40].sum()) > 0.9 and float(outlined[:3, 2, 40].sum()) < 0.1
+    (bare,) = library.pictures("2602-FE0F.svg")
+    assert float(bare[3].max()) == 1 and float(bare[:3].max()) < 0.1
+
+
+def test_what_is_at_hand_begins_with_the_own_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    painted(tmp_path / "own" / "fox.png")
+    assert libraries_at_hand(tmp_path / "cache") == []
+    assert [one.name for one in libraries_at_hand(tmp_path / "cache", tmp_path / "own")] == ["your pictures"]
+    module = f"""from pathlib import Path
+from frida_painter.objectives.scenes.libraries import PictureFolder
+def mine(): return PictureFolder(Path({str(tmp_path / "own")!r}))
+def broken(): return 1 / 0
+"""
+    group = "frida_painter.picture_libraries"
+    install(tmp_path / "package", monkeypatch, "more-pictures", {group: {"mine": "more:mine"}}, {"more": module})
+    assert len(libraries_at_hand(tmp_path / "cache", tmp_path / "own")) == 2
+    install(tmp_path / "worse", monkeypatch, "bad-pictures", {group: {"bad": "more:broken"}})
+    with pytest.raises(WeightsError, match="'bad' cannot be used"):
+        libraries_at_hand(tmp_path / "cache")
+
+
+@pytest.mark.parametrize(("name", "least"), [("openclipart", 1500), ("stamps", 600), ("openmoji", 1200)])
+def test_fetched_libraries_can_be_read(name: str, least: int) -> None:
+    if weights.find(name) is None:
+        pytest.skip(f"{name} is not here: frida-painter models fetch {name}")
+    library = next(one for one in libraries_at_hand() if one.name == name)
+    known = library.captioned()
+    assert len(known) >= least and library.credit
+    read = 0
+    for one in known[:: len(known) // 12]:
+        try:
+            read += all(picture.shape[0] == 4 for picture in library.pictures(one.file))
+        except ImageError:
+            continue
+    assert read >= 11

@@ -1,0 +1,98 @@
+"""Prompts taken apart. `sentences.txt`: 200 of them, each with its right reading.
+
+A line says: sentence = things | relations. A thing has its number before it (`*` for a plural without one), its colour
+in brackets and what it does after a colon; a relation has the last words of two things, and a noun after `-` must not
+be seen.
+"""
+
+import re
+from pathlib import Path
+
+import pytest
+import torch
+
+from frida_painter import extras, weights
+from frida_painter.errors import WeightsError
+from frida_painter.objectives.scenes.reading import PromptReader, Reading, Thing, paint_of
+
+SENTENCES = (Path(__file__).parent / "sentences.txt").read_text("utf-8").splitlines()
+Parts = tuple[list[tuple[str, str, int | None, str]], set[str], set[str]]
+
+
+@pytest.fixture(scope="module")
+def reader() -> PromptReader:
+    folder = weights.find("english")
+    if folder is None or not extras.is_installed("spacy"):
+        pytest.skip("the English grammar is not here: frida-painter models fetch english")
+    return PromptReader(folder)
+
+
+def wanted(right: str) -> Parts:
+    said, *more = (part.strip() for part in right.split("|"))
+    things = []
+    for text in said.split(", "):
+        found = re.fullmatch(r"(?:(\d+|\*) )?(.*?)(?:\[(.*?)\] ?)?([^\[\]:]*)(?::(\w+))?", text.strip())
+        assert found is not None
+        number, before, color, after, doing = found.groups()
+        count = 1 if number is None else None if number == "*" else int(number)
+        things.append((f"{before}{after}".strip().lower(), color or "", count, (doing or "")[:3]))
+    parts = [part.strip() for group in more for part in group.split(",")]
+    relations = {short(part.lower()) for part in parts if not part.startswith("-")}
+    return sorted(things, key=str), relations, {part[1:] for part in parts if part.startswith("-")}
+
+
+def short(relation: str) -> str:
+    """A relation in which a verb stands by its first letters: "eat" and "eating" are the same."""
+    first, *words, last = relation.split()
+    return " ".join((first, *(word[:3] for word in words), last))
+
+
+def got(reading: Reading) -> Parts:
+    things = [(thing.name.lower(), thing.color, thing.count, thing.doing[:3]) for thing in reading.things]
+    nouns = [thing.noun.lower() for thing in reading.things]
+    relations = {short(f"{nouns[one.subject]} {one.word} {nouns[one.object]}") for one in reading.relations}
+    return sorted(things, key=str), relations, set(reading.absent)
+
+
+def test_at_least_95_of_100_sentences_are_read_rightly(reader: PromptReader) -> None:
+    wrong = []
+    for line in SENTENCES:
+        sentence, right = line.split(" = ")
+        if got(reader.read(sentence)) != wanted(right):
+            wrong.append(sentence)
+    assert len(SENTENCES) == 200 and len(wrong) <= 10, wrong
+
+
+@pytest.mark.parametrize(
+    "prompt",
+    ["", "...", "!", "the", "running", "!!! ??? ...", "a " * 3000, "and and and of of", "💥", "x" * 9999, "A CAT"],
+)
+def test_any_text_has_a_reading(reader: PromptReader, prompt: str) -> None:
+    reading = reader.read(prompt)
+    assert len(reading.things) >= 1 and all(1 <= thing.shown <= 12 for thing in reading.things)
+    numbers = {number for one in reading.relations for number in (one.subject, one.object)}
+    assert numbers <= set(range(len(reading.things)))
+
+
+def test_counts_beyond_what_fits_are_painted_as_twelve(reader: PromptReader) -> None:
+    (birds,) = reader.read("4000 birds").things
+    assert birds.count == 4000 and birds.shown == 12
+
+
+def test_without_the_grammar_a_prompt_is_one_thing() -> None:
+    assert PromptReader(None).read("a red fox in the snow").things == (Thing("red fox in the snow", "snow"),)
+
+
+def test_a_folder_without_the_grammar_is_refused(tmp_path: Path) -> None:
+    if not extras.is_installed("spacy"):
+        pytest.skip("spaCy is not installed")
+    with pytest.raises(WeightsError, match="fetch english again"):
+        PromptReader(tmp_path)
+
+
+def test_colours_have_the_names_that_people_give_them() -> None:
+    blue, dark = paint_of("blue"), paint_of("dark blue")
+    assert blue is not None and dark is not None and float(dark.mean()) < float(blue.mean())
+    first, black = paint_of("black and white"), paint_of("black")
+    assert first is not None and black is not None and torch.equal(first, black)
+    assert paint_of("old") is None and paint_of("") is None

@@ -1,0 +1,93 @@
+"""Which picture is taken for a thing. Names mean what their words mean together; pictures look as their colour does."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from frida_painter.errors import ImageError
+from frida_painter.objectives.scenes.libraries import Captioned
+from frida_painter.objectives.scenes.reading import Thing
+from frida_painter.objectives.scenes.retrieval import PictureIndex
+from networks import WordBag
+
+
+class Library:
+    """Cut-outs of one colour each."""
+
+    credit = ""
+
+    def __init__(
+        self, name: str, known: dict[str, tuple[tuple[str, ...], float, tuple[float, ...]]], own: bool = False
+    ):
+        self.name, self.is_own, self.known = name, own, known
+
+    def captioned(self) -> Sequence[Captioned]:
+        return [Captioned(file, captions, likeness) for file, (captions, likeness, _) in self.known.items()]
+
+    def pictures(self, file: str) -> list[Tensor]:
+        color = self.known[file][2]
+        if not color:
+            raise ImageError(f"{file} is damaged.")
+        drawing = torch.ones(4, 40, 40)
+        drawing[:3] = torch.tensor(color)[:, None, None]
+        drawing[3, :8] = 0
+        return [drawing]
+
+
+RED, BLUE, GREEN = (0.9, 0.1, 0.1), (0.1, 0.1, 0.9), (0.1, 0.7, 0.1)
+ICONS = Library(
+    "icons", {"1": (("fox",), 0.0, BLUE), "2": (("sewing needle",), 0.0, RED), "3": (("wind face",), 0.0, RED)}
+)
+PHOTOS = Library("photos", {"4": (("a fox (2)", "animals"), 0.8, RED), "5": (("a bus stop", "bus"), 0.8, GREEN)})
+
+
+def nowhere(picture: Tensor) -> float:
+    return 0.5
+
+
+def test_what_looks_more_like_the_thing_is_taken(tmp_path: Path) -> None:
+    index = PictureIndex([ICONS, PHOTOS], WordBag(), tmp_path)
+    found = index.find(Thing("fox", "fox"), "a fox", nowhere)
+    assert found is not None and found.library.name == "photos" and found.caption == "fox" and found.exact
+    far = PictureIndex([ICONS, Library("photos", {"4": (("fox",), 0.3, RED)})], WordBag(), tmp_path)
+    for color, name in ((BLUE, "icons"), (RED, "photos")):
+
+        def distance(picture: Tensor, wanted: tuple[float, ...] = color) -> float:
+            return 0.3 * float((picture.mean((1, 2)) - torch.tensor(wanted)).norm())
+
+        seen = far.find(Thing("fox", "fox"), "a fox", distance)
+        assert seen is not None and seen.library.name == name, "the networks decide between two that are called alike"
+
+
+def test_a_persons_own_picture_goes_before_others(tmp_path: Path) -> None:
+    own = Library("your pictures", {"x": (("fox",), 1.0, GREEN)}, own=True)
+    found = PictureIndex([ICONS, PHOTOS, own], WordBag(), tmp_path).find(Thing("fox", "fox"), "a fox", nowhere)
+    assert found is not None and found.library.is_own
+
+
+def test_a_synonym_counts_only_where_the_caption_agrees_with_the_words(tmp_path: Path) -> None:
+    index = PictureIndex([ICONS], WordBag(), tmp_path)
+    assert index.find(Thing("dragonfly", "dragonfly"), "a dragonfly", nowhere) is None, "no darning needle"
+    assert index.find(Thing("wind turbine", "turbine"), "a wind turbine", nowhere, least=0.55) is None, "no face"
+
+
+def test_a_keyword_counts_as_far_as_the_title_agrees(tmp_path: Path) -> None:
+    index = PictureIndex([PHOTOS], WordBag(), tmp_path)
+    assert index.nearest(Thing("bus", "bus")) > index.nearest(Thing("animals", "animals"))
+
+
+def test_what_is_damaged_is_passed_over(tmp_path: Path) -> None:
+    bad = Library("bad", {"y": (("fox",), 1.0, ())})
+    found = PictureIndex([bad, ICONS], WordBag(), tmp_path).find(Thing("fox", "fox"), "a fox", nowhere)
+    assert found is not None and found.library.name == "icons"
+    assert PictureIndex([bad], WordBag(), tmp_path).find(Thing("fox", "fox"), "a fox", nowhere) is None
+
+
+def test_captions_are_read_once(tmp_path: Path, monkeypatch) -> None:
+    PictureIndex([ICONS], WordBag(), tmp_path)
+    embedded: list[str] = []
+    monkeypatch.setattr(WordBag, "embed", lambda self, said: embedded.extend(said))
+    PictureIndex([ICONS], WordBag(), tmp_path)
+    assert embedded == []

@@ -1,0 +1,92 @@
+"""Grounds, light and weather, and a scene on them."""
+
+import pytest
+import torch
+
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.scenes.arrangement import Placed
+from frida_painter.objectives.scenes.composition import composed
+from frida_painter.objectives.scenes.settings import (
+    DAY,
+    LIGHTS,
+    PAPER,
+    PLACES,
+    WEATHERS,
+    Setting,
+    implied_place,
+    named_light,
+    named_place,
+    named_weather,
+    with_contrast,
+)
+from frida_painter.objectives.scenes.world import known_like, known_things
+from frida_painter.palette import to_lab
+from networks import WordBag
+from scenes import CANVAS
+
+GRID = PixelGrid.of_height(CANVAS, 48)
+
+
+@pytest.mark.parametrize("place", PLACES, ids=lambda place: place.name)
+@pytest.mark.parametrize("light", [DAY, *LIGHTS], ids=lambda light: light.name)
+def test_every_ground_has_a_sky_and_a_land(place, light) -> None:
+    ground = Setting(place, light, is_named=True).ground(GRID, 0)
+    assert ground.shape == (3, GRID.rows, GRID.columns) and 0 <= float(ground.min()) <= float(ground.max()) <= 1
+    assert float((ground[:, 0].mean(1) - ground[:, -1].mean(1)).abs().max()) > 0.03
+
+
+def test_where_no_words_name_it_the_sky_stays_paper() -> None:
+    ground = Setting(PLACES[0]).ground(GRID, 0)
+    assert float(ground[:, 0].min()) == 1 and float(ground[:, -1].max()) < 0.95
+
+
+def test_night_is_dark_and_rain_and_snow_and_fog_are_seen() -> None:
+    day, night = (Setting(PLACES[3], light, is_named=True).ground(GRID, 0).mean() for light in (DAY, LIGHTS[2]))
+    assert float(night) < 0.4 * float(day)
+    for weather in WEATHERS:
+        setting = Setting(PLACES[3], LIGHTS[2], weather, is_named=True)
+        ground = setting.ground(GRID, 0)
+        fallen = setting.fallen(ground, 1)
+        assert float((fallen - ground).abs().amax(0).gt(0.1).float().mean()) > 0.02
+        assert torch.equal(fallen, setting.fallen(ground, 1))
+
+
+def test_words_name_places_lights_and_weathers_or_imply_them() -> None:
+    bag = WordBag()
+    assert named_place("the sea", bag) is PLACES[0] and named_place("teapot", bag) is None
+    assert named_place("the sea", bag, 1.1) is None, "there is a picture that is called so"
+    assert named_light("dawn", bag) is LIGHTS[0] and named_light("dog", bag) is None
+    assert named_weather("rain", bag) is WEATHERS[0] and named_weather("dog", bag) is None
+    assert implied_place(["a whale"], bag, 0.4) is PLACES[0] and implied_place(["zygote"], bag, 0.4) is PAPER
+
+
+def test_sizes_come_from_what_is_similar() -> None:
+    bag = WordBag()
+    assert known_like("elephant", bag).height == pytest.approx(3.2, rel=0.2)
+    assert known_like("moon", bag).where == "air" and known_like("dress", bag).where == "worn"
+    assert all(thing.height > 0 and thing.where in ("ground", "air", "water", "worn") for thing in known_things())
+
+
+@pytest.mark.parametrize("shade", [0.0, 0.5, 1.0])
+def test_things_are_told_from_their_ground(shade: float) -> None:
+    thing, where = torch.full((3, 60, 80), shade), torch.zeros(60, 80)
+    where[20:40, 30:50] = 1
+    ground = with_contrast(torch.full((3, 60, 80), shade), where, thing)
+    far = to_lab(ground.permute(1, 2, 0))[10, 10] - to_lab(thing.permute(1, 2, 0))[30, 40]
+    assert float(far.norm()) > 20
+    clear = torch.full((3, 60, 80), 1 - shade if shade != 0.5 else 0.95)
+    assert torch.equal(with_contrast(clear, where, thing), clear), "what is told apart stays"
+
+
+@pytest.mark.parametrize("shape", [(40, 40), (10, 80), (80, 10)])
+@pytest.mark.parametrize("named", [True, False])
+@pytest.mark.parametrize("aloft", [True, False])
+def test_things_never_touch_the_edge(shape: tuple[int, int], named: bool, aloft: bool) -> None:
+    drawing = torch.zeros(4, *shape)
+    drawing[3], drawing[0] = 1, 1
+    things = [Placed(drawing, 0, 0, 1), Placed(drawing, 1.5, 0.5, 0.6, 1)]
+    for some in (things, things[:1]):
+        scene = composed(some, Setting(PLACES[0], is_named=named), GRID, 1, aloft=aloft)
+        assert float(scene.where.max()) == 1 and scene.picture.shape == (3, GRID.rows, GRID.columns)
+        edges = torch.cat((scene.where[0], scene.where[-1], scene.where[:, 0], scene.where[:, -1]))
+        assert float(edges.max()) < 0.5
