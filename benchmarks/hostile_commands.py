@@ -182,8 +182,8 @@ def _files(place: Path) -> tuple[list[str], list[str]]:
     bad = ["/dev/zero", "/dev/null", "/dev/full", "/dev/urandom", "/dev/tty", "/dev/ptmx", "/proc/self/mem",
            "/proc/kmsg", "/proc/self/pagemap", "/proc/1/environ", "", ".", "/", "..", "no/such/file", "x" * 300,
            "x" * 5000, "y/" * 3000, "\udcff", "a\nb\x1b[2J", "~nobody", "photo.png/inside"]  # fmt: skip
-    bad += ["empty", "folder", "cut.png", "heavy.toml", "odd.toml", "deep.json", "odd.json", "script.svg", "pipe", "huge",
-            "pickle.safetensors", "header.safetensors", "zero.png", "to-pipe", "loop", "nowhere", "socket",
+    bad += ["empty", "folder", "cut.png", "heavy.toml", "odd.toml", "deep.json", "odd.json", "script.svg", "pipe",
+            "huge", "pickle.safetensors", "header.safetensors", "zero.png", "to-pipe", "loop", "nowhere", "socket",
             "journal-of-nothing"]  # fmt: skip
     return ["photo.png", "settings.toml", "goal.toml", "new/one.png", "new/two.svg"], bad
 

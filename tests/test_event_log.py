@@ -1,6 +1,8 @@
 import errno
 import os
 import resource
+import shutil
+from collections import namedtuple
 from collections.abc import Callable
 from pathlib import Path
 
@@ -257,3 +259,7 @@ def test_the_reserve_is_required_before_more_is_begun(tmp_path: Path, monkeypatc
                 book.require_reserve()
         book.require_reserve()
         assert (tmp_path / ".journal-reserve").stat().st_size == 2**20
+        usage = namedtuple("usage", "total used free")
+        monkeypatch.setattr(shutil, "disk_usage", lambda path: usage(2**40, 2**40 - 5000, 5000))
+        with pytest.raises(StorageError, match="No space left"):
+            book.require_reserve()

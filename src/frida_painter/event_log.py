@@ -12,6 +12,7 @@ import hashlib
 import json
 import os
 import re
+import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -228,17 +229,22 @@ class EventLog:
             raise OSError(errno.ENOENT, "another file took its place")
 
     def require_reserve(self) -> None:
-        """Raises StorageError where the disk is so full that the reserve was given up, and cannot be laid again."""
+        """Raises StorageError where the disk has not as much free as the reserve, or that was given up to others."""
         try:
             self._lay_reserve()
+            if shutil.disk_usage(self.path.parent).free < _RESERVE:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         except OSError as error:
-            self._reserve.unlink(missing_ok=True)
             raise self._failure(error) from error
 
     def _lay_reserve(self) -> None:
         if not self._reserve.exists():
-            with self._reserve.open("wb") as file:
-                os.posix_fallocate(file.fileno(), 0, _RESERVE)
+            try:
+                with self._reserve.open("wb") as file:
+                    os.posix_fallocate(file.fileno(), 0, _RESERVE)
+            except OSError:
+                self._reserve.unlink(missing_ok=True)  # half of one would be taken for a whole one
+                raise
 
     def _failure(self, error: OSError) -> StorageError:
         reason = error.strerror or str(error)

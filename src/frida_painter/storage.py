@@ -258,9 +258,9 @@ def new_folder(folder: Path) -> None:
 def cannot_write(path: Path, error: OSError | ValueError) -> StorageError:
     """The error to raise where the system refuses to write to `path`, or it is no path."""
     reason = getattr(error, "strerror", None) or str(error)
-    return StorageError(
-        f"{shown(path)} cannot be written ({reason}); choose a folder that you may write to with --out."
-    )
+    full = isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
+    remedy = "make room on its disk" if full else "choose a folder that you may write to with --out"
+    return StorageError(f"{shown(path)} cannot be written ({reason}); {remedy}.")
 
 
 def _flush(path: Path) -> None:

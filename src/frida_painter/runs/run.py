@@ -346,9 +346,11 @@ class PaintingRun:
         page = None
         try:
             page = None if painting is None else recorder.finish(painting)
-        except StorageError:
-            if trouble is None:
-                raise  # else the trouble that ended it is what a person has to know; the results are made again later
+        except StorageError as full:
+            if trouble is None:  # else the trouble that ended it is what a person has to know
+                raise StorageError(
+                    f"{full} What was painted is noted: `frida-painter resume {self.folder}` writes the rest later."
+                ) from full
         return RunOutcome(self.folder, painting, page, trouble)
 
     def _is_as_left(self, session: PaintingSession, before: Tensor, now: Tensor) -> bool:
