@@ -1,11 +1,13 @@
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from frida_painter.event_log import FEED, EventLog
+from frida_painter.web import studio_pace
 from frida_painter.web.painting_store import PaintingStore
-from frida_painter.web.studio_pace import StudioPace, pace
+from frida_painter.web.studio_pace import PaceMemory, StudioPace, pace
 
 MADE = {"nearer": 0.5, "prefix": "", "frames": [0, 20], "palette": [], "mixtures": []}
 PLANNED: list[dict[str, Any]] = [
@@ -65,3 +67,22 @@ def test_one_slow_painting_does_not_change_what_is_expected_of_the_next(store: P
     for each in (1.0, 1.2, 60.0):
         write(store, *PLANNED, {"kind": "begun", "at": 100.0, "plan": 1, "of": 20}, *strokes(1, 20, 100.0, each))
     assert pace(store, real_time=False).painting == pytest.approx(1.2)
+
+
+def test_the_pace_is_kept_in_memory_and_read_again_where_a_painting_has_gone_on(
+    store: PaintingStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    memory, read = PaceMemory(), list[int]()
+    monkeypatch.setattr(
+        studio_pace, "pace", lambda store, real_time: read.append(1) or pace(store, real_time=real_time)
+    )
+    first = memory.pace(store, real_time=False)
+    assert memory.pace(store, real_time=False) is first and len(read) == 1
+    begun = {"kind": "begun", "at": 100.0, "plan": 1, "of": 20}
+    write(store, *PLANNED, begun, *strokes(1, 20, 107.0, 2.0))
+    assert memory.pace(store, real_time=False) is first
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now + 11)
+    assert memory.pace(store, real_time=False).known and len(read) == 2
+    monkeypatch.setattr(time, "monotonic", lambda: now + 22)
+    assert memory.pace(store, real_time=False).known and len(read) == 2

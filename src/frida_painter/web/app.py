@@ -26,6 +26,7 @@ from frida_painter.web.presence import Presence
 from frida_painter.web.state_stream import StateStreams
 from frida_painter.web.stops import Stops
 from frida_painter.web.studio_easel import StudioEasel
+from frida_painter.web.studio_pace import PaceMemory
 from frida_painter.web.uploads import Uploads
 from frida_painter.web.workers import Workers
 
@@ -63,6 +64,7 @@ def application(store: PaintingStore, easel: StudioEasel, presence: Presence) ->
     app.state.store, app.state.streams, app.state.workers = store, StateStreams(), Workers(easel)
     app.state.feeds, app.state.lead, app.state.presence = FeedStates(), Lead(), presence
     app.state.stops, app.state.stop_process = Stops(store.root), None
+    app.state.pace = PaceMemory()
     app.state.queue, app.state.uploads = PaintingQueue(store, app.state.workers), Uploads(store.pictures)
     for part in (in_charge, following, goals, painting, procedures, gallery, queueing):
         app.include_router(part.router)

@@ -20,6 +20,7 @@ from frida_painter.web.painting_store import Entry, PaintingStore
 from frida_painter.web.requests import (
     AnySession,
     Planning,
+    ThePace,
     ThePaintingStore,
     TheQueue,
     TheStopProcess,
@@ -27,14 +28,15 @@ from frida_painter.web.requests import (
     TheWorkers,
     ThisPainting,
 )
-from frida_painter.web.studio_pace import pace
 from frida_painter.web.workers import Workers
 
 router = APIRouter(prefix="/api")
 
 
 @router.get("/studio")
-def studio(session: AnySession, store: ThePaintingStore, workers: TheWorkers, stop: TheStopProcess) -> dict[str, Any]:
+def studio(
+    session: AnySession, store: ThePaintingStore, workers: TheWorkers, stop: TheStopProcess, pace: ThePace
+) -> dict[str, Any]:
     """What the page needs to know of this studio, and where and with which secret it stops."""
     easel = workers.easel
     return {
@@ -46,7 +48,7 @@ def studio(session: AnySession, store: ThePaintingStore, workers: TheWorkers, st
         "camera": bool(easel.camera) and not easel.simulated,
         "simulated": easel.simulated,
         "dangerous": easel.drives_machine,
-        "pace": asdict(pace(store, real_time=not easel.simulated)),
+        "pace": asdict(pace.pace(store, real_time=not easel.simulated)),
         "canvas": easel.canvas,
     }
 

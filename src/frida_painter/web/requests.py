@@ -18,6 +18,7 @@ from frida_painter.web.presence import Presence
 from frida_painter.web.roles import Role
 from frida_painter.web.state_stream import StateStreams
 from frida_painter.web.stop_process import StopProcess
+from frida_painter.web.studio_pace import PaceMemory
 from frida_painter.web.uploads import Uploads
 from frida_painter.web.workers import Workers
 
@@ -50,6 +51,12 @@ async def uploads_of(request: Request) -> Uploads:
     """What takes pictures in."""
     uploads: Uploads = request.app.state.uploads
     return uploads
+
+
+async def pace_of(request: Request) -> PaceMemory:
+    """The pace of this studio."""
+    pace: PaceMemory = request.app.state.pace
+    return pace
 
 
 async def feeds_of(request: Request) -> FeedStates:
@@ -146,6 +153,7 @@ ThisPainting = Annotated[Entry, Depends(painting_of)]
 ThePaintingStore = Annotated[PaintingStore, Depends(painting_store_of)]
 TheFeedStates = Annotated[FeedStates, Depends(feeds_of)]
 TheStopProcess = Annotated[StopProcess | None, Depends(stop_process_of)]
+ThePace = Annotated[PaceMemory, Depends(pace_of)]
 TheUploads = Annotated[Uploads, Depends(uploads_of)]
 TheStreams = Annotated[StateStreams, Depends(streams_of)]
 TheSigns = Annotated[Signs, Depends(signs_of)]

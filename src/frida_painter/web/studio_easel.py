@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Self
 
@@ -30,9 +31,9 @@ class StudioEasel:
     pace: float = 0.0
     canvas: tuple[float, float] | None = None
 
-    @property
+    @cached_property
     def simulated(self) -> bool:
-        """Whether no real robot is moved."""
+        """Whether no real robot is moved. (Kept: it asks all that is installed, which is not for every request.)"""
         return self.robot in SIMULATED
 
     @property

@@ -1,8 +1,11 @@
 """How long planning and painting take in this studio, from what the last paintings really took."""
 
+import math
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from pathlib import Path
 from statistics import median
 
 from frida_painter.event_log import LogReader
@@ -33,6 +36,7 @@ from frida_painter.session.page_events import (
 from frida_painter.web.painting_store import PaintingStore
 
 _LAST = 6  # paintings that are looked at
+_GOOD_FOR = 10.0  # seconds
 _LOADING = 4.0  # seconds before a plan begins to grow
 _OPENING = 15.0  # seconds before the first stroke
 _FEWEST = 10  # strokes that tell something
@@ -55,6 +59,32 @@ class StudioPace:
     painting: float
     replanning: float
     known: bool = False
+
+
+class PaceMemory:
+    """The pace of a studio, kept in memory: feeds are read again only where one has changed, and not all the time."""
+
+    def __init__(self) -> None:
+        self._mark: object = None
+        self._at = -math.inf
+        self._pace: StudioPace | None = None
+
+    def pace(self, store: PaintingStore, *, real_time: bool) -> StudioPace:
+        """As `pace`, at most some seconds old."""
+        if self._pace is None or time.monotonic() - self._at > _GOOD_FOR:
+            mark = [_changed(entry.folder.feed) for entry in store.all()[:_LAST]]
+            self._at = time.monotonic()
+            if self._pace is None or mark != self._mark:
+                self._mark, self._pace = mark, pace(store, real_time=real_time)
+        return self._pace
+
+
+def _changed(feed: Path) -> tuple[str, int, int]:
+    try:
+        found = feed.stat()
+    except OSError:
+        return str(feed), 0, 0
+    return str(feed), found.st_mtime_ns, found.st_size
 
 
 def pace(store: PaintingStore, *, real_time: bool) -> StudioPace:
