@@ -28,6 +28,7 @@ interface House {
   attempt<T>(work: () => Promise<T>): Promise<T | undefined>;
   connected(there: boolean): void;
   active(working: boolean): void;
+  refresh(): Promise<void>;
   entered(element: HTMLElement): void;
   readonly work: import("../../src/frida_painter/web/static/queue.js").WorkWatch;
   readonly abilities: Record<string, { ready: boolean; missing: string[]; advice: string }>;

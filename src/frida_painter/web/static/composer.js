@@ -205,7 +205,7 @@ export function composer(house) {
   const element = h("section", { class: "workbench" });
   let close = () => {};
   let left = false;
-  draft().then((wish) => {
+  Promise.all([draft(), house.refresh()]).then(([wish]) => {
     if (left) return;
     const opened = composing(house, wish ?? fresh());
     close = opened.close;

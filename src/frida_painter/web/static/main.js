@@ -61,6 +61,8 @@ const house = {
   get canvas() { return studio.canvas; },
   get pace() { return studio.pace; },
   connected(there, sentence) { connection.textContent = there ? "" : sentence || "No connection. Trying again."; },
+  /** Asks again what the studio can do, and how fast it is: both change while the page is open. */
+  async refresh() { studio = await api.get("/api/studio").catch(() => studio); },
   /** A view, or a step of one, has just been shown. */
   entered(element) {
     window.scrollTo(0, 0);
