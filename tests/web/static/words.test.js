@@ -1,5 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import "./browser.js";
 import { opacities } from "../../../src/frida_painter/web/static/canvasview.js";
 import { count, duration } from "../../../src/frida_painter/web/static/dom.js";
 import { brushWords } from "../../../src/frida_painter/web/static/easelstate.js";
