@@ -12,38 +12,32 @@ from types import FrameType
 from typing import NoReturn
 
 
-class Ended(KeyboardInterrupt):
-    """A signal that ends the program came; number: which."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.number = number
-
-
 def main() -> NoReturn:
     """Runs the command line; the exit status after a signal is 128 and its number, by custom."""
     terminal = tuple(filter(os.isatty, (0, 1, 2)))
+    heard: list[int] = []
+
+    def end(number: int, frame: FrameType | None) -> NoReturn:
+        heard.append(number)
+        raise KeyboardInterrupt
+
     signals = [number for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if _ends(number)]
     for number in signals:
-        signal.signal(number, _end)
+        signal.signal(number, end)
     try:
         from frida_painter import cli
 
         cli.main()
-    except KeyboardInterrupt as end:
+    except KeyboardInterrupt:
         for number in signals:  # it ends, and once is enough
             signal.signal(number, signal.SIG_IGN)
-        _say_farewell(end.number if isinstance(end, Ended) else signal.SIGINT, terminal)
+        _say_farewell(heard[0] if heard else signal.SIGINT, terminal)
     raise AssertionError("the command line ends the program")
 
 
 def _ends(number: int) -> bool:
     """Whether a signal is not ignored, as nohup has it."""
     return signal.getsignal(number) is not signal.SIG_IGN
-
-
-def _end(number: int, frame: FrameType | None) -> NoReturn:
-    raise Ended(number)
 
 
 def _say_farewell(number: int, terminal: tuple[int, ...]) -> NoReturn:

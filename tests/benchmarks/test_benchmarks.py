@@ -17,11 +17,16 @@ from frida_painter.render import render
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 
-def original():
-    specification = importlib.util.spec_from_file_location("original", BENCHMARKS / "original.py")
+def program(name):
+    specification = importlib.util.spec_from_file_location(name, BENCHMARKS / f"{name}.py")
     module = importlib.util.module_from_spec(specification)
+    sys.modules[name] = module  # where dataclasses look for their module
     specification.loader.exec_module(module)
     return module
+
+
+def original():
+    return program("original")
 
 
 def test_the_comparator_paints_what_the_renderer_paints():
@@ -55,3 +60,23 @@ def test_a_quick_run_prints_and_writes_tables(name, tmp_path):
     record = json.loads(figures.read_text())
     assert record["figures"] and record["tables"]
     assert all(len(row) == len(table["columns"]) for table in record["tables"] for row in table["rows"])
+
+
+@pytest.mark.slow
+def test_a_few_hostile_command_lines_are_refused_in_order(tmp_path):
+    outcomes = list(program("hostile_commands").tried(tmp_path, 8, seed=1, seconds=60))
+    assert [one.wrong for one in outcomes] == [""] * 8
+    assert any(one.status == 2 for one in outcomes)
+
+
+def test_every_command_but_two_is_tried_with_all_that_it_takes():
+    known = {one.path: one for one in program("hostile_commands").commands()}
+    assert {("paint",), ("resume",), ("strokes", "train"), ("experiments", "replanning")} <= set(known)
+    takes = {one.name: one.takes for one in known["paint",].parameters}
+    assert takes["--brush"] is str and takes["--settings"] is Path and takes["--strokes"] is int and takes[""] is Path
+
+
+@pytest.mark.slow
+def test_a_painting_that_is_killed_while_it_finishes_is_resumed_whole(tmp_path):
+    (kill,) = program("kills").killed(tmp_path, 4, [0.85])
+    assert (kill.wrong, kill.painted) == ("", 4)

@@ -42,7 +42,7 @@ def main() -> None:
     try:
         status = build()(prog_name="frida-painter", standalone_mode=False)
     except typer.Abort as abort:  # Typer's word for a signal
-        raise abort.__cause__ if isinstance(abort.__cause__, KeyboardInterrupt) else KeyboardInterrupt from None
+        raise KeyboardInterrupt from abort
     except FridaError as error:
         _complain(str(error))
         status = _PAUSED if isinstance(error, PaintingPaused) else 2
