@@ -29,10 +29,13 @@ def main() -> NoReturn:
 
         cli.main()
     except KeyboardInterrupt:
-        for number in signals:  # it ends, and once is enough
-            signal.signal(number, signal.SIG_IGN)
-        _say_farewell(heard[0] if heard else signal.SIGINT, terminal)
-    raise AssertionError("the command line ends the program")
+        pass
+    except SystemExit as ended:
+        if not (heard and ended.code == 128 + signal.SIGINT):  # which is what Typer makes of every signal
+            raise
+    for number in signals:  # it ends, and once is enough
+        signal.signal(number, signal.SIG_IGN)
+    _say_farewell(heard[0] if heard else signal.SIGINT, terminal)
 
 
 def _ends(number: int) -> bool:
