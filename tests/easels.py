@@ -101,9 +101,13 @@ class PatientCamera:
 @dataclass
 class NotingAttendant:
     palettes: list[Palette] = field(default_factory=list)
+    dried: list[float] = field(default_factory=list)
 
     def fill_wells(self, palette: Palette) -> None:
         self.palettes.append(palette)
+
+    def let_dry(self, seconds: float) -> None:
+        self.dried.append(seconds)
 
     def lay_paper(self) -> bool:
         return False

@@ -30,6 +30,8 @@ class NotingPlanner:
     """Plans random strokes in two steps, plans again by turning them, and notes how many it was given."""
 
     model = None
+    layers: tuple[int, ...] = ()
+    fresh: list[bool] = field(default_factory=list)
     asked: list[int] = field(default_factory=list)
     canvases: list[Tensor] = field(default_factory=list)
     located: list[int] = field(default_factory=list)
@@ -40,15 +42,22 @@ class NotingPlanner:
         notify(Step(2, 2, 0.4))
         palette = Palette.ordered(torch.rand(colors, 3, generator=torch.Generator().manual_seed(1)))
         paint = torch.arange(strokes) * colors // strokes
-        return Plan.of(some_strokes(strokes), palette, paint, canvas=CANVAS, brush="small", limits=SMALL.limits)
+        if self.layers:
+            paint = torch.cat([torch.arange(count) * colors // count for count in self.layers])
+        return Plan.of(
+            some_strokes(strokes), palette, paint, canvas=CANVAS, brush="small", limits=SMALL.limits, layers=self.layers
+        )
 
     def bind_to_palette(self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None]) -> Plan:
         notify(Step(1, 1, 0.35))
         paint = palette.nearest(plan.strokes.color)
         return Plan.of(plan.strokes, palette, paint, canvas=CANVAS, brush="small", limits=SMALL.limits)
 
-    def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None], rounds: int = 1) -> Plan:
+    def replan(
+        self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None], rounds: int = 1, *, fresh: bool = False
+    ) -> Plan:
         self.asked.append(len(rest))
+        self.fresh.append(fresh)
         self.canvases.append(canvas)
         notify(Step(1, 1, 0.3))
         return rest

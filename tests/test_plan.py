@@ -81,6 +81,48 @@ def test_a_part_of_a_plan() -> None:
     assert torch.equal(part.paint, plan.paint[10:15]) and part.palette is plan.palette
 
 
+def test_layers_come_back_and_decide_what_is_painted(tmp_path: Path) -> None:
+    plan = made_up_plan()
+    layered = replace(plan, layers=(30, 10))
+    layered.save(tmp_path / "plan.json")
+    assert plan.layers == (40,) and Plan.load(tmp_path).layers == (30, 10)
+    assert Plan.load(tmp_path).digest == layered.digest != plan.digest
+
+
+@pytest.mark.parametrize("painted", [0, 12, 30, 33, 40])
+def test_what_was_painted_and_the_rest_are_the_plan_with_its_layers(painted: int) -> None:
+    plan = replace(made_up_plan(), layers=(30, 10))
+    done, rest = plan.part(slice(painted)), plan.part(slice(painted, None))
+    assert len(done.layers) == len(rest.layers) == 2
+    assert done.followed_by(rest).digest == plan.digest
+    assert plan.layer_end(painted) == (30 if painted < 30 else 40)
+    parts = rest.by_layer()
+    assert [len(part) for part in parts] == [max(0, 30 - painted), 40 - max(30, painted)]
+    first, second = parts
+    assert first.under(second).layers == rest.layers
+
+
+def test_a_plan_of_version_1_has_one_layer(tmp_path: Path) -> None:
+    plan = made_up_plan()
+    plan.save(tmp_path / "plan.json")
+    record = json.loads((tmp_path / "plan.json").read_text())
+    del record["layers"]
+    storage.write_json(tmp_path / "plan.json", {**record, "version": 1})
+    assert Plan.load(tmp_path).layers == (40,) and Plan.load(tmp_path).digest == plan.digest
+
+
+def test_layers_that_are_not_those_of_the_strokes_are_refused() -> None:
+    plan = made_up_plan()
+    for layers in ((39,), (41, -1), (20, 20, 20)):
+        with pytest.raises(PlanError, match="A plan of 40 strokes has layers"):
+            replace(plan, layers=layers)
+    layered = replace(plan, layers=(20, 20))
+    with pytest.raises(PlanError, match="mixes the layers"):
+        layered.reordered(torch.arange(40).flip(0))
+    with pytest.raises(PlanError, match="2 layers was to be followed by one of 1"):
+        layered.followed_by(plan)
+
+
 def test_parts_that_do_not_fit_are_refused() -> None:
     plan = made_up_plan()
     with pytest.raises(PlanError, match="40 strokes and 39 paint numbers"):
@@ -126,6 +168,10 @@ def test_a_plan_cut_in_half_or_edited_is_refused(tmp_path: Path) -> None:
         ({"about": []}, "missing or out of range"),
         ({"tensors": "../../etc/passwd"}, "passwd does not exist"),
         ({"tensors": None}, "missing or out of range"),
+        ({"layers": [30, 11]}, "has layers of 30, 11"),
+        ({"layers": []}, "missing or out of range"),
+        ({"layers": ["40"]}, "missing or out of range"),
+        ({"layers": [20, 20]}, "does not belong to the strokes"),
         ({"brush": "other"}, "does not belong to the strokes"),
         ({"digest": "0" * 64}, "does not belong to the strokes"),
     ],

@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -115,3 +116,14 @@ def test_a_plan_without_strokes_is_a_program_that_does_nothing() -> None:
 def test_a_desk_that_cannot_be_is_refused(name: str, value: float) -> None:
     with pytest.raises(ConfigError, match="was given"):
         FlatbedWorkspace(**{name: value})
+
+
+@pytest.mark.parametrize("pauses", [True, False])
+def test_between_two_layers_the_machine_waits_for_dry_paint(pauses: bool) -> None:
+    layered = replace(PLAN, layers=(8, 4))
+    lines = gcode(layered, actions(layered), Gcode(), pauses=pauses).splitlines()
+    (wait,) = (number for number, line in enumerate(lines) if "let this layer dry" in line)
+    assert lines[wait].startswith("M0 (")
+    strokes = [line for line in lines[:wait] if line.startswith("; stroke")]
+    assert len(strokes) == 8
+    assert "dry" not in gcode(PLAN, actions(), Gcode(), pauses=pauses)

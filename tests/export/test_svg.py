@@ -131,3 +131,12 @@ def test_vpype_reads_a_layer_for_each_paint_or_dip_in_millimetres(tmp_path: Path
     names = [layer.property("vp_name") for layer in dips.layers.values()]
     assert [name.startswith("!") for name in names].count(True) == 2, "a pause before each dip"
     assert sum(len(layer) for layer in dips.layers.values()) == 12
+
+
+def test_a_paint_that_comes_back_in_another_layer_of_the_plan_gets_its_own_even_when_regrouped() -> None:
+    plan = replace(made_up_plan(paint=[0, 1, 0, 1]), layers=(2, 2))
+    for layers in (parsed(plan).findall(f"{SVG}g"), parsed(plan, keep_order=False).findall(f"{SVG}g")):
+        assert [(layer.attrib["data-layer"], layer.attrib["data-paint"]) for layer in layers] == [
+            ("1", "1"), ("1", "2"), ("2", "1"), ("2", "2")
+        ]  # fmt: skip
+    assert parsed(plan).findall(f"{SVG}g")[2].attrib[LABEL].endswith("1 stroke layer 2")

@@ -1,6 +1,7 @@
 import csv
 import io
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -36,3 +37,8 @@ def test_the_bezier_begins_and_ends_where_the_stroke_does() -> None:
         for axis in "xy":
             assert row[f"bezier0_{axis}_mm"] == row[f"start_{axis}_mm"]
             assert row[f"bezier3_{axis}_mm"] == row[f"end_{axis}_mm"]
+
+
+def test_rows_tell_their_layer() -> None:
+    plan = replace(made_up_plan(6, 2), layers=(4, 2))
+    assert [row["layer"] for row in csv.DictReader(io.StringIO(table(plan)))] == ["1"] * 4 + ["2"] * 2

@@ -49,6 +49,8 @@ def test_few_strokes_bring_their_own_colors_and_replans() -> None:
             {"colour": 3},
             "'colour' is not a setting; there are arm_meshes, brush, calibration, camera, canvas",
         ),
+        ({"strokes": 5, "layers": 6}, "6 layers for 5 strokes; give at most as many layers as strokes"),
+        ({"layers": 0}, "--layers was given 0; it is a whole number from 1 to 8"),
         ({"strokes": 5, "colors": 6}, "6 colors for 5 strokes; give at most as many colors as strokes"),
         ({"strokes": 5, "colors": 5, "replans": 5}, "5 replans for 5 strokes; .* at most 4"),
         ({"strokes": "x" * 10_000}, r"--strokes was given 'x{36}\.\.\.; it is"),

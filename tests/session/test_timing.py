@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import pytest
 import torch
@@ -12,6 +13,7 @@ from frida_painter.plan import Plan
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.events import StrokePainted
+from frida_painter.session.timetable import DRYING
 from frida_painter.session.timing import reckon
 from frida_painter.virtual.studio import FREE, KINEMATIC_SAWYER, StudioSettings, open_studio
 from plans import made_up_plan, made_up_strokes
@@ -70,6 +72,18 @@ def test_looks_take_time_and_a_brush_that_holds_the_paint_saves_it() -> None:
     assert reckon(plan, choreography, BrushLoad(), lambda painted: 2).looks > 6 * 2 * 0.1
     assert reckon(plan, choreography, BrushLoad(0, 1.0), lambda painted: 0).dips == 0 < plain.dips
     assert reckon(plan, choreography, BrushLoad(1, 1.0), lambda painted: 0).washing > 0 == plain.washing
+
+
+def test_a_layer_dries_before_the_next_one_and_the_brush_is_cleaned_once() -> None:
+    choreography = Choreography(Motion(WORKSPACE, CALIBRATION), FINE)
+    plan = made_up_plan(6, paint=[0, 0, 1, 0, 0, 1])
+    plain, layered = (
+        reckon(replace(plan, layers=layers), choreography, BrushLoad(), lambda painted: 0) for layers in ((6,), (3, 3))
+    )
+    assert plain.drying == 0 and layered.drying == DRYING
+    assert layered.washing == pytest.approx(plain.washing)
+    assert layered.after[3] - layered.after[2] > DRYING > layered.after[2]
+    assert layered.total == pytest.approx(layered.after[-1])
 
 
 def test_nothing_takes_no_time() -> None:

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from frida_painter.planning.optimize import Step
 from frida_painter.session.events import (
+    Drying,
     Event,
     Looked,
     PaintsWanted,
@@ -125,6 +126,8 @@ def _words(event: Event) -> str:
             return f"mixing {len(palette)} paints"
         case StrokePainted(done, of) | StrokeLeftOut(done, of):
             return f"stroke {done} of {of}"
+        case Drying(seconds=seconds):
+            return f"letting the paint dry for {duration(seconds)}"
         case Looked():
             return "looking at the canvas"
         case Resumed(done=done):

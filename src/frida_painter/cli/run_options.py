@@ -25,7 +25,7 @@ from frida_painter.runs.spec import RunSpec
 
 TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {"photo", "settings", "out", "ask", "yes"}
 """Names of options that no kind of goal can have."""
-_PLAN = ("strokes", "colors", "canvas", "fit", "brush", "render_height", "effort", "seed")
+_PLAN = ("strokes", "layers", "colors", "canvas", "fit", "brush", "render_height", "effort", "seed")
 _PAINT = ("replans", "replan_policy", "timelapse_frames")
 
 Photo = Annotated[
@@ -127,7 +127,7 @@ def _option(field: FieldInfo) -> Any:
     more = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
     default = more.get("default", field.default)
     text = f"{field.description} [dim]{default}[/]"
-    if field.annotation is int:
+    if field.annotation in (int, int | None):
         return Annotated[int | None, typer.Option(parser=whole_number, metavar="N", help=text)]
     if field.annotation is float:
         return Annotated[float | None, typer.Option(parser=number, metavar="X", help=text)]

@@ -17,8 +17,9 @@ _DECIMALS = 3
 
 @dataclass(frozen=True)
 class _Layer:
-    """Strokes of one paint, by index; pause: whether the brush is dipped, or the pen changed, before them."""
+    """Strokes of one paint in one layer of the plan, by index; pause: whether the brush is dipped before them."""
 
+    layer: int
     paint: int
     pause: bool
     strokes: list[int] = field(default_factory=list)
@@ -29,9 +30,9 @@ def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[
 
     width [n]: of each stroke in metres. A new layer begins wherever the paint changes, so that
     layers painted from first to last give the plan's picture: one layer per palette colour as long
-    as each colour is painted in one go, and more after replanning, when colours come back. With
-    `keep_order=False` there is always one layer per colour, lightest first, for plotters where a
-    change of pen costs more than the order. dips: indices of the strokes before which the brush is
+    as each colour is painted in one go, and more where the plan has several layers or colours come back. With
+    `keep_order=False` there is always one layer per colour in each of the plan's layers, lightest first, for plotters
+    where a change of pen costs more than the order. dips: indices of the strokes before which the brush is
     dipped: a layer begins there whose name starts with "!", where software for AxiDraws pauses; in
     painting order only. Raises PlanError where widths are not above 0 and finite.
     """
@@ -62,11 +63,11 @@ def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[
 
 def _layers(plan: Plan, keep_order: bool, dips: Collection[int]) -> list[_Layer]:
     layers: list[_Layer] = []
-    paints = plan.paint.tolist()
-    order = range(len(plan)) if keep_order else sorted(range(len(plan)), key=lambda index: paints[index])
+    places = list(zip(plan.layer.tolist(), plan.paint.tolist(), strict=True))
+    order = range(len(plan)) if keep_order else sorted(range(len(plan)), key=places.__getitem__)
     for index in order:
-        if not layers or layers[-1].paint != paints[index] or index in dips:
-            layers.append(_Layer(paints[index], index in dips))
+        if not layers or (layers[-1].layer, layers[-1].paint) != places[index] or index in dips:
+            layers.append(_Layer(*places[index], index in dips))
         layers[-1].strokes.append(index)
     return layers
 
@@ -74,13 +75,13 @@ def _layers(plan: Plan, keep_order: bool, dips: Collection[int]) -> list[_Layer]
 def _drawn(number: int, plan: Plan, layer: _Layer, paths: list[str]) -> str:
     color = to_hex(plan.palette.color[layer.paint])
     count = f"{len(paths)} stroke{'s' if len(paths) > 1 else ''}"
+    of = f" layer {layer.layer + 1}" if len(plan.layers) > 1 else ""
     # Plotter software takes the number at the start of a label as the layer's, and an exclamation mark as a pause.
-    label = quoteattr(f"{'!' if layer.pause else ''}{number} paint {layer.paint + 1} {color} {count}")
+    label = quoteattr(f"{'!' if layer.pause else ''}{number} paint {layer.paint + 1} {color} {count}{of}")
     return (
         f'  <g inkscape:groupmode="layer" id="layer{number}" inkscape:label={label} fill="none" stroke="{color}"'
-        f' stroke-linecap="round" stroke-linejoin="round" data-paint="{layer.paint + 1}">\n'
-        + "\n".join(paths)
-        + "\n  </g>"
+        f' stroke-linecap="round" stroke-linejoin="round" data-paint="{layer.paint + 1}"'
+        f' data-layer="{layer.layer + 1}">\n' + "\n".join(paths) + "\n  </g>"
     )
 
 

@@ -10,7 +10,7 @@ from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 
 COLUMNS = (
-    *("stroke", "paint", "color", "start_x_mm", "start_y_mm", "end_x_mm", "end_y_mm"),
+    *("stroke", "layer", "paint", "color", "start_x_mm", "start_y_mm", "end_x_mm", "end_y_mm"),
     *("angle_deg", "length_mm", "bend_mm", "thickness"),
     *(f"bezier{point}_{axis}_mm" for point in range(4) for axis in "xy"),
 )
@@ -20,7 +20,7 @@ def table(plan: Plan) -> str:
     """The strokes as CSV with a header row.
 
     Millimetres from the canvas's bottom-left corner, x right, y up; angles in degrees,
-    counter-clockwise from x, in [-180, 180); thickness in [0, 1]; strokes and paints count from 1.
+    counter-clockwise from x, in [-180, 180); thickness in [0, 1]; strokes, layers and paints count from 1.
     """
     content = io.StringIO()
     rows = csv.writer(content, lineterminator="\n")
@@ -29,6 +29,7 @@ def table(plan: Plan) -> str:
     points = (control_points(strokes).double() * 1000).flatten(1).tolist()  # n rows of x, y of four points
     colors = [to_hex(color) for color in plan.palette.color]
     groups = zip(
+        plan.layer.tolist(),
         plan.paint.tolist(),
         points,
         (whole_turns_removed(strokes.angle) * (180 / math.pi)).tolist(),
@@ -37,8 +38,8 @@ def table(plan: Plan) -> str:
         strokes.thickness.tolist(),
         strict=True,
     )
-    for number, (paint, path, angle, length, bend, thickness) in enumerate(groups, start=1):
+    for number, (layer, paint, path, angle, length, bend, thickness) in enumerate(groups, start=1):
         shape = (*path[:2], *path[6:], angle, length, bend)
         numbers = (*(f"{value:.3f}" for value in shape), f"{thickness:.4f}", *(f"{value:.3f}" for value in path))
-        rows.writerow((number, paint + 1, colors[paint], *numbers))
+        rows.writerow((number, layer + 1, paint + 1, colors[paint], *numbers))
     return content.getvalue()

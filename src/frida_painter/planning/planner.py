@@ -2,7 +2,7 @@
 
 import copy
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import torch
@@ -21,12 +21,14 @@ from frida_painter.objectives.replication import spread
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.initialize import Growth, descended, progressive
+from frida_painter.planning.layers import layer_sizes, with_layers
 from frida_painter.planning.memory import is_lack_of_memory
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement, locate
 from frida_painter.planning.refine import anneal_to_palette, discretize, relocate
 from frida_painter.planning.region import Region
 from frida_painter.planning.scene import Scene
+from frida_painter.planning.step_count import StepCount, at_the_end, part_of, unheard
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
 
@@ -34,6 +36,9 @@ _MOVED = 0.15  # share of the strokes that may move at a time
 _POLISHING_PACE = 0.5
 _KEEPING = (0.7, 0.45, 0.2, 0.1)  # of the way from a stroke's colour to its paint, round after round
 _PROPOSALS = 24  # weighed for each stroke that moves
+LAYERS = 2
+"""Of a plan towards a picture, where nothing else is said."""
+_FEWEST_FOR_LAYERS = 100  # strokes: of fewer, too few are left for a second layer
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,7 @@ class Effort:
     growth: on the start; refining: joint steps after each of `relocations` rounds in which weak
     strokes move; drawing: steps after each round in which colours are drawn towards the paints;
     binding: steps once they are paints; polishing: last steps at full resolution; replanning:
-    steps after each look.
+    steps after each look, and last ones of a later layer.
     """
 
     growth: Growth = field(default_factory=Growth)
@@ -78,6 +83,7 @@ class Planner:
     many iterations are spent, as a factor of the usual number, or one by one. Every random choice comes
     from `seed`. encoders: the networks that the goal is seen through, by default
     those that were fetched. device: where is planned; pictures and plans come and go on the CPU.
+    layers: of a plan, by default LAYERS towards a picture and one towards anything else.
     region: what strokes keep clear of, from the next plan on. Raises WeightsError where the goal needs
     a network that is missing.
     """
@@ -93,13 +99,15 @@ class Planner:
         seed: int = 0,
         encoders: EncoderRegistry | None = None,
         device: torch.device | None = None,
+        layers: int | None = None,
     ) -> None:
-        self.size = size = _usual_size(goal) if size is None else CanvasSize.of(size)
+        self.size = size = goal.usual_canvas if size is None else CanvasSize.of(size)
         self.model = model = cached_table(load_stroke_model(model)) if isinstance(model, str) else model
         self.effort = effort if isinstance(effort, Effort) else Effort().scaled(effort)
         self.fine = PixelGrid.of_height(size, rows)
         self.coarse = PixelGrid.of_height(size, max(rows // 2, 32))
         self.seed = seed
+        self.layers = layers
         self.region: Region | None = None
         self.encoders = encoders or EncoderRegistry()
         self.device = device or torch.device("cpu")
@@ -132,30 +140,11 @@ class Planner:
             raise ConfigError(f"{strokes} strokes in {colors} paints were asked for; give at least 1 of each.")
         canvas = self.bare if canvas is None else canvas
         generator = torch.Generator().manual_seed(self.seed)
-        colors = min(colors, strokes)
+        sizes = self.layer_sizes(strokes)
+        first, colors = sizes[0], min(colors, sizes[0])
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
-        initial_scene = self._scene(canvas, self.coarse, self._initial_objective)
-        guide = self._guide(coarse)
-        target = descended(initial_scene) if guide is None else guide
-        steps = _Progress(notify or _unheard, self.iterations(strokes))
-        found, _ = progressive(
-            strokes,
-            initial_scene,
-            target,
-            paints=None,
-            light_to_dark=True,
-            growth=self.effort.growth,
-            generator=generator,
-            notify=steps.begin(self._growing(strokes)),
-        )
-        for _ in range(self.effort.relocations):
-            if guide is not None:  # a picture that is only one of many good ones must not pull strokes back to it
-                found, _ = relocate(
-                    found, None, initial_scene, guide, share=_MOVED, proposals=_PROPOSALS, generator=generator
-                )
-            found, _ = optimize(
-                found, initial_scene, iterations=self.effort.refining, notify=steps.begin(self.effort.refining)
-            )
+        steps = StepCount(notify or unheard, self.iterations(strokes))
+        found = self._freely(first, canvas, generator, steps)
         for keeping in _KEEPING:
             found = anneal_to_palette(found, coarse, colors, keeping, self.seed)
             found, _ = optimize(found, coarse, iterations=self.effort.drawing, notify=steps.begin(self.effort.drawing))
@@ -173,7 +162,63 @@ class Planner:
         )
         assert paints is not None
         ordered, palette, paint = as_palette(found, paints)
-        return self._as_plan(ordered, palette, paint)
+        plan = self._as_plan(ordered, palette, paint)
+        for count in sizes[1:]:
+            plan = plan.under(self._layer(count, self.expected(plan, canvas), palette, generator, steps, [plan]))
+        return plan
+
+    def _freely(
+        self, count: int, canvas: Tensor, generator: torch.Generator, steps: StepCount, below: Sequence[Plan] = ()
+    ) -> Strokes:
+        """Strokes in colours of their own for a canvas picture [3, H, W], grown and moved to where they gain most.
+
+        below: the plans whose strokes are on the canvas by then.
+        """
+        scene = self._scene(canvas, self.coarse, self._initial_objective)
+        guide = self._guide(scene)
+        found, _ = progressive(
+            count,
+            scene,
+            descended(scene) if guide is None else guide,
+            paints=None,
+            light_to_dark=True,
+            growth=self.effort.growth,
+            generator=generator,
+            notify=steps.begin(self._growing(count), below),
+        )
+        refining = self.effort.refining
+        for _ in range(self.effort.relocations):
+            if guide is not None:  # a picture that is only one of many good ones must not pull strokes back to it
+                found, _ = relocate(found, None, scene, guide, share=_MOVED, proposals=_PROPOSALS, generator=generator)
+            found, _ = optimize(found, scene, iterations=refining, notify=steps.begin(refining, below))
+        return found
+
+    def _layer(
+        self,
+        count: int,
+        canvas: Tensor,
+        palette: Palette,
+        generator: torch.Generator,
+        steps: StepCount,
+        below: Sequence[Plan] = (),
+    ) -> Plan:
+        """A layer of `count` strokes, light to dark, in paints that are there, for a canvas picture [3, H, W]."""
+        found = self._freely(count, canvas, generator, steps, below)
+        paint = palette.nearest(found.color.cpu())
+        order = torch.argsort(paint, stable=True)
+        found, paint = found[order.to(self.device)], paint[order]
+        paints: Paints | None = Paints(palette.color.to(self.device), paint.to(self.device))
+        for grid, iterations in ((self.coarse, self.effort.binding), (self.fine, self.effort.replanning)):
+            found, paints = optimize(
+                found,
+                self._scene(canvas, grid),
+                iterations=iterations,
+                paints=paints,
+                vary_colors=False,
+                notify=steps.begin(iterations, below),
+            )
+        assert paints is not None
+        return self._as_plan(found, palette, paints.paint)
 
     def bind_to_palette(
         self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None] | None = None
@@ -183,39 +228,62 @@ class Planner:
         Each stroke gets the paint that is nearest to what it was to have, and all of them are polished
         on the picture [3, H, W] of the canvas. The palette keeps its order, which is that of the wells.
         """
-        paints = Paints(palette.color.to(self.device), palette.nearest(plan.strokes.color).to(self.device))
-        steps = _Progress(notify or _unheard, self.effort.polishing)
-        found, chosen = optimize(
-            plan.strokes.to(self.device),
-            self._scene(canvas, self.fine),
-            iterations=self.effort.polishing,
-            paints=paints,
-            vary_colors=False,
-            pace=_POLISHING_PACE,
-            notify=steps.begin(self.effort.polishing),
-        )
-        assert chosen is not None
-        return self._as_plan(found, palette, chosen.paint)
+        parts = [part for part in plan.by_layer() if len(part)]
+        steps = StepCount(notify or unheard, self.effort.polishing * len(parts))
+        bound: list[Plan] = []
+        below = canvas
+        for part in parts:
+            paint = palette.nearest(part.strokes.color).to(self.device)
+            found, chosen = optimize(
+                part.strokes.to(self.device),
+                self._scene(below, self.fine),
+                iterations=self.effort.polishing,
+                paints=Paints(palette.color.to(self.device), paint),
+                vary_colors=False,
+                pace=_POLISHING_PACE,
+                notify=steps.begin(self.effort.polishing, bound),
+            )
+            assert chosen is not None
+            bound.append(self._as_plan(found, palette, chosen.paint))
+            below = self.expected(bound[-1], below)
+        return with_layers(plan, bound) if bound else plan
 
-    def replan(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None] | None = None, rounds: int = 1) -> Plan:
+    def replan(
+        self,
+        rest: Plan,
+        canvas: Tensor,
+        notify: Callable[[Step], None] | None = None,
+        rounds: int = 1,
+        *,
+        fresh: bool = False,
+    ) -> Plan:
         """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their palette stays.
 
+        fresh: whether a layer begins now, of which nothing was painted: its strokes are proposed anew, wherever the
+        canvas needs them most.
         The work is in proportion to the number of strokes that are left, and to `rounds`, of which more
         than one are worth it where the goal has changed; where there is not memory enough for it, it is
-        tried once more at half the resolution, without moving strokes far. Where that fails as well, the
-        optimiser diverges, or finds nothing better, `rest` stays as it is, but for strokes that would
-        touch the region.
+        tried once more at half the resolution, without moving strokes far. Where nothing better is found, it is
+        tried once more with every stroke about where it was. Where that fails as well, or the optimiser diverges,
+        `rest` stays as it is, but for strokes that would touch the region.
         """
         rest = self._clear(rest)
         if len(rest) == 0:
             return rest
+        hear = notify or unheard
         for sparing in (False, True):
             try:
-                again = rest
-                for number in range(rounds):
-                    told = _part(notify or _unheard, number, rounds)
-                    again = self._again(again, canvas, told, sparing=sparing) if len(again) else again
-                return min((rest, again), key=lambda plan: self.validation_loss(self.expected(plan, canvas)))
+                loss = self.validation_loss(self.expected(rest, canvas))
+                for moving in (True, False):
+                    again = rest
+                    for number in range(rounds):
+                        told = part_of(hear, number, rounds) if moving else at_the_end(hear)
+                        again = self._again(
+                            again, canvas, told, moving=moving, sparing=sparing, fresh=fresh and number == 0
+                        )
+                    if self.validation_loss(self.expected(again, canvas)) < loss:
+                        return again
+                return rest
             except PlanningDiverged:
                 return rest
             except (MemoryError, RuntimeError) as failure:
@@ -223,26 +291,53 @@ class Planner:
                     raise
         return rest
 
-    def _again(self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None], *, sparing: bool) -> Plan:
+    def _again(
+        self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None], *, moving: bool, sparing: bool, fresh: bool
+    ) -> Plan:
+        """All layers of the rest, each on the picture of what will lie below it."""
         generator = torch.Generator().manual_seed(self.seed + len(rest))
+        settling = self.effort.refining + self.effort.replanning
+        parts = [part for part in rest.by_layer() if len(part)]
+        anew = fresh and moving and not sparing
+        begun = self._layer_iterations(len(parts[0])) if anew else settling
+        steps = StepCount(notify, begun + settling * (len(parts) - 1))
+        # Never back to a lighter paint inside a layer: it would pick up the dark paint that is still wet.
+        lightest = 0 if fresh else int(parts[0].paint.min())
+        done: list[Plan] = []
+        below = canvas
+        for number, part in enumerate(parts):
+            if anew and number == 0:
+                part = self._layer(len(part), below, part.palette, generator, steps)
+            else:
+                notice = steps.begin(settling, done)
+                first = lightest if number == 0 else 0
+                part = self._settled(part, below, first, generator, notice, moving=moving, sparing=sparing)
+            below = self.expected(part, below)
+            done.append(part)
+        return with_layers(rest, done)
+
+    def _settled(
+        self,
+        layer: Plan,
+        canvas: Tensor,
+        first: int,
+        generator: torch.Generator,
+        notify: Callable[[Step], None],
+        *,
+        moving: bool,
+        sparing: bool,
+    ) -> Plan:
+        """One layer planned again, in paints from number `first` on."""
         coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
-        steps = _Progress(notify, self.effort.refining + self.effort.replanning)
-        # Never back to a lighter paint: it would pick up the dark paint that is still wet.
-        first = int(rest.paint.min())
-        paints: Paints | None = Paints(rest.palette.color.to(self.device), rest.paint.to(self.device), first)
-        found = rest.strokes.to(self.device)
+        steps = StepCount(notify, self.effort.refining + self.effort.replanning)
+        paints: Paints | None = Paints(layer.palette.color.to(self.device), layer.paint.to(self.device), first)
+        found = layer.strokes.to(self.device)
         # Elsewhere than with pictures and what they mean, the guide is only what the plan began with.
         guided = self.goal.initial_terms is self.goal.terms or coarse.importance is not None
-        guide = self._guide(coarse) if guided and not sparing else None
+        guide = self._guide(coarse) if guided and moving and not sparing else None
         if guide is not None:
             found, paints = relocate(
-                found,
-                paints,
-                coarse,
-                guide,
-                share=_MOVED,
-                proposals=_PROPOSALS,
-                generator=generator,
+                found, paints, coarse, guide, share=_MOVED, proposals=_PROPOSALS, generator=generator
             )
         last = coarse if sparing else fine
         for scene, iterations in ((coarse, self.effort.refining), (last, self.effort.replanning)):
@@ -250,7 +345,7 @@ class Planner:
                 found, scene, iterations=iterations, paints=paints, vary_colors=False, notify=steps.begin(iterations)
             )
         assert paints is not None
-        return self._as_plan(found, rest.palette, paints.paint)
+        return self._as_plan(found, layer.palette, paints.paint)
 
     def towards(self, goal: Goal) -> "Planner":
         """A planner for another goal, everything else being the same."""
@@ -263,6 +358,7 @@ class Planner:
             seed=self.seed,
             encoders=self.encoders,
             device=self.device,
+            layers=self.layers,
         )
         planner.region = self.region
         return planner
@@ -299,7 +395,8 @@ class Planner:
             return plan
         near = plan.strokes.to(self.device)
         strokes, kept = self.region.keep_clear(near, self._model, self.size, self.fine.rows)
-        return replace(plan, strokes=strokes.to("cpu"), paint=plan.paint[kept])
+        layers = torch.bincount(plan.layer[kept], minlength=len(plan.layers))
+        return replace(plan, strokes=strokes.to("cpu"), paint=plan.paint[kept], layers=tuple(layers.tolist()))
 
     def _scene(self, canvas: Tensor, grid: PixelGrid, objective: WeightedObjective | None = None) -> Scene:
         objective = objective or self._objectives[grid]
@@ -323,56 +420,31 @@ class Planner:
     def _growing(self, strokes: int) -> int:
         return min(self.effort.growth.rounds, strokes) * self.effort.growth.settling
 
+    def layer_sizes(self, strokes: int) -> tuple[int, ...]:
+        """How many of so many strokes each layer of a plan gets. Raises ConfigError where there are too few."""
+        pictures = any(term.guide is not None for term in self.goal.initial_terms)
+        usual = LAYERS if pictures and strokes >= _FEWEST_FOR_LAYERS else 1
+        return layer_sizes(strokes, usual if self.layers is None else self.layers)
+
     def iterations(self, strokes: int) -> int:
         """How many iterations a plan of so many strokes takes."""
+        first, *later = self.layer_sizes(strokes)
         return (
-            self._growing(strokes)
-            + self.effort.relocations * self.effort.refining
+            self._free_iterations(first)
             + len(_KEEPING) * self.effort.drawing
             + self.effort.binding
             + self.effort.polishing
+            + sum(map(self._layer_iterations, later))
         )
 
+    def _free_iterations(self, strokes: int) -> int:
+        return self._growing(strokes) + self.effort.relocations * self.effort.refining
 
-def _usual_size(goal: Goal) -> CanvasSize:
-    """The largest canvas in the proportions of the goal's first picture within 14 x 11 inches, or within 11 x 14."""
-    size = CanvasSize.parse("14x11in")
-    pictures = [term.guide for term in goal.initial_terms if term.guide is not None]
-    if not pictures:
-        return size
-    shape = pictures[0].shape[1:]
-    return size.turned_like(*shape).shaped_like(*shape)
-
-
-def _unheard(step: Step) -> None:
-    """Where nobody listens."""
-
-
-def _part(notify: Callable[[Step], None], number: int, of: int) -> Callable[[Step], None]:
-    """Where the steps of the round of that number, of so many, are to be reported."""
-    return lambda step: notify(replace(step, iteration=number * step.of + step.iteration, of=of * step.of))
+    def _layer_iterations(self, strokes: int) -> int:
+        """How many iterations a layer of so many strokes takes in paints that are there."""
+        return self._free_iterations(strokes) + self.effort.binding + self.effort.replanning
 
 
 def _on(model: StrokeModel, device: torch.device) -> StrokeModel:
     """The model on a device: a copy of it where that is another than the CPU, on which others draw with it."""
     return copy.deepcopy(model).to(device) if device.type != "cpu" and isinstance(model, nn.Module) else model
-
-
-class _Progress:
-    """Adds the iterations of several optimisations up to one count."""
-
-    def __init__(self, notify: Callable[[Step], None], total: int) -> None:
-        self._notify = notify
-        self._total = total
-        self._done = 0
-
-    def begin(self, iterations: int) -> Callable[[Step], None]:
-        """Where the next `iterations` steps are to be reported."""
-        before = self._done
-        self._done += iterations
-
-        def tell(step: Step) -> None:
-            strokes = None if step.strokes is None else step.strokes.to("cpu")
-            self._notify(replace(step, iteration=before + step.iteration, of=self._total, strokes=strokes))
-
-        return tell

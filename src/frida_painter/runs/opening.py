@@ -88,6 +88,7 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
         effort=Effort().scaled(spec.effort),
         seed=spec.seed,
         encoders=networks,
+        layers=spec.layers,
         device=device,
     )
     if networks.idle_clip is not None:

@@ -20,7 +20,7 @@ from frida_painter.runs.goal_item import GoalItem
 from frida_painter.session.names import HUMAN, SAWYER_SIM, SIMULATED, VIRTUAL
 
 VERSION = 1
-SETTLED = ("strokes", "colors", "canvas", "brush")
+SETTLED = ("strokes", "layers", "colors", "canvas", "brush")
 """What a painting's plan rests on: it cannot be changed once there is a plan."""
 EASEL = ("robot", "camera", "workspace", "calibration", "placement_error", "pace", "arm_meshes")
 """What says where a painting is painted rather than what."""
@@ -62,6 +62,14 @@ class RunSpec(BaseModel):
     goal: Items = ()
     initial: InitialItems = ()
     strokes: int = Field(300, ge=1, le=20_000, description="Number of brush strokes. Exactly this number is painted.")
+    layers: int | None = Field(
+        None,
+        ge=1,
+        le=8,
+        description="Number of layers of strokes. Each is painted from light to dark on the dry paint of the one "
+        "before, and planned for the canvas as it is then. The first has most of the strokes.",
+        json_schema_extra={"default": "2 for a picture, otherwise 1"},
+    )
     colors: int = Field(12, ge=1, le=24, description="Number of paints to mix.")
     canvas: Canvas = Field(
         CanvasSize(14 * 0.0254, 11 * 0.0254),
@@ -86,7 +94,10 @@ class RunSpec(BaseModel):
         256, ge=64, le=2048, description="Height of the planning image in pixels. Higher is finer and slower."
     )
     replans: int = Field(
-        4, ge=0, description="How many times to look at the canvas and replan the rest, evenly spaced."
+        4,
+        ge=0,
+        description="How many times to look at the canvas and replan the rest: after the first ten strokes, which tell "
+        "where the robot paints, then evenly spaced. A new layer is always looked at.",
     )
     replan_policy: Policy = Field(
         None,
@@ -127,6 +138,8 @@ class RunSpec(BaseModel):
         given = self.model_fields_set
         if "colors" in given and self.colors > self.strokes:
             raise ValueError(f"{self.colors} colors for {self.strokes} strokes; give at most as many colors as strokes")
+        if self.layers is not None and self.layers > self.strokes:
+            raise ValueError(f"{self.layers} layers for {self.strokes} strokes; give at most as many layers as strokes")
         if "replans" in given and self.replans >= self.strokes:
             raise ValueError(
                 f"{self.replans} replans for {self.strokes} strokes; "
@@ -290,7 +303,7 @@ def _allowed(field: FieldInfo) -> str:
         return f"one of {', '.join(map(str, choices))}"
     if not bounds:
         return "true or false" if field.annotation is bool else "a name or a path"
-    kind = "a whole number" if field.annotation is int else "a number"
+    kind = "a number" if field.annotation is float else "a whole number"
     if "le" not in bounds:
         return f"{kind} of at least {bounds['ge']}"
     return f"{kind} from {bounds['ge']} to {bounds['le']}"

@@ -12,10 +12,21 @@ from frida_painter.plan import Plan
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
 from frida_painter.session.choreography import Action
-from frida_painter.session.events import Dipped, MotionBegan, Notify, PaintsWanted, StrokeLeftOut, StrokePainted
+from frida_painter.session.events import (
+    Dipped,
+    Drying,
+    MotionBegan,
+    Notify,
+    PaintsWanted,
+    StrokeLeftOut,
+    StrokePainted,
+)
 from frida_painter.session.interruptions import Interruptions
 from frida_painter.session.journal import Journal
 from frida_painter.session.painting import PaintingProgress
+from frida_painter.session.timetable import DRYING
+
+_BETWEEN_CHECKS = 10.0  # seconds of drying
 
 
 class BatchExecutor:
@@ -54,6 +65,25 @@ class BatchExecutor:
         """Tells which paints are wanted, and waits until their wells are filled."""
         self._tell(PaintsWanted(palette))
         self._brushwork.easel.operator.fill_wells(palette)
+
+    def let_dry(self) -> None:
+        """Cleans the brush, moves the arm aside and waits until the paint on the canvas is dry.
+
+        In a simulated studio a person may stop or pause meanwhile; elsewhere a person says when it is dry.
+        """
+        if self._brushwork.load.paint is not None:
+            self.clean()
+        self._interruptions.retry(self.step_aside)
+        easel, left = self._brushwork.easel, DRYING
+        drying = Drying(self._progress.painted, left)
+        self._interruptions.retry(partial(self._journal.tell, drying))
+        self._tell(drying)
+        while left > 0:
+            seconds = min(left, _BETWEEN_CHECKS) if easel.simulated else left
+            easel.operator.let_dry(seconds)
+            left -= seconds
+            self._interruptions.check()
+        self._progress.dried_at = self._progress.painted
 
     def clean(self) -> None:
         """Rinses and wipes the brush."""

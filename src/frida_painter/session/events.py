@@ -188,6 +188,14 @@ class StrokePainted:
 
 
 @dataclass(frozen=True)
+class Drying:
+    """A layer is let dry, after `done` strokes, before the next one goes on it; seconds: of the robot's clock."""
+
+    done: int
+    seconds: float
+
+
+@dataclass(frozen=True)
 class StrokeLeftOut:
     """Whoever paints by hand left stroke number `done` (from 1) of `of` out; it counts, and is not on the canvas."""
 
@@ -263,8 +271,8 @@ class GoalChanged:
 
 
 Written = (
-    PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | StrokePainted | StrokeLeftOut | Photographed
-    | Paused | Stopped | Failed | Finished | RegionProtected | GoalChanged
+    PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | Drying | StrokePainted | StrokeLeftOut
+    | Photographed | Paused | Stopped | Failed | Finished | RegionProtected | GoalChanged
     | PageEvent
 )  # fmt: skip
 Moment = PlanningStep | Planned | Scheduled | PaintsWanted | TimelapseFrame | Looked | Resumed

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from frida_painter.session.events import (
+    Drying,
     Event,
     Looked,
     Planned,
@@ -57,10 +58,13 @@ class Forecast:
         self._begun = 0
         self._walked = 0.0
         self._iteration = 0
+        self._drying = False
 
     def hear(self, event: Event, now: float) -> None:
         """Takes note of an event at time `now` (seconds)."""
         passed, self._last = now - self._last, now
+        if self._drying:  # that takes what it takes, and tells nothing of how fast anything else is
+            passed, self._drying = 0.0, False
         match event:
             case PlanningStep(phase, iteration, of):
                 alive = self._strokes - self._painted
@@ -83,6 +87,9 @@ class Forecast:
                 if not self._after:
                     self._painting = TimeEstimate(0.02)
                 self._after, self._end, self._begun, self._walked = timetable.after, timetable.total, done, 0.0
+            case Drying(seconds=seconds):
+                self._drying = True
+                self._walked += seconds
             case StrokePainted(done=done) | StrokeLeftOut(done=done):
                 self._painted = done
                 self._forget_looks(until=done - 1)  # after one of them nothing may have been planned again

@@ -5,6 +5,7 @@ Start reading here. This file only says what follows what; who does it:
     look at the bare canvas, and plan
     while strokes are left:
         paint a batch of strokes                         act      batch_executor.py, brushwork.py
+        let a layer dry that is done
         look at the canvas, compare with what was meant  observe  execution_monitor.py, canvas_observer.py
         plan the rest again, where replan_policy.py      plan     plan_keeper.py, planning/planner.py
             wants that                                   tell     events.py, journal.py
@@ -96,10 +97,17 @@ class PaintingSession:
         return self._to_the_end(lambda: self._begin_again(where))
 
     def _paint(self) -> None:
-        """Paints a batch, looks, and plans the rest again, until no stroke is left."""
+        """Paints a batch, looks, and plans the rest again, until no stroke is left; looks also where a layer begins."""
         progress = self._progress
+        looks = self.policy.next_look(0, progress.strokes) < progress.strokes
         while progress.planned_at < progress.strokes:
-            self._executor.paint_until(self.policy.next_look(progress.planned_at, progress.strokes))
+            end = self.policy.next_look(progress.planned_at, progress.strokes)
+            while progress.painted < end or progress.must_dry:
+                if progress.must_dry:
+                    self._executor.let_dry()
+                    if looks:
+                        break
+                self._executor.paint_until(min(end, progress.layer_end))
             seen = self._monitor.observe()
             if seen.left and self.policy.wants_replan(seen):
                 self._plans.replan()

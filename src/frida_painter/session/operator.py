@@ -24,6 +24,15 @@ class PersonAsOperator:
         if self._answer(Confirm(self._asking_for(paints), _swatches(palette))) is not True:
             raise Interrupted("The paints were not there, and nothing was painted; the plan is kept.")
 
+    def let_dry(self, seconds: float) -> None:
+        """Returns when the person says that the paint is dry. Raises Interrupted where it will not be."""
+        question = (
+            "The next strokes go on dry paint: let the canvas dry, with acrylic paint about "
+            f"{seconds / 60:.0f} minutes. Is it dry?"
+        )
+        if self._answer(Confirm(question)) is not True:
+            raise Interrupted("The paint was not dry, and nothing was painted on it; resume the painting when it is.")
+
     def _asking_for(self, paints: str) -> str:
         return f"Mix these paints and fill the wells, the first with paint 1: {paints}. Are all of them filled?"
 
@@ -44,6 +53,9 @@ class AbsentOperator:
     """Implements hardware.easel.Operator in a process that nobody talks with: the one that talks has the person."""
 
     def fill_wells(self, palette: Palette) -> None:
+        """Leaves it to the other process."""
+
+    def let_dry(self, seconds: float) -> None:
         """Leaves it to the other process."""
 
     def lay_paper(self) -> bool:

@@ -85,12 +85,14 @@ class PaintingProgress:
     """How far a painting is.
 
     plan: of all its strokes, painted ones first, None before the first plan is adopted; painted: strokes that are done;
-    planned_at: how many were done when it was last decided how the rest is painted; canvas: what is remembered of it.
+    planned_at: how many were done when it was last decided how the rest is painted; dried_at: how many were done when
+    the paint was last let dry; canvas: what is remembered of it.
     """
 
     plan: Plan | None = None
     painted: int = 0
     planned_at: int = 0
+    dried_at: int = 0
     canvas: CanvasMemory = field(default_factory=CanvasMemory)
 
     @property
@@ -107,6 +109,23 @@ class PaintingProgress:
     def batch(self) -> Plan:
         """What was painted since the last look. Raises PlanError where nothing has been planned yet."""
         return self.canvas.batch(self._known_plan, self.painted)
+
+    @property
+    def begins_layer(self) -> bool:
+        """Whether the next stroke is the first of a layer that goes on the paint of another."""
+        if self.plan is None or not 0 < self.painted < len(self.plan):
+            return False
+        return self.plan.layer_end(self.painted - 1) == self.painted
+
+    @property
+    def layer_end(self) -> int:
+        """How many strokes are painted when the layer of the next one is done."""
+        return self._known_plan.layer_end(self.painted)
+
+    @property
+    def must_dry(self) -> bool:
+        """Whether the paint on the canvas has to dry before the next stroke."""
+        return self.begins_layer and self.dried_at != self.painted
 
     def followed_by(self, rest: Plan) -> Plan:
         """The plan of all strokes: those that are done, and then `rest`."""

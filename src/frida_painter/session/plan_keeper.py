@@ -64,7 +64,8 @@ class PlanKeeper:
         """Plans what is left again, in so many rounds, for the canvas as it was last seen, and adopts that."""
         rest, canvas, before = self._progress.rest, self._progress.canvas.last_seen, self._loss()
         with suppress(_Overtaken):
-            again = self.planner.replan(rest, canvas, self._checking_interrupts("replan"), rounds)
+            hear = self._checking_interrupts("replan")
+            again = self.planner.replan(rest, canvas, hear, rounds, fresh=self._progress.begins_layer)
             self._adopt(self._arranged(again), before)
 
     def replace(self, rest: Plan) -> None:
@@ -115,7 +116,8 @@ class PlanKeeper:
         if len(rest) == 0:  # all that was left would have touched what is protected
             return rest
         painted = self._progress.painted
-        return self._brushwork.arranged(rest, self._policy.next_look(painted, painted + len(rest)) - painted)
+        batch = self._policy.next_look(painted, painted + len(rest)) - painted
+        return self._brushwork.arranged(rest, min(batch, rest.layer_end(0)))
 
     def _checking_interrupts(self, phase: str) -> Callable[[Step], None]:
         """Passes planning steps on, and stops the planner when a person has asked for it."""

@@ -1,5 +1,6 @@
 """When the painter looks at the canvas, and whether it plans the rest again from what it saw."""
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, Self, cast
@@ -8,6 +9,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.registry import REPLAN_POLICIES, parts
 
 _MOST = 20_000
+_FIRST = 10  # strokes, of a first batch
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,10 @@ class ReplanPolicy(Protocol):
 
 @dataclass(frozen=True)
 class EvenlySpaced:
-    """Looks and plans again so many times, after batches that differ by at most one stroke."""
+    """Looks and plans again so many times, after batches that differ by at most one stroke.
+
+    Where it looks several times and batches are longer, the first has ten strokes: they tell where strokes land.
+    """
 
     replans: int
 
@@ -51,14 +56,15 @@ class EvenlySpaced:
         return cls(_whole("replans", argument))
 
     def batches(self, strokes: int) -> list[int]:
-        """Strokes painted between two looks: `replans` + 1 batches that differ by at most one stroke."""
+        """Strokes painted between two looks, `replans` + 1 batches where there are as many strokes."""
         count = min(self.replans + 1, strokes)
-        return [strokes * (number + 1) // count - strokes * number // count for number in range(count)]
+        first = _FIRST if count > 2 and strokes > _FIRST * count else 0
+        rest, even = strokes - first, count - 1 if first else count
+        return [*([first] if first else []), *(rest * (at + 1) // even - rest * at // even for at in range(even))]
 
     def next_look(self, done: int, of: int) -> int:
         """At the end of the batch."""
-        count = min(self.replans + 1, of)
-        return next(end for number in range(count) if (end := of * (number + 1) // count) > done)
+        return next(end for end in itertools.accumulate(self.batches(of)) if end > done)
 
     def wants_replan(self, seen: CanvasSeen) -> bool:
         """Always."""

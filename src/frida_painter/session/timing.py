@@ -3,6 +3,7 @@
 CpuActivity takes time of its own, and so does whoever fills the wells.
 """
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -17,7 +18,7 @@ from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Point
 from frida_painter.plan import Plan
 from frida_painter.session.choreography import BrushLoad, Choreography
-from frida_painter.session.timetable import Timetable
+from frida_painter.session.timetable import DRYING, Timetable
 
 _PHOTOGRAPH = 0.1  # seconds that the arm waits for a photograph
 _HOME_RISE = 0.1  # metres above the rag, where a workspace states no home
@@ -47,7 +48,13 @@ def reckon(
     washing = choreography.cleaning()
     hand = _Hand(workspace.travel_speed, tuple(home), pace)
     table, after = Timetable(), []
+    ends = set(itertools.accumulate(plan.layers)) - {0}
     for index, (paint, use) in enumerate(zip(plan.paint.tolist(), used, strict=True)):
+        if index in ends:  # the brush is cleaned, and the arm goes aside
+            for wash in washing if load.paint is not None else ():
+                table = replace(table, travel=table.travel + hand.to(wash), washing=table.washing + pace.of(wash))
+            load = BrushLoad()
+            table = replace(table, travel=table.travel + hand.aside(), drying=table.drying + DRYING)
         if paint != load.paint or load.left < use:
             if load.paint is not None and paint != load.paint:
                 for wash in washing:

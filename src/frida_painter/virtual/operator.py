@@ -16,10 +16,12 @@ from frida_painter.virtual.table import Table
 class StudioOperator:
     """Implements hardware.easel.Operator over a table; note: told of everything that is done."""
 
-    def __init__(self, table: Table, checker: Checker, fresh_canvas: Callable[[], Canvas]) -> None:
+    def __init__(
+        self, table: Table, checker: Checker, fresh_canvas: Callable[[], Canvas], wait: Callable[[float], None]
+    ) -> None:
         self.checker = checker
         self.note: Note = unnoted
-        self._table, self._fresh_canvas = table, fresh_canvas
+        self._table, self._fresh_canvas, self._wait = table, fresh_canvas, wait
 
     def fill_wells(self, palette: Palette) -> None:
         """Empties all wells and fills well i with paint i."""
@@ -29,6 +31,10 @@ class StudioOperator:
         """Fills well i with paint of colour i, sRGB [k, 3]."""
         self._table.paints = tuple(absorption_and_scattering(color))
         self.note({"did": "fill", "color": color.tolist()})
+
+    def let_dry(self, seconds: float) -> None:
+        """Lets time pass."""
+        self._wait(seconds)
 
     def lay_paper(self) -> bool:
         """Puts a fresh canvas where the first one lay."""

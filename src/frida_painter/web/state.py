@@ -5,6 +5,7 @@ from typing import Any
 
 from frida_painter.session.events import (
     Dipped,
+    Drying,
     Failed,
     GoalChanged,
     Paused,
@@ -57,7 +58,7 @@ class PlanState:
 
 @dataclass
 class PaintState:
-    """The painting itself; status: "preparing", "mixing", "painting", "planning", "paused", "finishing",
+    """The painting itself; status: "preparing", "mixing", "painting", "drying", "planning", "paused", "finishing",
     "finished", "stopped" or "failed".
 
     plan: the number it was painted from; held: whether it waits for a person, also while it does what they asked for
@@ -262,6 +263,7 @@ _STATUS: dict[type[Written], str] = {
     TakenUp: "preparing",
     Mixing: "mixing",
     Dipped: "painting",
+    Drying: "drying",
     StrokePainted: "painting",
     StrokeLeftOut: "painting",
     LookShown: "planning",

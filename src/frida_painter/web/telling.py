@@ -14,6 +14,7 @@ from frida_painter.report.difference import difference
 from frida_painter.session.canvas_observer import TIMELAPSE_ROWS
 from frida_painter.session.events import (
     Dipped,
+    Drying,
     Event,
     Looked,
     PaintsWanted,
@@ -77,7 +78,7 @@ class Reporter:
                 self._replanned(event)
             case PaintsWanted():
                 self.feed.tell(Mixing())
-            case Dipped():
+            case Dipped() | Drying():
                 self.feed.tell(event)
             case StrokePainted(done=done) | StrokeLeftOut(done=done):
                 self.done = done

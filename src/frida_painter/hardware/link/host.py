@@ -78,6 +78,8 @@ class Host:
                 camera.close()
             case "operator.fill_wells":
                 operator.fill_wells(Palette(torch.from_numpy(arrays["color"])))
+            case "operator.let_dry":
+                operator.let_dry(words["seconds"])
             case "operator.lay_paper":
                 return {"done": operator.lay_paper()}, {}
             case "operator.lay_checker":

@@ -168,6 +168,10 @@ class RemoteOperator:
         """Has well i filled with paint i."""
         self._link.ask("operator.fill_wells", {"color": palette.color.detach().cpu().numpy()})
 
+    def let_dry(self, seconds: float) -> None:
+        """Has the paint dry for so long."""
+        self._link.ask("operator.let_dry", seconds=seconds)
+
     def lay_paper(self) -> bool:
         """Whether a fresh canvas lies there now."""
         return bool(self._link.ask("operator.lay_paper")[0]["done"])

@@ -5,7 +5,7 @@ import { h, show } from "./dom.js";
 import { queueList } from "./queue.js";
 
 const STAGES = {
-  planning: "being planned", planned: "planned", waiting: "waits to be planned", preparing: "starting", mixing: "being painted", painting: "being painted",
+  planning: "being planned", planned: "planned", waiting: "waits to be planned", preparing: "starting", mixing: "being painted", drying: "being painted", painting: "being painted",
   paused: "paused", finishing: "making the film", finished: "", stopped: "stopped", failed: "failed",
 };
 

@@ -11,7 +11,7 @@ import { ask, mayAsk } from "./needs.js";
 import { togetherTools } from "./tools.js";
 
 const WORDS = {
-  preparing: "getting ready", mixing: "waiting for the paints", painting: "painting", planning: "looking at the canvas and replanning",
+  preparing: "getting ready", mixing: "waiting for the paints", painting: "painting", drying: "letting the paint dry", planning: "looking at the canvas and replanning",
   paused: "paused", finishing: "making the timelapse film and the page", stopped: "stopped", finished: "finished", failed: "failed",
 };
 

@@ -98,7 +98,7 @@ export function togetherTools(house, here, wish, onPad) {
         left > 0 ? leavingOut(left) : null, changing(state), turns(state));
     } else if (painting.held && !["stopped", "failed", "finished"].includes(painting.status)) {
       show(element, remark, h("p", {}, "It does what you asked for. Then it waits for you."));
-    } else if (["painting", "planning", "mixing"].includes(painting.status)) {
+    } else if (["painting", "drying", "planning", "mixing"].includes(painting.status)) {
       show(element, remark, h("p", { class: "stack" }, pausing()), turns(state));
     } else {
       show(element);

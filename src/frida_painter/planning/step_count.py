@@ -1,0 +1,43 @@
+"""Steps of planning as they are told: one count through all the optimisations that make a plan."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from frida_painter.plan import Plan
+from frida_painter.planning.optimize import Step
+from frida_painter.strokes import Strokes
+
+
+class StepCount:
+    """Adds the iterations of several optimisations up to one count."""
+
+    def __init__(self, notify: Callable[[Step], None], total: int) -> None:
+        self._notify = notify
+        self._total = total
+        self._done = 0
+
+    def begin(self, iterations: int, below: Sequence[Plan] = ()) -> Callable[[Step], None]:
+        """Where the next `iterations` steps are to be reported, whose strokes go on those of the plans `below`."""
+        before = self._done
+        self._done += iterations
+        painted = [plan.strokes for plan in below]
+
+        def tell(step: Step) -> None:
+            strokes = None if step.strokes is None else Strokes.join(*painted, step.strokes.to("cpu"))
+            self._notify(replace(step, iteration=before + step.iteration, of=self._total, strokes=strokes))
+
+        return tell
+
+
+def unheard(step: Step) -> None:
+    """Where nobody listens."""
+
+
+def part_of(notify: Callable[[Step], None], number: int, of: int) -> Callable[[Step], None]:
+    """Where the steps of the round of that number, of so many, are to be reported."""
+    return lambda step: notify(replace(step, iteration=number * step.of + step.iteration, of=of * step.of))
+
+
+def at_the_end(notify: Callable[[Step], None]) -> Callable[[Step], None]:
+    """Where the steps of a second try are to be reported: nobody knew before that there is one."""
+    return lambda step: notify(replace(step, iteration=step.of))

@@ -1,0 +1,121 @@
+from dataclasses import replace
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from frida_painter.errors import ConfigError
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.planning.layers import layer_sizes
+from frida_painter.planning.planner import Effort, Planner
+from scenes import CANVAS, goal, small_table
+
+QUICK = Effort().scaled(0.1)
+BARE = torch.ones(3, 64, 85)
+
+
+def planner(layers: int | None = 2, wanted: Goal | None = None) -> Planner:
+    return Planner(wanted or goal(), CANVAS, small_table(), rows=64, effort=QUICK, layers=layers)
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return planner().plan(BARE, 30, 4)
+
+
+@given(st.integers(1, 1000), st.integers(1, 8))
+def test_each_layer_has_a_stroke_and_the_first_has_most(strokes: int, layers: int) -> None:
+    if layers > strokes:
+        with pytest.raises(ConfigError, match=f"{layers} layers for {strokes} strokes"):
+            layer_sizes(strokes, layers)
+        return
+    sizes = layer_sizes(strokes, layers)
+    assert len(sizes) == layers and sum(sizes) == strokes and min(sizes) >= 1
+    assert layers > strokes / 5 or sizes[0] >= 0.55 * strokes
+
+
+def test_no_layers_are_none() -> None:
+    with pytest.raises(ConfigError, match="from 1 layer to 10"):
+        layer_sizes(10, 0)
+
+
+def test_every_layer_goes_from_light_to_dark_in_the_same_paints(plan: Plan) -> None:
+    assert plan.layers == (18, 12) and len(plan.palette) == 4
+    for layer in plan.by_layer():
+        assert bool((layer.paint.diff() >= 0).all())
+    by, (first, _) = planner(), plan.by_layer()
+    assert by.validation_loss(by.expected(plan)) < by.validation_loss(by.expected(first)), "the second one helps"
+
+
+def test_only_many_strokes_towards_a_picture_get_layers_of_themselves() -> None:
+    assert planner(None).layer_sizes(200) == (120, 80)
+    assert planner(None).layer_sizes(40) == (40,)
+    assert planner(3).layer_sizes(40) == (24, 8, 8)
+
+
+def test_where_a_layer_begins_its_strokes_go_where_the_canvas_needs_them_and_light_over_dark(plan: Plan) -> None:
+    by, (first, _) = planner(), plan.by_layer()
+    rest = plan.part(slice(len(first), None))
+    spoilt = by.expected(first)
+    spoilt[:, 40:, :30] = 0.05  # a dark blot where the picture is pale
+    again = by.replan(rest, spoilt, fresh=True)
+    lost = [by.validation_loss(by.expected(one, spoilt)) for one in (rest, again)]
+    assert again.layers == rest.layers == (0, 12)
+    assert lost[1] < 0.8 * lost[0]
+    assert int(again.paint.min()) == 0
+
+
+def test_planning_again_inside_the_first_layer_keeps_both(plan: Plan) -> None:
+    by, rest = planner(), plan.part(slice(10, None))
+    canvas = by.expected(plan.part(slice(0, 10)))
+    again = by.replan(rest, canvas * 0.97)
+    assert again.layers == (8, 12)
+    first, _ = again.by_layer()
+    assert int(first.paint.min()) >= int(rest.by_layer()[0].paint.min()), "no lighter than what is wet"
+    assert by.validation_loss(by.expected(again, canvas * 0.97)) <= by.validation_loss(by.expected(rest, canvas * 0.97))
+
+
+def test_where_moving_strokes_does_not_help_they_are_settled_where_they_are(plan: Plan, monkeypatch) -> None:
+    def thrown_about(strokes, paints, *rest, **more):
+        return strokes.with_groups(position=strokes.position.flip(0)).project(plan.limits, CANVAS), paints
+
+    monkeypatch.setattr("frida_painter.planning.planner.relocate", thrown_about)
+    by, rest = planner(), plan.part(slice(14, None))
+    steps = []
+    canvas = by.expected(plan.part(slice(0, 14))) * 0.9
+    again = by.replan(rest, canvas, steps.append)
+    assert by.validation_loss(by.expected(again, canvas)) < by.validation_loss(by.expected(rest, canvas))
+    assert [step.iteration for step in steps][-1] == steps[-1].of
+
+
+def test_other_paints_bind_each_layer_from_light_to_dark_of_the_plan(plan: Plan) -> None:
+    mixed = Palette(plan.palette.color * 0.95)
+    bound = planner().bind_to_palette(plan, BARE, mixed)
+    assert bound.layers == plan.layers and torch.equal(bound.palette.color, mixed.color)
+
+
+def test_steps_show_what_lies_below_and_are_as_many_as_were_told() -> None:
+    by, steps = planner(), []
+    by.plan(BARE, 30, 4, steps.append)
+    assert len(steps) == by.iterations(30) == steps[-1].iteration == steps[-1].of
+    assert len(steps[-1].strokes) == 30
+
+
+def test_a_stroke_that_cannot_keep_clear_is_missing_from_its_layer() -> None:
+    by = planner()
+    from frida_painter.planning.region import Region
+
+    forbidden = torch.zeros(64, 85, dtype=torch.bool)
+    forbidden[:, :40] = True
+    by.region = Region(forbidden)
+    found = by.plan(BARE, 30, 4)
+    assert sum(found.layers) == len(found) and len(found.layers) == 2
+
+
+def test_goals_without_a_picture_can_have_layers() -> None:
+    wanted = Goal((replace(ImageTerm(goal().terms[0].image)),))
+    assert len(planner(3, wanted).plan(BARE, 12, 2).layers) == 3
