@@ -74,9 +74,13 @@ def test_planning_again_inside_the_first_layer_keeps_both(plan: Plan) -> None:
     canvas = by.expected(plan.part(slice(0, 10)))
     again = by.replan(rest, canvas * 0.97)
     assert again.layers == (8, 12)
-    first, _ = again.by_layer()
+    first, second = again.by_layer()
     assert int(first.paint.min()) >= int(rest.by_layer()[0].paint.min()), "no lighter than what is wet"
-    assert by.validation_loss(by.expected(again, canvas * 0.97)) <= by.validation_loss(by.expected(rest, canvas * 0.97))
+    losses = [by.validation_loss(by.expected(one.by_layer()[0], canvas * 0.97)) for one in (again, rest)]
+    assert losses[0] <= losses[1]
+    assert second.digest == rest.by_layer()[1].digest, "its turn has not come"
+    changed = by.replan(rest, canvas * 0.97, rounds=2)
+    assert changed.layers == (8, 12) and changed.by_layer()[1].digest != second.digest
 
 
 def test_where_moving_strokes_does_not_help_they_are_settled_where_they_are(plan: Plan, monkeypatch) -> None:

@@ -21,7 +21,7 @@ from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Event, Looked, Planned, StrokePainted, TimelapseFrame
 
-FULL = RunSpec.of(strokes=100, colors=12, effort=0.3, replans=0)
+FULL = RunSpec.of(strokes=100, layers=1, colors=12, effort=0.3, replans=0)
 QUICK = RunSpec.of(strokes=6, colors=3, render_height=64, effort=0.05, replans=0)
 """Of experiments with goals that networks judge."""
 _PLANNING = 0.7  # share of the time that a painting takes

@@ -7,6 +7,7 @@ error. With looking, what is left is planned again on each photograph; without, 
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from torch import Tensor
@@ -26,7 +27,7 @@ NAME = "replanning"
 LOOKING, BLIND = "with replanning", "without looking"
 WAYS = (LOOKING, BLIND)
 DEVIATION, ERROR = "deviation", "error"
-FULL = RunSpec.of(strokes=150, colors=12, replans=9)
+FULL = RunSpec.of(strokes=150, layers=1, colors=12, replans=9)
 QUICK = RunSpec.of(strokes=9, colors=3, render_height=64, effort=0.05, replans=2)
 
 
@@ -35,7 +36,10 @@ def experiment(target: Target, *, seeds: Sequence[int] = (0, 1, 2), scale: RunSp
 
     Without looking the canvas is photographed as often, as for a film, by which nothing is decided.
     """
-    ways = {LOOKING: {}, BLIND: {"replans": 0, "film": True, "timelapse_frames": scale.replans + 1}}
+    looks: dict[str, Any] = {
+        "replan_policy": f"every:{scale.strokes // (scale.replans + 1)}"
+    }  # when the film's frames are taken
+    ways = {LOOKING: looks, BLIND: {"replans": 0, "film": True, "timelapse_frames": scale.replans + 1}}
 
     def measure(trial: PaintingTrial, painted: Painted) -> Measurement:
         """After so many strokes: the differences of the picture to be expected to the first plan and to the target."""

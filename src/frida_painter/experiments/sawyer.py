@@ -46,7 +46,7 @@ _AMPLIFIED = 2
 _MM = 1000.0
 
 
-FULL = RunSpec.of(strokes=200, colors=12, replans=0)
+FULL = RunSpec.of(strokes=200, layers=1, colors=12, replans=0)
 QUICK = RunSpec.of(strokes=2, colors=1, render_height=64, effort=0.05, replans=0, canvas="120x90mm")
 
 

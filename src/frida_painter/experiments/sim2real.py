@@ -34,7 +34,7 @@ MANNER = {
     UNCONSTRAINED: "unconstrained (as Huang et al. 2019)",
     CONSTRAINED: "constrained (as Schaldenbrand & Oh 2021)",
 }
-FULL = RunSpec.of(strokes=120, colors=12, replans=0)
+FULL = RunSpec.of(strokes=120, layers=1, colors=12, replans=0)
 QUICK = RunSpec.of(strokes=8, colors=3, render_height=64, effort=0.05, replans=0)
 
 

@@ -38,7 +38,7 @@ _KEEPING = (0.7, 0.45, 0.2, 0.1)  # of the way from a stroke's colour to its pai
 _PROPOSALS = 24  # weighed for each stroke that moves
 LAYERS = 2
 """Of a plan towards a picture, where nothing else is said."""
-_FEWEST_FOR_LAYERS = 100  # strokes: of fewer, too few are left for a second layer
+_FEWEST_FOR_LAYERS = 100  # strokes
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Planner:
     many iterations are spent, as a factor of the usual number, or one by one. Every random choice comes
     from `seed`. encoders: the networks that the goal is seen through, by default
     those that were fetched. device: where is planned; pictures and plans come and go on the CPU.
-    layers: of a plan, by default LAYERS towards a picture and one towards anything else.
+    layers: of a plan; None: LAYERS towards a picture in 100 strokes or more, else one.
     region: what strokes keep clear of, from the next plan on. Raises WeightsError where the goal needs
     a network that is missing.
     """
@@ -99,7 +99,7 @@ class Planner:
         seed: int = 0,
         encoders: EncoderRegistry | None = None,
         device: torch.device | None = None,
-        layers: int | None = None,
+        layers: int | None = 1,
     ) -> None:
         self.size = size = goal.usual_canvas if size is None else CanvasSize.of(size)
         self.model = model = cached_table(load_stroke_model(model)) if isinstance(model, str) else model
@@ -259,8 +259,8 @@ class Planner:
     ) -> Plan:
         """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their palette stays.
 
-        fresh: whether a layer begins now, of which nothing was painted: its strokes are proposed anew, wherever the
-        canvas needs them most.
+        Later layers than that of the next stroke stay as they are until their turn comes, unless the goal has changed.
+        fresh: whether a layer begins now, of which nothing was painted: its strokes are grown anew.
         The work is in proportion to the number of strokes that are left, and to `rounds`, of which more
         than one are worth it where the goal has changed; where there is not memory enough for it, it is
         tried once more at half the resolution, without moving strokes far. Where nothing better is found, it is
@@ -270,19 +270,19 @@ class Planner:
         rest = self._clear(rest)
         if len(rest) == 0:
             return rest
-        hear = notify or unheard
+        hear, end = notify or unheard, rest.layer_end(0) if rounds == 1 else len(rest)
+        now, later = rest.part(slice(end)), rest.part(slice(end, None))
         for sparing in (False, True):
             try:
-                loss = self.validation_loss(self.expected(rest, canvas))
+                loss = self.validation_loss(self.expected(now, canvas))
                 for moving in (True, False):
-                    again = rest
+                    again = now
                     for number in range(rounds):
                         told = part_of(hear, number, rounds) if moving else at_the_end(hear)
-                        again = self._again(
-                            again, canvas, told, moving=moving, sparing=sparing, fresh=fresh and number == 0
-                        )
+                        starts = fresh and number == 0
+                        again = self._again(again, canvas, told, moving=moving, sparing=sparing, fresh=starts)
                     if self.validation_loss(self.expected(again, canvas)) < loss:
-                        return again
+                        return again.followed_by(later)
                 return rest
             except PlanningDiverged:
                 return rest
