@@ -104,9 +104,13 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
     return planner
 
 
-def replan_policy(spec: RunSpec) -> ReplanPolicy:
-    """When the painter looks, and whether it plans again: as often as `replans` says, unless a policy is named."""
-    return replan_policy_named(spec.replan_policy or str(spec.replans))
+def replan_policy(spec: RunSpec, layers: int = 1) -> ReplanPolicy:
+    """When the painter looks, and whether it plans again: as often as `replans` says, unless a policy is named.
+
+    The looks where one of so many layers begins are among them, for the painter looks there anyway.
+    """
+    inside = max(min(1, spec.replans), spec.replans - (layers - 1))
+    return replan_policy_named(spec.replan_policy or str(inside))
 
 
 def open_session(
@@ -131,7 +135,7 @@ def open_session(
         planner,
         Brushwork(easel, kind, placement or Placement.unknown()),
         CanvasObserver(easel, _GROUND, light),
-        replan_policy(spec),
+        replan_policy(spec, len(planner.layer_sizes(spec.strokes))),
         stop_asked=controls.stop_asked,
         notify=notify,
         journal=journal,

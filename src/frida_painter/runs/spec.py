@@ -97,7 +97,7 @@ class RunSpec(BaseModel):
         4,
         ge=0,
         description="How many times to look at the canvas and replan the rest: after the first ten strokes, which tell "
-        "where the robot paints, then evenly spaced. A new layer is always looked at.",
+        "where the robot paints, then evenly spaced, and where a layer begins.",
     )
     replan_policy: Policy = Field(
         None,
