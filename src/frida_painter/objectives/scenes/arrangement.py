@@ -150,6 +150,8 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         return replace(mine, x=other.x - 0.3 * other.width, y=other.y - 0.06, depth=other.depth + 1), other
     if kind == "with" and where == "air":
         return replace(mine, x=other.x + 0.5 * (other.width + mine.width), y=0.75 * other.height), other
+    if kind == "with" and mine.width > 0.8 * other.width:
+        mine = replace(mine, height=mine.height * 0.8 * other.width / mine.width)
     if kind == "with" and mine.height <= 0.6 * other.height:
         return replace(mine, x=other.x + 0.4 * other.width, y=other.y, depth=other.depth + 1), other
     if kind == "between":

@@ -1,7 +1,7 @@
 """A scene as one picture: its things on a ground, told from it by light and dark, with what falls over them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -17,6 +17,7 @@ _ALOFT = 0.40  # of the height, where the middle of what hangs in the air is
 _AMID = 0.62  # of the height that a single thing fills where its place is shown too
 _THIRD = 0.07  # of the width, by which a thing that leaves room is off the middle
 _LIT = 0.55  # how far things take the colour of the light
+_PALE = 12.0  # of Lab, by which things differ from bare paper at the least
 _DIPS = 0.07  # of its height, by which a thing in water is hidden
 
 
@@ -41,7 +42,12 @@ def composed(things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: 
     if setting.light != DAY:
         shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
         colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
-    ground = setting.starred(with_contrast(ground, where, colors), seed)
+    if not setting.is_named and with_contrast(ground, where, colors, _PALE) is not ground:
+        # Paper costs no strokes; behind a white swan it needs a sky all the same.
+        setting = replace(setting, is_named=True)
+        ground = setting.ground(grid, seed)
+    if setting.is_named:
+        ground = setting.starred(with_contrast(ground, where, colors), seed)
     picture = torch.lerp(ground, colors, where)
     return Scene(setting.fallen(picture, seed).clamp(0, 1), where)
 

@@ -27,7 +27,7 @@ _COLORED = 0.1  # more, at the most, for a caption that has the colour too
 _AGREED = 0.5  # of a keyword, however little the title agrees with it
 _NOUN = 0.35  # share of the last word of a name in what a name means
 _CONTEXT = 0.15  # of the similarity of a caption to the whole prompt
-_WORD = 0.1
+_WORD, _OTHERS = 0.1, 0.05  # for the very word, and for each word too many
 _SEEN = 0.25  # the most that looking nearer to the words than a bare ground, or farther, counts
 _LIKENESS = 0.4  # of a photograph before a sign
 _OWN = 0.3  # of a person's own picture
@@ -109,7 +109,7 @@ class PictureIndex:
         for words in shows:
             similarity = similarity.masked_fill(self._captioned(words) < _SPEAKS, 0)
         exact = float(similarity.max()) >= (least or _LEAST)
-        if least and not exact:
+        if (least or cut_out) and not exact:
             return None
         least = least or (_LEAST if exact else _AKIN)
         context = self._similar(prompt)[self._titles]
@@ -156,21 +156,24 @@ class PictureIndex:
             named = torch.maximum(named, self._captioned(other).masked_fill(named < _AGREES, 0))
         if thing.noun == thing.name:
             return named
-        return (1 - _NOUN) * named + _NOUN * self._captioned(thing.noun)
+        noun = self._captioned(thing.noun)
+        return ((1 - _NOUN) * named + _NOUN * noun).masked_fill(noun < _SPEAKS, 0)  # stones are no stone bridge
 
     def _captioned(self, words: str) -> Tensor:
         """The same for words: the title's, or a keyword's as far as the title agrees with it."""
         similar = self._similar(words)
         title, keyword = similar[self._titles], similar[self._words].amax(1) - _KEYWORD
-        return torch.maximum(title, torch.minimum(keyword, _AGREED + (1 - _AGREED) * title))
+        return torch.maximum(title, keyword * (_AGREED + (1 - _AGREED) * title))
 
     def _similar(self, words: str) -> Tensor:
         return self._meanings @ self._sentences.embed([words])[0]
 
 
 def _spoken(entry: _Entry, thing: Thing) -> float:
-    """What it is worth that a title has the very word, or is no more than it: a clown is no clownfish."""
-    return _WORD * (thing.noun in entry.title.split()) + _WORD * (entry.title in (thing.name, thing.noun))
+    """What it is worth that a title has the very word, is no more than it, and speaks of little else."""
+    words = entry.title.split()
+    others = max(0, len(words) - len(thing.name.split()) - 1)
+    return _WORD * (thing.noun in words) + _WORD * (entry.title in (thing.name, thing.noun)) - _OTHERS * others
 
 
 def _prior(entry: _Entry, picture: Tensor) -> float:

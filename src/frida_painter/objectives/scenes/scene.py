@@ -35,6 +35,7 @@ _PART = 0.75  # the same for what a thing has
 _HELD = 0.72  # the same for "a bowl of cherries"
 _BY_THINGS = ("under", "beneath", "underneath", "below", "beside", "next to", "behind", "in front of", "with")
 _ROUNDING = 1e-3
+_SURE = 0.8  # similarity from which a word of a name says where a thing is: a watering can is not in water
 _IMPLIED = 0.42  # similarity to what is found at a place, from which things imply it
 _TITLE = 60  # characters of a name in a remark
 
@@ -166,7 +167,7 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
         light = named_light(thing.noun, sentences, least)
         weather = named_weather(thing.noun, sentences, least)
         if light is None and weather is None and place is None and thing.name != thing.noun:
-            place = named_place(thing.name, sentences, least)
+            place = named_place(thing.name, sentences, max(least, _SURE))
         if place is not None:
             paint = paint_of(thing.color)
             setting = replace(setting, place=place if paint is None else in_color(place, paint), is_named=True)
@@ -179,9 +180,9 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
             setting = replace(setting, weather=weather, is_named=True)
             settled.add(number)
         for word in thing.name.split()[:-1]:
-            if setting.light == DAY and (felt := named_light(word, sentences)) is not None:
+            if setting.light == DAY and (felt := named_light(word, sentences, _SURE)) is not None:
                 setting = replace(setting, light=felt, is_named=True)
-            if setting.weather == CLEAR and (felt_weather := named_weather(word, sentences)) is not None:
+            if setting.weather == CLEAR and (felt_weather := named_weather(word, sentences, _SURE)) is not None:
                 setting = replace(setting, weather=felt_weather, is_named=True)
     if setting.weather.rain and setting.light == DAY:
         setting = replace(setting, light=GREY)

@@ -119,6 +119,7 @@ WEATHERS = (
 _Part = TypeVar("_Part", Place, Light, Weather)
 _CALLED = 0.72  # similarity to what a place is called, from which words name it
 _FELT = 0.62  # to the words of a light or a weather
+_TOLD_APART, _MIDDLE = 28.0, 55.0  # of Lab, and L*
 
 
 @dataclass(frozen=True)
@@ -240,10 +241,11 @@ def in_color(place: Place, paint: Tensor) -> Place:
     return replace(place, above=color) if place.name == "the sky" else replace(place, below=color)
 
 
-def with_contrast(ground: Tensor, where: Tensor, thing: Tensor) -> Tensor:
+def with_contrast(ground: Tensor, where: Tensor, thing: Tensor, least: float = _TOLD_APART) -> Tensor:
     """The ground [3, H, W], darker or lighter around what stands on it, where that could not be told from it.
 
-    where [H, W]: how much of the things is there; thing [3, H, W]: their colours.
+    where [H, W]: how much of the things is there; thing [3, H, W]: their colours; least: by how much of Lab they are to
+    differ.
     """
     lab = to_lab(ground.permute(1, 2, 0))
     seen = where > 0.5
@@ -253,14 +255,11 @@ def with_contrast(ground: Tensor, where: Tensor, thing: Tensor) -> Tensor:
     own = to_lab(thing.permute(1, 2, 0))[seen].mean(0)
     behind = lab[around].mean(0)
     apart = float((own - behind).norm())
-    if apart >= _TOLD_APART:
+    if apart >= least:
         return ground
     darker = float(own[0]) > _MIDDLE
-    lab[..., 0] = (lab[..., 0] + (-1 if darker else 1) * (_TOLD_APART - apart)).clamp(5, 98)
+    lab[..., 0] = (lab[..., 0] + (-1 if darker else 1) * (least - apart)).clamp(5, 98)
     return from_lab(lab).permute(2, 0, 1).clamp(0, 1)
-
-
-_TOLD_APART, _MIDDLE = 28.0, 55.0  # of Lab, and L*
 
 
 def _nearest(name: str, parts: tuple[_Part, ...], sentences: SentenceEncoder) -> tuple[_Part, float]:
