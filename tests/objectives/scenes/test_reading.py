@@ -79,6 +79,11 @@ def test_counts_beyond_what_fits_are_painted_as_twelve(reader: PromptReader) -> 
     assert birds.count == 4000 and birds.shown == 12
 
 
+def test_an_article_makes_one_of_what_looks_like_many(reader: PromptReader) -> None:
+    (broccoli,) = reader.read("a broccoli").things
+    assert broccoli.count == 1
+
+
 def test_without_the_grammar_a_prompt_is_one_thing() -> None:
     assert PromptReader(None).read("a red fox in the snow").things == (Thing("red fox in the snow", "snow"),)
 
