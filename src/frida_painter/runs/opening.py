@@ -29,7 +29,7 @@ from frida_painter.session.loop import PaintingSession
 from frida_painter.session.names import TITLES
 from frida_painter.session.opening import planning_device
 from frida_painter.session.procedures.dialogue import Answer, Question
-from frida_painter.session.replan_policy import ReplanPolicy, replan_policy_named
+from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy, replan_policy_named
 
 _GROUND = (1.0, 1.0, 1.0)
 _FIT = {
@@ -104,13 +104,12 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
     return planner
 
 
-def replan_policy(spec: RunSpec, layers: int = 1) -> ReplanPolicy:
+def replan_policy(spec: RunSpec, layers: tuple[int, ...] = ()) -> ReplanPolicy:
     """When the painter looks, and whether it plans again: as often as `replans` says, unless a policy is named.
 
-    The looks where one of so many layers begins are among them, for the painter looks there anyway.
+    layers: how many strokes each has; the looks where one begins are among the replans.
     """
-    inside = max(min(1, spec.replans), spec.replans - (layers - 1))
-    return replan_policy_named(spec.replan_policy or str(inside))
+    return replan_policy_named(spec.replan_policy) if spec.replan_policy else EvenlySpaced(spec.replans, layers)
 
 
 def open_session(
@@ -135,7 +134,7 @@ def open_session(
         planner,
         Brushwork(easel, kind, placement or Placement.unknown()),
         CanvasObserver(easel, _GROUND, light),
-        replan_policy(spec, len(planner.layer_sizes(spec.strokes))),
+        replan_policy(spec, planner.layer_sizes(spec.strokes)),
         stop_asked=controls.stop_asked,
         notify=notify,
         journal=journal,

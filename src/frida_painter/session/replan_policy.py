@@ -43,9 +43,12 @@ class EvenlySpaced:
     """Looks and plans again so many times, after batches that differ by at most one stroke.
 
     Where it looks several times and batches are longer, the first has ten strokes: they tell where strokes land.
+    layers: how many strokes the layers of the plan have, where it has several: a look where one begins is one of the
+    replans, and the others cut the longest batches in halves.
     """
 
     replans: int
+    layers: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         _require_count("replans", self.replans, 0)
@@ -57,10 +60,21 @@ class EvenlySpaced:
 
     def batches(self, strokes: int) -> list[int]:
         """Strokes painted between two looks, `replans` + 1 batches where there are as many strokes."""
+        if self.replans and len(self.layers) > 1 and sum(self.layers) == strokes:
+            return self._inside_layers()
         count = min(self.replans + 1, strokes)
         first = _FIRST if count > 2 and strokes > _FIRST * count else 0
         rest, even = strokes - first, count - 1 if first else count
         return [*([first] if first else []), *(rest * (at + 1) // even - rest * at // even for at in range(even))]
+
+    def _inside_layers(self) -> list[int]:
+        batches = [size for size in self.layers if size]
+        if self.replans >= len(batches) and batches[0] > 2 * _FIRST:
+            batches[:1] = [_FIRST, batches[0] - _FIRST]
+        while len(batches) <= self.replans and max(batches) > 1:
+            at = batches.index(max(batches))
+            batches[at : at + 1] = [(batches[at] + 1) // 2, batches[at] // 2]
+        return batches
 
     def next_look(self, done: int, of: int) -> int:
         """At the end of the batch."""
