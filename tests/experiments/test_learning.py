@@ -87,7 +87,9 @@ def test_trainings_that_are_done_are_not_done_again(strokes, tmp_path, monkeypat
 
 def test_every_rival_is_in_the_table_of_all_splits(strokes):
     outcome = real_strokes.experiment(strokes, "drawn", seeds=(0, 1), scale=real_strokes.QUICK).run()
-    whole, fewer = (table.rows for table in outcome.tables)
+    whole, varies, fewer = (table.rows for table in outcome.tables)
+    assert [row["split"] for row in varies] == [0, 1]
+    assert all(np.isfinite([row["mean and variance"], row["one variance"]]).all() for row in varies)
     assert [row["model"] for row in whole] == list(RIVALS)
     assert {row["strokes"] for row in whole} == {26} and {row["strokes"] for row in fewer} == {6}
     for row in (*whole, *fewer):

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from frida_painter.plan import Plan
+from frida_painter.planning.forecast import LikenessForecast
 from frida_painter.report.recorder import Recorder
 from frida_painter.session.events import (
     Dipped,
@@ -24,6 +25,7 @@ from scenes import small_table
 
 TOLD = ("A cup <of> coffee", torch.full((3, 60, 90), 0.4), (("Seed", "7"),), {"photo": "cup.jpg", "strokes": 12})
 BLACK = (0.0, 0.0, 0.0)
+FORECAST = LikenessForecast(24.1, 23.6, 24.5)
 
 
 def picture(shade: float, rows: int = 40, columns: int = 60) -> Tensor:
@@ -43,7 +45,7 @@ SECOND = moved(FIRST.part(slice(6, None)))
 def an_evening() -> list[Event]:
     """12 strokes, planned again after 6; two dips, one with a cleaning; four timelapse frames."""
     events: list[Event] = [PlanningStep("plan", 1, 2, 0.5), PlanningStep("plan", 2, 2, 0.4)]
-    events += [Planned(FIRST, 0, picture(0.5), 0.6, 0.3), Dipped(0, False)]
+    events += [Planned(FIRST, 0, picture(0.5), 0.6, 0.3, FORECAST), Dipped(0, False)]
     for done in range(1, 7):
         events.append(StrokePainted(done, 12, BLACK))
         if done % 3 == 0:
@@ -111,9 +113,13 @@ def test_the_figures_are_those_of_the_evening(tmp_path: Path) -> None:
         "dips": 2,
         "cleanings": 1,
         "settings": {"photo": "cup.jpg", "strokes": 12},
+        "forecasts": [
+            {"strokes": 0, "expected_psnr_db": 24.1, "least_psnr_db": 23.6, "most_psnr_db": 24.5},
+        ],
         "looks": [{"strokes": 6, "loss_before": 0.4, "loss_after": 0.3}],
     }
     assert {name: result[name] for name in wanted} == wanted
+    assert "24.1 dB expected, 23.6 to 24.5" in (tmp_path / "index.html").read_text()
     plan, painting, between = result["comparisons"]  # type: ignore[misc]
     assert plan["psnr_db"] == pytest.approx(20, abs=0.1), "0.5 against 0.4"
     assert painting["psnr_db"] == pytest.approx(34, abs=0.3), "0.42 against 0.4, in a picture of 8 bits"

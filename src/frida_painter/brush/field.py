@@ -4,10 +4,13 @@ Where param2stroke draws a whole map, the field is asked place by place, and a p
 by where it lies along the path and beside it. What is known is thus built in: a mark follows the
 Bezier, looks alike along strokes of all lengths, and bends to the left nearly as it bends to the
 right. A network of a few thousand weights learns the rest from as few as ten strokes.
+
+It knows two marks of a stroke. The mean of all that its shape leaves is what is planned with; the median is what
+most of them look like, with sharper edges. `spread` tells how much they vary.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
@@ -16,13 +19,15 @@ from torch import Tensor, nn
 
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.brush.model_file import ModelFile, write_model
+from frida_painter.brush.spread import CERTAIN, CoverageSpread
 from frida_painter.brush.squash import squash
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 
 FORMAT = "frida-painter stroke field"
-VERSION = 1
+VERSION = 2
 HIDDEN = 32
+MEDIAN, MEAN = 0, 1
 _FEATURES = 18
 _SAMPLES = 25  # along a path
 _LOPSIDED = 0.3
@@ -73,16 +78,17 @@ class PathView:
 
 
 class StrokeField(nn.Module):
-    """Four linear layers from a place and the shape of a stroke to a logit; see `PathView` and `squash`.
+    """Four linear layers from a place and the shape of a stroke to two logits; see `PathView` and `squash`.
 
     All lengths are counted in units of a fifth of the longest stroke. Most inputs stay the same when
     stroke and place are mirrored at the x axis; those that do not are small, so that the field
     learns how left differs from right only where the strokes insist.
 
-    reach: no paint farther than that from the rectangle around the path, metres.
+    reach: no paint farther than that from the rectangle around the path, metres; varies [2]: the spread.
     """
 
     reach: Tensor
+    varies: Tensor
 
     def __init__(self, brush: str, frame: MapFrame, limits: StrokeLimits) -> None:
         super().__init__()
@@ -91,6 +97,7 @@ class StrokeField(nn.Module):
         self.limits = limits
         self.unit = limits.length[1] / 5
         self.register_buffer("reach", torch.tensor(max(frame.top, frame.right)))
+        self.register_buffer("varies", torch.tensor(CERTAIN))
         self.layers = nn.Sequential(
             nn.Linear(_FEATURES, HIDDEN),
             nn.SiLU(),
@@ -98,7 +105,7 @@ class StrokeField(nn.Module):
             nn.SiLU(),
             nn.Linear(HIDDEN, HIDDEN),
             nn.SiLU(),
-            nn.Linear(HIDDEN, 1),
+            nn.Linear(HIDDEN, 2),
         )
         with torch.no_grad():
             first, last = self.layers[0], self.layers[-1]
@@ -112,14 +119,26 @@ class StrokeField(nn.Module):
             torch.manual_seed(seed)
             return cls(kind.name, kind.frame, kind.limits)
 
+    @property
+    def spread(self) -> CoverageSpread:
+        """How much the marks of strokes of one shape vary about their mean."""
+        return CoverageSpread(*self.varies.tolist())
+
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""
+        """thickness [n] in [0, 1], length [n] and bend [n] in metres -> mean magnitude [n, rows, columns] in [0, 1]."""
+        return self._in_batches(thickness, length, bend, MEAN)
+
+    def median(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
+        """thickness [n] in [0, 1], length [n] and bend [n] in metres -> median magnitude [n, rows, columns]."""
+        return self._in_batches(thickness, length, bend, MEDIAN)
+
+    def _in_batches(self, thickness: Tensor, length: Tensor, bend: Tensor, which: int) -> Tensor:
         count = max(1, _CELLS_AT_ONCE // (self.frame.rows * self.frame.columns))
         batches = zip(*(torch.split(part, count) for part in (thickness, length, bend)), strict=True)
-        maps = [self._maps(*batch) for batch in batches]
+        maps = [self._maps(*batch, which=which) for batch in batches]
         return torch.cat(maps) if maps else length.new_zeros(0, self.frame.rows, self.frame.columns)
 
-    def _maps(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
+    def _maps(self, thickness: Tensor, length: Tensor, bend: Tensor, *, which: int) -> Tensor:
         path, owner = _paths(length, bend)
         near = self.near(*path)  # [paths, cells]
         number, cell = near.nonzero(as_tuple=True)
@@ -129,7 +148,7 @@ class StrokeField(nn.Module):
         stroke, cell = seen.nonzero(as_tuple=True)
         row = torch.empty(near.shape, dtype=torch.long, device=near.device)
         row[near] = torch.arange(len(views), device=near.device)
-        logits = self.logits(views[row[owner[stroke], cell]], self.styles(thickness, length, bend)[stroke])
+        logits = self.logits(views[row[owner[stroke], cell]], self.styles(thickness, length, bend)[stroke])[:, which]
         empty = torch.full(seen.shape, _NOTHING, dtype=logits.dtype, device=logits.device)
         return squash(empty.masked_scatter(seen, logits)).view(-1, self.frame.rows, self.frame.columns)
 
@@ -160,7 +179,7 @@ class StrokeField(nn.Module):
         return torch.stack(seen, -1) / self.unit
 
     def logits(self, view: Tensor, style: Tensor) -> Tensor:
-        """views [m, 7] and the styles of their strokes [m, 3] -> the field before the squash, [m]."""
+        """views [m, 7] and the styles of their strokes [m, 3] -> median and mean before the squash, [m, 2]."""
         along, ahead, aside, away, x, rest, y = view.unbind(-1)
         thickness, length, bend = style.unbind(-1)
         steepness = bend / (2 * length + 0.3)
@@ -171,7 +190,8 @@ class StrokeField(nn.Module):
         )  # fmt: skip
         lopsided = (2 * aside, bend, y, steepness)
         features = torch.stack((*mirrored, *(_LOPSIDED * part for part in lopsided)), -1)
-        return self.layers(features)[:, 0]
+        marks: Tensor = self.layers(features)
+        return marks
 
     def save(self, path: Path) -> str:
         """Writes the weights with all that belongs to them; returns the file's sha256. Raises StorageError."""
@@ -185,12 +205,27 @@ class StrokeField(nn.Module):
     @classmethod
     def restored(cls, file: ModelFile) -> Self:
         """The model in a file of weights. Raises WeightsError where it is of another kind or does not fit."""
+        if file.version == 1:
+            file = _with_one_mark_for_both(file)
         file.require(FORMAT, VERSION)
         model = cls(file.brush, file.frame, file.limits)
         file.fill(model)
+        try:
+            model.spread.require()
+        except ValueError as cause:
+            raise file.misfit(cause) from cause
         if not 0 < float(model.reach) < math.inf:
             raise file.misfit(ValueError(f"a reach of {float(model.reach)} m"))
         return model
+
+
+def _with_one_mark_for_both(file: ModelFile) -> ModelFile:
+    """A file of the first version, which knew the median alone, as one of this: the median is taken for the mean."""
+    tensors = {**file.tensors, "varies": torch.tensor(CERTAIN)}
+    for name in ("layers.6.weight", "layers.6.bias"):
+        if name in tensors:
+            tensors[name] = torch.cat((tensors[name], tensors[name]))
+    return replace(file, version=VERSION, tensors=tensors)
 
 
 def _paths(length: Tensor, bend: Tensor) -> tuple[tuple[Tensor, Tensor], Tensor]:

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.brush.learn import learn
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.limits import FEWEST_STROKES
 from frida_painter.brush.resample import resample
+from frida_painter.brush.spread import median_of, spread_of
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.brush.training import TrainingProgress
 from frida_painter.errors import LibraryError
@@ -19,6 +21,7 @@ from frida_painter.errors import LibraryError
 _BATCH = 32
 _TOLERANCE = 1e-6
 _MOST_OUTSIDE = 0.25
+_CAMERA_NOISE = 0.03  # standard deviation of a magnitude
 
 
 @dataclass(frozen=True)
@@ -61,9 +64,36 @@ def errors(model: StrokeModel, library: StrokeLibrary) -> NDArray[np.float64]:
     found = []
     for part in np.array_split(np.arange(len(library)), -(-len(library) // _BATCH)):
         wanted = torch.from_numpy(library.magnitude[part]).float() / 255
-        drawn = resample(model(*(values[part] for values in shapes)), model.frame, library.frame)
+        drawn = resample(median_of(model)(*(values[part] for values in shapes)), model.frame, library.frame)
         found.append((drawn - wanted).abs().mean((1, 2)).double().numpy())
     return np.concatenate(found)
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """How well a model's mean and variance foretell marks: mean log density of a cell's magnitude, in nats.
+
+    predicted: of a normal distribution with the mean and the variance that the model says; constant: of one with the
+    same mean and the same variance everywhere, the best there is for these very marks. The more, the better.
+    """
+
+    predicted: float
+    constant: float
+
+
+@torch.no_grad()
+def likelihood(model: StrokeModel, library: StrokeLibrary) -> Likelihood:
+    """On all cells of the model's frame, of marks that it has not learned from; a camera's noise adds to both."""
+    noise = _CAMERA_NOISE**2
+    means = torch.cat(
+        [model(*part) for part in zip(*(torch.split(one, _BATCH) for one in library.shapes()), strict=True)]
+    )
+    missed = (library.maps(model.frame) - means).square()
+
+    def density(variance: Tensor) -> float:
+        return float(-0.5 * (torch.log(2 * torch.pi * variance) + missed / variance).mean())
+
+    return Likelihood(density(spread_of(model).variance(means) + noise), density(missed.mean() + noise))
 
 
 def cross_validate(

@@ -5,10 +5,15 @@ full, as at the edge of an opaque mark that lands now here, now there. Marks com
 everywhere, so that one number tells the variance of all places of all marks of a brush.
 """
 
-import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, Self
 
+import torch
 from torch import Tensor
+
+from frida_painter.brush.stroke_model import StrokeModel
+
+_FULL = (0.5, 1.0, 51)  # least, most and number of those that are tried
 
 
 class CoverageSpread(NamedTuple):
@@ -24,14 +29,39 @@ class CoverageSpread(NamedTuple):
         """The variance of coverage of that mean, any shape, in [0, 1/4]."""
         return self.share * mean * (self.full - mean).clamp(min=0)
 
-    @property
-    def is_valid(self) -> bool:
-        """Whether both numbers are in their ranges."""
-        return 0 <= self.share <= 1 and 0 < self.full <= 1 and math.isfinite(self.share)
+    @classmethod
+    def fitted(cls, mean: Tensor, coverage: Tensor) -> Self:
+        """What explains best, in least squares, how far coverage was from its mean; both any shape, in [0, 1].
+
+        Take marks that the model of the mean did not learn from.
+        """
+        missed, best, least = (coverage - mean).square(), cls(), float("inf")
+        for full in torch.linspace(*_FULL).tolist():
+            whole = mean * (full - mean).clamp(min=0)
+            share = min(1.0, float((missed * whole).sum() / whole.square().sum().clamp(min=1e-12)))
+            left = float((missed - share * whole).square().sum())
+            if left < least:
+                best, least = cls(share, full), left
+        return best
+
+    def widened(self, factor: float) -> Self:
+        """The spread of marks whose variance is `factor` times as large, as far as it can be."""
+        return self._replace(share=min(1.0, factor * self.share))
+
+    def require(self) -> Self:
+        """Itself. Raises ValueError where a number is out of its range."""
+        if not (0 <= self.share <= 1 and 0 < self.full <= 1):
+            raise ValueError(f"a spread of {self.share} and {self.full}")
+        return self
 
 
 CERTAIN = CoverageSpread()
 """Of a model that says nothing of how marks vary."""
+
+
+def median_of(model: StrokeModel) -> Callable[[Tensor, Tensor, Tensor], Tensor]:
+    """What gives the median of a model's marks, from thickness, length and bend: the model, where it knows no other."""
+    return getattr(model, "median", model)
 
 
 def spread_of(model: object) -> CoverageSpread:

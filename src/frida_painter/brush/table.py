@@ -16,6 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from frida_painter.brush import spline
+from frida_painter.brush.spread import CoverageSpread, spread_of
 from frida_painter.brush.squash import squash, squash_slope, unsquash
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.frames import MapFrame
@@ -66,6 +67,7 @@ class StrokeTable(nn.Module):
         self.brush: str = model.brush
         self.frame: MapFrame = model.frame
         self.limits: StrokeLimits = model.limits
+        self.spread: CoverageSpread = spread_of(model)
         self.detail = detail
         cells = touched.nonzero()[:, 0]
         source = torch.full_like(touched, len(cells), dtype=torch.long)

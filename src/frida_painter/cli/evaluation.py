@@ -14,7 +14,7 @@ from frida_painter.options import ListingOption, out_file
 
 if TYPE_CHECKING:
     from frida_painter.brush.library import StrokeLibrary
-    from frida_painter.brush.measure import Evaluation
+    from frida_painter.brush.measure import Evaluation, Likelihood
 
 _SHOWN = 8
 
@@ -49,7 +49,7 @@ def evaluate_model(
     All strokes count, also flawed ones.
     """
     from frida_painter.brush.library import StrokeLibrary
-    from frida_painter.brush.measure import evaluate
+    from frida_painter.brush.measure import evaluate, likelihood
     from frida_painter.brush.weights import load_stroke_model
     from frida_painter.report.training_page import evaluation_page
     from frida_painter.session.opening import limit_threads
@@ -59,17 +59,17 @@ def evaluate_model(
     limit_threads()
     model = load_stroke_model(weights)
     strokes = StrokeLibrary.load(library)
-    found = evaluate(model, strokes)
+    found, foretold = evaluate(model, strokes), likelihood(model, strokes)
     if page is not None:
         storage.write_text(page, evaluation_page(model, weights, strokes, library.name))
     if as_json:
-        print(json.dumps(_record(weights, library, model.brush, strokes, found), indent=2))
+        print(json.dumps(_record(weights, library, model.brush, strokes, found, foretold), indent=2))
     else:
-        _show(strokes, found)
+        _show(strokes, found, foretold)
 
 
 def _record(
-    weights: str, path: Path, brush: str, strokes: "StrokeLibrary", found: "Evaluation"
+    weights: str, path: Path, brush: str, strokes: "StrokeLibrary", found: "Evaluation", foretold: "Likelihood"
 ) -> dict[str, str | int | float | list[dict[str, int | float | bool]]]:
     return {
         "weights": weights,
@@ -78,6 +78,8 @@ def _record(
         "strokes": len(strokes),
         "mean_absolute_error": float(found.error.mean()),
         "error_of_bare_paper": float(found.paint.mean()),
+        "log_likelihood": foretold.predicted,
+        "log_likelihood_with_one_variance": foretold.constant,
         "strokes_outside_the_limits": int(found.outside.sum()),
         "per_stroke": [
             {
@@ -93,12 +95,17 @@ def _record(
     }
 
 
-def _show(strokes: "StrokeLibrary", found: "Evaluation") -> None:
+def _show(strokes: "StrokeLibrary", found: "Evaluation", foretold: "Likelihood") -> None:
     console = Console(highlight=False)
     console.print(
         f"{len(strokes)} strokes: mean absolute error [bold]{found.error.mean():.4f}[/] "
         f"(bare paper would give {found.paint.mean():.4f}); half of the strokes are below "
         f"{sorted(found.error)[len(strokes) // 2]:.4f}, the worst has {found.error.max():.4f}.",
+        soft_wrap=True,
+    )
+    console.print(
+        f"Mean and variance that the model expects: log likelihood {foretold.predicted:.2f} per cell, "
+        f"{foretold.constant:.2f} with one variance for all cells.",
         soft_wrap=True,
     )
     if found.outside.any():

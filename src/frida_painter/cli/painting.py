@@ -90,11 +90,13 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
         bare = torch.ones(3, run.planner.fine.rows, run.planner.fine.columns)
         made.save(folder / "plan.json")
         images.save(run.planner.expected(made, bare), folder / "plan.png")
+        forecast = run.planner.forecast(made, bare)
         images.save(palette_sheet(made), folder / "palette.png")
     say(
         f"The plan:    {folder / 'plan.json'}",
         f"As picture:  {folder / 'plan.png'}",
         f"Palette:     {folder / 'palette.png'}",
+        *([f"Likeness:    {forecast}"] if forecast else []),
     )
 
 

@@ -18,6 +18,7 @@ from frida_painter.session.events import (
     Looked,
     PaintsWanted,
     Paused,
+    Planned,
     PlanningStep,
     Resumed,
     Scheduled,
@@ -120,6 +121,8 @@ def _words(event: Event) -> str:
             return f"planning {100 * iteration // of:3d} %"
         case PlanningStep(_, iteration, of):
             return f"planning the rest again {100 * iteration // of:3d} %"
+        case Planned(forecast=forecast) if forecast is not None:
+            return f"planned: {forecast}"
         case Scheduled(timetable=timetable, done=0):
             return f"the robot will take {duration(timetable.total)}"
         case PaintsWanted(palette):

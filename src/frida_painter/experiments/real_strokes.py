@@ -11,9 +11,20 @@ import numpy as np
 
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.limits import FEWEST_STROKES
+from frida_painter.brush.measure import likelihood
 from frida_painter.errors import LibraryError
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row
-from frida_painter.experiments.rivals import BEZIER, LEARNED, RIVALS, errors, fingerprint, learn
+from frida_painter.experiments.rivals import (
+    BEZIER,
+    DEFAULT,
+    LEARNED,
+    RIVALS,
+    drawn_by,
+    errors,
+    fingerprint,
+    learn,
+    learn_model,
+)
 from frida_painter.experiments.scale import ExperimentScale
 from frida_painter.experiments.trials import Experiment, Measurement, Results, Trial
 
@@ -41,14 +52,29 @@ def experiment(
         model, size, seed = trial["model"], int(trial["strokes"]), int(trial["split"])
         notify(Progress(0.0, f"split {seed}: {model} from {size} strokes"))
         order = np.random.default_rng(seed).permutation(len(library))
-        predict = learn(model, library[order[:size]], seed=seed, quick=scale.quick)
-        return Measurement({"error": float(errors(predict, library[order[rest:]]).mean())})
+        known, test = library[order[:size]], library[order[rest:]]
+        if model not in LEARNED:
+            predict = learn(model, known, seed=seed, quick=scale.quick)
+            return Measurement({"error": float(errors(predict, test).mean())})
+        learned = learn_model(model, known, seed=seed, quick=scale.quick)
+        foretold = likelihood(learned, test)
+        return Measurement(
+            {
+                "error": float(errors(drawn_by(learned), test).mean()),
+                "log likelihood": foretold.predicted,
+                "with one variance": foretold.constant,
+            }
+        )
 
     def report(results: Results) -> Outcome:
         whole = [_row(rival, rest, results) for rival in RIVALS]
         best = min(whole, key=lambda one: float(one["error"] or 0))
         title = f"Mean absolute error, {len(seeds)} splits of {rest} + {scale.held_out} strokes"
-        tables = [ResultTable(title, tuple(whole))]
+        varies = tuple(_likelihood_row(seed, rest, results) for seed in seeds)
+        tables = [
+            ResultTable(title, tuple(whole)),
+            ResultTable(f"Log likelihood per cell of strokes held out, by the {DEFAULT}", varies),
+        ]
         if sizes:
             fewer = tuple(_row(model, size, results) for model, size in sized)
             tables.append(ResultTable("The same from fewer strokes", fewer))
@@ -63,7 +89,7 @@ def experiment(
             (f"The best is {best['model']} with {best['error']:.4f} in the mean over the splits.",),
         )  # fmt: skip
 
-    depends_on = {"library": fingerprint(library), "scale": repr(scale)}
+    depends_on = {"library": fingerprint(library), "scale": repr(scale), "measured": "error and likelihood"}
     trials = [
         Trial({"model": model, "strokes": size, "split": seed}, depends_on)
         for model, size in (*((rival, rest) for rival in RIVALS), *sized)
@@ -81,3 +107,10 @@ def _row(model: str, size: int, results: Results) -> Row:
         "least": min(error),
         "most": max(error),
     }
+
+
+def _likelihood_row(seed: int, size: int, results: Results) -> Row:
+    """How well mean and variance foretell the strokes of one split, against one variance for all cells."""
+    names = ("log likelihood", "with one variance")
+    predicted, constant = (results.values(name, model=DEFAULT, strokes=size, split=seed)[0] for name in names)
+    return {"split": seed, "mean and variance": predicted, "one variance": constant}

@@ -21,6 +21,7 @@ from frida_painter.brush.judge import clean
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.limits import DEFAULT_MODEL, MODELS
 from frida_painter.brush.resample import resample
+from frida_painter.brush.spread import median_of
 from frida_painter.brush.stroke_model import StrokeModel
 
 ZEROS, MEAN, BEZIER = "all zeros", "mean stroke", "fitted Bezier"
@@ -63,12 +64,13 @@ def fingerprint(library: StrokeLibrary) -> str:
 
 
 def drawn_by(model: StrokeModel) -> Predict:
-    """What a stroke model says of a library's strokes, on the library's own cells."""
+    """What a stroke model says of a library's strokes, the median where it knows that, on the library's own cells."""
+    median = median_of(model)
 
     @torch.no_grad()
     def predict(library: StrokeLibrary) -> Tensor:
         parts = zip(*(torch.split(part, _BATCH) for part in library.shapes()), strict=True)
-        return torch.cat([resample(model(*part), model.frame, library.frame) for part in parts])
+        return torch.cat([resample(median(*part), model.frame, library.frame) for part in parts])
 
     return predict
 

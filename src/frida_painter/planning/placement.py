@@ -72,8 +72,8 @@ def locate(meant: Strokes, known: Placement, before: Scene, seen: Tensor) -> Pla
     blurred = _blurred(seen, width)
 
     def residual(error: Tensor) -> Tensor:
-        moved = _moved(sent, tuple(error.tolist()), before.size)
-        return (blurred - _blurred(before.render(moved), width)).flatten().cpu().double()
+        landed = moved(sent, tuple(error.tolist()), before.size)
+        return (blurred - _blurred(before.render(landed), width)).flatten().cpu().double()
 
     steps = torch.diag(torch.tensor(_STEP, dtype=torch.float64))
     alike = 3 * _odd_pixels(_CORRELATED, before) ** 2
@@ -93,8 +93,8 @@ def locate(meant: Strokes, known: Placement, before: Scene, seen: Tensor) -> Pla
     return Placement((x, y, turn), tuple(map(tuple, information.tolist())))
 
 
-def _moved(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strokes:
-    """Where strokes land that are sent with that error."""
+def moved(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strokes:
+    """Where strokes land that are sent with that error: metres, metres, radians (`Placement.error`)."""
     x, y, turn = error
     position = (strokes.position - _middle(strokes, size)) @ _rotation(strokes, turn) + _middle(strokes, size)
     return strokes.with_groups(position=position + position.new_tensor([x, y]), angle=strokes.angle + turn)

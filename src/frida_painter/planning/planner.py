@@ -1,12 +1,11 @@
 """The planner: a goal and a canvas become a plan, and what is left of a plan is planned again from a photograph."""
 
-import copy
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from frida_painter import images
 from frida_painter.brush.stroke_model import StrokeModel
@@ -20,6 +19,7 @@ from frida_painter.objectives.interpretation import WeightedObjective, interpret
 from frida_painter.objectives.replication import spread
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
+from frida_painter.planning.forecast import LikenessForecast, forecast
 from frida_painter.planning.initialize import Growth, descended, progressive
 from frida_painter.planning.layers import layer_sizes, with_layers
 from frida_painter.planning.memory import is_lack_of_memory
@@ -27,7 +27,7 @@ from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement, locate
 from frida_painter.planning.refine import anneal_to_palette, discretize, relocate
 from frida_painter.planning.region import Region
-from frida_painter.planning.scene import Scene
+from frida_painter.planning.scene import Scene, on_device
 from frida_painter.planning.step_count import StepCount, at_the_end, part_of, unheard
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
@@ -62,15 +62,8 @@ class Effort:
     def scaled(self, factor: float) -> "Effort":
         """The same effort with `factor` times as many iterations."""
         growth = Growth(self.growth.rounds, math.ceil(self.growth.settling * factor), self.growth.proposals)
-        return Effort(
-            growth,
-            self.relocations,
-            math.ceil(self.refining * factor),
-            math.ceil(self.drawing * factor),
-            math.ceil(self.binding * factor),
-            math.ceil(self.polishing * factor),
-            math.ceil(self.replanning * factor),
-        )
+        counts = self.refining, self.drawing, self.binding, self.polishing, self.replanning
+        return Effort(growth, self.relocations, *(math.ceil(count * factor) for count in counts))
 
 
 class Planner:
@@ -111,7 +104,7 @@ class Planner:
         self.region: Region | None = None
         self.encoders = encoders or EncoderRegistry()
         self.device = device or torch.device("cpu")
-        self._model = _on(model, self.device)
+        self._model = on_device(model, self.device)
         self.goal = goal = interpreted(goal, self.fine, self.encoders, seed)
         near = goal.to(self.device)
         self._objectives = {grid: prepare(near, grid, self.encoders, seed) for grid in (self.fine, self.coarse)}
@@ -274,14 +267,14 @@ class Planner:
         now, later = rest.part(slice(end)), rest.part(slice(end, None))
         for sparing in (False, True):
             try:
-                loss = self.validation_loss(self.expected(now, canvas))
+                loss = self.expected_loss(now, canvas)
                 for moving in (True, False):
                     again = now
                     for number in range(rounds):
                         told = part_of(hear, number, rounds) if moving else at_the_end(hear)
                         starts = fresh and number == 0
                         again = self._again(again, canvas, told, moving=moving, sparing=sparing, fresh=starts)
-                    if self.validation_loss(self.expected(again, canvas)) < loss:
+                    if self.expected_loss(again, canvas) < loss:
                         return again.followed_by(later)
                 return rest
             except PlanningDiverged:
@@ -375,6 +368,18 @@ class Planner:
         with torch.no_grad():
             return self._scene(canvas, self.fine).render(plan.strokes.to(self.device)).cpu()
 
+    def expected_loss(self, plan: Plan, canvas: Tensor) -> float:
+        """The distance to the goal that paintings of the plan on a canvas [3, H, W] have on average."""
+        scene = self._scene(canvas, self.fine)
+        with torch.no_grad():
+            return float(scene.expected_loss(plan.strokes.to(self.device), scene.validation))
+
+    def forecast(
+        self, plan: Plan, canvas: Tensor, placement: Placement | None = None, unseen: int = 0
+    ) -> LikenessForecast | None:
+        """How near the plan's painting on a canvas [3, H, W] will come to its photograph; as forecast.py says."""
+        return forecast(self.goal, plan.strokes.to(self.device), self._scene(canvas, self.fine), placement, unseen)
+
     def validation_loss(self, picture: Tensor) -> float:
         """The distance of a picture [3, H, W] of the canvas to the goal, by the validation objective if any."""
         with torch.no_grad():
@@ -443,8 +448,3 @@ class Planner:
     def _layer_iterations(self, strokes: int) -> int:
         """How many iterations a layer of so many strokes takes in paints that are there."""
         return self._free_iterations(strokes) + self.effort.binding + self.effort.replanning
-
-
-def _on(model: StrokeModel, device: torch.device) -> StrokeModel:
-    """The model on a device: a copy of it where that is another than the CPU, on which others draw with it."""
-    return copy.deepcopy(model).to(device) if device.type != "cpu" and isinstance(model, nn.Module) else model

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from frida_painter.brush.spread import CoverageSpread, spread_of
+from frida_painter.brush.spread import CoverageSpread
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.brush.table import StrokeTable
 from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
@@ -85,13 +85,13 @@ def composite_moments(
     return Moments(*moment_slices.composite_moments(magnitude, affine, color, canvas, spread))
 
 
-def render_moments(strokes: Strokes, stroke_model: StrokeModel, canvas: Tensor, size: CanvasSize) -> Moments:
+def render_moments(
+    strokes: Strokes, stroke_model: StrokeModel, canvas: Tensor, size: CanvasSize, spread: CoverageSpread
+) -> Moments:
     """Mean and variance of the picture [3, H, W] that strokes leave, as `render` draws it.
 
-    The variance is that of the stroke model's coverage, from stroke to stroke; of a model that says nothing of it,
-    it is 0, and the mean is `render`'s picture.
+    spread: of the marks' coverage, from stroke to stroke. Where they do not vary, the mean is `render`'s picture.
     """
-    spread = spread_of(stroke_model)
     if spread.share == 0:
         picture = render(strokes, stroke_model, canvas, size)
         return Moments(picture, torch.zeros_like(picture))

@@ -18,6 +18,7 @@ from frida_painter.mixing.amounts import volumes
 from frida_painter.mixing.paint_inventory import usual_paints
 from frida_painter.mixing.recipe import Recipe, recipes
 from frida_painter.plan import Plan
+from frida_painter.planning.forecast import LikenessForecast
 from frida_painter.report.difference import difference
 from frida_painter.report.film import FilmWriter
 from frida_painter.report.mixing_sheet import mixing_sheet
@@ -48,6 +49,10 @@ _DOWNLOADS = (
     Download("strokes.csv", "the strokes as a table"),
     Download(_RESULT, "all figures, for programs"),
 )
+
+
+def _forecast_by(done: int) -> str:
+    return f"Likeness forecast after {done} strokes" if done else "Likeness forecast by the first plan"
 
 
 @dataclass
@@ -83,6 +88,7 @@ class Recorder:
     _left_out: int = field(default=0, init=False)
     _filming: bool = field(default=True, init=False)
     _expected_seconds: float | None = field(default=None, init=False)
+    _forecasts: list[tuple[int, LikenessForecast]] = field(default_factory=list, init=False)  # by strokes painted
 
     def __enter__(self) -> Self:
         self._started = time.monotonic()
@@ -163,6 +169,8 @@ class Recorder:
         name = f"plan for {len(event.plan)} strokes" if event.done == 0 else f"after {event.done} strokes"
         self._phases.append(Phase(name, tuple(self._curve)))
         self._curve = []
+        if event.forecast is not None:
+            self._forecasts.append((event.done, event.forecast))
         if self._plan is None or event.done == 0:  # a plan with what was really mixed takes the place of the first
             self._plan, self._first_expected = event.plan, event.expected
             images.save(event.expected, self.folder / "plan.png")
@@ -226,6 +234,8 @@ class Recorder:
             f"the finished painting should come {100 * planned.gain:.0f} % nearer to the goal than if it had gone on "
             "blindly."
         )
+        if planned.forecast is not None:
+            text += f" Its likeness to the photograph: {planned.forecast}."
         return Look(
             strokes=seen.done, loss_before=planned.loss_before, loss_after=planned.loss_after, text=text, **names
         )
@@ -252,6 +262,7 @@ class Recorder:
         facts = (
             *self.facts,
             ("Strokes", f"{painted} of {of}"),
+            *[(_forecast_by(done), str(one)) for done, one in self._forecasts[:1]],
             ("Dips into paint", str(self._dips)),
             ("Brush cleaned", f"{self._cleanings} times"),
             ("Made in", f"{time.monotonic() - self._started:.0f} s"),
@@ -320,6 +331,15 @@ class Recorder:
                 "comparisons": [
                     {"what": one.label, "psnr_db": round(one.psnr, 3), "lab_distance": round(one.distance, 3)}
                     for one in comparisons
+                ],
+                "forecasts": [
+                    {
+                        "strokes": done,
+                        "expected_psnr_db": round(one.expected, 3),
+                        "least_psnr_db": round(one.least, 3),
+                        "most_psnr_db": round(one.most, 3),
+                    }
+                    for done, one in self._forecasts
                 ],
                 "looks": [
                     {"strokes": look.strokes, "loss_before": look.loss_before, "loss_after": look.loss_after}

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from frida_painter.palette import Palette
     from frida_painter.plan import Plan
+    from frida_painter.planning.forecast import LikenessForecast
     from frida_painter.session.timetable import Timetable
     from frida_painter.strokes import Strokes
 
@@ -50,7 +51,8 @@ class Planned:
 
     done: strokes painted so far; expected [3, H, W]: the canvas after the plan; loss_before,
     loss_after: the objective with the plan as it was and as it is (before the first plan: of the
-    bare canvas).
+    bare canvas), on average over paintings of the plan; forecast: how near to its photograph the painting
+    will come, None where it has none.
     """
 
     plan: Plan
@@ -58,6 +60,7 @@ class Planned:
     expected: Tensor
     loss_before: float
     loss_after: float
+    forecast: LikenessForecast | None = None
 
     @property
     def gain(self) -> float:

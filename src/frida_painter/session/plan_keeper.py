@@ -104,12 +104,16 @@ class PlanKeeper:
         self._interruptions.retry(partial(self._journal.planned, plan, progress.painted, placement))
         progress.plan, progress.planned_at = plan, progress.painted
         self.schedule()
-        expected = self.planner.expected(rest, progress.canvas.last_seen)
-        self._tell(Planned(rest, progress.painted, expected, before, self.planner.validation_loss(expected)))
+        canvas, unseen = progress.canvas.last_seen, 0
+        if len(rest):
+            unseen = self._policy.next_look(progress.painted, progress.strokes) - progress.painted
+        expected, after = self.planner.expected(rest, canvas), self.planner.expected_loss(rest, canvas)
+        forecast = self.planner.forecast(rest, canvas, placement, unseen)
+        self._tell(Planned(rest, progress.painted, expected, before, after, forecast))
 
     def _loss(self) -> float:
         """The validation loss of what would be on the canvas after what is left."""
-        return self.planner.validation_loss(self.planner.expected(self._progress.rest, self._progress.canvas.last_seen))
+        return self.planner.expected_loss(self._progress.rest, self._progress.canvas.last_seen)
 
     def _arranged(self, rest: Plan) -> Plan:
         """The strokes that are left, those of the next batch in the order in which they are quickest to paint."""

@@ -1,0 +1,83 @@
+import copy
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+import torch
+
+from frida_painter.brush.spread import CoverageSpread
+from frida_painter.frames import PixelGrid, pixel_to_map
+from frida_painter.planning.forecast import LikenessForecast, forecast
+from frida_painter.planning.placement import Placement
+from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.scene import Scene
+from frida_painter.render import composite
+from scenes import CANVAS, goal, scene, small_table, some_strokes, target
+
+
+def varying(share: float) -> Scene:
+    table = copy.copy(small_table())
+    table.spread = CoverageSpread(share, 1.0)
+    return replace(scene(), model=table)
+
+
+def known(millimetres: float) -> Placement:
+    information = torch.eye(3, dtype=torch.float64) / (millimetres / 1000) ** 2
+    return Placement((0.0, 0.0, 0.0), tuple(map(tuple, information.tolist())))
+
+
+def test_it_expects_the_squared_error_of_all_paintings_of_the_plan() -> None:
+    on, strokes = varying(0.5), some_strokes(12)
+    found = forecast(goal(), strokes, on, Placement.unknown(), 0)
+    assert found.expected == pytest.approx(-10 * math.log10(float(on.expected_loss(strokes))), abs=1e-4)
+    assert found.least < found.expected < found.most
+
+
+def test_marks_that_vary_more_promise_less() -> None:
+    strokes = some_strokes(12)
+    little, much = (forecast(goal(), strokes, on, Placement.unknown(), 0) for on in (varying(0.1), varying(0.9)))
+    assert much.expected < little.expected
+    assert much.most - much.least > little.most - little.least
+
+
+def test_the_range_by_chance_is_that_of_strokes_that_leave_more_or_less_paint() -> None:
+    """Each stroke's coverage off by the same share of its deviation everywhere, up or down by the toss of a coin."""
+    share = 0.01  # so small that first order is all
+    on, strokes = varying(share), some_strokes(6)
+    found = forecast(goal(), strokes, on, Placement.unknown(), 0)
+    magnitude = on.model(strokes.thickness, strokes.length, strokes.bend)
+    deviation = on.spread.variance(magnitude).sqrt()
+    affine = pixel_to_map(
+        strokes.position, strokes.angle, PixelGrid(CANVAS, *on.canvas.shape[1:]), on.model.frame
+    )  # fmt: skip
+    coins = torch.cartesian_prod(*[torch.tensor([-1.0, 1.0])] * 6)
+    errors = []
+    for coin in coins:
+        picture = composite(magnitude + coin[:, None, None] * deviation, affine, strokes.color, on.canvas)
+        errors.append(float((picture - target(on)).square().mean()))
+    half = LikenessForecast.of_error(10 ** (-found.expected / 10), float(torch.tensor(errors).std(correction=0)))
+    assert found.most - found.expected == pytest.approx(half.most - half.expected, rel=0.1)
+
+
+def test_what_is_not_known_of_the_placement_costs_as_long_as_it_is_not_seen() -> None:
+    on, strokes = varying(0.3), some_strokes(12)
+    sure, later, never = (forecast(goal(), strokes, on, known(4.0), unseen) for unseen in (0, 3, 12))
+    assert sure.expected >= later.expected >= never.expected
+    assert never.most - never.least > sure.most - sure.least
+    exact = forecast(goal(), strokes, on, known(1e-6), 12)
+    assert exact.expected == pytest.approx(sure.expected, abs=1e-3)
+
+
+def test_no_strokes_leave_the_canvas_as_it_is() -> None:
+    on = varying(0.3)
+    found = forecast(goal(), some_strokes(0), on, Placement.unknown(), 0)
+    assert found.expected == pytest.approx(-10 * math.log10(float((on.canvas - target(on)).square().mean())), abs=1e-4)
+
+
+def test_only_goals_with_a_photograph_have_one() -> None:
+    planner = Planner(goal(), CANVAS, small_table(), rows=32, effort=Effort().scaled(0.02))
+    plan = planner.plan(strokes=3, colors=2)
+    assert str(planner.forecast(plan, planner.bare)).count("dB expected") == 1
+    wordy = SimpleNamespace(terms=(SimpleNamespace(is_pixelwise=False, picture=None),))
+    assert forecast(wordy, plan.strokes, varying(0.3)) is None
