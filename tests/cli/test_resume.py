@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -57,6 +58,9 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
         cli.main()
 
     kill_when(place / "painting" / "journal", began(7), paint)
+    until = time.monotonic() + 60
+    while (place / "painting" / ".studio.diary-reserve").exists() and time.monotonic() < until:
+        time.sleep(0.1)  # the easel's process ends by itself
     (place / "coffee.jpg").unlink()
     return place / "painting"
 
