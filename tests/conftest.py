@@ -1,4 +1,5 @@
 import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from uuid import uuid4
@@ -25,6 +26,8 @@ def pytest_configure(config: pytest.Config) -> None:
     six times the processor time, and their sums come in another order on every machine.
     """
     os.environ["OMP_NUM_THREADS"] = "1"  # of processes that are started from here, xdist's workers too
+    # Under nohup a program ignores that its terminal was closed; the tests ask what it does where it does not.
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
 

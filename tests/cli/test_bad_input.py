@@ -333,7 +333,6 @@ def test_a_signal_at_any_moment_ends_it_in_a_sentence(
     monkeypatch.setattr(cli, "build", lambda: loading)
     known = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     before = {each: signal.getsignal(each) for each in known}
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # who runs the tests under nohup wants it ignored, and it is
     try:
         with pytest.raises(SystemExit) as end:
             command()
