@@ -102,7 +102,7 @@ class PaintingSession:
         looks = self.policy.next_look(0, progress.strokes) < progress.strokes
         while progress.planned_at < progress.strokes:
             end = self.policy.next_look(progress.planned_at, progress.strokes)
-            while progress.painted < end or progress.must_dry:
+            while progress.painted < min(end, progress.strokes) or progress.must_dry:  # a pause may leave strokes out
                 if progress.must_dry:
                     self._executor.let_dry()
                     if looks:
