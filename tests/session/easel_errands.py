@@ -80,8 +80,9 @@ def paint(easel: Easel, strokes: range) -> None:
 
 
 def moves(folder: Path) -> list[dict[str, Any]]:
-    """The motions of which a studio's diary tells: what the robot really did."""
-    entries = [json.loads(line.split(b" ", 2)[2]) for line in (folder / DIARY).read_bytes().splitlines()]
+    """The motions of which a studio's diary tells: what the robot really did. A line that is being written is left."""
+    lines = (folder / DIARY).read_bytes().split(b"\n")[:-1]
+    entries = [json.loads(line.split(b" ", 2)[2]) for line in lines]
     return [entry for entry in entries if entry.get("did") == "move"]
 
 
