@@ -10,7 +10,7 @@ from easels import NotingRobot, PatientCamera, stub_easel
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.planning.forecast import LikenessForecast
+from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.session.brushwork import Brushwork
@@ -77,9 +77,9 @@ class NotingPlanner:
     def expected_loss(self, plan: Plan, canvas: Tensor) -> float:
         return self.validation_loss(self.expected(plan, canvas))
 
-    def forecast(self, plan: Plan, canvas: Tensor, placement: Placement, unseen: int) -> LikenessForecast:
+    def forecast(self, plan: Plan, canvas: Tensor, placement: Placement, unseen: int) -> SimilarityForecast:
         assert 0 <= unseen <= len(plan)
-        return LikenessForecast(20 + len(plan) / 100, 19.0, 25.0)
+        return SimilarityForecast(20 + len(plan) / 100, 19.0, 25.0)
 
 
 @dataclass

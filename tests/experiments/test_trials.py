@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from frida_painter.experiments.outcome import Outcome, ResultTable
-from frida_painter.experiments.trials import Experiment, Measurement, Results, Trial
+from frida_painter.experiments.trials import Experiment, ExperimentTrial, Measurement, Results
 
 PICTURE = torch.rand(3, 20, 20, generator=torch.Generator().manual_seed(0))
 
@@ -18,12 +18,14 @@ class Measuring:
         return Measurement({"gap": 0.1 + 0.2, "seed's": float(trial["seed"])}, {"painted": PICTURE})
 
 
-def trials(rows: int = 64, seeds=(0, 1)) -> list[Trial]:
+def trials(rows: int = 64, seeds=(0, 1)) -> list[ExperimentTrial]:
     ways = ("by pixels", "by meaning")
-    return [Trial({"target": "cat", "seed": seed, "way": way}, {"rows": rows}) for seed in seeds for way in ways]
+    return [
+        ExperimentTrial({"target": "cat", "seed": seed, "way": way}, {"rows": rows}) for seed in seeds for way in ways
+    ]
 
 
-def ran(measure, some: list[Trial], keep=None) -> Results:
+def ran(measure, some: list[ExperimentTrial], keep=None) -> Results:
     found = []
 
     def report(results: Results) -> Outcome:
@@ -101,4 +103,4 @@ def test_results_are_found_by_their_labels():
 
 
 def test_labels_make_the_name_of_a_file():
-    assert Trial({"prompt": "../a lemon?", "seed": 0}).name == "a-lemon-0"
+    assert ExperimentTrial({"prompt": "../a lemon?", "seed": 0}).name == "a-lemon-0"

@@ -8,7 +8,7 @@ import torch
 
 from frida_painter.brush.spread import CoverageSpread
 from frida_painter.frames import PixelGrid, pixel_to_map
-from frida_painter.planning.forecast import LikenessForecast, forecast
+from frida_painter.planning.forecast import SimilarityForecast, forecast
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.planning.scene import Scene
@@ -56,7 +56,7 @@ def test_the_range_by_chance_is_that_of_strokes_that_leave_more_or_less_paint() 
     for coin in coins:
         picture = composite(magnitude + coin[:, None, None] * deviation, affine, strokes.color, on.canvas)
         errors.append(float((picture - target(on)).square().mean()))
-    half = LikenessForecast.of_error(10 ** (-found.expected / 10), float(torch.tensor(errors).std(correction=0)))
+    half = SimilarityForecast.of_error(10 ** (-found.expected / 10), float(torch.tensor(errors).std(correction=0)))
     assert found.most - found.expected == pytest.approx(half.most - half.expected, rel=0.1)
 
 

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from frida_painter.plan import Plan
-from frida_painter.planning.forecast import LikenessForecast
+from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.report.recorder import Recorder
 from frida_painter.session.events import (
     Dipped,
@@ -25,7 +25,7 @@ from scenes import small_table
 
 TOLD = ("A cup <of> coffee", torch.full((3, 60, 90), 0.4), (("Seed", "7"),), {"photo": "cup.jpg", "strokes": 12})
 BLACK = (0.0, 0.0, 0.0)
-FORECAST = LikenessForecast(24.1, 23.6, 24.5)
+FORECAST = SimilarityForecast(24.1, 23.6, 24.5)
 
 
 def picture(shade: float, rows: int = 40, columns: int = 60) -> Tensor:

@@ -96,7 +96,7 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
         f"The plan:    {folder / 'plan.json'}",
         f"As picture:  {folder / 'plan.png'}",
         f"Palette:     {folder / 'palette.png'}",
-        *([f"Likeness:    {forecast}"] if forecast else []),
+        *([f"Similarity:  {forecast}"] if forecast else []),
     )
 
 

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from frida_painter import images, storage
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Value
-from frida_painter.experiments.trials import Experiment, Labels, Measurement, Results, Trial
+from frida_painter.experiments.trials import Experiment, ExperimentTrial, Labels, Measurement, Results
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.plan import Plan
 from frida_painter.runs.goal_item import GoalItem
@@ -33,7 +33,7 @@ MakePlan = Callable[[PaintingRun, Tell], tuple[Plan, Tensor]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class PaintingTrial(Trial):
+class PaintingTrial(ExperimentTrial):
     """One painting. make_plan: what plans it, by default the planner of its run."""
 
     spec: RunSpec

@@ -26,7 +26,7 @@ from frida_painter.experiments.rivals import (
     learn_model,
 )
 from frida_painter.experiments.scale import ExperimentScale
-from frida_painter.experiments.trials import Experiment, Measurement, Results, Trial
+from frida_painter.experiments.trials import Experiment, ExperimentTrial, Measurement, Results
 
 NAME = "real-strokes"
 
@@ -37,7 +37,7 @@ QUICK = ExperimentScale(strokes=16, held_out=4, sizes=(6,), quick=True)
 
 def experiment(
     library: StrokeLibrary, name: str, *, seeds: Sequence[int] = (0, 1, 2, 3, 4), scale: ExperimentScale = FULL
-) -> Experiment[Trial]:
+) -> Experiment[ExperimentTrial]:
     """Learns and tests on a library called `name`, once per seed. Raises LibraryError where it is too small."""
     rest = len(library) - scale.held_out
     if rest < FEWEST_STROKES:
@@ -48,7 +48,7 @@ def experiment(
     sizes = tuple(size for size in scale.sizes if size < rest)
     sized = [(model, size) for model in (*LEARNED, BEZIER) for size in sizes]
 
-    def measure(trial: Trial, notify: Notify) -> Measurement:
+    def measure(trial: ExperimentTrial, notify: Notify) -> Measurement:
         model, size, seed = trial["model"], int(trial["strokes"]), int(trial["split"])
         notify(Progress(0.0, f"split {seed}: {model} from {size} strokes"))
         order = np.random.default_rng(seed).permutation(len(library))
@@ -91,7 +91,7 @@ def experiment(
 
     depends_on = {"library": fingerprint(library), "scale": repr(scale), "measured": "error and likelihood"}
     trials = [
-        Trial({"model": model, "strokes": size, "split": seed}, depends_on)
+        ExperimentTrial({"model": model, "strokes": size, "split": seed}, depends_on)
         for model, size in (*((rival, rest) for rival in RIVALS), *sized)
         for seed in seeds
     ]

@@ -16,7 +16,7 @@ from frida_painter.errors import LibraryError
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, ResultTable, Row
 from frida_painter.experiments.rivals import BEZIER, LEARNED, errors, fingerprint, learn
 from frida_painter.experiments.scale import ExperimentScale
-from frida_painter.experiments.trials import Experiment, Measurement, Results, Trial
+from frida_painter.experiments.trials import Experiment, ExperimentTrial, Measurement, Results
 from frida_painter.report.chart import Series, chart
 
 NAME = "strokes-needed"
@@ -26,7 +26,9 @@ FULL = ExperimentScale(strokes=200, held_out=42, sizes=(10, 25, 50, 100, 150), f
 QUICK = ExperimentScale(strokes=16, held_out=4, sizes=(6, 10), folds=2, quick=True)
 
 
-def experiment(library: StrokeLibrary, name: str, *, seed: int = 0, scale: ExperimentScale = FULL) -> Experiment[Trial]:
+def experiment(
+    library: StrokeLibrary, name: str, *, seed: int = 0, scale: ExperimentScale = FULL
+) -> Experiment[ExperimentTrial]:
     """Trains on parts of a library called `name`. Raises LibraryError where it is too small for two of the sizes."""
     order = np.random.default_rng(seed).permutation(len(library))
     test, pool = library[order[: scale.held_out]], order[scale.held_out :]
@@ -38,7 +40,7 @@ def experiment(library: StrokeLibrary, name: str, *, seed: int = 0, scale: Exper
         )
     models = (*LEARNED, BEZIER)
 
-    def measure(trial: Trial, notify: Notify) -> Measurement:
+    def measure(trial: ExperimentTrial, notify: Notify) -> Measurement:
         model, size, fold = trial["model"], int(trial["strokes"]), int(trial["fold"])
         notify(Progress(0.0, f"{model} from {size} strokes, {fold + 1} of {scale.folds}"))
         chosen = np.random.default_rng((seed, fold)).permutation(pool)[:size]
@@ -63,7 +65,7 @@ def experiment(library: StrokeLibrary, name: str, *, seed: int = 0, scale: Exper
 
     depends_on = {"library": fingerprint(library), "seed": seed, "scale": repr(scale)}
     trials = [
-        Trial({"model": model, "strokes": size, "fold": fold}, depends_on)
+        ExperimentTrial({"model": model, "strokes": size, "fold": fold}, depends_on)
         for model in models
         for size in sizes
         for fold in range(scale.folds)

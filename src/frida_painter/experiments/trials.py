@@ -25,7 +25,7 @@ Labels = Mapping[str, str | int]
 
 
 @dataclass(frozen=True)
-class Trial:
+class ExperimentTrial:
     """One part of an experiment. depends_on: plain values, all that its measurement follows from beside its labels."""
 
     labels: Labels
@@ -47,7 +47,7 @@ class Trial:
         return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()
 
 
-AnyTrial = TypeVar("AnyTrial", bound=Trial)
+AnyTrial = TypeVar("AnyTrial", bound=ExperimentTrial)
 
 
 @dataclass(frozen=True)
@@ -123,14 +123,14 @@ class Experiment(Generic[AnyTrial]):
         return measured
 
 
-def _keep(folder: Path, trial: Trial, measured: Measurement) -> None:
+def _keep(folder: Path, trial: ExperimentTrial, measured: Measurement) -> None:
     for name, picture in measured.pictures.items():
         images.save(picture, folder / f"{trial.name}-{name}.png")
     record = {"of": trial.fingerprint, "numbers": dict(measured.numbers), "pictures": list(measured.pictures)}
     storage.write_json(folder / f"{trial.name}.json", record)
 
 
-def _read(folder: Path, trial: Trial) -> Measurement | None:
+def _read(folder: Path, trial: ExperimentTrial) -> Measurement | None:
     """What was kept of a trial, with pictures in 8 bits; None where it depended on something else or is damaged."""
     try:
         record = storage.read_json(folder / f"{trial.name}.json", "a measurement of an experiment")

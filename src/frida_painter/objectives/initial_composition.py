@@ -11,7 +11,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.scenes.composition import Scene
+from frida_painter.objectives.scenes.composition import ComposedScene
 from frida_painter.objectives.scenes.scene import scene_of, thing_of
 from frida_painter.objectives.style_scene import composited_into_style
 
@@ -56,7 +56,7 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     return Goal((*goal.terms, begun), (replace(begun, weight=1.0),))
 
 
-def _term(scene: Scene, weight: float = 1.0) -> ImageTerm:
+def _term(scene: ComposedScene, weight: float = 1.0) -> ImageTerm:
     """A scene to come near to: its things matter more than their ground."""
     matters = 1 + (_SUBJECT - 1) * scene.where
     return ImageTerm(scene.picture, weight, matters / matters.mean())

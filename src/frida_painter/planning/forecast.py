@@ -27,8 +27,8 @@ _LEAST_ERROR = 1e-6
 
 
 @dataclass(frozen=True)
-class LikenessForecast:
-    """Likeness of the finished painting to its photograph, PSNR in dB: expected, and the least and most to expect."""
+class SimilarityForecast:
+    """Similarity of the finished painting to its photograph, PSNR in dB: expected, and the least and most to expect."""
 
     expected: float
     least: float
@@ -49,7 +49,7 @@ class LikenessForecast:
 
 def forecast(
     goal: Goal, strokes: Strokes, scene: Scene, placement: Placement | None = None, unseen: int = 0
-) -> LikenessForecast | None:
+) -> SimilarityForecast | None:
     """What is to be expected of strokes, in painting order, in a scene; None where the goal has no photograph.
 
     placement: what is known of where strokes land, None for everything; unseen: how many strokes are painted before the
@@ -61,7 +61,7 @@ def forecast(
     target = images.fit(photograph.to(scene.canvas), *scene.canvas.shape[1:])
     error, chance = _error_and_chance(strokes, scene, target)
     if placement is None or unseen == 0:
-        return LikenessForecast.of_error(error, chance)
+        return SimilarityForecast.of_error(error, chance)
     # Three-point Gauss-Hermite rule along each axis of the placement's covariance, about what is believed.
     covariance = np.linalg.inv(np.array(placement.information))
     lengths, axes = np.linalg.eigh(covariance)
@@ -71,7 +71,7 @@ def forecast(
         up, down = (_error(_landed(strokes, sign * step, scene, unseen), scene, target) for sign in (1, -1))
         shift += (up + down - 2 * error) / 6
         variance += ((up - down) ** 2 / 2 + (up + down - 2 * error) ** 2 / 9) / 6
-    return LikenessForecast.of_error(error + max(shift, 0.0), math.sqrt(variance))
+    return SimilarityForecast.of_error(error + max(shift, 0.0), math.sqrt(variance))
 
 
 def _landed(strokes: Strokes, error: np.ndarray[tuple[int], np.dtype[np.float64]], scene: Scene, count: int) -> Strokes:

@@ -19,7 +19,7 @@ from frida_painter.objectives.interpretation import WeightedObjective, interpret
 from frida_painter.objectives.replication import spread
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.planning.forecast import LikenessForecast, forecast
+from frida_painter.planning.forecast import SimilarityForecast, forecast
 from frida_painter.planning.initialize import Growth, descended, progressive
 from frida_painter.planning.layers import layer_sizes, with_layers
 from frida_painter.planning.memory import is_lack_of_memory
@@ -376,7 +376,7 @@ class Planner:
 
     def forecast(
         self, plan: Plan, canvas: Tensor, placement: Placement | None = None, unseen: int = 0
-    ) -> LikenessForecast | None:
+    ) -> SimilarityForecast | None:
         """How near the plan's painting on a canvas [3, H, W] will come to its photograph; as forecast.py says."""
         return forecast(self.goal, plan.strokes.to(self.device), self._scene(canvas, self.fine), placement, unseen)
 

@@ -18,7 +18,7 @@ from frida_painter.mixing.amounts import volumes
 from frida_painter.mixing.paint_inventory import usual_paints
 from frida_painter.mixing.recipe import Recipe, recipes
 from frida_painter.plan import Plan
-from frida_painter.planning.forecast import LikenessForecast
+from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.report.difference import difference
 from frida_painter.report.film import FilmWriter
 from frida_painter.report.mixing_sheet import mixing_sheet
@@ -52,7 +52,7 @@ _DOWNLOADS = (
 
 
 def _forecast_by(done: int) -> str:
-    return f"Likeness forecast after {done} strokes" if done else "Likeness forecast by the first plan"
+    return f"Similarity forecast after {done} strokes" if done else "Similarity forecast by the first plan"
 
 
 @dataclass
@@ -88,7 +88,7 @@ class Recorder:
     _left_out: int = field(default=0, init=False)
     _filming: bool = field(default=True, init=False)
     _expected_seconds: float | None = field(default=None, init=False)
-    _forecasts: list[tuple[int, LikenessForecast]] = field(default_factory=list, init=False)  # by strokes painted
+    _forecasts: list[tuple[int, SimilarityForecast]] = field(default_factory=list, init=False)  # by strokes painted
 
     def __enter__(self) -> Self:
         self._started = time.monotonic()
@@ -235,7 +235,7 @@ class Recorder:
             "blindly."
         )
         if planned.forecast is not None:
-            text += f" Its likeness to the photograph: {planned.forecast}."
+            text += f" Its similarity to the photograph (PSNR): {planned.forecast}."
         return Look(
             strokes=seen.done, loss_before=planned.loss_before, loss_after=planned.loss_after, text=text, **names
         )

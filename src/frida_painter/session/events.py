@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from frida_painter.palette import Palette
     from frida_painter.plan import Plan
-    from frida_painter.planning.forecast import LikenessForecast
+    from frida_painter.planning.forecast import SimilarityForecast
     from frida_painter.session.timetable import Timetable
     from frida_painter.strokes import Strokes
 
@@ -60,7 +60,7 @@ class Planned:
     expected: Tensor
     loss_before: float
     loss_after: float
-    forecast: LikenessForecast | None = None
+    forecast: SimilarityForecast | None = None
 
     @property
     def gain(self) -> float:

@@ -4,8 +4,9 @@ All but the painting is told without a thread of the pool, which may be full.
 """
 
 import math
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from fastapi import Depends, Header, HTTPException, Path, Request
 
@@ -29,64 +30,34 @@ async def session_of(request: Request) -> Session:
     return session
 
 
-async def painting_store_of(request: Request) -> PaintingStore:
-    """The store of this studio."""
-    store: PaintingStore = request.app.state.store
-    return store
+Kept = TypeVar("Kept")
 
 
-async def streams_of(request: Request) -> StateStreams:
-    """The streams of states of this studio."""
-    streams: StateStreams = request.app.state.streams
-    return streams
+def _kept(kind: type[Kept], name: str) -> Callable[[Request], Awaitable[Kept]]:
+    """What this studio keeps under a name, as a dependency."""
+
+    async def kept(request: Request) -> Kept:
+        found: Kept = getattr(request.app.state, name)
+        return found
+
+    return kept
+
+
+painting_store_of = _kept(PaintingStore, "store")
+streams_of = _kept(StateStreams, "streams")
+uploads_of = _kept(Uploads, "uploads")
+pace_of = _kept(PaceMemory, "pace")
+feeds_of = _kept(FeedStates, "feeds")
+workers_of = _kept(Workers, "workers")
+queue_of = _kept(PaintingQueue, "queue")
+lead_of = _kept(Lead, "lead")
+presence_of = _kept(Presence, "presence")
 
 
 async def stop_process_of(request: Request) -> StopProcess | None:
     """Where stops are listened to; None for a studio that is not served on a port."""
     process: StopProcess | None = request.app.state.stop_process
     return process
-
-
-async def uploads_of(request: Request) -> Uploads:
-    """What takes pictures in."""
-    uploads: Uploads = request.app.state.uploads
-    return uploads
-
-
-async def pace_of(request: Request) -> PaceMemory:
-    """The pace of this studio."""
-    pace: PaceMemory = request.app.state.pace
-    return pace
-
-
-async def feeds_of(request: Request) -> FeedStates:
-    """What the feeds of this studio have told."""
-    feeds: FeedStates = request.app.state.feeds
-    return feeds
-
-
-async def workers_of(request: Request) -> Workers:
-    """Those who work."""
-    workers: Workers = request.app.state.workers
-    return workers
-
-
-async def queue_of(request: Request) -> PaintingQueue:
-    """What waits."""
-    queue: PaintingQueue = request.app.state.queue
-    return queue
-
-
-async def lead_of(request: Request) -> Lead:
-    """Who leads."""
-    lead: Lead = request.app.state.lead
-    return lead
-
-
-async def presence_of(request: Request) -> Presence:
-    """Whether somebody stands at the machine."""
-    presence: Presence = request.app.state.presence
-    return presence
 
 
 def painting_of(

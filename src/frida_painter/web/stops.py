@@ -65,7 +65,7 @@ class StopFiles:
             self._passes += 1
 
 
-class Recorder:
+class StopRecorder:
     """Puts stops down in the studio's record once they were done, however long its database is locked."""
 
     def __init__(self, root: Path) -> None:
@@ -93,7 +93,7 @@ class Stops:
     """Says a stop to everybody who works."""
 
     def __init__(self, root: Path) -> None:
-        self._files, self._recorder = StopFiles(root), Recorder(root)
+        self._files, self._recorder = StopFiles(root), StopRecorder(root)
         self.lines: dict[asyncio.StreamWriter, str] = {}
         self._heard: dict[asyncio.StreamWriter, asyncio.Event] = {}
 

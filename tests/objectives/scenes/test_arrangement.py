@@ -8,24 +8,24 @@ from hypothesis import given
 from hypothesis import strategies as some
 from torch import Tensor
 
-from frida_painter.objectives.scenes.arrangement import Part, Placed, arranged, copies
+from frida_painter.objectives.scenes.arrangement import Placed, ScenePart, arranged, copies
 from frida_painter.objectives.scenes.reading import Relation
 from frida_painter.objectives.scenes.world import Known
 
 
-def thing(color: int, height: float, where: str = "ground", shape: tuple[int, int] = (40, 40)) -> Part:
+def thing(color: int, height: float, where: str = "ground", shape: tuple[int, int] = (40, 40)) -> ScenePart:
     picture = torch.zeros(4, *shape)
     picture[3], picture[color] = 1, 1
-    return Part(picture, Known("thing", height, where))
+    return ScenePart(picture, Known("thing", height, where))
 
 
-def table() -> Part:
+def table() -> ScenePart:
     picture = torch.zeros(4, 40, 60)
     picture[2, :], picture[3, :8], picture[3, :, :4], picture[3, :, -4:] = 1, 1, 1, 1
-    return Part(picture, Known("table", 0.8, "ground"))
+    return ScenePart(picture, Known("table", 0.8, "ground"))
 
 
-def put(word: str, first: Part, second: Part) -> tuple[Placed, Placed]:
+def put(word: str, first: ScenePart, second: ScenePart) -> tuple[Placed, Placed]:
     placed = arranged([first, second], [Relation(0, word, 1)])
     (one,) = [item for item in placed if item.picture is first.picture]
     (other,) = [item for item in placed if item.picture is second.picture]

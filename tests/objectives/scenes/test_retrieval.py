@@ -24,7 +24,7 @@ class Library:
         self.name, self.is_own, self.known = name, own, known
 
     def captioned(self) -> Sequence[Captioned]:
-        return [Captioned(file, captions, likeness) for file, (captions, likeness, _) in self.known.items()]
+        return [Captioned(file, captions, realism) for file, (captions, realism, _) in self.known.items()]
 
     def pictures(self, file: str) -> list[Tensor]:
         color = self.known[file][2]

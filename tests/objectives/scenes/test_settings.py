@@ -80,13 +80,13 @@ def test_things_are_told_from_their_ground(shade: float) -> None:
 
 @pytest.mark.parametrize("shape", [(40, 40), (10, 80), (80, 10)])
 @pytest.mark.parametrize("named", [True, False])
-@pytest.mark.parametrize("aloft", [True, False])
-def test_things_never_touch_the_edge(shape: tuple[int, int], named: bool, aloft: bool) -> None:
+@pytest.mark.parametrize("in_the_air", [True, False])
+def test_things_never_touch_the_edge(shape: tuple[int, int], named: bool, in_the_air: bool) -> None:
     drawing = torch.zeros(4, *shape)
     drawing[3], drawing[0] = 1, 1
     things = [Placed(drawing, 0, 0, 1), Placed(drawing, 1.5, 0.5, 0.6, 1)]
     for some in (things, things[:1]):
-        scene = composed(some, Setting(PLACES[0], is_named=named), GRID, 1, aloft=aloft)
+        scene = composed(some, Setting(PLACES[0], is_named=named), GRID, 1, in_the_air=in_the_air)
         assert float(scene.where.max()) == 1 and scene.picture.shape == (3, GRID.rows, GRID.columns)
         edges = torch.cat((scene.where[0], scene.where[-1], scene.where[:, 0], scene.where[:, -1]))
         assert float(edges.max()) < 0.5

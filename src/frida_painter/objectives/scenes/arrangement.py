@@ -16,7 +16,7 @@ from frida_painter.objectives.scenes.world import Known
 _GROWTH = 0.35  # power of the height in the world that the height in a picture follows
 _LEAST = 0.3  # of the tallest thing's height, that every thing has
 _SUBJECT = 0.5  # the same of the thing that a prompt names first
-_ALOFT = 0.38  # height of what hangs in the sky beside a thing of height 1
+_IN_THE_AIR = 0.38  # height of what hangs in the sky beside a thing of height 1
 _SINKS = 0.1  # of its height, by which a thing on another overlaps it
 _SIDE = 256  # pixels of one of several copies
 _OF_WORD = {
@@ -31,7 +31,7 @@ _OPPOSITE = {"on": "beneath", "in": "around", "under": "over", "over": "under", 
 
 
 @dataclass(frozen=True)
-class Part:
+class ScenePart:
     """A thing to be placed: its picture, colour and opacity [4, h, w], all copies in one, and what is known of it."""
 
     picture: Tensor
@@ -55,7 +55,7 @@ class Placed:
         return self.height * self.picture.shape[2] / self.picture.shape[1]
 
 
-def arranged(parts: Sequence[Part | None], relations: Sequence[Relation]) -> list[Placed]:
+def arranged(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -> list[Placed]:
     """The parts as they stand to each other; those that are None have no picture. The relations' numbers are parts'."""
     shown = [number for number, part in enumerate(parts) if part is not None]
     if not shown:
@@ -89,13 +89,15 @@ def arranged(parts: Sequence[Part | None], relations: Sequence[Relation]) -> lis
     for number in shown:
         if number not in placed:
             mine = _alone(parts, number, sizes)
-            aloft = known[number] == "air" and any(known[other] != "air" for other in placed)
+            in_the_air = known[number] == "air" and any(known[other] != "air" for other in placed)
             everything = list(placed.values())
-            placed[number] = _put(mine, everything[0], "over", "air", "")[0] if aloft else _beside(everything, mine)
+            placed[number] = (
+                _put(mine, everything[0], "over", "air", "")[0] if in_the_air else _beside(everything, mine)
+            )
     return sorted(placed.values(), key=lambda one: one.depth)
 
 
-def _alone(parts: Sequence[Part | None], number: int, sizes: dict[int, float]) -> Placed:
+def _alone(parts: Sequence[ScenePart | None], number: int, sizes: dict[int, float]) -> Placed:
     part = parts[number]
     assert part is not None
     # As large in area as it is high: a spoon is long and not large.
@@ -104,15 +106,15 @@ def _alone(parts: Sequence[Part | None], number: int, sizes: dict[int, float]) -
     return Placed(part.picture, 0.0, 0.0, sizes[number] * stretch)
 
 
-def _sizes(parts: Sequence[Part | None], shown: Sequence[int]) -> dict[int, float]:
+def _sizes(parts: Sequence[ScenePart | None], shown: Sequence[int]) -> dict[int, float]:
     """Heights of the parts, 1 for the tallest that stands on the floor: nearer to each other than in the world."""
     known = {number: part.known for number in shown if (part := parts[number]) is not None}
     standing = [one.height for one in known.values() if one.where != "air"] or [1.0]
     sizes = {}
     for number, one in known.items():
-        aloft = one.where == "air" and any(other.where != "air" for other in known.values())
-        size = _ALOFT if aloft else max(_LEAST, min(1.0, (one.height / max(standing)) ** _GROWTH))
-        sizes[number] = max(size, _SUBJECT if number == shown[0] and not aloft else 0.0)
+        in_the_air = one.where == "air" and any(other.where != "air" for other in known.values())
+        size = _IN_THE_AIR if in_the_air else max(_LEAST, min(1.0, (one.height / max(standing)) ** _GROWTH))
+        sizes[number] = max(size, _SUBJECT if number == shown[0] and not in_the_air else 0.0)
     return sizes
 
 

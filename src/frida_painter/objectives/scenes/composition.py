@@ -22,19 +22,21 @@ _DIPS = 0.07  # of its height, by which a thing in water is hidden
 
 
 @dataclass(frozen=True)
-class Scene:
+class ComposedScene:
     """A composed scene: its picture [3, H, W], and how much of its things is where, [H, W] in [0, 1]."""
 
     picture: Tensor
     where: Tensor
 
 
-def composed(things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, aloft: bool) -> Scene:
-    """The things in their setting; aloft: whether none of them stands on anything."""
+def composed(
+    things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, in_the_air: bool
+) -> ComposedScene:
+    """The things in their setting; in_the_air: whether none of them stands on anything."""
     ground = setting.ground(grid, seed)
     if not things:
-        return Scene(setting.fallen(setting.starred(ground, seed), seed), torch.zeros(grid.rows, grid.columns))
-    drawn = _fitted(things, setting, grid, seed, aloft=aloft)
+        return ComposedScene(setting.fallen(setting.starred(ground, seed), seed), torch.zeros(grid.rows, grid.columns))
+    drawn = _fitted(things, setting, grid, seed, in_the_air=in_the_air)
     where, colors = torch.zeros(grid.rows, grid.columns), torch.zeros(3, grid.rows, grid.columns)
     for picture, top, left in drawn:
         colors, over = laid(picture, colors, top, left)
@@ -49,11 +51,11 @@ def composed(things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: 
     if setting.is_named:
         ground = setting.starred(with_contrast(ground, where, colors), seed)
     picture = torch.lerp(ground, colors, where)
-    return Scene(setting.fallen(picture, seed).clamp(0, 1), where)
+    return ComposedScene(setting.fallen(picture, seed).clamp(0, 1), where)
 
 
 def _fitted(
-    things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, aloft: bool
+    things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, in_the_air: bool
 ) -> list[tuple[Tensor, int, int]]:
     """The pictures at their sizes in pixels, each with its first row and column; nothing touches the edge."""
     rows, columns = grid.rows, grid.columns
@@ -61,11 +63,11 @@ def _fitted(
     right = max(one.x + one.width / 2 for one in things)
     low, high = min(one.y for one in things), max(one.y + one.height for one in things)
     tall = _AMID if setting.is_named and len(things) == 1 else _HIGH
-    if aloft and setting.is_named:
+    if in_the_air and setting.is_named:
         tall = 0.75 * _AMID
     scale = min(_WIDE * columns / (right - left), tall * rows / (high - low))
     width, height = scale * (right - left), scale * (high - low)
-    if aloft:
+    if in_the_air:
         bottom = _ALOFT * rows + height / 2 if setting.is_named else (rows + height) / 2
     else:
         floor = setting.place.horizon + _STANDS * (1 - setting.place.horizon)
@@ -77,7 +79,7 @@ def _fitted(
     found = []
     for one in things:
         picture = resized(one.picture, max(1e-3, scale * one.height / one.picture.shape[1]))
-        if setting.place.is_water and setting.is_named and not aloft and one.y == low:
+        if setting.place.is_water and setting.is_named and not in_the_air and one.y == low:
             dips = max(1, round(_DIPS * picture.shape[1]))
             picture[3, -dips:] *= torch.linspace(1, 0, dips)[:, None]
         top = round(bottom - scale * (one.y - low) - picture.shape[1])

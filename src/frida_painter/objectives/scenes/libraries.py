@@ -33,12 +33,12 @@ _FLAT_ENOUGH = 0.25  # of what is drawn, that must be left without outlines
 class Captioned:
     """A picture of a library: its file, and what it shows: a title, and perhaps keywords after it.
 
-    likeness: how much it looks like the thing itself, from 0, a sign, to 1, a photograph.
+    realism: how much it looks like the thing itself, from 0, a sign, to 1, a photograph.
     """
 
     file: str
     captions: tuple[str, ...]
-    likeness: float = 0.5
+    realism: float = 0.5
 
 
 class PictureLibrary(Protocol):
@@ -77,7 +77,7 @@ class PictureArchive:
                 known: dict[str, list[str]] = json.loads(opened.read(CAPTIONS))
         except (OSError, zipfile.BadZipFile, KeyError, ValueError) as cause:
             raise WeightsError(f"{self._archive} cannot be read ({cause}); fetch {self.name} again.") from cause
-        return [Captioned(file, tuple(captions), _likeness(file)) for file, captions in sorted(known.items())]
+        return [Captioned(file, tuple(captions), _realism(file)) for file, captions in sorted(known.items())]
 
     def pictures(self, file: str) -> list[Tensor]:
         """The picture."""
@@ -157,7 +157,7 @@ class PictureFolder:
                     yield Path(place) / file
 
 
-def _likeness(file: str) -> float:
+def _realism(file: str) -> float:
     """Of a picture in an archive: pixels are photographs, but for those that say otherwise."""
     return 0.4 if file.endswith(".svg") or "cartoon" in file else 0.8
 

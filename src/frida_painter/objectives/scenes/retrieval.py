@@ -29,7 +29,7 @@ _NOUN = 0.35  # share of the last word of a name in what a name means
 _CONTEXT = 0.15  # of the similarity of a caption to the whole prompt
 _WORD, _OTHERS = 0.1, 0.05  # for the very word, and for each word too many
 _SEEN = 0.25  # the most that looking nearer to the words than a bare ground, or farther, counts
-_LIKENESS = 0.4  # of a photograph before a sign
+_REALISM = 0.4  # of a photograph before a sign
 _OWN = 0.3  # of a person's own picture
 _PLAIN = 0.25  # against drawings without colour, and pictures that are no cut-outs
 _COLORFUL = 8.0  # chroma
@@ -42,10 +42,10 @@ _LOOK = 160  # pixels
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundPicture:
     """A picture for a thing: colour and opacity [4, h, w], its caption and library, and how like the thing that is.
 
-    exact: whether it shows the thing that was named, rather than one that is akin.
+    exact: whether it shows the thing that was named, rather than one that is similar.
     """
 
     picture: Tensor
@@ -61,7 +61,7 @@ class _Entry:
     file: str
     title: str
     rows: tuple[int, ...]  # of its captions among the meanings, the title's first
-    likeness: float
+    realism: float
 
 
 class PictureIndex:
@@ -79,7 +79,7 @@ class PictureIndex:
             at = {caption: before + number for number, caption in enumerate(said)}
             for one in captioned:
                 rows = tuple(at[_cleaned(caption)] for caption in one.captions)
-                self._entries.append(_Entry(library, one.file, _cleaned(one.captions[0]), rows, one.likeness))
+                self._entries.append(_Entry(library, one.file, _cleaned(one.captions[0]), rows, one.realism))
             parts.append(sentences.embed_once(said, keep))
             before += len(said)
         self._meanings = torch.cat(parts)
@@ -98,11 +98,11 @@ class PictureIndex:
         least: float = 0.0,
         shows: Sequence[str] = (),
         cut_out: bool = False,
-    ) -> Found | None:
+    ) -> FoundPicture | None:
         """The picture that shows a thing best; None where none does.
 
         distance: how far a picture [3, h, w] looks from the thing, to networks; 0 is near. least: similarity that a
-        caption needs, where nothing that is only akin will do; shows: words of each of which the caption speaks;
+        caption needs, where nothing that is only similar will do; shows: words of each of which the caption speaks;
         cut_out: whether it stands among others, so that no picture with a ground of its own will do.
         """
         similarity = self._similarity(thing)
@@ -136,7 +136,7 @@ class PictureIndex:
                 )
                 if worth > best:
                     best = worth
-                    found = Found(picture, entry.title, entry.library, float(similarity[at]), exact)
+                    found = FoundPicture(picture, entry.title, entry.library, float(similarity[at]), exact)
         return found
 
     def nearest(self, thing: Thing) -> float:
@@ -180,7 +180,7 @@ def _prior(entry: _Entry, picture: Tensor) -> float:
     """What a picture is worth before it is compared: cut-outs before rectangles, colours before outlines."""
     seen = picture[:3, picture[3] > 0.5].T
     own = entry.library.is_own
-    worth = _LIKENESS * entry.likeness + _OWN * own
+    worth = _REALISM * entry.realism + _OWN * own
     if len(seen) == 0:
         return -1.0
     lab = to_lab(seen[:: max(1, len(seen) // 2000)])

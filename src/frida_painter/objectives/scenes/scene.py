@@ -10,10 +10,10 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.recoloring import is_colored, recolored
-from frida_painter.objectives.scenes.arrangement import Part, arranged, copies
-from frida_painter.objectives.scenes.composition import Scene, composed
+from frida_painter.objectives.scenes.arrangement import ScenePart, arranged, copies
+from frida_painter.objectives.scenes.composition import ComposedScene, composed
 from frida_painter.objectives.scenes.reading import Reading, Relation, Thing, paint_of
-from frida_painter.objectives.scenes.retrieval import Found, PictureIndex
+from frida_painter.objectives.scenes.retrieval import FoundPicture, PictureIndex
 from frida_painter.objectives.scenes.settings import (
     CLEAR,
     DAY,
@@ -45,7 +45,7 @@ class SceneThing:
     """A thing of a scene, and its picture, if one was found."""
 
     thing: Thing
-    found: Found | None
+    found: FoundPicture | None
 
     @property
     def colored(self) -> Tensor:
@@ -84,7 +84,9 @@ def thing_of(prompt: str, encoders: EncoderRegistry, seed: int) -> SceneThing | 
     return None
 
 
-def scene_of(prompt: str, grid: PixelGrid, encoders: EncoderRegistry, seed: int, use: str = "begun with") -> Scene:
+def scene_of(
+    prompt: str, grid: PixelGrid, encoders: EncoderRegistry, seed: int, use: str = "begun with"
+) -> ComposedScene:
     """The scene of a prompt; the encoders remember what it was made of, and what `use` the painting makes of it."""
     reading, index = encoders.prompts().read(prompt), encoders.picture_index()
     setting, settled = _setting(reading, index, encoders)
@@ -102,7 +104,7 @@ def scene_of(prompt: str, grid: PixelGrid, encoders: EncoderRegistry, seed: int,
         place = HILLS if place is PAPER and asked else place
         setting = replace(setting, place=place, is_named=asked)
     things = _dressed(things, relations, sentences)
-    parts: list[Part | None] = []
+    parts: list[ScenePart | None] = []
     for number, one in enumerate(things):
         if one is None or one.found is None:
             parts.append(None)
@@ -111,13 +113,13 @@ def scene_of(prompt: str, grid: PixelGrid, encoders: EncoderRegistry, seed: int,
         if one.thing.doing == "flying":
             known = known._replace(where="air")
         between = any(relation.object == number and relation.word == "between" for relation in relations)
-        parts.append(Part(copies(one.colored, one.thing.shown, known.where, seed + number, apart=between), known))
+        parts.append(ScenePart(copies(one.colored, one.thing.shown, known.where, seed + number, apart=between), known))
     known_parts = [part.known for part in parts if part is not None]
     over = {
         one.subject for one in reading.relations if one.word in ("over", "above", "across") and one.object in settled
     }
-    aloft = bool(known_parts) and (all(part.where == "air" for part in known_parts) or _subjects(things, over))
-    scene = composed(arranged(parts, relations), setting, grid, seed, aloft=aloft)
+    in_the_air = bool(known_parts) and (all(part.where == "air" for part in known_parts) or _subjects(things, over))
+    scene = composed(arranged(parts, relations), setting, grid, seed, in_the_air=in_the_air)
     _tell(reading, things, setting, encoders, use)
     return scene
 
