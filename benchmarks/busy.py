@@ -1,8 +1,9 @@
 """Paints in the virtual studio beside programs that keep every core busy, and counts the paintings that finish.
 
-    python benchmarks/busy.py [--paintings 20] [--loops 40] [--strokes 12] [--seconds 3600]
+    python benchmarks/busy.py [--paintings 20] [--loops 40] [--strokes 12] [--seconds 3600] [--at-once 1]
 
-One painting after another, each by the command line in processes of its own, beside so many endless loops. A painting
+One painting after another, or several at once, each by the command line in processes of its own, beside so many
+endless loops. A painting
 must end with exit status 0 and all its strokes, however long it takes; one that takes longer than --seconds counts as
 hung.
 """
@@ -16,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from PIL import Image
@@ -31,16 +33,20 @@ def main() -> int:
     parser.add_argument("--loops", type=int, default=40)
     parser.add_argument("--strokes", type=int, default=12)
     parser.add_argument("--seconds", type=float, default=3600.0)
+    parser.add_argument("--at-once", type=int, default=1)
     given = parser.parse_args()
-    finished = 0
     with tempfile.TemporaryDirectory(prefix="frida-busy-") as place, busy(given.loops):
         photo = Path(place) / "photo.png"
         Image.effect_mandelbrot((300, 200), (-2.2, -1.2, 1.0, 1.2), 60).convert("RGB").save(photo)
-        for number in range(given.paintings):
+
+        def one(number: int) -> bool:
             began = time.monotonic()
             wrong = painted(photo, Path(place) / str(number), given.strokes, given.seconds)
-            finished += not wrong
             print(f"{number + 1:3}: {wrong or 'finished'} in {time.monotonic() - began:.0f} s", flush=True)
+            return not wrong
+
+        with ThreadPoolExecutor(given.at_once) as several:
+            finished = sum(several.map(one, range(given.paintings)))
     print(f"{finished} of {given.paintings} finished beside {given.loops} busy loops on {os.cpu_count()} cores")
     return int(finished != given.paintings)
 

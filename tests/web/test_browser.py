@@ -67,15 +67,10 @@ def start(page: Page, plan: int = 1) -> None:
     page.get_by_role("button", name=f"Use plan {plan}").click()
     begin = page.get_by_role("button", name="Start painting")
     expect(begin).to_be_disabled()
-    heading = page.get_by_role("heading", name="Paint together")
-    for _ in range(5):  # the page may be drawn anew under the pointer, as another window opens
-        for box in page.locator(".check input").all():
-            box.check()
-        begin.click()
-        with contextlib.suppress(AssertionError):
-            expect(heading).to_be_visible(timeout=15_000)
-            return
-    raise AssertionError(page.locator("body").inner_text())
+    for box in page.locator(".check input").all():
+        box.check()
+    begin.click(timeout=PATIENCE)  # enabled once the planner's process has ended
+    expect(page.get_by_role("heading", name="Paint together")).to_be_visible(timeout=PATIENCE)
 
 
 def test_a_painting_from_the_wish_to_the_gallery(page: Page, studio: OpenStudio, photograph: Path) -> None:

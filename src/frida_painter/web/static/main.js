@@ -65,6 +65,7 @@ const house = {
   async refresh() { studio = await api.get("/api/studio").catch(() => studio); },
   /** A view, or a step of one, has just been shown. */
   entered(element) {
+    element.querySelector(".steps [aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" }); // a phone has no room for all
     window.scrollTo(0, 0);
     if (!first) focusHeading(element);
   },

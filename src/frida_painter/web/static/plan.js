@@ -29,6 +29,7 @@ export function planStage(house, here, first) {
   let newest = 0;
   let drawn = "";
   let stopWaiting = () => {};
+  let allowStart = () => {}; // while "Prepare" is shown: the planner's process may take a moment to end after its plan
 
   const current = () => /** @type {PlanState} */ (state.plans.find((plan) => plan.number === chosen));
 
@@ -145,12 +146,13 @@ export function planStage(house, here, first) {
 
   function prepare(plan) {
     const boxes = [];
+    const allow = () => { start.disabled = state.working || !boxes.every((box) => box.checked); };
     const start = h("button", { type: "button", class: "button wide", disabled: true, onclick: () => {
       start.disabled = true;
       house.attempt(() => api.post(`/api/paintings/${here.id}/start`, { plan: plan.number, ready: true })).then((begun) => { if (!begun) start.disabled = false; });
     } }, "Start painting");
     const check = (text) => {
-      const box = h("input", { type: "checkbox", onchange: () => { start.disabled = !boxes.every((other) => other.checked); } });
+      const box = h("input", { type: "checkbox", onchange: allow });
       boxes.push(box);
       return h("label", { class: "check" }, box, h("span", {}, text));
     };
@@ -166,6 +168,7 @@ export function planStage(house, here, first) {
           h("button", { type: "button", class: "quiet", disabled: house.role !== "operate", onclick: unqueue }, "Remove from the queue"))
         : h("button", { type: "button", class: "quiet later", disabled: house.role !== "operate", onclick: () => later(plan) }, "Paint it after the others (queue)"),
       h("p", {}, h("button", { type: "button", class: "quiet", onclick: () => here.go("plan") }, "Back to the plan")));
+    return allow;
   }
 
   const later = (plan) => house.attempt(() => api.post(`/api/paintings/${here.id}/start`, { plan: plan.number, ready: false, wait: true }));
@@ -178,19 +181,22 @@ export function planStage(house, here, first) {
       chosen = last.number;
     }
     const plan = current();
-    const key = `${step}/${plan.number}/${plan.status}/${state.working}/${state.queued}`;
+    const preparing = step === "prepare" && plan.made;
+    const key = `${step}/${plan.number}/${plan.status}/${preparing || state.working}/${state.queued}`;
     if (key !== drawn) {
       drawn = key;
       stopWaiting();
+      allowStart = () => {};
       if (plan.made) { scrub.max = plan.made.strokes; if (step === "prepare" || Number(scrub.value) <= 1) scrub.value = plan.made.strokes; }
       canvas.goal(plan.wish.terms);
       show(goals, goalList(plan.wish.terms));
-      if (step === "prepare" && plan.made) prepare(plan);
+      if (preparing) allowStart = prepare(plan);
       else if (plan.status === "waiting") waiting(plan);
       else if (plan.status === "planning" && state.working) planning(plan);
       else ready(plan);
       if (plan.made) scrubbed();
     }
+    allowStart();
     scrubbing.hidden = !plan.made || step === "prepare";
     others.hidden = state.plans.length < 2 || step === "prepare";
     const cards = JSON.stringify(state.plans.map((other) => [other.number, other.status, Math.round(20 * other.share), other.number === chosen]));
