@@ -4,10 +4,19 @@ import pytest
 import torch
 from rich.console import Console
 
-from frida_painter.cli.progress import PaintingLine, PlanningLine
+from frida_painter.cli.progress import PaintingLine, PlanningLine, _words
 from frida_painter.palette import Palette
 from frida_painter.planning.optimize import Step
-from frida_painter.session.events import Event, Looked, PaintsWanted, Planned, PlanningStep, Scheduled, StrokePainted
+from frida_painter.session.events import (
+    Drying,
+    Event,
+    Looked,
+    PaintsWanted,
+    Planned,
+    PlanningStep,
+    Scheduled,
+    StrokePainted,
+)
 from frida_painter.session.forecast import Forecast, duration
 from frida_painter.session.page_events import Finishing
 from frida_painter.session.replan_policy import EvenlySpaced
@@ -126,6 +135,18 @@ def test_the_line_says_what_is_going_on() -> None:
         StrokePainted(3, STROKES, (0.0, 0.0, 0.0)),
     )
     assert "finishing the film" in out and "left" in out
+
+
+def test_the_time_left_falls_as_the_paint_dries() -> None:
+    expecting = Forecast(2, EvenlySpaced(0), 0.0, planning=0, replanning=0)
+    expecting.hear(Scheduled(Timetable(strokes=20, drying=600, after=(10, 620)), 0), 0.0)
+    expecting.hear(StrokePainted(1, 2), 10.0)
+    left = []
+    for at, dries in ((10, 600.0), (310, 300.0), (610, 0.0)):
+        expecting.hear(Drying(1, 600.0, dries), at)
+        left.append(expecting.remaining)
+    assert left == pytest.approx([610, 310, 10])
+    assert _words(Drying(1, 600.0, 300.0)) == "letting the paint dry, 5 min 00 s more"
 
 
 def test_planning_alone_has_a_line_too() -> None:

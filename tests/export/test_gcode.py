@@ -122,7 +122,7 @@ def test_a_desk_that_cannot_be_is_refused(name: str, value: float) -> None:
 def test_between_two_layers_the_machine_waits_for_dry_paint(pauses: bool) -> None:
     layered = replace(PLAN, layers=(8, 4))
     lines = gcode(layered, actions(layered), Gcode(), pauses=pauses).splitlines()
-    (wait,) = (number for number, line in enumerate(lines) if "let this layer dry" in line)
+    (wait,) = (number for number, line in enumerate(lines) if "let this layer dry for 20 minutes" in line)
     assert lines[wait].startswith("M0 (")
     strokes = [line for line in lines[:wait] if line.startswith("; stroke")]
     assert len(strokes) == 8

@@ -1,4 +1,6 @@
 import math
+from datetime import timedelta
+from pathlib import Path
 
 import pytest
 import torch
@@ -6,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from easels import NotingRobot
-from frida_painter.errors import PlanError, PoseMismatch
+from frida_painter.errors import PaintingPaused, PlanError, PoseMismatch
 from frida_painter.palette import Palette
 from frida_painter.session.canvas_observer import Timelapse
 from frida_painter.session.events import (
@@ -21,6 +23,7 @@ from frida_painter.session.events import (
     StrokePainted,
     TimelapseFrame,
 )
+from frida_painter.session.journal import Journal
 from frida_painter.session.painting import ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.timetable import DRYING
@@ -245,13 +248,14 @@ def layered(replans: int, layers: tuple[int, ...] = (4, 2, 2), **rest: object) -
 def test_between_layers_paint_dries_and_then_the_next_one_is_planned_anew_on_what_is_seen() -> None:
     evening = layered(replans=1)
     evening.run()
-    kinds = evening.kinds(PlanningStep, Dipped, Scheduled)
+    kinds = evening.kinds(PlanningStep, Dipped, Scheduled, Drying)
     strokes = ["StrokePainted"] * 2
-    layer = ["Drying", "Looked", "Planned", *strokes]
+    layer = ["Looked", "Planned", *strokes]
     assert kinds == ["Planned", "PaintsWanted", *strokes, *strokes, *layer, *layer, "Looked"]
     assert evening.planner.fresh == [True, True] and evening.planner.asked == [4, 2]
-    assert [event.done for event in evening.heard if isinstance(event, Drying)] == [4, 6]
-    assert evening.easel.operator.dried == [DRYING, DRYING]
+    told = [(event.done, event.left) for event in evening.heard if isinstance(event, Drying)]
+    assert told[::20] == [(4, DRYING), (4, 0), (6, 60)] and told[-1] == (6, 0)
+    assert sum(evening.easel.operator.dried) == 2 * DRYING
 
 
 def test_a_look_inside_a_layer_does_not_begin_one() -> None:
@@ -267,7 +271,7 @@ def test_who_does_not_look_lets_layers_dry_all_the_same() -> None:
     painting = evening.run()
     assert painting.painted == 8 and evening.planner.asked == []
     assert evening.painted() == list(range(1, 9))
-    assert evening.easel.operator.dried == [DRYING, DRYING]
+    assert sum(evening.easel.operator.dried) == 2 * DRYING
 
 
 def test_the_brush_is_clean_and_the_arm_aside_while_paint_dries() -> None:
@@ -283,6 +287,51 @@ def test_resumed_where_a_layer_begins_it_dries_first_and_looks() -> None:
     plan = evening.planner.plan(torch.ones(3, 8, 8), 8, 2, lambda step: None)
     bare = torch.ones(3, 48, 64)
     evening.resume(ResumeState(plan, 6, 4, bare, bare))
-    assert evening.kinds(PlanningStep, Dipped, Scheduled)[:4] == ["Resumed", "PaintsWanted", "Drying", "Looked"]
-    assert evening.planner.fresh == [True]
+    assert evening.kinds(PlanningStep, Dipped, Scheduled, Drying)[:3] == ["Resumed", "PaintsWanted", "Looked"]
+    assert evening.planner.fresh == [True] and sum(evening.easel.operator.dried) == DRYING
     assert evening.painted() == [7, 8]
+
+
+@pytest.mark.parametrize(("wet", "planned_at", "looks"), [(61.5, 4, 2), (0.0, 4, 2), (0.0, 6, 1)])
+def test_resumed_in_drying_it_waits_for_the_rest_only_and_looks_where_nobody_has(
+    wet: float, planned_at: int, looks: int
+) -> None:
+    evening = layered(replans=1, layers=(6, 2))
+    plan = evening.planner.plan(torch.ones(3, 8, 8), 8, 2, lambda step: None)
+    bare = torch.ones(3, 48, 64)
+    evening.resume(ResumeState(plan, 6, planned_at, bare, bare, wet))
+    assert sum(evening.easel.operator.dried) == pytest.approx(wet)
+    assert [event.left for event in evening.heard if isinstance(event, Drying)] == ([61.5, 1.5, 0] if wet else [])
+    assert evening.painted() == [7, 8] and evening.kinds().count("Looked") == looks
+    (first, *_) = (event.timetable for event in evening.heard if isinstance(event, Scheduled))
+    assert first.drying == wet and first.after[0] > wet
+
+
+def test_a_stop_and_a_pause_are_heard_while_paint_dries(tmp_path: Path) -> None:
+    stopped = layered(replans=1, stop_at=lambda event: isinstance(event, Drying) and event.left == DRYING - 60)
+    assert stopped.run().painted == 4 and sum(stopped.easel.operator.dried) == 60
+    journal = Journal.begin(tmp_path, {}, {})
+    paused = layered(
+        replans=1, journal=journal, pause_at=lambda event: isinstance(event, Drying) and event.left == DRYING - 120
+    )
+    with pytest.raises(PaintingPaused):
+        paused.run()
+    journal.close()
+    reopened, history = Journal.reopen(tmp_path)
+    reopened.close()
+    last = history.last
+    assert last is not None and history.wet() == DRYING - 120
+    assert history.wet(last + timedelta(minutes=5)) == pytest.approx(DRYING - 420, abs=1)
+    assert history.wet(last + timedelta(hours=5)) == 0
+
+
+def test_a_look_that_fails_when_the_paint_is_dry_pauses_and_nothing_is_painted_before_it(tmp_path: Path) -> None:
+    evening = layered(replans=1, layers=(2, 2), journal=Journal.begin(tmp_path, {}, {}))
+    evening.camera.script = [(1e6, 1), "raise", "raise", "raise"]
+    with pytest.raises(PaintingPaused, match="gave no new photograph"):
+        evening.run()
+    assert evening.painted() == [1, 2] and sum(evening.easel.operator.dried) == DRYING
+    evening.journal.close()
+    reopened, history = Journal.reopen(tmp_path)
+    reopened.close()
+    assert history.wet() == 0 and history.painted == 2

@@ -84,6 +84,8 @@ def test_a_layer_dries_before_the_next_one_and_the_brush_is_cleaned_once() -> No
     assert layered.washing == pytest.approx(plain.washing)
     assert layered.after[3] - layered.after[2] > DRYING > layered.after[2]
     assert layered.total == pytest.approx(layered.after[-1])
+    short = reckon(replace(plan, layers=(3, 3)), choreography, BrushLoad(), lambda painted: 0, drying=60)
+    assert short.drying == 60 and short.total == pytest.approx(layered.total - DRYING + 60)
 
 
 def test_nothing_takes_no_time() -> None:

@@ -62,6 +62,12 @@ def test_a_painting_is_followed_stroke_by_stroke() -> None:
     assert painting["replanned"]["prefix"] == "plan-2-"
 
 
+def test_how_long_the_paint_still_dries_is_shown() -> None:
+    drying = {"kind": "drying", "done": 3, "seconds": 1200.0, "left": 660.0}
+    painting = told(*PLANNED, *PAINTED, drying).shown(working=True)["painting"]
+    assert (painting["status"], painting["dries"]) == ("drying", 660.0)
+
+
 def test_while_the_rest_is_planned_again_it_is_said_so() -> None:
     assert told(*PLANNED, *PAINTED[:7]).shown(working=True)["painting"]["status"] == "planning"
 

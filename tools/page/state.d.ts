@@ -14,7 +14,7 @@ interface PlanState {
 }
 interface Look { done: number; seen: string; expected: string; difference: string; why: string; gain?: number; plan?: string }
 interface PaintState {
-  plan: number; of: number; status: string; done: number; left: number | null; photograph: string | null; growing: string | null;
+  plan: number; of: number; status: string; done: number; left: number | null; dries: number; photograph: string | null; growing: string | null;
   paint: number | null; dips: Record<number, number>; since_dip: number; reason: string; looks: Look[];
   replanned: (Omit<Made, "mixtures" | "seconds"> & { done: number }) | null; held: boolean; turn: boolean; turns: number;
   region: { picture: string; only: boolean } | null; remark: string; wish: Wish | null; film: boolean; arm: boolean; kept: boolean;

@@ -117,5 +117,7 @@ def _tell(found: Rehearsal, strokes: int) -> None:
 
 def _tell_time(table: Timetable) -> None:
     parts = {"strokes": table.strokes, "dips": table.dips, "washing": table.washing, "travel": table.travel}
+    if table.drying:
+        parts["drying"] = table.drying
     spent = ", ".join(f"{name} {duration(seconds)}" for name, seconds in parts.items())
     print(f"The robot takes {duration(table.total)} without looks and planning: {spent}.")

@@ -129,8 +129,8 @@ def _words(event: Event) -> str:
             return f"mixing {len(palette)} paints"
         case StrokePainted(done, of) | StrokeLeftOut(done, of):
             return f"stroke {done} of {of}"
-        case Drying(seconds=seconds):
-            return f"letting the paint dry for {duration(seconds)}"
+        case Drying(left=left) if left > 0:
+            return f"letting the paint dry, {duration(left)} more"
         case Looked():
             return "looking at the canvas"
         case Resumed(done=done):

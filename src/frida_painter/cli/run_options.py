@@ -26,7 +26,7 @@ from frida_painter.runs.spec import RunSpec
 TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {"photo", "settings", "out", "ask", "yes"}
 """Names of options that no kind of goal can have."""
 _PLAN = ("strokes", "layers", "colors", "canvas", "fit", "brush", "render_height", "effort", "seed")
-_PAINT = ("replans", "replan_policy", "timelapse_frames")
+_PAINT = ("replans", "replan_policy", "drying", "timelapse_frames")
 
 Photo = Annotated[
     Path | None,
@@ -130,6 +130,7 @@ def _option(field: FieldInfo) -> Any:
     if field.annotation in (int, int | None):
         return Annotated[int | None, typer.Option(parser=whole_number, metavar="N", help=text)]
     if field.annotation is float:
-        return Annotated[float | None, typer.Option(parser=number, metavar="X", help=text)]
+        metavar = str(more.get("metavar", "X"))
+        return Annotated[float | None, typer.Option(parser=number, metavar=metavar, help=text)]
     choices = "|".join(map(str, get_args(field.annotation)))
     return Annotated[str | None, typer.Option(metavar=str(more.get("metavar", choices)), help=text)]

@@ -9,6 +9,7 @@ from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import Dipped, StrokePainted
+from frida_painter.session.timetable import DRYING
 
 
 def gcode(
@@ -43,7 +44,8 @@ def _action(plan: Plan, action: Action, language: Gcode, pauses: bool, layer_end
     for motion in action.motions:
         yield from _motion(motion, language)
     if isinstance(action.done, StrokePainted) and action.done.done in layer_ends:
-        yield _wait("clean the brush, and let this layer dry before the next one", language)
+        minutes = f"{DRYING / 60:.0f} minutes"
+        yield _wait(f"clean the brush, and let this layer dry for {minutes} before the next one", language)
 
 
 def _motion(motion: Waypoints, language: Gcode) -> Iterator[str]:

@@ -21,7 +21,7 @@ class Operator(Protocol):
         """Returns when well i holds paint i of the palette."""
 
     def let_dry(self, seconds: float) -> None:
-        """Returns when the paint on the canvas has dried for so many seconds, or a person says that it is dry."""
+        """Returns when the paint on the canvas has dried for so many seconds."""
 
     def lay_paper(self) -> bool:
         """Whether a fresh, bare canvas lies on the easel now; False where a person is to be asked for one."""

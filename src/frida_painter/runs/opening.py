@@ -132,7 +132,7 @@ def open_session(
     kind = refilled(brush_kind(planner.model.brush), easel.calibration, simulated=easel.simulated)
     return PaintingSession(
         planner,
-        Brushwork(easel, kind, placement or Placement.unknown()),
+        Brushwork(easel, kind, placement or Placement.unknown(), drying=60 * spec.drying),
         CanvasObserver(easel, _GROUND, light),
         replan_policy(spec, planner.layer_sizes(spec.strokes)),
         stop_asked=controls.stop_asked,

@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -275,7 +276,8 @@ class PaintingRun:
         self._stack.enter_context(recorder)
         if kept is None:
             return self._to_its_end(session, recorder, lambda: session.run(self.spec.strokes, self.spec.colors))
-        where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now)
+        wet = history.wet(None if self.easel.simulated else datetime.now(UTC))
+        where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now, wet)
         return self._to_its_end(session, recorder, lambda: session.resume(where))
 
     def _make_results(self, history: History, kept: resuming.KeptPlan | None) -> RunOutcome:

@@ -107,6 +107,15 @@ class RunSpec(BaseModel):
         "Your own packages can add policies.",
         json_schema_extra={"metavar": "NAME:VALUE", "default": "evenly spaced, --replans times"},
     )
+    drying: float = Field(
+        20.0,
+        ge=1,
+        le=1440,
+        allow_inf_nan=False,
+        description="Minutes that a layer dries before the next one is painted on it. Thin acrylic paint needs 10 to "
+        "30. The virtual studio does not wait, unless --pace says so.",
+        json_schema_extra={"metavar": "MINUTES"},
+    )
     effort: float = Field(
         1.0,
         ge=0.05,

@@ -4,6 +4,8 @@ Each stroke is in the journal before the robot is told of it, and again when it 
 in doubt. Where the disk is full, nothing moves before there is room.
 """
 
+import math
+import time
 from functools import partial
 
 from frida_painter.errors import StorageError
@@ -24,9 +26,9 @@ from frida_painter.session.events import (
 from frida_painter.session.interruptions import Interruptions
 from frida_painter.session.journal import Journal
 from frida_painter.session.painting import PaintingProgress
-from frida_painter.session.timetable import DRYING
 
-_BETWEEN_CHECKS = 10.0  # seconds of drying
+_STEP, _SIMULATED_STEP = 1.0, 10.0  # seconds of drying after which is looked whether somebody wants a pause
+_BETWEEN_WORDS = 60.0
 
 
 class BatchExecutor:
@@ -69,21 +71,28 @@ class BatchExecutor:
     def let_dry(self) -> None:
         """Cleans the brush, moves the arm aside and waits until the paint on the canvas is dry.
 
-        In a simulated studio a person may stop or pause meanwhile; elsewhere a person says when it is dry.
+        A person may stop or pause meanwhile; real paint dries in a pause as well. How long it still takes is in the
+        journal, so that whoever resumes waits for the rest only.
         """
         if self._brushwork.load.paint is not None:
             self.clean()
         self._interruptions.retry(self.step_aside)
-        easel, left = self._brushwork.easel, DRYING
-        drying = Drying(self._progress.painted, left)
-        self._interruptions.retry(partial(self._journal.tell, drying))
-        self._tell(drying)
-        while left > 0:
-            seconds = min(left, _BETWEEN_CHECKS) if easel.simulated else left
-            easel.operator.let_dry(seconds)
-            left -= seconds
+        easel, progress = self._brushwork.easel, self._progress
+        left = progress.wet_for(self._brushwork.drying)
+        dry_at, told = time.monotonic() + left, math.inf
+        while True:
+            if left == 0 or told - left >= _BETWEEN_WORDS:
+                told = self._tell_drying(left)
+            progress.wet = left
             self._interruptions.check()
-        self._progress.dried_at = self._progress.painted
+            if left == 0:
+                break
+            step = min(left, _SIMULATED_STEP if easel.simulated else _STEP)
+            easel.operator.let_dry(step)
+            left -= step
+            if not easel.simulated:
+                left = max(0.0, min(left, dry_at - time.monotonic()))
+        progress.dried_at, progress.wet = progress.painted, None
 
     def clean(self) -> None:
         """Rinses and wipes the brush."""
@@ -95,6 +104,13 @@ class BatchExecutor:
         """Moves the arm out of the camera's sight. Raises StorageError where that cannot be noted."""
         self._journal.tell(MotionBegan(("home",)))
         self._brushwork.step_aside()
+
+    def _tell_drying(self, left: float) -> float:
+        """Notes and tells that the canvas still dries for so many seconds, and returns them."""
+        drying = Drying(self._progress.painted, self._brushwork.drying, round(left, 1))
+        self._interruptions.retry(partial(self._journal.tell, drying))
+        self._tell(drying)
+        return left
 
     def _perform(self, action: Action, plan: Plan) -> bool:
         """Notes and does it; False where it was not done, because it could not be noted, and there was a pause."""

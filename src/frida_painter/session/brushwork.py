@@ -17,7 +17,7 @@ from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
 from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
-from frida_painter.session.timetable import Timetable
+from frida_painter.session.timetable import DRYING, Timetable
 from frida_painter.session.timing import reckon
 from frida_painter.session.travel import shorten_travel
 
@@ -27,13 +27,14 @@ class Brushwork:
     """Paints plans on an easel, stroke by stroke.
 
     The robot is sent beside where a stroke is meant to be by as much as `placement` says that
-    strokes land beside it. load: what is on the brush.
+    strokes land beside it. load: what is on the brush; drying: seconds that a layer is let dry before the next one.
     """
 
     easel: Easel
     brush: BrushKind
     placement: Placement = field(default_factory=Placement.unknown)
     load: BrushLoad = field(default_factory=BrushLoad)
+    drying: float = DRYING
     _gateway: RobotGateway = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -50,7 +51,7 @@ class Brushwork:
 
     def timetable(self, plan: Plan, looks: Callable[[int], int]) -> Timetable:
         """How long painting the plan takes, `looks(k)` looks coming after its stroke k."""
-        return reckon(plan, self._choreography(), self.load, looks, self.easel.timing)
+        return reckon(plan, self._choreography(), self.load, looks, self.easel.timing, self.drying)
 
     def prepare(self, plan: Plan, already_done: int, of: int) -> list[Action]:
         """Everything that painting the plan takes, checked as a whole by the gateway, and foretold.

@@ -192,10 +192,14 @@ class StrokePainted:
 
 @dataclass(frozen=True)
 class Drying:
-    """A layer is let dry, after `done` strokes, before the next one goes on it; seconds: of the robot's clock."""
+    """A layer dries, after `done` strokes, before the next one goes on it; told every minute until `left` is 0.
+
+    seconds: that it takes in all; left: that it still takes. Of the robot's clock.
+    """
 
     done: int
     seconds: float
+    left: float
 
 
 @dataclass(frozen=True)

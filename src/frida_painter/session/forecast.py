@@ -58,13 +58,13 @@ class Forecast:
         self._begun = 0
         self._walked = 0.0
         self._iteration = 0
-        self._drying = False
+        self._wet: float | None = None  # seconds that a layer still dries
 
     def hear(self, event: Event, now: float) -> None:
         """Takes note of an event at time `now` (seconds)."""
         passed, self._last = now - self._last, now
-        if self._drying:  # that takes what it takes, and tells nothing of how fast anything else is
-            passed, self._drying = 0.0, False
+        if self._wet is not None:  # that takes what it takes, and tells nothing of how fast anything else is
+            passed = 0.0
         match event:
             case PlanningStep(phase, iteration, of):
                 alive = self._strokes - self._painted
@@ -87,9 +87,9 @@ class Forecast:
                 if not self._after:
                     self._painting = TimeEstimate(0.02)
                 self._after, self._end, self._begun, self._walked = timetable.after, timetable.total, done, 0.0
-            case Drying(seconds=seconds):
-                self._drying = True
-                self._walked += seconds
+            case Drying(left=left):
+                self._walked += 0.0 if self._wet is None else self._wet - left
+                self._wet = left or None
             case StrokePainted(done=done) | StrokeLeftOut(done=done):
                 self._painted = done
                 self._forget_looks(until=done - 1)  # after one of them nothing may have been planned again

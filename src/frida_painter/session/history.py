@@ -10,6 +10,7 @@ from frida_painter.errors import StorageError
 from frida_painter.planning.placement import Placement
 from frida_painter.session.events import (
     Dipped,
+    Drying,
     Finished,
     GoalChanged,
     MotionBegan,
@@ -46,7 +47,8 @@ class History:
 
     settings, rests_on: as it was begun; plannings: the plans that were adopted or kept, in order; painted: strokes
     that are done or were given up; in_doubt: the number of the stroke that was begun and not ended;
-    light: of the last look, [3, terms]; looks, dips, cleanings, runs: how many there were; given_up:
+    drying: the last word of a layer that dries on the canvas, and when it was written; light: of the last look,
+    [3, terms]; looks, dips, cleanings, runs: how many there were; given_up:
     numbers of strokes in doubt that were skipped, and of those that a person left out; region: the file of
     what a person drew over the canvas, and whether only there it may be painted, None where nothing is
     protected; goal: the folder of the goal that it is painted towards since it was changed, "" before;
@@ -60,6 +62,7 @@ class History:
     plannings: list[Planning] = field(default_factory=list)
     painted: int = 0
     in_doubt: int | None = None
+    drying: tuple[Drying, datetime] | None = None
     light: list[list[float]] | None = None
     looks: int = 0
     last_photograph: str | None = None
@@ -123,6 +126,8 @@ class History:
             case StrokeLeftOut(done=done):
                 self.painted, self.in_doubt = done, None
                 self.given_up.append(done)
+            case Drying():
+                self.drying = event, at
             case Dipped(cleaned=cleaned):
                 self.dips += 1
                 self.cleanings += int(cleaned)
@@ -134,6 +139,17 @@ class History:
                 self.finished, self.robot_seconds = True, robot_seconds
             case _:
                 pass
+
+    def wet(self, now: datetime | None = None) -> float | None:
+        """Seconds that the last layer still dries; None where it did not begin to.
+
+        now: the time, None where nothing has dried since the painting broke off, as in a simulated studio.
+        """
+        if self.drying is None or self.drying[0].done != self.painted:
+            return None
+        drying, noted = self.drying
+        passed = 0.0 if now is None else max(0.0, (now - noted).total_seconds())
+        return max(0.0, drying.left - passed)
 
     def decide(self, *, repaint: bool) -> None:
         """Settles the stroke in doubt, if there is one: it is painted again, or given up."""

@@ -105,8 +105,8 @@ class PaintingSession:
             while progress.painted < min(end, progress.strokes) or progress.must_dry:  # a pause may leave strokes out
                 if progress.must_dry:
                     self._executor.let_dry()
-                    if looks:
-                        break
+                if looks and progress.begins_layer and progress.planned_at < progress.painted:
+                    break
                 self._executor.paint_until(min(end, progress.layer_end))
             seen = self._monitor.observe()
             if seen.left and self.policy.wants_replan(seen):

@@ -1,5 +1,6 @@
 """Who prepares what is needed at a real easel: a person, who is asked."""
 
+import time
 from collections.abc import Callable
 
 from torch import Tensor
@@ -25,13 +26,8 @@ class PersonAsOperator:
             raise Interrupted("The paints were not there, and nothing was painted; the plan is kept.")
 
     def let_dry(self, seconds: float) -> None:
-        """Returns when the person says that the paint is dry. Raises Interrupted where it will not be."""
-        question = (
-            "The next strokes go on dry paint: let the canvas dry, with acrylic paint about "
-            f"{seconds / 60:.0f} minutes. Is it dry?"
-        )
-        if self._answer(Confirm(question)) is not True:
-            raise Interrupted("The paint was not dry, and nothing was painted on it; resume the painting when it is.")
+        """Waits."""
+        time.sleep(seconds)
 
     def _asking_for(self, paints: str) -> str:
         return f"Mix these paints and fill the wells, the first with paint 1: {paints}. Are all of them filled?"
@@ -56,7 +52,8 @@ class AbsentOperator:
         """Leaves it to the other process."""
 
     def let_dry(self, seconds: float) -> None:
-        """Leaves it to the other process."""
+        """Waits."""
+        time.sleep(seconds)
 
     def lay_paper(self) -> bool:
         """False: a person is to be asked."""

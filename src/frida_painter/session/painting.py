@@ -70,7 +70,7 @@ class ResumeState:
 
     plan: of all its strokes, of which `painted` are on the canvas; planned_at: how many there were when
     it was made; before: the canvas [3, H, W] as it was then, None where that is not known any more;
-    now: the canvas as it is.
+    now: the canvas as it is; wet: seconds that its last layer still dries, None where it did not begin to.
     """
 
     plan: Plan
@@ -78,6 +78,7 @@ class ResumeState:
     planned_at: int
     before: Tensor | None
     now: Tensor
+    wet: float | None = None
 
 
 @dataclass
@@ -86,13 +87,15 @@ class PaintingProgress:
 
     plan: of all its strokes, painted ones first, None before the first plan is adopted; painted: strokes that are done;
     planned_at: how many were done when it was last decided how the rest is painted; dried_at: how many were done when
-    the paint was last let dry; canvas: what is remembered of it.
+    the paint was last let dry; wet: seconds that it still dries, where it has begun to; canvas: what is remembered of
+    it.
     """
 
     plan: Plan | None = None
     painted: int = 0
     planned_at: int = 0
     dried_at: int = 0
+    wet: float | None = None
     canvas: CanvasMemory = field(default_factory=CanvasMemory)
 
     @property
@@ -127,6 +130,10 @@ class PaintingProgress:
         """Whether the paint on the canvas has to dry before the next stroke."""
         return self.begins_layer and self.dried_at != self.painted
 
+    def wet_for(self, drying: float) -> float:
+        """Seconds that the paint on the canvas still dries, of `drying` in all."""
+        return drying if self.wet is None else self.wet
+
     def followed_by(self, rest: Plan) -> Plan:
         """The plan of all strokes: those that are done, and then `rest`."""
         return rest if self.plan is None or self.painted == 0 else self.plan.part(slice(self.painted)).followed_by(rest)
@@ -134,6 +141,7 @@ class PaintingProgress:
     def go_on_from(self, where: ResumeState) -> None:
         """It is as far as it was when it broke off."""
         self.plan, self.painted, self.planned_at = where.plan, where.painted, where.planned_at
+        self.wet, self.dried_at = (None, where.painted) if where.wet == 0 else (where.wet, 0)
         known = where.before is not None
         self.canvas = CanvasMemory(*((where.before, where.planned_at) if known else (where.now, where.painted)))
 

@@ -92,7 +92,10 @@ class PlanKeeper:
             looks = self._policy.next_look(number - 1, of) == number
             return int(self._timelapse.wants_frame(number, of)) + int(looks)
 
-        self._tell(Scheduled(self._brushwork.timetable(rest, after), done))
+        table = self._brushwork.timetable(rest, after)
+        if self._progress.must_dry:
+            table = table.after_drying(self._progress.wet_for(self._brushwork.drying))
+        self._tell(Scheduled(table, done))
 
     def _adopt(self, rest: Plan, before: float) -> None:
         """From now on, and whatever happens, what is left is painted by this plan, made for the canvas as it is.

@@ -1,9 +1,13 @@
 """How long painting takes at the robot: what it is spent on, and when each stroke is done."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-DRYING = 600.0
-"""Seconds that a layer is let dry before the next one goes on it: what thin acrylic paint needs in a warm room."""
+DRYING = 1200.0
+"""Seconds that a layer is let dry before the next one goes on it, unless somebody says otherwise.
+
+Winsor & Newton ("Understanding drying times for acrylic paints") give 10 to 20 minutes for thin films of Galeria and
+20 to 30 for thin films of Professional Acrylic.
+"""
 
 
 @dataclass(frozen=True)
@@ -27,3 +31,7 @@ class Timetable:
     def total(self) -> float:
         """Seconds for everything."""
         return self.strokes + self.dips + self.washing + self.travel + self.looks + self.drying
+
+    def after_drying(self, seconds: float) -> "Timetable":
+        """The same where the canvas dries for so many seconds before anything else."""
+        return replace(self, drying=self.drying + seconds, after=tuple(seconds + done for done in self.after))

@@ -30,12 +30,13 @@ def reckon(
     load: BrushLoad,
     looks: Callable[[int], int],
     timing: Timing | None = None,
+    drying: float = DRYING,
 ) -> Timetable:
     """The time that a plan takes with a brush that holds `load`, the arm being at home.
 
     looks: how often the painter looks, for itself or for the film, after it has painted so many of the
-    plan's strokes; timing: how the arm starts and stops, None to reckon with its full speed. Raises
-    WorkspaceViolation where the workspace has no well for a paint.
+    plan's strokes; timing: how the arm starts and stops, None to reckon with its full speed; drying:
+    seconds between two layers. Raises WorkspaceViolation where the workspace has no well for a paint.
     """
     motion, workspace = choreography.motion, choreography.motion.workspace
     pace = _Pace(timing)
@@ -54,7 +55,7 @@ def reckon(
             for wash in washing if load.paint is not None else ():
                 table = replace(table, travel=table.travel + hand.to(wash), washing=table.washing + pace.of(wash))
             load = BrushLoad()
-            table = replace(table, travel=table.travel + hand.aside(), drying=table.drying + DRYING)
+            table = replace(table, travel=table.travel + hand.aside(), drying=table.drying + drying)
         if paint != load.paint or load.left < use:
             if load.paint is not None and paint != load.paint:
                 for wash in washing:

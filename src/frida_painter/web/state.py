@@ -59,7 +59,7 @@ class PlanState:
 @dataclass
 class PaintState:
     """The painting itself; status: "preparing", "mixing", "painting", "drying", "planning", "paused", "finishing",
-    "finished", "stopped" or "failed".
+    "finished", "stopped" or "failed"; dries: seconds for which the paint still dries, 0 where nothing waits for it.
 
     plan: the number it was painted from; held: whether it waits for a person, also while it does what they asked for
     in the pause; turn: whether it is the person's turn; turns: strokes after which it is, 0 where nobody takes turns;
@@ -75,6 +75,7 @@ class PaintState:
     status: str = "preparing"
     done: int = 0
     left: float | None = None
+    dries: float = 0.0
     share: float = 0.0
     photograph: str | None = None
     growing: str | None = None
@@ -216,6 +217,8 @@ def _hear_painting(painting: PaintState, event: Written) -> None:
         case Dipped(paint):
             painting.paint, painting.since_dip = paint, 0
             painting.dips[paint] = painting.dips.get(paint, 0) + 1
+        case Drying(left=seconds):
+            painting.dries = seconds
         case StrokePainted(done, of) | StrokeLeftOut(done, of):
             painting.done, painting.of = done, of or painting.of
             painting.since_dip += isinstance(event, StrokePainted)

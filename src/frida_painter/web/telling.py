@@ -78,8 +78,11 @@ class Reporter:
                 self._replanned(event)
             case PaintsWanted():
                 self.feed.tell(Mixing())
-            case Dipped() | Drying():
+            case Dipped():
                 self.feed.tell(event)
+            case Drying():
+                self.feed.tell(event)
+                self.feed.tell(TimeLeft(round(left, 1)))
             case StrokePainted(done=done) | StrokeLeftOut(done=done):
                 self.done = done
                 self.feed.tell(event)

@@ -63,7 +63,8 @@ export function paintStage(house, here, first) {
   function update(state) {
     const { painting } = state;
     bar.value = painting.of ? painting.done / painting.of : 0;
-    said.textContent = painting.status === "painting" ? `Stroke ${painting.done} of ${painting.of}` : `${painting.done ? `Stroke ${painting.done} of ${painting.of}: ` : ""}${WORDS[painting.status] ?? ""}`;
+    const wait = painting.status === "drying" && painting.dries ? `, ${duration(painting.dries)} more` : "";
+    said.textContent = painting.status === "painting" ? `Stroke ${painting.done} of ${painting.of}` : `${painting.done ? `Stroke ${painting.done} of ${painting.of}: ` : ""}${WORDS[painting.status] ?? ""}${wait}`;
     left.textContent = painting.left && !["finishing", "paused"].includes(painting.status) ? `about ${duration(painting.left)} left` : "";
     if (painting.photograph) canvas.picture("painting", api.file(here.id, "live", painting.photograph), `The canvas after ${painting.done} strokes`);
     caption.textContent = painting.photograph ? "The easel, as it was photographed last, and the next stroke" : "The plan. The first photograph of the easel comes soon.";
