@@ -40,6 +40,7 @@ LAYERS = (
     ("session",),
     ("report", "export"),
     ("runs",),
+    ("sweeps",),
     ("options",),
     ("cli", "web", "experiments"),
     ("__main__", ""),

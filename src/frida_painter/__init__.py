@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from frida_painter.runs.run import paint as paint
     from frida_painter.runs.spec import RunSpec
     from frida_painter.strokes import Strokes
+    from frida_painter.sweeps.sweep import sweep as sweep
     from frida_painter.virtual.studio import open_studio as open_virtual_studio
 
 __all__ = [
@@ -48,6 +49,7 @@ __all__ = [
     "render_plan",
     "render_strokes",
     "save_picture",
+    "sweep",
 ]
 
 # Where each name is found: its module, and what it is called there.
@@ -71,6 +73,7 @@ _HOMES = {
     "render_plan": ("render.plan_picture", "render_plan"),
     "render_strokes": ("render.painting", "render"),
     "save_picture": ("images", "save"),
+    "sweep": ("sweeps.sweep", "sweep"),
 }
 
 

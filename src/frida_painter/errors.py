@@ -96,5 +96,17 @@ class PaintingPaused(FridaError):
     """A painting could not go on by itself and nobody was there to ask; it can be resumed where it is."""
 
 
+class SweepBusy(FridaError):
+    """Another process works on this sweep."""
+
+
+class WorkerUnfit(FridaError):
+    """A process or machine that cannot do any run of a sweep, which stops there; what was done is kept."""
+
+
+class TryFailed(FridaError):
+    """A run of a sweep that failed, hung or was killed; it is tried again, and then reported."""
+
+
 class Interrupted(FridaError):
     """A person asked to stop; what was made so far is kept."""

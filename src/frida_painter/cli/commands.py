@@ -56,6 +56,11 @@ COMMANDS = (
         "models", f"{_CLI}.models", "Download the networks for text, styles and sketches, and show which are here."
     ),
     Deferred(
+        "sweep",
+        f"{_CLI}.sweep",
+        "Do many runs: every combination of photographs, text, seeds and settings in a sweep file.",
+    ),
+    Deferred(
         "experiments",
         "frida_painter.experiments.command",
         "Run the experiments of the paper and more. Each command measures anew and writes tables and pictures.",

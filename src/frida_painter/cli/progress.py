@@ -27,6 +27,7 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.forecast import Forecast, duration
 from frida_painter.session.page_events import Finishing
+from frida_painter.sweeps.progress import SweepProgress
 
 _GROWING_COST = 1.4
 
@@ -57,9 +58,7 @@ class PaintingLine(Line):
     def __init__(self, console: Console, forecast: Forecast) -> None:
         self._forecast = forecast
         self._started = time.monotonic()
-        super().__init__(
-            Progress(TextColumn("{task.description}"), BarColumn(bar_width=36), _TimeLeft(), console=console)
-        )
+        super().__init__(_bar(console))
         self._task = self._bar.add_task("getting ready", total=1.0, left=forecast.remaining)
 
     def hear(self, event: Event) -> None:
@@ -95,9 +94,7 @@ class PlanningLine(Line):
 
     def __init__(self, console: Console) -> None:
         self._started = time.monotonic()
-        super().__init__(
-            Progress(TextColumn("{task.description}"), BarColumn(bar_width=36), _TimeLeft(), console=console)
-        )
+        super().__init__(_bar(console))
         self._task = self._bar.add_task("getting ready", total=1.0, left=math.inf)
 
     def hear(self, step: Step) -> None:
@@ -105,6 +102,26 @@ class PlanningLine(Line):
         share = (step.iteration / step.of) ** _GROWING_COST
         left = (time.monotonic() - self._started) * (1 - share) / share
         self._bar.update(self._task, description=f"planning {100 * share:3.0f} %", completed=share, left=left)
+
+
+class SweepLine(Line):
+    """One line on the terminal for many runs."""
+
+    def __init__(self, console: Console) -> None:
+        super().__init__(_bar(console))
+        self._task = self._bar.add_task("getting ready", total=1.0, left=math.inf)
+
+    def hear(self, progress: SweepProgress) -> None:
+        """Shows how far it is."""
+        ended = progress.done + progress.failed
+        failed = f", {progress.failed} failed" if progress.failed else ""
+        left = math.inf if progress.seconds_left is None else progress.seconds_left
+        self._bar.update(
+            self._task,
+            description=f"{progress.done} of {progress.total} runs done{failed}, {progress.slots} at the same time",
+            completed=ended / max(progress.total, 1),
+            left=left,
+        )
 
 
 class _TimeLeft(ProgressColumn):

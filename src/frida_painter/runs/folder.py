@@ -81,7 +81,7 @@ def rests_on(spec: RunSpec, folder: Path) -> dict[str, str]:
         "workspace": spec.workspace,
         "brush": brush if brush.suffix else None,
     }
-    return {what: "none" if path is None else _hash(path) for what, path in files.items()}
+    return {what: "none" if path is None else content_hash(path) for what, path in files.items()}
 
 
 def are_there(folder: Path, strokes: int) -> bool:
@@ -105,7 +105,7 @@ def _copy(source: Path, copy: Path) -> None:
     storage.copy(source, copy, "a picture of the goal", storage.MAX_BYTES)
 
 
-def _hash(path: Path) -> str:
+def content_hash(path: Path) -> str:
     """sha256 over a file, or over the names and contents of all files in a folder; "gone" where it is."""
     content = hashlib.sha256()
     if not path.exists():

@@ -1,0 +1,112 @@
+"""The commands about many runs: sweep FILE, sweep status, sweep report."""
+
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from frida_painter.errors import Interrupted, TryFailed
+from frida_painter.options import count_of, out_folder, whole_number_within
+
+SweepFile = Annotated[
+    Path, typer.Argument(metavar="FILE", help="A sweep file (TOML, docs/sweeps.md).", show_default=False)
+]
+FolderOfSweep = Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of a sweep.", show_default=False)]
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        parser=out_folder,
+        metavar="FOLDER",
+        help="The folder of the sweep. The same one continues it. [dim]sweeps/NAME[/]",
+    ),
+]
+Address = Annotated[
+    str | None,
+    typer.Option(
+        metavar="HOST:PORT",
+        help="The address of a Ray cluster that does the runs, or auto for one on this machine. [dim]this machine[/]",
+    ),
+]
+Jobs = Annotated[
+    int | None,
+    typer.Option(
+        parser=whole_number_within(1, 4096),
+        metavar="N",
+        help="Number of runs at the same time. [dim]as many as there are cores and memory for[/]",
+    ),
+]
+Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a very large sweep.")]
+_RUN = "run"
+
+
+class _FileFirst(TyperGroup):
+    """A group in which what is no command is the FILE of `run`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        first = next((arg for arg in args if not arg.startswith("-")), None)
+        if first is not None and first not in self.commands:
+            args = [_RUN, *args]
+        return super().parse_args(ctx, args)
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the group of commands."""
+    group = typer.Typer(
+        cls=_FileFirst,
+        no_args_is_help=True,
+        help="Do many runs: every combination of photographs, text, seeds and settings in a sweep file.",
+    )
+    group.command(_RUN)(run)
+    group.command("status")(status)
+    app.add_typer(group, name="sweep")
+
+
+def run(file: SweepFile, out: Out = None, address: Address = None, jobs: Jobs = None, yes: Yes = False) -> None:
+    """Do all runs of a sweep file that are not done yet: `sweep FILE` is short for `sweep run FILE`.
+
+    Every run has a folder of its own. Run the same command again to continue after an interruption; what was done is
+    not done again. A run that fails, hangs or is killed is tried again, then reported, and never stops the others.
+    """
+    from rich.console import Console
+
+    from frida_painter.cli.leading import confirm
+    from frida_painter.cli.progress import SweepLine
+    from frida_painter.session.forecast import duration
+    from frida_painter.sweeps.spec import SweepSpec
+    from frida_painter.sweeps.sweep import MANY, default_folder, sweep
+
+    spec = SweepSpec.from_toml(file)
+    if spec.count > MANY and not yes:
+        question = f"The sweep has {spec.count:,} runs. Begin?"
+        if not sys.stdin.isatty() or not confirm(question, default=False):
+            raise Interrupted(f"The sweep has {spec.count:,} runs, and nothing was begun; say --yes if that is meant.")
+    folder = out or default_folder(spec)
+    started = time.monotonic()
+    with SweepLine(Console(stderr=True, highlight=False)) as line:
+        outcome = sweep(spec, folder, address=address, jobs=jobs, notify=line.hear, most=None)
+    new = len(outcome.records) - outcome.done_before
+    print(
+        f"{count_of(len(outcome.records), 'run')} of {len(outcome.runs)} done"
+        + (f", {outcome.done_before} of them before" if outcome.done_before else "")
+        + f"; {new} in {duration(time.monotonic() - started)}."
+    )
+    for remark in outcome.remarks:
+        print(remark, file=sys.stderr)
+    print(f"  Results   {folder}\n  Page      frida-painter sweep report {folder}")
+    if outcome.failures:
+        first = next(iter(outcome.failures.values()))
+        raise TryFailed(
+            f"{count_of(len(outcome.failures), 'run')} failed after {spec.tries} tries each; the first is "
+            f"{first['key']}: {first['error']} Run the command again to try them once more."
+        )
+
+
+def status(folder: FolderOfSweep) -> None:
+    """Show how far a sweep is and when it will be done."""
+    from frida_painter.sweeps.status import status_of
+
+    for line in status_of(folder).lines():
+        print(line)

@@ -1,0 +1,159 @@
+"""The folder of a sweep: who works on it, what was asked for, copies of the pictures, and what every run gave.
+
+| file | what it is |
+|---|---|
+| sweep.json | the sweep as it was asked for last, and what every picture is called here |
+| inputs/ | copies of the pictures, named by their content: the originals may vanish |
+| runs/KEY/ | one run: result.json once it is done, failure.json where it failed last, plan and pictures |
+| table.parquet | all results, made again from the runs at any time |
+| status.html, index.html | the pages of `sweep status` and `sweep report` |
+"""
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from frida_painter import storage
+from frida_painter.errors import ConfigError, StorageError, SweepBusy
+from frida_painter.sweeps.spec import SweepSpec
+
+SWEEP = "sweep.json"
+TABLE = "table.parquet"
+_FORMAT = "frida-painter sweep"
+_LOCK = ".lock"
+_ROOM = 100 * 2**20  # bytes
+
+
+class RunFolder:
+    """The folder of one run of a sweep. key: of the run."""
+
+    def __init__(self, sweep: Path, key: str) -> None:
+        self.path = sweep / "runs" / key
+
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """For one process at a time; the others wait. Raises StorageError where nothing can be written."""
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            lock = FileLock(self.path / _LOCK, fallback_to_soft=False, preserve_lock_file=True)
+            lock.acquire()
+        except OSError as error:
+            raise storage.cannot_write(self.path, error) from error
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def record(self) -> dict[str, Any] | None:
+        """What came out; None where it is not done, or where what is there is damaged."""
+        if not (self.path / "result.json").exists():
+            return None
+        try:
+            return storage.read_json(self.path / "result.json", "the result of a run")
+        except StorageError:
+            return None
+
+    def keep(self, record: Mapping[str, Any]) -> None:
+        """Writes what came out, which makes the run done. Raises StorageError."""
+        storage.write_json(self.path / "result.json", record)
+        (self.path / "failure.json").unlink(missing_ok=True)
+
+    def keep_failure(self, failure: Mapping[str, Any]) -> None:
+        """Writes why it failed. Raises StorageError."""
+        storage.write_json(self.path / "failure.json", failure)
+
+    def failure(self) -> dict[str, Any] | None:
+        """Why it failed last; None where it did not."""
+        if not (self.path / "failure.json").exists():
+            return None
+        try:
+            return storage.read_json(self.path / "failure.json", "why a run failed")
+        except StorageError:
+            return None
+
+
+class SweepFolder:
+    """The folder of a sweep."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path.absolute()
+
+    def run(self, key: str) -> RunFolder:
+        """The folder of a run."""
+        return RunFolder(self.path, key)
+
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """For one driver at a time. Raises SweepBusy where another works on it, StorageError where it cannot be."""
+        storage.require_space(self.path, _ROOM)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            if not self.is_begun and any(one.name != _LOCK for one in self.path.iterdir()):
+                raise StorageError(
+                    f"{storage.shown(self.path)} holds something that is no sweep; choose a new folder with --out."
+                )
+            lock = self._lock()
+            lock.acquire(blocking=False)
+        except Timeout as held:
+            raise SweepBusy(
+                f"Another process works on {storage.shown(self.path)}; wait until it is done, or look how far it is: "
+                f"frida-painter sweep status {storage.shown(self.path)}"
+            ) from held
+        except OSError as error:
+            raise storage.cannot_write(self.path, error) from error
+        try:
+            yield
+        finally:
+            lock.release()
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether a sweep was begun in it."""
+        return (self.path / SWEEP).exists()
+
+    @property
+    def is_held(self) -> bool:
+        """Whether a driver works on it now."""
+        lock = self._lock()
+        try:
+            lock.acquire(blocking=False)
+        except (Timeout, OSError):
+            return True
+        lock.release()
+        return False
+
+    def keep(self, spec: SweepSpec, hashes: Mapping[str, str], slots: int) -> None:
+        """Writes what is asked for. hashes: of files by their paths; slots: runs at the same time."""
+        storage.write_json(
+            self.path / SWEEP,
+            {"format": _FORMAT, "sweep": spec.model_dump(mode="json"), "files": dict(hashes), "slots": slots},
+        )
+
+    def asked(self) -> tuple[SweepSpec, dict[str, str], int]:
+        """What was asked for last, the hashes of files by their paths, and the slots. Raises ConfigError."""
+        path = self.path / SWEEP
+        if not self.is_begun:
+            raise ConfigError(
+                f"{storage.shown(self.path)} holds no sweep; give the folder of one, such as sweeps/NAME."
+            )
+        kept = storage.read_json(path, "a sweep", ConfigError)
+        if kept.get("format") != _FORMAT:
+            raise ConfigError(f"{storage.shown(path)} is no sweep of this program; give the folder of one.")
+        return SweepSpec.of(**kept["sweep"]), kept["files"], kept["slots"]
+
+    def copy_of(self, path: Path, content: str) -> Path:
+        """The copy of a picture by its hash, made where it is not there yet. Raises ConfigError where it cannot be."""
+        copy = self.path / "inputs" / f"{path.stem[:60]}-{content[:16]}{path.suffix.lower()}"
+        if not copy.exists():
+            storage.copy(path, copy, "a picture of the sweep", storage.MAX_BYTES, ConfigError)
+        return copy
+
+    def require_space(self) -> None:
+        """Raises StorageError where its disk is as good as full."""
+        storage.require_space(self.path, 2**20)
+
+    def _lock(self) -> FileLock:
+        return FileLock(self.path / _LOCK, fallback_to_soft=False, preserve_lock_file=True)

@@ -1,0 +1,155 @@
+"""SweepSpec: many runs described together, as a TOML file or from Python, and the runs that it makes.
+
+A grid makes a run of every combination of its values, a list makes the runs that it names; with both, every run of the
+list is made with every combination. What all runs share are the settings.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from itertools import product
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from frida_painter import storage
+from frida_painter.errors import ConfigError
+from frida_painter.objectives.kind import Gives, goal_kinds
+from frida_painter.runs.spec import RunSpec
+
+KINDS = ("plan", "painting", "evaluation")
+PLAN = "plan"
+"""The field that only an evaluation has: the file of the plan that is painted."""
+_MOST_BYTES = 2**22
+_EXAMPLE = 'write lines such as kind = "plan", and under [grid] lines such as seed = [0, 1, 2]'
+_PATHS = ("palette", "pictures", "calibration", "arm_meshes", "workspace")
+
+Fields = Mapping[str, Any]
+"""Fields of a run: those of RunSpec, `plan`, and the name of any kind of goal with one thing to paint."""
+
+
+class SweepSpec(BaseModel):
+    """A sweep, described. Raises ConfigError, naming every fault at once, through `of` and `from_toml`.
+
+    kind: what is done with every run: a plan for a bare canvas; a painting in the virtual studio; or an evaluation,
+    which paints a plan that was made before, and never replans; settings: fields that all runs share; grid: fields
+    with the values that each takes; runs: fields of single runs; time_limit: seconds after which a try is given up;
+    threads, memory: what a run is given, cores and MB; tries: how often a run that fails is tried in all.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    version: Literal[1] = 1
+    title: str = Field("", max_length=80)
+    kind: Literal["plan", "painting", "evaluation"] = "plan"
+    settings: dict[str, Any] = {}
+    grid: dict[str, list[Any]] = {}
+    runs: list[dict[str, Any]] = [{}]
+    time_limit: float = Field(3600.0, gt=0, le=30 * 86400, allow_inf_nan=False)
+    threads: int = Field(1, ge=1, le=256)
+    memory: int = Field(1000, ge=100, le=2**20)
+    tries: int = Field(3, ge=1, le=20)
+
+    @classmethod
+    def of(cls, **values: Any) -> Self:
+        """A checked description."""
+        try:
+            made = cls(**values)
+        except ValidationError as error:
+            raise ConfigError(f"The sweep cannot be read: {'; '.join(map(_sentence, error.errors()))}.") from error
+        made._require_known_fields()
+        return made
+
+    @classmethod
+    def from_toml(cls, path: Path) -> Self:
+        """A description from a TOML file; files in it are named relative to it."""
+        values = storage.read_toml(path, "a sweep (TOML)", _MOST_BYTES, _EXAMPLE)
+        base = path.absolute().parent
+        for name in ("settings", "grid"):
+            if isinstance(values.get(name), dict):
+                values[name] = {field: _found(field, value, base) for field, value in values[name].items()}
+        if isinstance(values.get("runs"), list):
+            values["runs"] = [
+                {field: _found(field, value, base) for field, value in run.items()} if isinstance(run, dict) else run
+                for run in values["runs"]
+            ]
+        made = cls.of(**values)
+        return made if made.title else made.model_copy(update={"title": path.stem.replace("_", " ").replace("-", " ")})
+
+    @property
+    def count(self) -> int:
+        """How many runs there are, two of which may be the same."""
+        return len(self.runs) * math.prod(len(values) for values in self.grid.values())
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The fields in which runs differ, in the order in which they are given."""
+        return tuple(dict.fromkeys((*self.grid, *(name for run in self.runs for name in run))))
+
+    def fields(self) -> Iterator[tuple[Fields, Fields]]:
+        """For every run the fields in which runs differ, and all of its fields."""
+        for run in self.runs:
+            for values in product(*self.grid.values()):
+                differing = {**dict(zip(self.grid, values, strict=True)), **run}
+                yield differing, {**self.settings, **differing}
+
+    def _require_known_fields(self) -> None:
+        """Raises ConfigError for fields that there are not, for a field without a value and for no run at all."""
+        known = {*RunSpec.model_fields, *goal_kinds().by_name, *([PLAN] if self.kind == "evaluation" else [])}
+        faults = [
+            f"{name[:40]!r} is not a field of a run; there are {', '.join(sorted(known - {'version'}))}"
+            for name in sorted({*self.settings, *self.axes} - known)
+        ]
+        faults += [f"{name} has no values; give at least one" for name, values in self.grid.items() if not values]
+        faults += [
+            f"{name} stands in the grid and in [[runs]]; give it in one of them"
+            for name in self.grid
+            if any(name in run for run in self.runs)
+        ]
+        if not self.runs:
+            faults.append("there are no runs; leave out the empty list, or give at least one run in it")
+        if faults:
+            raise ConfigError(f"The sweep cannot be read: {'; '.join(faults)}.")
+
+
+def run_spec(fields: Fields) -> RunSpec:
+    """The run of these fields; what the name of a kind of goal says is added to its goal. Raises ConfigError."""
+    kinds = goal_kinds().by_name
+    goal = [*fields.get("goal", []), *({name: fields[name]} for name in kinds if name in fields)]
+    rest = {name: value for name, value in fields.items() if name not in kinds and name not in ("goal", PLAN)}
+    return RunSpec.of(**rest, goal=goal)
+
+
+def _found(field: str, value: Any, base: Path) -> Any:
+    """A field with the paths in it relative to the sweep's folder; "*" in the name of a picture stands for many."""
+    known = goal_kinds().by_name
+    is_path = field in (*_PATHS, PLAN) or (field in known and known[field].gives is Gives.PICTURE)
+    if isinstance(value, list) and field in ("goal", "initial"):
+        return [_found(field, one, base) for one in value]
+    if isinstance(value, dict):
+        return {name: _found(name, one, base) for name, one in value.items()}
+    if isinstance(value, list) and is_path:
+        return [path for one in value for path in _each(one, base)]
+    if is_path or (field == "brush" and isinstance(value, str) and Path(value).suffix):
+        return str(base / value) if isinstance(value, str) and value else value
+    return value
+
+
+def _each(value: Any, base: Path) -> list[Any]:
+    """The files that a pattern means, sorted; what is no pattern, as one."""
+    if not isinstance(value, str):
+        return [value]
+    if "*" not in value:
+        return [str(base / value)]
+    path = Path(value)
+    folder = base / path.parent
+    return sorted(str(one) for one in folder.glob(path.name))
+
+
+def _sentence(fault: Any) -> str:
+    """One fault of pydantic's in plain words."""
+    name = ".".join(map(str, fault["loc"]))
+    if fault["type"] == "extra_forbidden":
+        return f"{name[:40]!r} is unknown; there are {', '.join(SweepSpec.model_fields)}"
+    given = repr(fault["input"])
+    return f"{name} was given {given if len(given) <= 40 else f'{given[:37]}...'}; {fault['msg']}"

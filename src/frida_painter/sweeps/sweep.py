@@ -1,0 +1,173 @@
+"""A sweep from its description to its folder: what was done is not done again, and what fails stops nothing else."""
+
+import platform
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from frida_painter.errors import ConfigError, StorageError, WorkerUnfit
+from frida_painter.sweeps.engine import Engine, LocalEngine, TaskLimits, slots_here
+from frida_painter.sweeps.expansion import FileHashes, expanded
+from frida_painter.sweeps.folder import SweepFolder
+from frida_painter.sweeps.progress import SweepProgress, Tally
+from frida_painter.sweeps.run import SweepRun
+from frida_painter.sweeps.spec import SweepSpec
+from frida_painter.sweeps.table import TableWriter
+from frida_painter.sweeps.worker import Assignment, perform
+
+MANY = 10_000
+"""Runs above which a person is asked first."""
+
+Record = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class SweepOutcome:
+    """What came of a sweep: the runs, in order, the records of those that are done, and why others failed, by key.
+
+    done_before: how many of them earlier calls had done.
+    """
+
+    folder: Path
+    runs: tuple[SweepRun, ...]
+    records: Mapping[str, Record]
+    failures: Mapping[str, Record]
+    done_before: int = 0
+    remarks: tuple[str, ...] = ()
+
+
+Notify = Callable[[SweepProgress], None]
+
+
+def sweep(
+    what: str | Path | SweepSpec | Mapping[str, Any],
+    folder: str | Path | None = None,
+    *,
+    address: str | None = None,
+    jobs: int | None = None,
+    notify: Notify = lambda progress: None,
+    most: int | None = MANY,
+) -> SweepOutcome:
+    """Does all runs of a sweep that are not done yet, and returns what came of all of them.
+
+    what: a TOML file, or the same as a mapping, such as {"kind": "plan", "grid": {"image": ["a.jpg"], "seed": [0, 1]}};
+    folder: of the sweep, by default one below "sweeps"; the same one again goes on where it was left; address: of a Ray
+    cluster, None: this machine; jobs: runs at the same time, by default as many as there are cores and memory for;
+    most: runs, above which it refuses, None: any number. In a script of your own call it below
+    `if __name__ == "__main__":`, for it starts processes. Raises ConfigError for what makes no sweep, SweepBusy where
+    another process works on the folder, StorageError where the disk is full, WorkerUnfit where processes cannot work.
+    """
+    spec = _spec_of(what)
+    refuse_many(spec, most)
+    place = SweepFolder(Path(folder) if folder is not None else default_folder(spec))
+    limits = TaskLimits(spec.time_limit, spec.threads, spec.memory, spec.tries)
+    with place.held():
+        hashes = FileHashes(place.asked()[1] if place.is_begun else None)
+        runs = expanded(spec, hashes)
+        engine = open_engine(limits, len(runs), address=address, jobs=jobs)
+        place.keep(spec, hashes.by_path, engine.slots)
+        return _Driver(place, runs, engine, notify, hashes).to_its_end()
+
+
+def refuse_many(spec: SweepSpec, most: int | None) -> None:
+    """Raises ConfigError for more runs than `most`."""
+    if most is not None and spec.count > most:
+        raise ConfigError(f"The sweep has {spec.count:,} runs, and {most:,} are the most without --yes (most=None).")
+
+
+def default_folder(spec: SweepSpec) -> Path:
+    """Where a sweep goes when nobody says otherwise."""
+    return Path("sweeps") / ("-".join(spec.title.split()) or "sweep")
+
+
+def open_engine(limits: TaskLimits, tasks: int, *, address: str | None = None, jobs: int | None = None) -> Engine:
+    """The engine for that many tasks. jobs: at the same time, at the most."""
+    slots = max(1, min(slots_here(limits, jobs), tasks))
+    return LocalEngine(limits, slots)
+
+
+def _spec_of(what: str | Path | SweepSpec | Mapping[str, Any]) -> SweepSpec:
+    if isinstance(what, SweepSpec):
+        return what
+    return SweepSpec.of(**what) if isinstance(what, Mapping) else SweepSpec.from_toml(Path(what))
+
+
+class _Driver:
+    """Leads an engine through the runs that are left, and writes down what comes."""
+
+    def __init__(
+        self, place: SweepFolder, runs: tuple[SweepRun, ...], engine: Engine, notify: Notify, hashes: FileHashes
+    ) -> None:
+        self._place, self._runs, self._engine, self._notify, self._hashes = place, runs, engine, notify, hashes
+        self._records: dict[str, Record] = {}
+        self._failures: dict[str, Record] = {}
+        self._table = TableWriter(place.path)
+        self._tally = Tally(runs, engine.slots)
+
+    def to_its_end(self) -> SweepOutcome:
+        """Does what is left. Raises StorageError, WorkerUnfit."""
+        left = []
+        for run in self._runs:
+            record = self._place.run(run.key).record()
+            if record is None:
+                left.append(run)
+            else:
+                self._take(run, record)
+        before = len(self._records)
+        self._notify(self._tally.progress)
+        copies = self._copies(left)
+        tasks = [Assignment(run.with_pictures(copies), str(self._place.path)) for run in left]
+        ended = self._engine.run(perform, tasks)
+        try:
+            for run, value, error in ((one.task.run, one.value, one.error) for one in ended):
+                if error is None:
+                    self._take(run, value)
+                else:
+                    self._note_failure(run, error)
+                self._table.renew(self.rows)
+                self._notify(self._tally.progress)
+        finally:
+            close = getattr(ended, "close", None)
+            if close is not None:
+                close()
+            self._table.finish(self.rows)
+        remarks = [f"{', '.join(sorted(self._hashes.vanished))} vanished; its copy in the sweep's folder is used."]
+        return SweepOutcome(
+            self._place.path, self._runs, self._records, self._failures, before,
+            (*(remarks if self._hashes.vanished else []), *self._table.remarks),
+        )  # fmt: skip
+
+    def rows(self) -> Iterable[Record]:
+        """What is known of every run that ended, for the table."""
+        for run in self._runs:
+            record = self._records.get(run.key) or self._failures.get(run.key)
+            if record is not None:
+                yield record
+
+    def _take(self, run: SweepRun, record: Record) -> None:
+        # Its labels are those of today: a run may have been done for another sweep in this folder.
+        self._records[run.key] = {**record, "labels": dict(run.labels)}
+        self._tally.done(run, record)
+
+    def _note_failure(self, run: SweepRun, error: Exception) -> None:
+        if isinstance(error, WorkerUnfit):
+            raise error
+        if isinstance(error, StorageError):
+            self._place.require_space()
+        failure = {
+            "key": run.key, "kind": run.kind, "labels": dict(run.labels), "error": str(error),
+            "times": {"ended": datetime.now(UTC).isoformat(timespec="milliseconds")}, "host": platform.node(),
+        }  # fmt: skip
+        self._place.run(run.key).keep_failure(failure)
+        self._failures[run.key] = failure
+        self._tally.failed(run)
+
+    def _copies(self, runs: Iterable[SweepRun]) -> dict[str, str]:
+        """Copies of the pictures by their paths."""
+        paths = dict.fromkeys(path for run in runs for path in run.pictures)
+        return {
+            path: str(self._place.copy_of(Path(path), self._hashes.by_path[str(Path(path).absolute())]))
+            for path in paths
+        }
