@@ -7,7 +7,9 @@ import pytest
 
 from frida_painter.sweeps.table import TableWriter, flat, write_table
 
-parquet = pytest.importorskip("pyarrow.parquet", reason='pyarrow is not installed; say: pip install "frida-painter[table]"')
+parquet = pytest.importorskip(
+    "pyarrow.parquet", reason='pyarrow is not installed; say: pip install "frida-painter[table]"'
+)
 
 
 def record(seed: int, **more: Any) -> dict[str, Any]:
