@@ -98,6 +98,6 @@ def test_a_command_without_arguments_is_not_run_by_its_entry(capsys: pytest.Capt
 
 
 def test_the_text_experiment_offers_all_its_prompts() -> None:
-    from frida_painter.experiments.command import text
+    from frida_painter.experiments.painting_commands import text
 
     assert text.__defaults__ is not None and len(PROMPTS) in text.__defaults__

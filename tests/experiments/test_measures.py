@@ -8,6 +8,7 @@ from frida_painter.experiments.measures import (
     edge_score,
     exact_emd,
     feature_distance,
+    near_borders,
     perceptual_distance,
     psnr,
 )
@@ -44,3 +45,15 @@ def test_an_assignment_is_the_exact_transport_between_equal_weights() -> None:
     cost = torch.rand(30, 30, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     equal = np.full(30, 1 / 30)
     assert exact_emd(cost) == pytest.approx(ot.emd2(equal, equal, cost.numpy()))
+
+
+def test_borders_lie_between_regions_and_one_pixel_beside_them():
+    regions = torch.zeros(6, 8, dtype=torch.long)
+    regions[:, 5:] = 2
+    regions[0, 0] = -1
+    near = near_borders(regions)
+    expected = torch.zeros(6, 8, dtype=torch.bool)
+    expected[:, 4:6] = True
+    expected[0, :2] = expected[1, 0] = True
+    assert torch.equal(near, expected)
+    assert not near_borders(torch.full((4, 4), 7)).any()

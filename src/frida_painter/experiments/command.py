@@ -1,64 +1,25 @@
-"""The commands that print the paper's figures and tables: experiments NAME, experiments list."""
-
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+"""The commands that print the paper's figures and tables, and more: experiments NAME, experiments list."""
 
 import typer
 
-from frida_painter.options import out_folder, whole_number_within
-
-if TYPE_CHECKING:  # the command line lists the experiments without loading them
-    from frida_painter.brush.library import StrokeLibrary
-    from frida_painter.experiments.outcome import Notify, Outcome
-    from frida_painter.experiments.scale import ExperimentScale
-    from frida_painter.experiments.targets import Target
-
-_seed = whole_number_within(0, 2**31 - 1)
-
-
-def seeds_of(text: str) -> tuple[int, ...]:
-    """ "0,1,2" as numbers. Raises typer.BadParameter."""
-    seeds = tuple(_seed(part) for part in text.split(","))
-    if len(set(seeds)) < len(seeds):
-        raise typer.BadParameter(f"{text[:40]!r} names a seed twice")
-    return seeds
-
-
-BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
-Seed = Annotated[int, typer.Option(parser=_seed, metavar="N", help="Random seed.")]
-Seeds = Annotated[
-    Any,
-    typer.Option(parser=seeds_of, metavar="N,N,...", help="Random seeds. The experiment runs once with each."),
-]
-Photo = Annotated[
-    Path | None, typer.Option("--target", metavar="PHOTO", help="The picture to paint. [dim]a cup of coffee[/]")
-]
-Photos = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--target", metavar="PHOTO", help="A picture to paint. May be repeated. [dim]some of the project's[/]"
-    ),
-]
-Styles = Annotated[
-    list[Path] | None,
-    typer.Option("--style", metavar="PICTURE", help="A style picture. May be repeated. [dim]two of the project's[/]"),
-]
-Quick = Annotated[bool, typer.Option("--quick", help="Run a very small version as a test. Its figures mean nothing.")]
-Out = Annotated[
-    Path,
-    typer.Option(
-        parser=out_folder,
-        metavar="FOLDER",
-        help="The output folder. Writes table.json, table.md and pictures into FOLDER/NAME.",
-    ),
-]
-Library = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="A stroke library (.npz). [dim]200 strokes, painted in the virtual studio[/]"),
-]
-HERE = Path("experiments")
-_PROMPTS = 20  # that the experiment `text` has
+from frida_painter.experiments.painting_commands import (
+    composition,
+    ladder,
+    replanning,
+    sawyer,
+    semantic,
+    sim2real,
+    sketch,
+    style,
+    text,
+)
+from frida_painter.experiments.stroke_commands import (
+    continuous_strokes,
+    real_strokes,
+    robustness,
+    stroke_model,
+    strokes_needed,
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -69,8 +30,8 @@ def register(app: typer.Typer) -> None:
     )
     group.command("list")(list_all)
     for command in (
-        continuous_strokes, stroke_model, strokes_needed, real_strokes, sim2real, replanning, robustness, sawyer,
-        text, style, semantic, sketch, composition,
+        continuous_strokes, stroke_model, strokes_needed, real_strokes, sim2real, ladder, replanning, robustness,
+        sawyer, text, style, semantic, sketch, composition,
     ):  # fmt: skip
         group.command(command.__name__.replace("_", "-"))(command)
     app.add_typer(group, name="experiments")
@@ -82,231 +43,3 @@ def list_all(context: typer.Context) -> None:
     for name, command in context.parent.command.commands.items():  # type: ignore[attr-defined]
         if name != "list":
             print(f"{name:20} {command.get_short_help_str(100)}")
-
-
-def continuous_strokes(
-    library: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="A stroke library to train on and to show. [dim]the brush[/]"),
-    ] = None,
-    brush: BrushName = "broad",
-    seed: Seed = 0,
-    quick: Quick = False,
-    out: Out = HERE,
-) -> None:
-    """Sweep thickness, length and bend of a stroke, and compare the modelled with the painted strokes."""
-    from frida_painter.brush.library import StrokeLibrary
-    from frida_painter.experiments import continuous_strokes as it
-
-    scale = it.QUICK if quick else it.FULL
-
-    def run(keep: Path, notify: "Notify") -> "Outcome":
-        if library is None:
-            return it.run(brush=brush, seed=seed, scale=scale, notify=notify)
-        strokes = StrokeLibrary.load(library)
-        return it.run_on_library(strokes, library.stem, seed=seed, scale=scale, notify=notify)
-
-    _conduct(it.NAME, out, run)
-
-
-def stroke_model(
-    library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
-) -> None:
-    """Compare held-out strokes with the stroke model, with paired tests against a fitted Bezier curve."""
-    from frida_painter.experiments import stroke_model as it
-
-    scale = it.QUICK if quick else it.FULL
-
-    def run(strokes: "StrokeLibrary", name: str, keep: Path, notify: "Notify") -> "Outcome":
-        return it.run(strokes, name, seed=seed, scale=scale, notify=notify)
-
-    _conduct_on_library(it.NAME, out, library, brush, seed, scale, run)
-
-
-def strokes_needed(
-    library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
-) -> None:
-    """Measure the error on held-out strokes against the number of training strokes."""
-    from frida_painter.experiments import strokes_needed as it
-
-    scale = it.QUICK if quick else it.FULL
-
-    def run(strokes: "StrokeLibrary", name: str, keep: Path, notify: "Notify") -> "Outcome":
-        return it.experiment(strokes, name, seed=seed, scale=scale).run(keep, notify)
-
-    _conduct_on_library(it.NAME, out, library, brush, seed, scale, run)
-
-
-def real_strokes(
-    library: Library = None,
-    brush: BrushName = "broad",
-    seeds: Seeds = "0,1,2,3,4",
-    quick: Quick = False,
-    out: Out = HERE,
-) -> None:
-    """Compare the errors of all stroke models over several splits of a library."""
-    from frida_painter.experiments import real_strokes as it
-
-    scale = it.QUICK if quick else it.FULL
-
-    def run(strokes: "StrokeLibrary", name: str, keep: Path, notify: "Notify") -> "Outcome":
-        return it.experiment(strokes, name, seeds=seeds, scale=scale).run(keep, notify)
-
-    _conduct_on_library(it.NAME, out, library, brush, 0, scale, run)
-
-
-def sim2real(
-    brush: BrushName = "broad", seeds: Seeds = "0,1,2", target: Photos = None, quick: Quick = False, out: Out = HERE
-) -> None:
-    """Measure the sim2real gap of paintings for our planner and two planners like earlier work."""
-    from frida_painter.experiments import sim2real as it
-    from frida_painter.experiments import targets
-
-    scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
-    _conduct(it.NAME, out, it.experiment(_pictures(target, targets.SHIPPED), seeds=seeds, scale=scale).run)
-
-
-def replanning(
-    brush: BrushName = "broad", seeds: Seeds = "0,1,2", target: Photo = None, quick: Quick = False, out: Out = HERE
-) -> None:
-    """Compare paintings with and without replanning: the distance to the first plan and to the target."""
-    from frida_painter.experiments import replanning as it
-
-    (picture,) = _pictures([target] if target else None, ["coffee"])
-    scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
-    _conduct(it.NAME, out, it.experiment(picture, seeds=seeds, scale=scale).run)
-
-
-def robustness(brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE) -> None:
-    """Test calibration with missing paint, blur, changed light, moved paper, missing dots and a rotated checker."""
-    from frida_painter.experiments import robustness as it
-
-    scale = it.QUICK if quick else it.FULL
-    _conduct(it.NAME, out, lambda keep, notify: it.run(brush=brush, seed=seed, scale=scale, notify=notify))
-
-
-def sawyer(
-    brush: BrushName = "broad", seed: Seed = 0, target: Photo = None, quick: Quick = False, out: Out = HERE
-) -> None:
-    """Compare the simulated Sawyer with kinematic execution of the same plan: tracking error and its effect."""
-    from frida_painter.experiments import sawyer as it
-
-    (picture,) = _pictures([target] if target else None, ["coffee"])
-    scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
-    _conduct(it.NAME, out, lambda keep, notify: it.run(picture, seed=seed, scale=scale, notify=notify))
-
-
-def text(
-    brush: BrushName = "broad",
-    seeds: Seeds = "0",
-    first: Annotated[
-        int,
-        typer.Option(parser=whole_number_within(1, _PROMPTS), metavar="N", help="Use only the first N prompts."),
-    ] = _PROMPTS,
-    quick: Quick = False,
-    out: Out = HERE,
-) -> None:
-    """Paint text prompts and score them by a network that planning does not use, against baselines."""
-    from frida_painter.experiments import text as it
-
-    scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
-    _conduct(it.NAME, out, it.experiment(it.PROMPTS[: 2 if quick else first], seeds=seeds, scale=scale).run)
-
-
-def style(
-    brush: BrushName = "broad",
-    seeds: Seeds = "0,1",
-    target: Photos = None,
-    image: Styles = None,
-    quick: Quick = False,
-    out: Out = HERE,
-) -> None:
-    """Measure the style distance of paintings with features that the optimiser does not use."""
-    from frida_painter.experiments import paintings, targets
-    from frida_painter.experiments import style as it
-
-    photos, styles = _pictures(target, ["cat", "astronaut"]), _pictures(image, targets.STYLES)
-    scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
-    _conduct(it.NAME, out, it.experiment(photos, styles, seeds=seeds, scale=scale).run)
-
-
-def semantic(
-    brush: BrushName = "broad", seeds: Seeds = "0,1", target: Photos = None, quick: Quick = False, out: Out = HERE
-) -> None:
-    """Compare painting by content with painting by pixels, scored by a network that no optimiser uses."""
-    from frida_painter.experiments import paintings, targets
-    from frida_painter.experiments import semantic as it
-
-    scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
-    _conduct(it.NAME, out, it.experiment(_pictures(target, targets.PHOTOGRAPHS), seeds=seeds, scale=scale).run)
-
-
-def sketch(
-    brush: BrushName = "broad",
-    seeds: Seeds = "0,1",
-    target: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--target",
-            metavar="DRAWING",
-            help="A drawing. Its file name is the text prompt. May be repeated. [dim]four of the project's[/]",
-        ),
-    ] = None,
-    quick: Quick = False,
-    out: Out = HERE,
-) -> None:
-    """Paint text prompts along a drawing, with and without the sketch objective."""
-    from frida_painter.experiments import paintings, targets
-    from frida_painter.experiments import sketch as it
-
-    drawings = _pictures(target, targets.DRAWINGS)
-    scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
-
-    def run(keep: Path, notify: "Notify") -> "Outcome":
-        return it.experiment(drawings, keep, seeds=seeds, scale=scale).run(keep, notify)
-
-    _conduct(it.NAME, out, run)
-
-
-def composition(
-    brush: BrushName = "broad", seeds: Seeds = "0", image: Styles = None, quick: Quick = False, out: Out = HERE
-) -> None:
-    """Paint text prompts from a style picture, and measure its composition and whether the prompt is still seen."""
-    from frida_painter.experiments import composition as it
-    from frida_painter.experiments import paintings, targets
-
-    styles, prompts = _pictures(image, targets.STYLES), it.SAID[: 1 if quick else None]
-    scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
-    _conduct(it.NAME, out, it.experiment(styles, prompts, seeds=seeds, scale=scale).run)
-
-
-def _pictures(given: Sequence[Path] | None, shipped: Sequence[str]) -> "tuple[Target, ...]":
-    """A person's own pictures, or some of the project's by their names."""
-    from frida_painter.experiments import targets
-
-    return targets.given(given) if given else targets.shipped(shipped)
-
-
-def _conduct(name: str, out: Path, run: "Callable[[Path, Notify], Outcome]") -> None:
-    from frida_painter.experiments.conduct import conduct
-
-    conduct(name, out, run)
-
-
-def _conduct_on_library(
-    name: str,
-    out: Path,
-    library: Path | None,
-    brush: str,
-    seed: int,
-    scale: "ExperimentScale",
-    run: "Callable[[StrokeLibrary, str, Path, Notify], Outcome]",
-) -> None:
-    """Runs an experiment on a library that is given, or that is painted first."""
-    from frida_painter.experiments.execution import library_of
-
-    def on_library(keep: Path, notify: "Notify") -> "Outcome":
-        strokes, its_name, rest = library_of(library, brush, seed, scale, notify)
-        return run(strokes, its_name, keep, rest)
-
-    _conduct(name, out, on_library)

@@ -31,6 +31,14 @@ def psnr(picture: Tensor, target: Tensor) -> float:
     return -10 * float((picture - target).square().mean().clamp(min=1e-12).log10())
 
 
+def near_borders(regions: Tensor) -> Tensor:
+    """Where a map [H, W] of regions has a border between two of them within one pixel, [H, W] of bool."""
+    down, across = regions[1:] != regions[:-1], regions[:, 1:] != regions[:, :-1]
+    border = functional.pad(down, (0, 0, 0, 1)) | functional.pad(down, (0, 0, 1, 0))
+    border |= functional.pad(across, (0, 1)) | functional.pad(across, (1, 0))
+    return border
+
+
 @torch.no_grad()
 def feature_distance(seer: Seer, picture: Tensor, target: Tensor, side: int, seed: int = 0) -> float:
     """Mean cosine distance, in [0, 2], of what a network sees where, over its layers and several views.

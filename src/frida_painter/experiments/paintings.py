@@ -12,6 +12,7 @@ from typing import Any, Self
 from torch import Tensor
 
 from frida_painter import images, storage
+from frida_painter.experiments.imperfections import Imperfection, StudioWithout
 from frida_painter.experiments.outcome import Notify, Outcome, Progress, Value
 from frida_painter.experiments.trials import Experiment, ExperimentTrial, Labels, Measurement, Results
 from frida_painter.objectives.encoders.registry import EncoderRegistry
@@ -34,31 +35,39 @@ MakePlan = Callable[[PaintingRun, Tell], tuple[Plan, Tensor]]
 
 @dataclass(frozen=True, kw_only=True)
 class PaintingTrial(ExperimentTrial):
-    """One painting. make_plan: what plans it, by default the planner of its run."""
+    """One painting. make_plan: what plans it, by default the planner of its run; without: what its studio lacks."""
 
     spec: RunSpec
     make_plan: MakePlan
+    without: tuple[Imperfection, ...] = ()
 
     @classmethod
-    def of(cls, labels: Labels, spec: RunSpec, make_plan: MakePlan | None = None) -> Self:
+    def of(
+        cls,
+        labels: Labels,
+        spec: RunSpec,
+        make_plan: MakePlan | None = None,
+        without: tuple[Imperfection, ...] = (),
+    ) -> Self:
         """The trial of a painting, which depends on its spec and on the content of the files that are its goal."""
         files = {part: [_content(item) for item in getattr(spec, part)] for part in ("goal", "initial")}
-        depends_on = {"spec": spec.record(), **files}
-        return cls(labels=labels, depends_on=depends_on, spec=spec, make_plan=make_plan or planned)
+        depends_on = {"spec": spec.record(), **files, "without": [one.name for one in without]}
+        return cls(labels=labels, depends_on=depends_on, spec=spec, make_plan=make_plan or planned, without=without)
 
 
 @dataclass(frozen=True)
 class Painted:
     """A painting.
 
-    run: that made it; planned: the plan as a picture, and photograph: of the canvas in the end, [3, rows, columns] of
-    the planning image; seconds: of the CPU, for planning; expected: by strokes painted, whenever the canvas was seen:
-    the picture of the canvas with the rest of the plan on it.
+    run: that made it; planned: the plan as a picture, photograph: of the canvas in the end, and truth: the canvas as it
+    is, which no camera sees, all [3, rows, columns] of the planning image; seconds: of the CPU, for planning; expected:
+    by strokes painted, whenever the canvas was seen: the picture of the canvas with the rest of the plan on it.
     """
 
     run: PaintingRun
     planned: Tensor
     photograph: Tensor
+    truth: Tensor
     seconds: float
     expected: Mapping[int, Tensor] = field(default_factory=dict)
 
@@ -130,8 +139,11 @@ def paint(trial: PaintingTrial, notify: Notify, encoders: EncoderRegistry | None
         began = time.process_time()
         plan, picture_of_plan = trial.make_plan(run, planning)
         seconds = time.process_time() - began
-        photograph = run.simulate(plan).photograph
-    return Painted(run, picture_of_plan, images.fit(photograph, *picture_of_plan.shape[1:]), seconds, expected)
+        studio = StudioWithout(trial.without)
+        photograph = run.simulate(plan, studio.open).photograph
+    rows, columns = picture_of_plan.shape[1:]
+    truth = images.fit(studio.truth(rows), rows, columns)
+    return Painted(run, picture_of_plan, images.fit(photograph, rows, columns), truth, seconds, expected)
 
 
 def planned(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:

@@ -45,6 +45,8 @@ from frida_painter.runs.opening import Controls, open_planner, open_recorder, op
 from frida_painter.runs.reopening import ReopenedPainting, reopen
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import resuming
+from frida_painter.session.easel_kind import OpenEasel
+from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.easels import open_easel
 from frida_painter.session.events import Event, Looked, Notify, Resumed, Stopped, TimelapseFrame
@@ -228,18 +230,19 @@ class PaintingRun:
         spec = self.spec
         return self._to_its_end(session, recorder, lambda: session.run(spec.strokes, spec.colors, plan))
 
-    def simulate(self, plan: Plan | None = None) -> Painting:
+    def simulate(self, plan: Plan | None = None, opener: Callable[[EaselOrder], OpenEasel] = open_easel) -> Painting:
         """Paints it on its simulated easel inside this process and writes nothing: for experiments and sweeps.
 
-        The picture is the one that `start` paints. plan: as for `start`. Raises ConfigError where a real robot would
-        move, or where the painting was begun before.
+        The picture is the one that `start` paints. plan: as for `start`; opener: opens another simulated easel than
+        the usual one of that name. Raises ConfigError where a real robot would move, or where the painting was begun
+        before.
         """
         if not self.spec.simulated or self._reopened is not None:
             raise ConfigError(
                 f"Only a new painting on a simulated easel is painted without a folder, and this one is for "
                 f"{self.spec.robot!r}; use start, or resume."
             )
-        opened = open_easel(order(self.spec, self.planner.model.brush, None, self._state))
+        opened = (opener or open_easel)(order(self.spec, self.planner.model.brush, None, self._state))
         try:
             easel = self._on_record(opened.easel)
             easel.robot.connect()

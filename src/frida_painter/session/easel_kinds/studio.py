@@ -5,7 +5,7 @@ The latter is the paper's Rethink Sawyer, simulated with its weight and its fric
 
 import contextlib
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from frida_painter import registry
 from frida_painter.hardware.kinds import Needed
@@ -18,21 +18,23 @@ if TYPE_CHECKING:  # pages and help know these kinds without what computes them
     from frida_painter.virtual.studio import VirtualStudio
 
 
-def furnished(order: "EaselOrder", arm: str) -> "tuple[VirtualStudio, Easel]":
+def furnished(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[VirtualStudio, Easel]":
     """The studio with one of its arms, and its easel, which knows the brush by the name in the order.
 
-    Raises ConfigError where the studio has no such brush, and StorageError.
+    furniture: fields of StudioSettings that are otherwise than ordered, or than usual. Raises ConfigError where the
+    studio has no such brush, and StorageError.
     """
     from frida_painter.virtual.kernels import load_kernels
     from frida_painter.virtual.studio import StudioSettings, open_studio
 
     own = studio_brush(order.brush)
     load_kernels(own)
+    ordered = {"arm": arm, "placement_error": order.placement_error, "pace": order.pace, "faults": order.faults}
     studio = open_studio(
         order.canvas,
         own,
         seed=order.seed,
-        settings=StudioSettings(arm=arm, placement_error=order.placement_error, pace=order.pace, faults=order.faults),
+        settings=StudioSettings(**{**ordered, **furniture}),
         state=None if order.folder is None else order.folder / DIARY,
     )
     return studio, with_brush(studio.easel, order.brush)
