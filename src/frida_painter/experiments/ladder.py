@@ -149,6 +149,7 @@ def experiment(
                 picture = with_real_marks(first.plan, bare, seed, lambda share: painting(Progress(share, doing)))
             case _:
                 picture = paintings.paint(trial, painting).truth
+        painting(Progress(1.0, f"{trial['target']}, seed {trial['seed']}: measured"))
         return Measurement(_numbers(picture, first, wanted), {"picture": picture})
 
     def report(results: Results) -> Outcome:

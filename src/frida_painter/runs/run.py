@@ -230,7 +230,7 @@ class PaintingRun:
         spec = self.spec
         return self._to_its_end(session, recorder, lambda: session.run(spec.strokes, spec.colors, plan))
 
-    def simulate(self, plan: Plan | None = None, opener: Callable[[EaselOrder], OpenEasel] = open_easel) -> Painting:
+    def simulate(self, plan: Plan | None = None, opener: Callable[[EaselOrder], OpenEasel] | None = None) -> Painting:
         """Paints it on its simulated easel inside this process and writes nothing: for experiments and sweeps.
 
         The picture is the one that `start` paints. plan: as for `start`; opener: opens another simulated easel than
