@@ -105,7 +105,7 @@ class Evening:
 
     def __post_init__(self) -> None:
         self.easel = stub_easel(self.robot, self.camera)
-        self.observer = CanvasObserver(self.easel, (1.0, 1.0, 1.0))
+        self.observer = CanvasObserver(self.easel)
         self.brushwork = Brushwork(self.easel, BRUSH)
         self.session = PaintingSession(
             self.planner,  # type: ignore[arg-type]

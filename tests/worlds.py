@@ -82,7 +82,7 @@ class World:
         session = PaintingSession(
             self.planner,
             brushwork,
-            CanvasObserver(easel, (1.0, 1.0, 1.0), history and resuming.light(history), wait=lambda seconds: None),
+            CanvasObserver(easel, None, history and resuming.light(history), wait=lambda seconds: None),
             EvenlySpaced(REPLANS),
             stop_asked=lambda: False,
             notify=notify,

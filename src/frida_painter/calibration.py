@@ -50,6 +50,26 @@ class LearnedFile:
 
 
 @dataclass(frozen=True)
+class BareCanvas:
+    """What the camera saw when the canvas was bare and white; by it a painting may begin on any canvas.
+
+    light: [3][15], as perception/flatfield.py has it; margin: linear light at places around the canvas, as
+    perception/margin.py has them, None where nothing was to be seen. Raises CalibrationError.
+    """
+
+    light: Matrix
+    margin: tuple[tuple[float, float, float] | None, ...]
+
+    def __post_init__(self) -> None:
+        light, margin = np.array(self.light), np.array([place for place in self.margin if place is not None])
+        if light.shape != (3, 15) or not np.isfinite(light).all() or not ((margin > 0) & (margin <= 1)).all():
+            raise CalibrationError(
+                "What the record says of the bare canvas cannot be true; put up a bare canvas, and repeat the canvas "
+                "calibration."
+            )
+
+
+@dataclass(frozen=True)
 class Calibration:
     """What is known about one easel: where the camera sees the canvas, where the robot really paints.
 
@@ -60,8 +80,9 @@ class Calibration:
     must be sent, canvas metres; color: affine 3 x 4 map from perceived to true linear light; touch_height,
     press_height: robot z in metres of the lightest touch and the hardest press; protrusion: how far
     the brush protrudes from its holder, metres; library, weights: the strokes that were painted and
-    what was learned from them; done: the procedures that were done, by name. Parts whose procedure
-    was never done are the easel's defaults. Raises CalibrationError where a value cannot be true.
+    what was learned from them; bare: what a bare canvas looked like, None where none was seen; done: the
+    procedures that were done, by name. Parts whose procedure was never done are the easel's defaults.
+    Raises CalibrationError where a value cannot be true.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -80,6 +101,7 @@ class Calibration:
     protrusion: float | None = None
     library: LearnedFile | None = None
     weights: LearnedFile | None = None
+    bare: BareCanvas | None = None
     done: Mapping[str, Done] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -130,9 +152,12 @@ class Calibration:
         canvas: CanvasSize,
         residual: float,
         lens: Lens | None = None,
+        bare: BareCanvas | None = None,
     ) -> Self:
         """The record after the canvas procedure; residual: pixels, how far the canvas's edges are from straight."""
-        found = replace(self, corners=corners, photograph=photograph, camera=camera, canvas=canvas, lens=lens)
+        found = replace(
+            self, corners=corners, photograph=photograph, camera=camera, canvas=canvas, lens=lens, bare=bare
+        )
         return found._having_done("canvas", residual)
 
     def with_robot(self, placement: Matrix, *, residual: float) -> Self:

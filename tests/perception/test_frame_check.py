@@ -45,7 +45,7 @@ class Stage:
 def stage() -> Iterator[Stage]:
     hand = Hand([0.1, 0.15, 0.4], [0.6, 0.25, 0.1], camera=CameraSpec(photograph=(600, 800)))
     hand.easel.robot.home()
-    observer = CanvasObserver(hand.easel, (1.0, 1.0, 1.0))
+    observer = CanvasObserver(hand.easel)
     observer.examine(0.0, 270)
     for number, (x, y) in enumerate(((0.02, 0.03), (0.05, 0.06), (0.06, 0.02))):
         hand.dip(number % 2)

@@ -10,7 +10,7 @@ from frida_painter.session.canvas_observer import CanvasObserver, Photographer
 
 def observing(*script: tuple[float, int] | str) -> tuple[CanvasObserver, PatientCamera]:
     camera = PatientCamera(list(script))
-    return CanvasObserver(stub_easel(camera=camera), (1.0, 1.0, 1.0)), camera
+    return CanvasObserver(stub_easel(camera=camera)), camera
 
 
 def test_a_fresh_photograph_is_taken_at_once() -> None:

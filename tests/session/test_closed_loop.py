@@ -62,7 +62,7 @@ def evening(
     session = PaintingSession(
         planner,
         Brushwork(easel, brush_kind("broad")),
-        CanvasObserver(easel, (1.0, 1.0, 1.0)),
+        CanvasObserver(easel),
         EvenlySpaced(replans),
         stop_asked=lambda: False,
         notify=notify,

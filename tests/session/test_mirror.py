@@ -62,7 +62,7 @@ def test_an_f_painted_through_the_whole_path_comes_back_as_an_f() -> None:
     easel = studio.easel
     easel.robot.connect()
     easel.camera.connect()
-    brushwork, observer = Brushwork(easel, brush_kind("fine")), CanvasObserver(easel, (1.0, 1.0, 1.0))
+    brushwork, observer = Brushwork(easel, brush_kind("fine")), CanvasObserver(easel)
     plan = the_plan()
     brushwork.step_aside()
     observer.look(brushwork.last_motion, 90)

@@ -52,7 +52,7 @@ def error(seed: int, *, calibrated: bool) -> float:
     session = PaintingSession(
         planner,
         Brushwork(easel, brush_kind("medium")),
-        CanvasObserver(easel, (1.0, 1.0, 1.0)),
+        CanvasObserver(easel),
         EvenlySpaced(4),
         stop_asked=lambda: False,
         notify=lambda event: None,

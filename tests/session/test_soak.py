@@ -95,7 +95,7 @@ def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(
     session = PaintingSession(
         planner,
         Brushwork(easel, brush_kind("fine")),
-        CanvasObserver(easel, (1.0, 1.0, 1.0)),
+        CanvasObserver(easel),
         EvenlySpaced(REPLANS),
         stop_asked=lambda: False,
         notify=gauge.hear,

@@ -17,7 +17,7 @@ from frida_painter.cli.stop_signal import StopSignal
 from frida_painter.cli.terminal import Terminal
 from frida_painter.cli.wells import Wells
 from frida_painter.errors import ConfigError, Interrupted, RobotStopped
-from frida_painter.runs.folder import PAUSE_FILE
+from frida_painter.runs.folder import NOW, PAUSE_FILE
 from frida_painter.runs.opening import replan_policy
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.spec import RunSpec
@@ -62,6 +62,7 @@ class Leader:
             go_on=self._go_on,
             mixed=wells.filled,
             answer=self._answer if asked else None,
+            paint_on=self._paint_on,
             repaint=self._repaints,
         )
 
@@ -106,6 +107,13 @@ class Leader:
         )
         with self._bar.aside():
             return terminal.answer(question)
+
+    def _paint_on(self, sentence: str, canvas: Tensor) -> bool:
+        if not self._asked or not sys.stdin.isatty():
+            return False
+        with self._bar.aside():
+            where = self._run.folder / NOW
+            return confirm(f"{sentence}\nLook at {where}. Shall it be painted on as it is?", default=False)
 
     def _repaints(self, number: int, picture: Tensor) -> bool:
         if self._repaint is not None or not self._asked:

@@ -57,6 +57,22 @@ ArmMeshes = Annotated[
     ),
 ]
 Film = Annotated[bool, typer.Option("--film/--no-film", help="Make a timelapse film of the painting.")]
+OnCanvas = Annotated[
+    bool,
+    typer.Option(
+        "--on-canvas",
+        help="Begin on what is on the canvas: a toned ground, an old painting, or what you have painted. The light is "
+        "known from the canvas calibration, which saw a bare canvas.",
+    ),
+]
+StudioCanvas = Annotated[
+    Path | None,
+    typer.Option(
+        "--studio-canvas",
+        metavar="FILE",
+        help="A picture of what is on the canvas of the virtual studio at first. [dim]a bare canvas[/]",
+    ),
+]
 _EASEL: Mapping[str, tuple[Any, Any]] = {
     "robot": (RobotOption, RunSpec.model_fields["robot"].default),
     "camera": (CameraOption, ""),
@@ -65,6 +81,8 @@ _EASEL: Mapping[str, tuple[Any, Any]] = {
     "placement_error": (PlacementErrorOption, None),
     "pace": (PaceOption, RunSpec.model_fields["pace"].default),
     "arm_meshes": (ArmMeshes, None),
+    "on_canvas": (OnCanvas, False),
+    "studio_canvas": (StudioCanvas, None),
     "film": (Film, RunSpec.model_fields["film"].default),
 }
 

@@ -50,7 +50,8 @@ class FlatField:
         if not residual <= _MOST_RESIDUAL:
             raise FrameRejected(
                 f"The canvas does not look bare: {100 * residual:.0f} % of its light does not fit a smooth surface, "
-                f"and {100 * _MOST_RESIDUAL:.0f} % is allowed; clear the canvas, or repeat the canvas calibration."
+                f"and {100 * _MOST_RESIDUAL:.0f} % is allowed; put up a bare canvas, or say --on-canvas to "
+                "paint on what is there."
             )
         logarithm[:, 0] -= to_linear(torch.tensor(ground, dtype=seen.dtype)).clamp(min=1e-3).log()
         return cls(logarithm.float())
@@ -75,6 +76,19 @@ class FlatField:
         logarithm = self.logarithm.clone()
         logarithm[:, broad] += _fitted(terms, seen)[0].to(logarithm)
         return type(self)(logarithm)
+
+    def tilted(self, change: Tensor, down: Tensor, across: Tensor) -> tuple[Self, float]:
+        """The field after a change of the light, and how far places are from it in the mean.
+
+        change [3, places]: the logarithm of how much brighter each band is at places (down, across) [places], -1
+        to 1 over the canvas and a little beyond. Brightness, colour and a lean to one side are followed.
+        """
+        tilt = [_pairs().index(pair) for pair in ((0, 0), (1, 0), (0, 1))]
+        terms = torch.stack((torch.ones_like(down), down, across), 1).to(change)
+        logarithm = self.logarithm.clone()
+        coefficients, residual = _fitted(terms, change)
+        logarithm[:, tilt] += coefficients.to(logarithm)
+        return type(self)(logarithm), residual
 
     def light(self, rows: int, columns: int) -> Tensor:
         """What the camera sees of a white canvas, linear light, [3, rows, columns]."""

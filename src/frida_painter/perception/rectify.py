@@ -92,6 +92,13 @@ def rectified_pixels(place: NDArray[np.float64], calibration: Calibration, grid:
     return np.asarray(cv2.perspectiveTransform(straight[None], view)[0], np.float64)
 
 
+def photographed_pixels(place: NDArray[np.float64], calibration: Calibration, grid: PixelGrid) -> NDArray[np.float64]:
+    """Where places of the rectified picture [n, 2] (column, row), also beyond it, lie in the photograph, [n, 2]."""
+    view = _to_photograph(calibration, grid.rows, grid.columns)
+    straight = np.asarray(cv2.perspectiveTransform(np.asarray(place, np.float64)[None], view)[0], np.float64)
+    return straight if calibration.lens is None else calibration.lens.bent(straight)
+
+
 def _outline(rows: int, columns: int) -> NDArray[np.float32]:
     """The corners of a picture, clockwise from the top left: the outer corners of its corner pixels."""
     right, lower = columns - 0.5, rows - 0.5

@@ -39,6 +39,7 @@ def order(spec: RunSpec, brush: str, folder: Path | None, state: Path | None = N
         workspace=None if spec.workspace is None else spec.workspace.absolute(),
         camera=spec.camera,
         film=spec.films_arm,
+        canvas_picture=None if spec.studio_canvas is None else spec.studio_canvas.absolute(),
         meshes=None if spec.arm_meshes is None else spec.arm_meshes.absolute(),
     )
 
@@ -56,8 +57,17 @@ def require_sensible(spec: RunSpec) -> None:
     if spec.simulated:
         said: dict[str, object] = {"--camera": spec.camera, "--workspace": spec.workspace}
         whose, is_a = "real", "simulated"
+        if spec.on_canvas and spec.studio_canvas is None:
+            raise ConfigError(
+                "--on-canvas was given, and the canvas of the virtual studio is bare; leave it out, or give a picture "
+                "of what is on the canvas: --studio-canvas FILE"
+            )
     else:
-        said = {"--pace": spec.pace, "--placement-error": spec.placement_error}
+        said = {
+            "--pace": spec.pace,
+            "--placement-error": spec.placement_error,
+            "--studio-canvas": spec.studio_canvas,
+        }
         whose, is_a = "simulated", "real"
     named = [option for option, value in said.items() if value]
     them = "it" if len(named) == 1 else "them"

@@ -30,7 +30,7 @@ GOAL = "goal"
 CALIBRATION = "calibration.json"
 """A copy of the easel's calibration as it was painted by, by which its photographs can be read again."""
 NOW = "now.png"
-"""The canvas as it was found when the painting was resumed."""
+"""The canvas as it was found when the painting was resumed, or where something was on it at first."""
 PAUSE_FILE = "pause"
 """As long as it is there, nothing is painted."""
 
@@ -79,6 +79,7 @@ def rests_on(spec: RunSpec, folder: Path) -> dict[str, str]:
         "goal": folder / GOAL,
         "calibration record": spec.calibration,
         "workspace": spec.workspace,
+        **({} if spec.studio_canvas is None else {"studio canvas": spec.studio_canvas}),
         "brush": brush if brush.suffix else None,
     }
     return {what: "none" if path is None else content_hash(path) for what, path in files.items()}

@@ -22,6 +22,7 @@ from frida_painter.report.recorder import Recorder
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.brushwork import Brushwork, refilled
 from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
+from frida_painter.session.canvas_start import CanvasStart
 from frida_painter.session.events import Notify, Paused
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
@@ -31,7 +32,6 @@ from frida_painter.session.opening import planning_device
 from frida_painter.session.procedures.dialogue import Answer, Question
 from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy, replan_policy_named
 
-_GROUND = (1.0, 1.0, 1.0)
 _FIT = {
     "canvas": "the canvas has the picture's proportions",
     "crop": "the picture was cropped to the canvas",
@@ -52,7 +52,8 @@ class Controls:
     mixed: waits until the wells are filled, and answers with what was really mixed, None for just what was wanted
     (by default: what the description says);
     answer: leads a dialogue with a person at a real easel, None where nobody is asked;
-    paint_on: whether a canvas that is not as it was left (a sentence, a photograph [3, H, W]) is painted on;
+    paint_on: whether a canvas that is not bare at first, or not as it was left (a sentence, a photograph [3, H, W]),
+    is painted on;
     repaint: whether the stroke in doubt (its number, a picture of it) is painted again.
     """
 
@@ -119,6 +120,7 @@ def open_session(
     controls: Controls,
     *,
     mixed: Callable[[Palette], Palette | None],
+    paint_on: Callable[[str, Tensor], bool],
     notify: Notify,
     journal: Journal,
     light: FlatField | None = None,
@@ -126,14 +128,14 @@ def open_session(
 ) -> PaintingSession:
     """A session on an easel whose robot and camera are connected. Raises LibraryError where its library is damaged.
 
-    mixed: asked what was really mixed, and waits; light, placement: what an earlier run learned of the room and of
-    where strokes land.
+    mixed: asked what was really mixed, and waits; paint_on: asked where something is on the canvas at first; light,
+    placement: what an earlier run learned of the room and of where strokes land.
     """
     kind = refilled(brush_kind(planner.model.brush), easel.calibration, simulated=easel.simulated)
     return PaintingSession(
         planner,
         Brushwork(easel, kind, placement or Placement.unknown(), drying=60 * spec.drying),
-        CanvasObserver(easel, _GROUND, light),
+        CanvasObserver(easel, CanvasStart(spec.on_canvas, paint_on), light),
         replan_policy(spec, planner.layer_sizes(spec.strokes)),
         stop_asked=controls.stop_asked,
         notify=notify,
@@ -155,7 +157,7 @@ def open_recorder(
         *((f"{choice.purpose.capitalize()} seen through", choice.used) for choice in encoders.choices),
         *((f"Better for {choice.purpose}", choice.better) for choice in encoders.choices if choice.better),
         *(("Remark", remark) for remark in encoders.remarks),
-        ("Canvas", str(spec.canvas)),
+        ("Canvas", f"{spec.canvas}, painted on before" if spec.on_canvas else str(spec.canvas)),
         *([("Fit", _FIT[spec.fit])] if target is not None else []),
         ("Brush", spec.brush),
         ("Looks and replans", str(spec.replans)),

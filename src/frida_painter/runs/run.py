@@ -288,8 +288,9 @@ class PaintingRun:
         if kept is None:
             raise StorageError(f"{self.folder} holds no plan, and without it there is nothing to tell; bring it back.")
         canvas = resuming.last_canvas(self.folder, history, self.spec.canvas, self.folder / CALIBRATION)
+        before = resuming.first_canvas(self.folder, history, self.spec.canvas, self.folder / CALIBRATION)
         with self._recorder() as recorder:
-            expected = self.planner.expected(kept.plan, torch.ones_like(canvas))
+            expected = self.planner.expected(kept.plan, torch.ones_like(canvas) if before is None else before)
             recorder.hear(Resumed(kept.plan, history.painted, expected))
             painting = Painting(canvas, history.painted, None, history.robot_seconds)
             return RunOutcome(self.folder, painting, recorder.finish(painting))
@@ -325,12 +326,20 @@ class PaintingRun:
             easel,
             self.controls,
             mixed=self.controls.mixed or (lambda wanted: self.mixed),
+            paint_on=self._paint_on,
             notify=hear,
             journal=journal,
             light=resuming.light(self.history) if self.history else None,
             placement=kept.planning.placement if kept else None,
         )
         return self.session
+
+    def _paint_on(self, sentence: str, canvas: Tensor) -> bool:
+        """Whether a canvas that is not bare at first is painted on; it is shown to whoever is asked."""
+        if self._folder is not None:
+            images.save(canvas, self.folder / NOW)
+        accepted = self._reopened is not None and self._reopened.accept_changes
+        return accepted or self.controls.paint_on(sentence, canvas)
 
     def _to_its_end(self, session: PaintingSession, recorder: Recorder, paint: Callable[[], Painting]) -> RunOutcome:
         """Paints; where robot, camera or person give up on the way, what there is by then is kept as after a stop."""

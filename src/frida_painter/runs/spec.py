@@ -22,7 +22,9 @@ from frida_painter.session.names import HUMAN, SAWYER_SIM, SIMULATED, VIRTUAL
 VERSION = 1
 SETTLED = ("strokes", "layers", "colors", "canvas", "brush")
 """What a painting's plan rests on: it cannot be changed once there is a plan."""
-EASEL = ("robot", "camera", "workspace", "calibration", "placement_error", "pace", "arm_meshes")
+EASEL = (
+    "robot", "camera", "workspace", "calibration", "placement_error", "pace", "arm_meshes", "studio_canvas", "on_canvas"
+)  # fmt: skip
 """What says where a painting is painted rather than what."""
 _MOST_BYTES = 2**20
 
@@ -52,7 +54,8 @@ class RunSpec(BaseModel):
     brush: a name or a file of learned weights; clip: a CLIP to see words through, None: what was fetched;
     pictures: a folder of the person's own pictures, for what words name;
     palette: a file with the paints that were really mixed; timelapse_frames: pictures of the film at the most;
-    workspace, calibration: files of a real easel; placement_error: of the virtual studio, like "4mm,2deg".
+    workspace, calibration: files of a real easel; placement_error: of the virtual studio, like "4mm,2deg";
+    on_canvas: whether it begins on what is on the canvas; studio_canvas: a picture of that in the virtual studio.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
@@ -141,6 +144,8 @@ class RunSpec(BaseModel):
     placement_error: Placement = None
     pace: float = Field(0.0, ge=0, le=100, allow_inf_nan=False)
     arm_meshes: File = None
+    on_canvas: bool = False
+    studio_canvas: File = None
 
     @model_validator(mode="after")
     def _fit_together(self) -> Self:
@@ -187,7 +192,7 @@ class RunSpec(BaseModel):
     def from_toml(cls, path: Path, **overrides: Any) -> Self:
         """A description from a TOML file, with `overrides` on top; files in it are named relative to it."""
         values = storage.read_toml(path, "a settings file (TOML)", _MOST_BYTES, "write lines such as: strokes = 300")
-        for name in ("palette", "pictures", "workspace", "calibration", "arm_meshes"):
+        for name in ("palette", "pictures", "workspace", "calibration", "arm_meshes", "studio_canvas"):
             if isinstance(values.get(name), str):
                 values[name] = path.parent / values[name]
         return cls.of(**{**values, **overrides})

@@ -18,6 +18,7 @@ from frida_painter.perception.film_view import FilmView
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify
+from frida_painter.session.canvas_start import CanvasStart
 from frida_painter.session.events import StrokePainted, TimelapseFrame
 
 PHOTOGRAPH_ROWS = 864
@@ -61,20 +62,20 @@ class Photographer:
 class CanvasObserver:
     """Looks at the canvas of an easel.
 
-    The first look, at the bare canvas of colour `ground` (sRGB), teaches it the `light` of the room, unless
-    that is known from before, and what a `good` photograph is like. wait: lets seconds pass.
+    The first look teaches it the `light` of the room, unless that is known from before, as `start` says, and what
+    a `good` photograph is like. wait: lets seconds pass.
     """
 
     def __init__(
         self,
         easel: Easel,
-        ground: tuple[float, float, float],
+        start: CanvasStart | None = None,
         light: FlatField | None = None,
         *,
         wait: Callable[[float], None] = time.sleep,
     ) -> None:
         self.easel = easel
-        self.ground = ground
+        self._start = start or CanvasStart()
         self.light = light
         self.good: FrameCheck | None = None
         self._wait = wait
@@ -127,11 +128,11 @@ class CanvasObserver:
         grid = PixelGrid.of_height(self.easel.canvas, rows)
         picture = rectify(photograph, self.easel.calibration, grid)
         if self.light is None:
-            self.light = FlatField.learn(picture, self.ground)
+            self.light = self._start.light(photograph, picture, self.easel)
         return true_color(self.light.correct(picture), self.easel.calibration)
 
     def learn_good(self, photograph: NDArray[np.uint8]) -> None:
-        """From now on photographs are compared with this one, which an earlier run took of the bare canvas."""
+        """From now on photographs are compared with this one, which an earlier run took first."""
         self.good = FrameCheck.learn(photograph, self.easel.calibration, self.easel.canvas)
 
     def photograph(self, last_motion: float) -> Frame:

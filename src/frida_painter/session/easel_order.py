@@ -20,7 +20,8 @@ class EaselOrder:
     robot: by the name of a whole easel or of a real robot; canvas, brush, seed: as
     the painting's settings say; state: the folder in which stops are latched and robots locked; folder:
     of the painting, where the stop file is looked for and a virtual studio keeps its diary; pace,
-    placement_error, faults: of a virtual studio; film: whether a simulated arm is filmed at work, into
+    placement_error, faults: of a virtual studio; canvas_picture: what is on its canvas at first, a file, None where
+    that is bare; film: whether a simulated arm is filmed at work, into
     that folder, and meshes: the folder of shapes in which it is seen there, None for its own; workspace,
     camera: of a real easel, its file and its camera's name.
     """
@@ -36,6 +37,7 @@ class EaselOrder:
     pace: float = 0.0
     placement_error: PlacementError | None = None
     faults: Faults = field(default=NO_FAULTS)
+    canvas_picture: Path | None = None
     workspace: Path | None = None
     camera: str = ""
     film: bool = False

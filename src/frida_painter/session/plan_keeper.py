@@ -9,6 +9,7 @@ from contextlib import suppress
 from functools import partial
 
 from frida_painter.palette import Palette
+from frida_painter.perception.margin import is_bare
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
@@ -45,8 +46,9 @@ class PlanKeeper:
         self._progress, self._tell = progress, tell
 
     def begin(self, strokes: int, colors: int, made: Plan | None = None) -> None:
-        """Adopts a plan of so many strokes for the bare canvas: the one that was made before, or a new one."""
+        """Adopts a plan of so many strokes for the canvas: the one that was made for a bare one, or a new one."""
         canvas = self._progress.canvas.last_seen
+        made = made if is_bare(canvas) else None
         plan = made or self._arranged(self.planner.plan(canvas, strokes, colors, self._checking_interrupts("plan")))
         self._adopt(plan, self.planner.validation_loss(canvas))
 

@@ -124,15 +124,28 @@ def last_canvas(folder: Path, history: History, size: CanvasSize, calibration: P
 
     calibration: the record that it was painted by. Raises ImageError where there is neither.
     """
-    seen = light(history)
+    seen = (
+        None if history.last_photograph is None else _seen(folder / history.last_photograph, history, size, calibration)
+    )
+    return images.load(folder / "painting.png") if seen is None else seen
+
+
+def first_canvas(folder: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor | None:
+    """The canvas [3, H, W] as it was before the first stroke, seen again; None where its photograph is lost."""
+    began = next((planning.photograph for planning in history.plannings if planning.done == 0), None)
+    return None if began is None else _seen(folder / began, history, size, calibration)
+
+
+def _seen(photograph: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor | None:
+    """The canvas in a photograph of the painting; None where that, the record or the light is not known."""
+    known_light = light(history)
     try:
-        if history.last_photograph is None or seen is None:
-            raise ImageError(f"{folder} holds no photograph.")
-        photograph, known = images.load_exactly(folder / history.last_photograph), Calibration.load(calibration)
+        taken, known = images.load_exactly(photograph), Calibration.load(calibration)
     except (ImageError, CalibrationError):
-        return images.load(folder / "painting.png")
-    grid = PixelGrid.of_height(size, PHOTOGRAPH_ROWS)
-    return true_color(seen.correct(rectify(photograph, known, grid)), known)
+        return None
+    if known_light is None:
+        return None
+    return true_color(known_light.correct(rectify(taken, known, PixelGrid.of_height(size, PHOTOGRAPH_ROWS))), known)
 
 
 def seen_before(folder: Path, kept: KeptPlan, observer: CanvasObserver) -> Tensor | None:

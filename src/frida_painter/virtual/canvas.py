@@ -30,7 +30,8 @@ class Canvas:
     """Cells of `cell` mm over width x height mm; all cloth and no paint at first.
 
     wet [r, c, 7]: thickness (mm) of the wet film, then its K and S times thickness; ground [r, c, 3]:
-    linear reflectance of what lies under it; dry [r, c]: thickness (mm) of set paint; settled [r, c]:
+    linear reflectance of what lies under it, at first the cloth and what is on it, evenly [3] or as a picture [h, w,
+    3] of any size; dry [r, c]: thickness (mm) of set paint; settled [r, c]:
     when (s) the wet film was last looked after; tooth [r, c] in [0, 1]: 0 the tops of the weave, 1
     its valleys. A wet film of `film` mm sets within `drying_time` seconds, from below, thinner ones sooner.
     """
@@ -46,6 +47,8 @@ class Canvas:
         self.dry = np.zeros((rows, columns), np.float32)
         self.settled = np.zeros((rows, columns), np.float32)
         self.tooth = _cloth(rows, columns, cell, random)
+        if ground.ndim == 3:
+            ground = np.asarray(cv2.resize(ground, (columns, rows), interpolation=cv2.INTER_AREA), np.float64)
         self.ground = (ground * (1 - 0.012 * (self.tooth[..., None] - 0.5))).astype(np.float32)
         self._changed = np.ones((rows, columns), np.bool_)
         self._looks = np.empty((rows, columns, BANDS), np.float32)

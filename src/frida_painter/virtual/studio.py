@@ -9,11 +9,13 @@ from typing import Any
 import cv2
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
+from frida_painter import images
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError
-from frida_painter.frames import CanvasSize
+from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.reach import Reach
 from frida_painter.hardware.timing import Timing
@@ -45,6 +47,7 @@ _MOST_RISE = 0.02
 _SLOWEST = 100.0
 # A film of the default thickness sets in this time; the rate is the same for thick and thin.
 _FILM = 0.06
+_PICTURE_ROWS = 700
 
 
 @dataclass(frozen=True)
@@ -53,8 +56,9 @@ class StudioSettings:
 
     cell: side of a cell of the canvas, mm (None: 0.4, coarser where the canvas would have more than
     3 million cells); drying_time: seconds until a full film has set; ground: sRGB of the primed
-    canvas; placement_error: None draws one from the seed; rise: how much higher (m) the canvas lies
-    than the workspace says; arm: which arm holds the brush, one of ARMS; pace: seconds that a second of
+    canvas; picture: a file of what is painted on it, filling it, None where it is bare;
+    placement_error: None draws one from the seed; rise: how much higher (m) the canvas lies than the
+    workspace says; arm: which arm holds the brush, one of ARMS; pace: seconds that a second of
     the robot's motions really takes, 0 for as fast as can be computed; noise: of the hand, None for what
     its arm has beside its own errors; camera, faults: as their records say. Raises ConfigError.
     """
@@ -62,6 +66,7 @@ class StudioSettings:
     cell: float | None = None
     drying_time: float = 300.0
     ground: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    picture: Path | None = None
     placement_error: PlacementError | None = None
     rise: float = 0.0
     arm: str = FREE
@@ -129,7 +134,7 @@ class VirtualStudio:
         self._fresh_canvas = partial(
             Canvas, canvas.width * _MM, canvas.height * _MM,
             cell=settings.cell or max(0.4, math.sqrt(area / _MOST_CELLS)),
-            ground=to_linear(np.array(settings.ground)), drying_rate=_FILM / settings.drying_time, random=for_canvas,
+            ground=_first_look(settings, canvas), drying_rate=_FILM / settings.drying_time, random=for_canvas,
         )  # fmt: skip
         self.placement_error = settings.placement_error or PlacementError.drawn_from(for_error)
         here = _with_arm(settings.arm, canvas, brush, seed)
@@ -244,9 +249,20 @@ def open_studio(
     return VirtualStudio(canvas, brush_named(brush), settings, seed, log)
 
 
+def _first_look(settings: StudioSettings, canvas: CanvasSize) -> NDArray[np.float64]:
+    """Linear reflectance of the canvas at first: [3], or of the picture on it [h, w, 3], row 0 at the bottom."""
+    if settings.picture is None:
+        return to_linear(np.array(settings.ground))
+    grid = PixelGrid.of_height(canvas, _PICTURE_ROWS)
+    picture = images.fit(images.load(settings.picture), grid.rows, grid.columns)
+    return np.ascontiguousarray(to_linear(picture.permute(1, 2, 0).numpy())[::-1])
+
+
 def _furnishing(canvas: CanvasSize, brush: str, settings: StudioSettings, seed: int) -> dict[str, Any]:
     """What a studio follows from, in plain values; faults come and go, and are told of in its log."""
-    furniture = {name: value for name, value in asdict(settings).items() if name not in ("faults", "pace")}
+    furniture = {name: value for name, value in asdict(settings).items() if name not in ("faults", "pace", "picture")}
+    if settings.picture is not None:
+        furniture["picture"] = str(settings.picture)
     return {"canvas": asdict(canvas), "brush": brush, "seed": seed, **furniture}
 
 

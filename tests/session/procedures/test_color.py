@@ -88,7 +88,7 @@ def test_the_painter_sees_the_canvas_as_it_is():
         easel = studio.easel
         if calibrated:
             easel = replace(easel, calibration=lead(color(easel), proposal).enter(easel.calibration))
-        observer = CanvasObserver(easel, (1.0, 1.0, 1.0))
+        observer = CanvasObserver(easel)
         observer.look(easel.robot.home().finished_at, 200)
         places = painted_squares(studio)
         seen, truth = observer.look(easel.robot.home().finished_at, 200), studio.truth(200)

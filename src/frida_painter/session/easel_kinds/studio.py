@@ -13,9 +13,10 @@ from frida_painter.session.easel_kind import EaselKind, OpenEasel
 from frida_painter.session.names import ARM_FILM, DIARY
 
 if TYPE_CHECKING:  # pages and help know these kinds without what computes them
+    from frida_painter.calibration import Calibration
     from frida_painter.hardware.easel import Easel
     from frida_painter.session.easel_order import EaselOrder
-    from frida_painter.virtual.studio import VirtualStudio
+    from frida_painter.virtual.studio import StudioSettings, VirtualStudio
 
 
 def furnished(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[VirtualStudio, Easel]":
@@ -29,15 +30,38 @@ def furnished(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[Virtual
 
     own = studio_brush(order.brush)
     load_kernels(own)
-    ordered = {"arm": arm, "placement_error": order.placement_error, "pace": order.pace, "faults": order.faults}
+    ordered = {
+        "arm": arm,
+        "placement_error": order.placement_error,
+        "pace": order.pace,
+        "faults": order.faults,
+        "picture": order.canvas_picture,
+    }
+    settings = StudioSettings(**{**ordered, **furniture})
     studio = open_studio(
         order.canvas,
         own,
         seed=order.seed,
-        settings=StudioSettings(**{**ordered, **furniture}),
+        settings=settings,
         state=None if order.folder is None else order.folder / DIARY,
     )
-    return studio, with_brush(studio.easel, order.brush)
+    easel = with_brush(studio.easel, order.brush)
+    if order.canvas_picture is not None:
+        easel = replace(easel, calibration=_having_seen_it_bare(easel.calibration, order, own, settings))
+    return studio, easel
+
+
+def _having_seen_it_bare(
+    known: "Calibration", order: "EaselOrder", brush: str, settings: "StudioSettings"
+) -> "Calibration":
+    """The record with what the same camera saw before anything was on the canvas."""
+    from frida_painter.perception.margin import bare_canvas
+    from frida_painter.virtual.studio import FREE, open_studio
+
+    before = open_studio(order.canvas, brush, seed=order.seed, settings=replace(settings, arm=FREE, picture=None))
+    before.easel.camera.connect()
+    photograph = before.easel.camera.capture(0.0).image
+    return replace(known, bare=bare_canvas(photograph, known, order.canvas))
 
 
 def studio_brush(name: str) -> str:

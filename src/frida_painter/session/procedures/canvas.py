@@ -1,18 +1,19 @@
 """Canvas: where its four corners are in the camera's photograph, and what the lens does to straight lines."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter.calibration import Calibration, Corners
-from frida_painter.errors import CalibrationError
+from frida_painter.calibration import BareCanvas, Calibration, Corners
+from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
 from frida_painter.images import from_uint8
 from frida_painter.lens import Lens
 from frida_painter.perception.corners import find_canvas
+from frida_painter.perception.margin import bare_canvas
 from frida_painter.perception.outline import Outline, trace_outline
 from frida_painter.session.procedures.at_the_easel import EaselAccess
 from frida_painter.session.procedures.corner_sheet import corner_sheet
@@ -33,7 +34,8 @@ class CanvasFinding:
     corners: clockwise from the canvas's top left, (column, row) pixels; shape: the photograph's
     (rows, columns); lens: None where its edges look straight; residual: pixels that the edges are
     from straight, root mean square (of corners pointed at: that they are from where the edges
-    meet); support: share of the worst edge that was seen; pointed: whether a person gave them.
+    meet); support: share of the worst edge that was seen; pointed: whether a person gave them; bare: what the
+    canvas, being bare, tells of the light, None where it is not bare.
     """
 
     corners: Corners
@@ -44,6 +46,7 @@ class CanvasFinding:
     pointed: bool
     camera: str
     canvas: CanvasSize
+    bare: BareCanvas | None
     picture: Tensor | None
 
     @property
@@ -61,12 +64,23 @@ class CanvasFinding:
             bending = self.lens.coefficients[0] * (reach / self.lens.focal[0]) ** 2
             kind = "barrel" if bending < 0 else "pincushion"
             lens = f"The lens bends the photograph's corners by {abs(bending):.1%} ({kind}); that is undone."
-        return f"The canvas was found {how}, to {self.residual:.2f} pixels. {lens}"
+        light = (
+            "It is not bare, so that no painting can begin on a canvas that is painted already."
+            if self.bare is None
+            else "It is bare, and what the light does is known from now on."
+        )
+        return f"The canvas was found {how}, to {self.residual:.2f} pixels. {lens} {light}"
 
     def enter(self, record: Calibration) -> Calibration:
         """The record with these corners, this lens, and the ids of this camera and canvas."""
         return record.with_canvas(
-            self.corners, self.shape, camera=self.camera, canvas=self.canvas, residual=self.residual, lens=self.lens
+            self.corners,
+            self.shape,
+            camera=self.camera,
+            canvas=self.canvas,
+            residual=self.residual,
+            lens=self.lens,
+            bare=self.bare,
         )
 
 
@@ -101,8 +115,19 @@ def canvas(easel: Easel) -> Procedure[CanvasFinding]:
         pointed=pointed,
         camera=easel.calibration.camera,
         canvas=easel.canvas,
+        bare=_bare(frame, easel, outline),
         picture=corner_sheet(frame, outline),
     )
+
+
+def _bare(frame: NDArray[np.uint8], easel: Easel, outline: Outline) -> BareCanvas | None:
+    """What the photograph tells of the light; None where the canvas in it is not bare."""
+    shape = (frame.shape[0], frame.shape[1])
+    seen = replace(easel.calibration, corners=outline.corners, photograph=shape, lens=outline.lens)
+    try:
+        return bare_canvas(frame, seen, easel.canvas)
+    except FrameRejected:
+        return None
 
 
 def _four(answer: object, shape: tuple[int, ...], unseen: str) -> Corners:
