@@ -43,9 +43,18 @@ def test_a_plan_comes_near_its_goal_under_everything_that_it_was_asked_to_keep()
 
 
 @pytest.mark.parametrize(("strokes", "colors"), [(1, 1), (2, 2), (3, 1), (3, 3), (32, 5)])
-def test_exactly_so_many_strokes_and_paints(strokes: int, colors: int) -> None:
+def test_exactly_so_many_strokes_and_no_more_paints(strokes: int, colors: int) -> None:
     plan = planned(strokes, colors, effort=Effort().scaled(0.02))
-    assert len(plan) == strokes and len(plan.palette) == colors
+    assert len(plan) == strokes and 1 <= len(plan.palette) <= colors
+    assert sorted(set(plan.paint.tolist())) == list(range(len(plan.palette))), "every well is needed"
+
+
+def test_what_a_camera_sees_of_a_bare_canvas_makes_the_same_plan() -> None:
+    seen = BARE - 0.01 * torch.rand(BARE.shape, generator=torch.Generator().manual_seed(0))
+    assert planner().plan(seen, 8, 3).digest == planner().plan(None, 8, 3).digest
+    painted = BARE.clone()
+    painted[:, :20] = 0.8
+    assert planner().plan(painted, 8, 3).digest != planner().plan(None, 8, 3).digest
 
 
 def test_the_same_seed_makes_the_same_plan_bit_for_bit() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 from skimage import data
 
@@ -17,7 +18,7 @@ from frida_painter.runs.opening import Controls
 from frida_painter.runs.reopening import history_of
 from frida_painter.runs.run import PaintingRun, paint
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import Event, StrokePainted
+from frida_painter.session.events import Event, Planned, StrokePainted
 from marks import coarse_table
 
 SMALL = {"canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}
@@ -71,6 +72,19 @@ def test_a_plan_is_made_without_an_easel_or_a_folder(photo: Path) -> None:
         with pytest.raises(ConfigError, match="no folder yet"):
             print(run.folder)
     assert len(plan) == 4 and len(plan.palette) == 2
+
+
+def test_the_same_seed_gives_the_same_strokes_planned_and_painted(photo: Path) -> None:
+    heard: list[Event] = []
+    spec = RunSpec.of(goal=[{"image": str(photo)}], strokes=6, replans=0, seed=3, **SMALL)
+    with PaintingRun(spec) as run:
+        alone = run.plan()
+    with PaintingRun(spec, listeners=[heard.append]) as run:
+        run.simulate()
+    (painted,) = [event.plan for event in heard if isinstance(event, Planned)]
+    assert torch.equal(painted.palette.color, alone.palette.color) and torch.equal(painted.paint, alone.paint)
+    places = [sorted(map(tuple, plan.strokes.position.tolist())) for plan in (painted, alone)]
+    assert places[0] == places[1], "only their order within a paint may differ: that of short ways"
 
 
 def test_a_simulated_painting_is_the_same_and_leaves_no_file(

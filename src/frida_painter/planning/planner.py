@@ -19,6 +19,7 @@ from frida_painter.objectives.interpretation import WeightedObjective, interpret
 from frida_painter.objectives.replication import spread
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
+from frida_painter.planning.distinct_paints import without_twins
 from frida_painter.planning.forecast import SimilarityForecast, forecast
 from frida_painter.planning.initialize import Growth, descended, progressive
 from frida_painter.planning.layers import layer_sizes, with_layers
@@ -39,6 +40,7 @@ _PROPOSALS = 24  # weighed for each stroke that moves
 LAYERS = 2
 """Of a plan towards a picture, where nothing else is said."""
 _FEWEST_FOR_LAYERS = 100  # strokes
+_NOISE = 0.03  # of sRGB, by which a photograph of a bare canvas may differ from it
 
 
 @dataclass(frozen=True)
@@ -124,14 +126,15 @@ class Planner:
         colors: int = 12,
         notify: Callable[[Step], None] | None = None,
     ) -> Plan:
-        """A plan of `strokes` strokes in `colors` paints for a canvas picture [3, H, W], by default a bare one.
+        """A plan of `strokes` strokes in at most `colors` paints for a canvas picture [3, H, W], by default a bare one.
 
-        notify: hears of every step. Raises ConfigError where not a stroke or not a paint was asked for, and
-        PlanningDiverged where no plan is found.
+        There are fewer paints where more would hardly be told apart. A photograph of a bare canvas is planned on as
+        bare: its noise would make another plan. notify: hears of every step. Raises ConfigError where not a stroke or
+        not a paint was asked for, and PlanningDiverged where no plan is found.
         """
         if not (strokes >= 1 and colors >= 1):
             raise ConfigError(f"{strokes} strokes in {colors} paints were asked for; give at least 1 of each.")
-        canvas = self.bare if canvas is None else canvas
+        canvas = self.bare if canvas is None or self._is_bare(canvas) else canvas
         generator = torch.Generator().manual_seed(self.seed)
         sizes = self.layer_sizes(strokes)
         first, colors = sizes[0], min(colors, sizes[0])
@@ -154,11 +157,15 @@ class Planner:
             notify=steps.begin(self.effort.polishing),
         )
         assert paints is not None
-        ordered, palette, paint = as_palette(found, paints)
+        ordered, palette, paint = as_palette(found, without_twins(paints))
         plan = self._as_plan(ordered, palette, paint)
         for count in sizes[1:]:
             plan = plan.under(self._layer(count, self.expected(plan, canvas), palette, generator, steps, [plan]))
         return plan
+
+    def _is_bare(self, canvas: Tensor) -> bool:
+        """Whether a canvas picture [3, H, W] shows nothing but the noise of a camera."""
+        return bool((images.fit(canvas, self.coarse.rows, self.coarse.columns) - 1).abs().amax() <= _NOISE)
 
     def _freely(
         self, count: int, canvas: Tensor, generator: torch.Generator, steps: StepCount, below: Sequence[Plan] = ()

@@ -7,6 +7,7 @@ from torch import Tensor
 
 from frida_painter.frames import PixelGrid, pixel_to_map
 from frida_painter.palette import Palette
+from frida_painter.planning.distinct_paints import distinct
 from frida_painter.planning.initialize import best_proposals, insert
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints
@@ -65,19 +66,20 @@ def anneal_to_palette(strokes: Strokes, scene: Scene, colors: int, keeping: floa
 
 
 def discretize(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[Strokes, Paints]:
-    """The strokes in `colors` paints, light to dark (paper, "Paint Colors and Mixing")."""
+    """The strokes in at most `colors` paints, light to dark (paper, "Paint Colors and Mixing")."""
     palette, paint = _cluster(strokes, scene, colors, seed)
     order = torch.argsort(paint, stable=True)
     return strokes[order].with_groups(color=palette.color[paint[order]]), Paints(palette.color, paint[order])
 
 
 def _cluster(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[Palette, Tensor]:
-    """Paints for the strokes' colours, and which one is nearest to each stroke's, [n].
+    """Paints for the strokes' colours that differ, and which one is nearest to each stroke's, [n].
 
     A colour counts by the fourth root of the area in which it is seen: by the area alone, small
     accents would drown.
     """
-    palette = Palette.cluster(strokes.color, visible_area(strokes, scene).clamp(min=0).pow(0.25), colors, seed)
+    weight = visible_area(strokes, scene).clamp(min=0).pow(0.25)
+    palette = distinct(Palette.cluster(strokes.color, weight, colors, seed), strokes.color, weight)
     return palette, torch.cdist(strokes.color, palette.color).argmin(1)
 
 
