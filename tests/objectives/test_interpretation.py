@@ -4,12 +4,13 @@ import torch
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal
-from frida_painter.objectives.interpretation import interpreted, prepare
+from frida_painter.objectives.interpretation import WeightedObjective, interpreted, prepare
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.objectives.kinds.semantic import SemanticTerm
 from frida_painter.objectives.kinds.sketch import SketchTerm
 from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.objectives.kinds.text import TextTerm
+from frida_painter.objectives.objective import ObjectiveTerm
 from networks import QuickEncoders
 from scenes import CANVAS, picture
 
@@ -91,3 +92,30 @@ def test_meaning_in_a_style_is_attended_to_where_it_is() -> None:
     goal = pursued(SemanticTerm(picture()), StyleTerm(1 - picture()))
     (begun,) = goal.initial
     assert begun.importance is not None and begun.image is goal.terms[0].image
+
+
+def lightness_recognized(weight: float, begun: torch.Tensor | None) -> WeightedObjective:
+    """To a toy network a picture shows what is meant the lighter it is; beside it a black picture is wanted."""
+    seen = ObjectiveTerm(lambda picture: picture.mean(), lambda picture: 1 - picture.mean(), recognizes=True)
+    black = ObjectiveTerm(lambda picture: picture.square().mean())
+    return WeightedObjective([(1.0, seen), (weight, black)], begun)
+
+
+def test_a_painting_is_not_to_be_less_recognisable_than_its_beginning() -> None:
+    """What pleases the sum, but is less recognisable than the beginning, is not kept; above it, the sum decides."""
+    begun, dark, light = flat(0.5), flat(0.35), flat(0.7)
+    free, kept = lightness_recognized(3.0, None).validation, lightness_recognized(3.0, begun).validation
+    assert free is not None and kept is not None
+    assert float(free(dark)) < float(free(begun)), "the sum alone would darken it"
+    assert float(kept(dark)) > float(kept(begun))
+    assert float(kept(light)) == pytest.approx(float(free(light))), "as recognisable as the beginning is enough"
+    assert float(lightness_recognized(3.0, begun).recognition(light)) == pytest.approx(0.3)
+
+
+def test_words_that_begin_with_a_picture_are_tried_with_more_and_less_weight_of_the_rest() -> None:
+    values = [float(one(flat(0.5))) for one in lightness_recognized(3.0, flat(0.5)).leanings]
+    assert values == pytest.approx([0.5 + 0.75, 0.5 + 0.25, 0.5 + 2.5])
+    for objective in (lightness_recognized(3.0, None), prepare(Goal((ImageTerm(flat(0.5)),)), GRID)):
+        assert objective.leanings == (objective,)
+    words = Goal((TextTerm("a lemon"), ImageTerm(flat(0.5))), (ImageTerm(flat(0.5)),))
+    assert len(prepare(words, GRID, QuickEncoders()).leanings) == 3

@@ -1,13 +1,19 @@
 """From a goal to one objective: what a person said is interpreted, its terms are prepared and weighed."""
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 
+import torch
 from torch import Tensor
 
+from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.objective import Objective, ObjectiveContext, ObjectiveTerm
+
+_INSISTENCE = 4.0  # times as much as else, what makes a painting less recognisable than its beginning counts
+_LEANING = (1 / 3, 10 / 3)  # times the weights of all that does not recognise, which are tried as well
 
 
 def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
@@ -25,30 +31,63 @@ def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: in
 
 
 class WeightedObjective:
-    """The weighted sum of a goal's terms (paper, Eq. for p_next): itself an objective."""
+    """The weighted sum of a goal's terms (paper, Eq. for p_next): itself an objective.
 
-    def __init__(self, terms: Sequence[tuple[float, ObjectiveTerm]]) -> None:
+    begun [3, H, W]: the picture that a painting of words begins with. As long as a painting is less recognisable than
+    that, by the terms that recognise, its validation insists on it.
+    """
+
+    def __init__(self, terms: Sequence[tuple[float, ObjectiveTerm]], begun: Tensor | None = None) -> None:
         self._terms = tuple(terms)
+        self._begun = begun
+        self._limit = math.inf
+        if begun is not None and any(term.recognizes for _, term in terms):
+            with torch.no_grad():
+                self._limit = float(self.recognition(begun))
 
     def __call__(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
         """picture, variance [3, H, W] -> a number, the less the better; differentiable."""
-        return self._sum([term.objective for _, term in self._terms], picture, variance)
+        total = picture.new_zeros(())
+        for weight, term in self._terms:
+            total = total + weight * (term.objective(picture) + _of_variance(term, variance))
+        return total
 
     @property
     def validation(self) -> Objective | None:
         """What says which of several pictures is best; None where the sum itself says it."""
         return self._validation if any(term.validation is not None for _, term in self._terms) else None
 
-    def _validation(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
-        return self._sum([term.validation or term.objective for _, term in self._terms], picture, variance)
+    @property
+    def leanings(self) -> tuple["WeightedObjective", ...]:
+        """This objective, and where a painting of words begins with a picture, others between the two."""
+        if self._limit == math.inf:
+            return (self,)
+        return (self, *(WeightedObjective(self._leaning(factor), self._begun) for factor in _LEANING))
 
-    def _sum(self, judges: list[Callable[[Tensor], Tensor]], picture: Tensor, variance: Tensor | None) -> Tensor:
-        total = picture.new_zeros(())
-        for (weight, term), judge in zip(self._terms, judges, strict=True):
-            total = total + weight * judge(picture)
-            if variance is not None and term.of_variance is not None:
-                total = total + weight * term.of_variance(variance)
-        return total
+    def recognition(self, picture: Tensor) -> Tensor:
+        """How far a picture [3, H, W] is from being recognised as what is meant; 0 where nothing says it."""
+        return self._validated(picture, None)[1]
+
+    def _leaning(self, factor: float) -> list[tuple[float, ObjectiveTerm]]:
+        return [(weight if term.recognizes else factor * weight, term) for weight, term in self._terms]
+
+    def _validation(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
+        total, recognition = self._validated(picture, variance)
+        return total + _INSISTENCE * (recognition - self._limit).clamp(min=0)
+
+    def _validated(self, picture: Tensor, variance: Tensor | None) -> tuple[Tensor, Tensor]:
+        """What the terms' validations say together, and those of them that recognise."""
+        total = recognition = picture.new_zeros(())
+        for weight, term in self._terms:
+            value = weight * ((term.validation or term.objective)(picture) + _of_variance(term, variance))
+            total = total + value
+            if term.recognizes:
+                recognition = recognition + value
+        return total, recognition
+
+
+def _of_variance(term: ObjectiveTerm, variance: Tensor | None) -> Tensor | float:
+    return 0.0 if variance is None or term.of_variance is None else term.of_variance(variance)
 
 
 def prepare(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry | None = None, seed: int = 0) -> WeightedObjective:
@@ -58,4 +97,6 @@ def prepare(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry | None = None
     were fetched. Raises WeightsError where one is missing.
     """
     context = ObjectiveContext(grid, encoders or EncoderRegistry(), seed)
-    return WeightedObjective([(term.weight, term.prepare(context)) for term in goal.terms])
+    terms = [(term.weight, term.prepare(context)) for term in goal.terms]
+    picture = next((term.picture for term in goal.initial if term.picture is not None), None)
+    return WeightedObjective(terms, None if picture is None else images.fit(picture, grid.rows, grid.columns))

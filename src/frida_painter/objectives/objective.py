@@ -41,8 +41,10 @@ class ObjectiveTerm:
     what says in the end whether a picture is good: steady, and best by a network kept aside.
     of_variance: what pixels that vary by so much [3, H, W] about a picture add to its objective on average, exact for
     squared errors; None where that is not known.
+    recognizes: whether the validation says how far a picture is from being recognised as what is meant.
     """
 
     objective: Callable[[Tensor], Tensor]
     validation: Callable[[Tensor], Tensor] | None = None
     of_variance: Callable[[Tensor], Tensor] | None = None
+    recognizes: bool = False

@@ -1,8 +1,7 @@
 """The planner: a goal and a canvas become a plan, and what is left of a plan is planned again from a photograph."""
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -19,53 +18,28 @@ from frida_painter.objectives.interpretation import WeightedObjective, interpret
 from frida_painter.objectives.replication import spread
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
+from frida_painter.planning.binding import binding_iterations, bound
 from frida_painter.planning.distinct_paints import without_twins
+from frida_painter.planning.effort import Effort as Effort
 from frida_painter.planning.forecast import SimilarityForecast, forecast
-from frida_painter.planning.initialize import Growth, descended, progressive
+from frida_painter.planning.initialize import descended, progressive
 from frida_painter.planning.layers import layer_sizes, with_layers
 from frida_painter.planning.memory import is_lack_of_memory
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement, locate
-from frida_painter.planning.refine import anneal_to_palette, discretize, relocate
+from frida_painter.planning.refine import relocate
 from frida_painter.planning.region import Region
-from frida_painter.planning.scene import Scene, on_device
+from frida_painter.planning.scene import Scene, is_bare, on_device
 from frida_painter.planning.step_count import StepCount, at_the_end, part_of, unheard
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
 
 _MOVED = 0.15  # share of the strokes that may move at a time
 _POLISHING_PACE = 0.5
-_KEEPING = (0.7, 0.45, 0.2, 0.1)  # of the way from a stroke's colour to its paint, round after round
 _PROPOSALS = 24  # weighed for each stroke that moves
 LAYERS = 2
 """Of a plan towards a picture, where nothing else is said."""
 _FEWEST_FOR_LAYERS = 100  # strokes
-_NOISE = 0.03  # of sRGB, by which a photograph of a bare canvas may differ from it
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How many iterations are spent on what.
-
-    growth: on the start; refining: joint steps after each of `relocations` rounds in which weak
-    strokes move; drawing: steps after each round in which colours are drawn towards the paints;
-    binding: steps once they are paints; polishing: last steps at full resolution; replanning:
-    steps after each look, and last ones of a later layer.
-    """
-
-    growth: Growth = field(default_factory=Growth)
-    relocations: int = 3
-    refining: int = 25
-    drawing: int = 20
-    binding: int = 40
-    polishing: int = 80
-    replanning: int = 40
-
-    def scaled(self, factor: float) -> "Effort":
-        """The same effort with `factor` times as many iterations."""
-        growth = Growth(self.growth.rounds, math.ceil(self.growth.settling * factor), self.growth.proposals)
-        counts = self.refining, self.drawing, self.binding, self.polishing, self.replanning
-        return Effort(growth, self.relocations, *(math.ceil(count * factor) for count in counts))
 
 
 class Planner:
@@ -134,25 +108,31 @@ class Planner:
         """
         if not (strokes >= 1 and colors >= 1):
             raise ConfigError(f"{strokes} strokes in {colors} paints were asked for; give at least 1 of each.")
-        canvas = self.bare if canvas is None or self._is_bare(canvas) else canvas
+        canvas = (
+            self.bare
+            if canvas is None or is_bare(images.fit(canvas, self.coarse.rows, self.coarse.columns))
+            else canvas
+        )
         generator = torch.Generator().manual_seed(self.seed)
         sizes = self.layer_sizes(strokes)
         first, colors = sizes[0], min(colors, sizes[0])
-        coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
+        fine = self._scene(canvas, self.fine)
         steps = StepCount(notify or unheard, self.iterations(strokes))
         found = self._freely(first, canvas, generator, steps)
-        for keeping in _KEEPING:
-            found = anneal_to_palette(found, coarse, colors, keeping, self.seed)
-            found, _ = optimize(found, coarse, iterations=self.effort.drawing, notify=steps.begin(self.effort.drawing))
-        found, chosen = discretize(found, coarse, colors, self.seed)
-        found, paints = optimize(
-            found, coarse, iterations=self.effort.binding, paints=chosen, notify=steps.begin(self.effort.binding)
+        found, chosen = bound(
+            found,
+            self._ways(canvas),
+            colors,
+            drawing=self.effort.drawing,
+            binding=self.effort.binding,
+            seed=self.seed,
+            steps=steps,
         )
         found, paints = optimize(
             found,
             fine,
             iterations=self.effort.polishing,
-            paints=paints,
+            paints=chosen,
             pace=_POLISHING_PACE,
             notify=steps.begin(self.effort.polishing),
         )
@@ -163,9 +143,9 @@ class Planner:
             plan = plan.under(self._layer(count, self.expected(plan, canvas), palette, generator, steps, [plan]))
         return plan
 
-    def _is_bare(self, canvas: Tensor) -> bool:
-        """Whether a canvas picture [3, H, W] shows nothing but the noise of a camera."""
-        return bool((images.fit(canvas, self.coarse.rows, self.coarse.columns) - 1).abs().amax() <= _NOISE)
+    def _ways(self, canvas: Tensor) -> list[Scene]:
+        """The coarse scene, and others in which what is to be recognised weighs more or less against the rest."""
+        return [self._scene(canvas, self.coarse, leaning) for leaning in self._objectives[self.coarse].leanings]
 
     def _freely(
         self, count: int, canvas: Tensor, generator: torch.Generator, steps: StepCount, below: Sequence[Plan] = ()
@@ -230,7 +210,7 @@ class Planner:
         """
         parts = [part for part in plan.by_layer() if len(part)]
         steps = StepCount(notify or unheard, self.effort.polishing * len(parts))
-        bound: list[Plan] = []
+        done: list[Plan] = []
         below = canvas
         for part in parts:
             paint = palette.nearest(part.strokes.color).to(self.device)
@@ -241,12 +221,12 @@ class Planner:
                 paints=Paints(palette.color.to(self.device), paint),
                 vary_colors=False,
                 pace=_POLISHING_PACE,
-                notify=steps.begin(self.effort.polishing, bound),
+                notify=steps.begin(self.effort.polishing, done),
             )
             assert chosen is not None
-            bound.append(self._as_plan(found, palette, chosen.paint))
-            below = self.expected(bound[-1], below)
-        return with_layers(plan, bound) if bound else plan
+            done.append(self._as_plan(found, palette, chosen.paint))
+            below = self.expected(done[-1], below)
+        return with_layers(plan, done) if done else plan
 
     def replan(
         self,
@@ -443,8 +423,7 @@ class Planner:
         first, *later = self.layer_sizes(strokes)
         return (
             self._free_iterations(first)
-            + len(_KEEPING) * self.effort.drawing
-            + self.effort.binding
+            + binding_iterations(self.effort.drawing, self.effort.binding, len(self._objectives[self.coarse].leanings))
             + self.effort.polishing
             + sum(map(self._layer_iterations, later))
         )

@@ -16,6 +16,7 @@ from frida_painter.strokes import StrokeLimits, Strokes
 # Marks vary more in a painting than in a stroke library: paint lies on paint that may be wet, the brush is not always
 # full, and of all strokes those are chosen for which the model is wrong in their favour. Measured on three photographs.
 _IN_A_PAINTING = 1.5
+_NOISE = 0.03  # of sRGB, by which a photograph of a bare canvas may differ from it
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,11 @@ class Scene:
         if self.spread.share == 0:
             return judge(self.render(strokes))
         return judge(*self.moments(strokes))
+
+
+def is_bare(canvas: Tensor) -> bool:
+    """Whether a canvas picture [3, H, W] shows white paper, but for the noise of a camera."""
+    return bool((canvas - 1).abs().amax() <= _NOISE)
 
 
 def on_device(model: StrokeModel, device: torch.device) -> StrokeModel:

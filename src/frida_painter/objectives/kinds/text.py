@@ -47,7 +47,7 @@ class TextTerm(Term):
         words = Text(self.prompt, readers, context.seed)
         aside = context.encoders.reader_aside()
         steady = words if aside is None else Text(self.prompt, [aside], context.seed)
-        return ObjectiveTerm(words, steady.validation)
+        return ObjectiveTerm(words, steady.validation, recognizes=True)
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:

@@ -1,0 +1,54 @@
+"""From free colours to paints: colours move towards the paints in rounds, then strokes and paints settle together."""
+
+from collections.abc import Sequence
+
+import torch
+
+from frida_painter.planning.optimize import optimize
+from frida_painter.planning.refine import anneal_to_palette, discretize
+from frida_painter.planning.scene import Scene
+from frida_painter.planning.step_count import StepCount
+from frida_painter.planning.variables import Paints
+from frida_painter.strokes import Strokes
+
+_KEEPING = (0.7, 0.45, 0.2, 0.1)  # of the way from a stroke's colour to its paint, round after round
+
+
+def binding_iterations(drawing: int, binding: int, ways: int = 1) -> int:
+    """How many iterations it takes."""
+    return ways * (len(_KEEPING) * drawing + binding)
+
+
+def bound(
+    strokes: Strokes,
+    ways: Sequence[Scene],
+    colors: int,
+    *,
+    drawing: int,
+    binding: int,
+    seed: int,
+    steps: StepCount,
+) -> tuple[Strokes, Paints]:
+    """The strokes, in painting order, in at most `colors` paints.
+
+    ways: the scene, and others of other objectives, in which it is tried as well; what is best by the first one's
+    validation is kept. drawing: iterations after each round; binding: once colours are paints.
+    """
+    found = [_settled(strokes, scene, colors, drawing, binding, seed, steps) for scene in ways]
+    if len(found) == 1:
+        return found[0]
+    judge = ways[0]
+    with torch.no_grad():
+        return min(found, key=lambda way: float(judge.expected_loss(way[0], judge.validation)))
+
+
+def _settled(
+    strokes: Strokes, scene: Scene, colors: int, drawing: int, binding: int, seed: int, steps: StepCount
+) -> tuple[Strokes, Paints]:
+    for keeping in _KEEPING:
+        strokes = anneal_to_palette(strokes, scene, colors, keeping, seed)
+        strokes, _ = optimize(strokes, scene, iterations=drawing, notify=steps.begin(drawing))
+    strokes, chosen = discretize(strokes, scene, colors, seed)
+    strokes, paints = optimize(strokes, scene, iterations=binding, paints=chosen, notify=steps.begin(binding))
+    assert paints is not None
+    return strokes, paints
