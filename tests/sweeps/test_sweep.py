@@ -4,7 +4,6 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,34 +18,15 @@ from frida_painter.errors import ConfigError, StorageError, SweepBusy, TryFailed
 from frida_painter.plan import Plan
 from frida_painter.sweeps import sweep as sweeps
 from frida_painter.sweeps import worker
-from frida_painter.sweeps.engine import Ended
 from frida_painter.sweeps.folder import RunFolder, SweepFolder
 from frida_painter.sweeps.progress import SweepProgress
 from frida_painter.sweeps.run import SweepRun
 from frida_painter.sweeps.status import status_of
 from frida_painter.sweeps.worker import Assignment, perform
 from marks import coarse_table
+from sweep_engine import Here
 
 SMALL = {"strokes": 4, "canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}
-
-
-class Here:
-    """An engine inside this process, for what a sweep makes of an engine. between: is called before every task."""
-
-    slots = 1
-
-    def __init__(self, between: Callable[[Assignment], None] = lambda assignment: None) -> None:
-        self.between = between
-        self.asked: list[str] = []
-
-    def run(self, work: Callable[[Assignment], Any], tasks: Iterable[Assignment]) -> Iterator[Ended[Assignment]]:
-        for task in tasks:
-            self.asked.append(task.run.key)
-            try:
-                self.between(task)
-                yield Ended(task, work(task))
-            except fp.FridaError as error:
-                yield Ended(task, error=error)
 
 
 @pytest.fixture
@@ -135,7 +115,7 @@ def test_photographs_may_vanish(tmp_path: Path, photo: Path, engine: Here) -> No
     engine.between = vanish
     assert len(fp.sweep(asked(photo), tmp_path / "sweep").records) == 3
     outcome = fp.sweep(asked(photo, 4), tmp_path / "sweep")
-    assert len(outcome.records) == 4 and outcome.remarks[0].startswith("coffee.png vanished; its copy")
+    assert len(outcome.records) == 4 and outcome.remarks[0].startswith("coffee.png vanished; the copy")
     with pytest.raises(ConfigError, match=r"coffee\.png does not exist"):
         fp.sweep(asked(photo), tmp_path / "another")
 

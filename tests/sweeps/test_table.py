@@ -45,25 +45,11 @@ def test_columns_that_mix_kinds_are_kept(tmp_path: Path) -> None:
     assert parquet.read_table(tmp_path / "t.parquet").num_rows == 0
 
 
-def test_it_is_written_now_and_then(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = [100.0]
-    monkeypatch.setattr("frida_painter.sweeps.table.time.monotonic", lambda: clock[0])
-    asked = []
-
-    def rows() -> list[dict[str, Any]]:
-        asked.append(clock[0])
-        return [record(0)]
-
-    writer = TableWriter(tmp_path)
-    for clock[0] in (100.0, 101.0, 102.5, 103.0, 104.6):
-        writer.renew(rows)
-    assert asked == [102.5, 104.6] and (tmp_path / "table.parquet").exists()
-    writer.finish(rows)
-    assert asked[-1] == 104.6 and len(asked) == 3
-
-
 def test_without_pyarrow_there_is_no_table_and_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    TableWriter(tmp_path).write([record(0)])
+    assert (tmp_path / "table.parquet").exists() and TableWriter(tmp_path).remarks == ()
+    (tmp_path / "table.parquet").unlink()
     monkeypatch.setattr("frida_painter.extras.is_installed", lambda package: False)
     writer = TableWriter(tmp_path)
-    writer.finish(lambda: [record(0)])
+    writer.write([record(0)])
     assert list(tmp_path.iterdir()) == [] and 'the extra "table"' in writer.remarks[0]

@@ -10,6 +10,7 @@ from typer.core import TyperGroup
 
 from frida_painter.errors import Interrupted, TryFailed
 from frida_painter.options import count_of, out_folder, whole_number_within
+from frida_painter.sweeps.spec import EngineName
 
 SweepFile = Annotated[
     Path, typer.Argument(metavar="FILE", help="A sweep file (TOML, docs/sweeps.md).", show_default=False)
@@ -38,6 +39,10 @@ Jobs = Annotated[
         help="Number of runs at the same time. [dim]as many as there are cores and memory for[/]",
     ),
 ]
+EngineOption = Annotated[
+    EngineName | None,
+    typer.Option("--engine", help="What does the runs. [dim]ray if it is installed, otherwise processes[/]"),
+]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a very large sweep.")]
 _RUN = "run"
 
@@ -61,10 +66,18 @@ def register(app: typer.Typer) -> None:
     )
     group.command(_RUN)(run)
     group.command("status")(status)
+    group.command("report")(report)
     app.add_typer(group, name="sweep")
 
 
-def run(file: SweepFile, out: Out = None, address: Address = None, jobs: Jobs = None, yes: Yes = False) -> None:
+def run(
+    file: SweepFile,
+    out: Out = None,
+    address: Address = None,
+    jobs: Jobs = None,
+    engine: EngineOption = None,
+    yes: Yes = False,
+) -> None:
     """Do all runs of a sweep file that are not done yet: `sweep FILE` is short for `sweep run FILE`.
 
     Every run has a folder of its own. Run the same command again to continue after an interruption; what was done is
@@ -86,7 +99,15 @@ def run(file: SweepFile, out: Out = None, address: Address = None, jobs: Jobs = 
     folder = out or default_folder(spec)
     started = time.monotonic()
     with SweepLine(Console(stderr=True, highlight=False)) as line:
-        outcome = sweep(spec, folder, address=address, jobs=jobs, notify=line.hear, most=None)
+        outcome = sweep(
+            spec,
+            folder,
+            engine=engine,
+            address=address,
+            jobs=jobs,
+            notify=line.hear,
+            most=None,
+        )
     new = len(outcome.records) - outcome.done_before
     print(
         f"{count_of(len(outcome.records), 'run')} of {len(outcome.runs)} done"
@@ -105,8 +126,25 @@ def run(file: SweepFile, out: Out = None, address: Address = None, jobs: Jobs = 
 
 
 def status(folder: FolderOfSweep) -> None:
-    """Show how far a sweep is and when it will be done."""
+    """Show how far a sweep is, how long it still takes and which runs failed; also as a page."""
+    from frida_painter.sweeps.report import write_status_page
     from frida_painter.sweeps.status import status_of
 
-    for line in status_of(folder).lines():
+    found = status_of(folder)
+    for line in found.lines():
         print(line)
+    print(f"  Page  {write_status_page(found)}")
+
+
+def report(folder: FolderOfSweep) -> None:
+    """Write the page of a sweep: all pictures, curves with confidence intervals, and paired tests."""
+    from frida_painter.sweeps.report import write_report
+    from frida_painter.sweeps.status import status_of
+    from frida_painter.sweeps.table import TableWriter
+
+    found = status_of(folder)
+    table = TableWriter(found.folder)
+    table.write([*found.records.values(), *found.failures.values()])
+    for remark in table.remarks:
+        print(remark, file=sys.stderr)
+    print(f"{found.lines()[0]}\n  Page  {write_report(found)}")

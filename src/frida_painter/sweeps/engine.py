@@ -10,7 +10,7 @@ import os
 import signal
 import threading
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
@@ -60,7 +60,7 @@ class Engine(Protocol):
         """How many tasks are done at the same time."""
         ...
 
-    def run(self, work: Work, tasks: Iterable[Task]) -> Iterator[Ended[Task]]:
+    def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Ended[Task], None, None]:
         """Does the work with every task, and tells of each when it ends; closing the iterator stops what is going on.
 
         A WorkerUnfit ends its task at once, for no other try would do better.
@@ -110,7 +110,7 @@ class LocalEngine:
         self._stopping = threading.Event()
         self._workers = [_Worker(self._context) for _ in range(slots)]
 
-    def run(self, work: Work, tasks: Iterable[Task]) -> Iterator[Ended[Task]]:
+    def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Ended[Task], None, None]:
         """Does the work with every task, and tells of each when it ends."""
         self._stopping.clear()
         rest, waiting = iter(tasks), set[Future[Ended[Task]]]()

@@ -1,10 +1,15 @@
 """How far a sweep is, and how long it still takes: by what the runs that ended took, and what the others are asked."""
 
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 from frida_painter.sweeps.run import SweepRun
+
+_LEAST_BETWEEN = 2.0  # seconds
+_SHARE = 0.05  # of the time that may go into writing
 
 
 @dataclass(frozen=True)
@@ -18,11 +23,28 @@ class SweepProgress:
     slots: int
 
 
+class Renewal:
+    """Says when something that shows how far a sweep is should be written anew: seldom enough to cost little."""
+
+    def __init__(self) -> None:
+        self._next = time.monotonic() + _LEAST_BETWEEN
+
+    @contextmanager
+    def where_due(self) -> Iterator[bool]:
+        """Whether it should be written now; what it takes in the block decides when it should be again."""
+        started = time.monotonic()
+        due = started >= self._next
+        yield due
+        if due:
+            now = time.monotonic()
+            self._next = now + max(_LEAST_BETWEEN, (now - started) / _SHARE)
+
+
 class Tally:
     """Counts the runs of a sweep as they end. slots: runs at the same time."""
 
     def __init__(self, runs: Sequence[SweepRun], slots: int) -> None:
-        self._total, self._slots = len(runs), slots
+        self._total, self.slots = len(runs), slots
         self._left = sum(run.cost for run in runs)
         self._seconds = self._cost = 0.0
         self._done = self._failed = 0
@@ -42,6 +64,6 @@ class Tally:
     @property
     def progress(self) -> SweepProgress:
         """How far it is."""
-        at_once = max(1, min(self._slots, self._total - self._done - self._failed))
+        at_once = max(1, min(self.slots, self._total - self._done - self._failed))
         seconds = max(0.0, self._left) * self._seconds / self._cost / at_once if self._cost else None
-        return SweepProgress(self._total, self._done, self._failed, seconds, self._slots)
+        return SweepProgress(self._total, self._done, self._failed, seconds, self.slots)

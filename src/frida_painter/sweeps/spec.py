@@ -24,6 +24,7 @@ _MOST_BYTES = 2**22
 _EXAMPLE = 'write lines such as kind = "plan", and under [grid] lines such as seed = [0, 1, 2]'
 _PATHS = ("palette", "pictures", "calibration", "arm_meshes", "workspace")
 
+EngineName = Literal["ray", "processes"]
 Fields = Mapping[str, Any]
 """Fields of a run: those of RunSpec, `plan`, and the name of any kind of goal with one thing to paint."""
 

@@ -33,7 +33,7 @@ class SweepStatus:
     def lines(self) -> list[str]:
         """As a terminal shows it."""
         told = [f"{self.spec.title or self.folder.name}: {summary(self.progress, working=self.working)}"]
-        told += [f"  {_named(failure)}: {failure['error']}" for failure in list(self.failures.values())[:_SHOWN]]
+        told += [f"  {named(failure)}: {failure['error']}" for failure in list(self.failures.values())[:_SHOWN]]
         if len(self.failures) > _SHOWN:
             told.append(f"  and {len(self.failures) - _SHOWN} more that failed")
         return told
@@ -71,5 +71,6 @@ def summary(progress: SweepProgress, *, working: bool) -> str:
     return f"{told}, about {duration(progress.seconds_left)} left."
 
 
-def _named(failure: Mapping[str, Any]) -> str:
+def named(failure: Mapping[str, Any]) -> str:
+    """A run that failed by what tells it from the others."""
     return ", ".join(f"{name} {value}" for name, value in failure["labels"].items()) or str(failure["key"])

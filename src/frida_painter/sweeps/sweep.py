@@ -2,18 +2,23 @@
 
 import platform
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from frida_painter import extras
 from frida_painter.errors import ConfigError, StorageError, WorkerUnfit
 from frida_painter.sweeps.engine import Engine, LocalEngine, TaskLimits, slots_here
 from frida_painter.sweeps.expansion import FileHashes, expanded
 from frida_painter.sweeps.folder import SweepFolder
-from frida_painter.sweeps.progress import SweepProgress, Tally
+from frida_painter.sweeps.progress import Renewal, SweepProgress, Tally
+from frida_painter.sweeps.ray_engine import RayEngine
+from frida_painter.sweeps.report import write_status_page
 from frida_painter.sweeps.run import SweepRun
-from frida_painter.sweeps.spec import SweepSpec
+from frida_painter.sweeps.spec import EngineName, SweepSpec
+from frida_painter.sweeps.status import SweepStatus
 from frida_painter.sweeps.table import TableWriter
 from frida_painter.sweeps.worker import Assignment, perform
 
@@ -45,6 +50,7 @@ def sweep(
     what: str | Path | SweepSpec | Mapping[str, Any],
     folder: str | Path | None = None,
     *,
+    engine: EngineName | None = None,
     address: str | None = None,
     jobs: int | None = None,
     notify: Notify = lambda progress: None,
@@ -53,11 +59,13 @@ def sweep(
     """Does all runs of a sweep that are not done yet, and returns what came of all of them.
 
     what: a TOML file, or the same as a mapping, such as {"kind": "plan", "grid": {"image": ["a.jpg"], "seed": [0, 1]}};
-    folder: of the sweep, by default one below "sweeps"; the same one again goes on where it was left; address: of a Ray
-    cluster, None: this machine; jobs: runs at the same time, by default as many as there are cores and memory for;
-    most: runs, above which it refuses, None: any number. In a script of your own call it below
-    `if __name__ == "__main__":`, for it starts processes. Raises ConfigError for what makes no sweep, SweepBusy where
-    another process works on the folder, StorageError where the disk is full, WorkerUnfit where processes cannot work.
+    folder: of the sweep, by default one below "sweeps"; the same one again goes on where it was left;
+    engine: by default Ray where it is installed, otherwise processes; address: of a Ray cluster, None: this machine;
+    jobs: runs at the same time, by default as many as there are cores and memory for;
+    most: runs, above which it refuses, None: any number.
+    In a script of your own call it below `if __name__ == "__main__":`, for it starts processes. Raises ConfigError for
+    what makes no sweep, SweepBusy where another process works on the folder, StorageError where the disk is full, and
+    WorkerUnfit where processes cannot work.
     """
     spec = _spec_of(what)
     refuse_many(spec, most)
@@ -66,9 +74,17 @@ def sweep(
     with place.held():
         hashes = FileHashes(place.asked()[1] if place.is_begun else None)
         runs = expanded(spec, hashes)
-        engine = open_engine(limits, len(runs), address=address, jobs=jobs)
-        place.keep(spec, hashes.by_path, engine.slots)
-        return _Driver(place, runs, engine, notify, hashes).to_its_end()
+        driver = _Driver(place, spec, runs, hashes, notify)
+        try:
+            if driver.left:
+                opened = open_engine(limits, len(driver.left), engine=engine, address=address, jobs=jobs)
+                place.keep(spec, hashes.by_path, opened.slots)
+                driver.lead(opened)
+            else:
+                place.keep(spec, hashes.by_path, 1)
+        finally:
+            driver.show(working=False)
+        return driver.outcome()
 
 
 def refuse_many(spec: SweepSpec, most: int | None) -> None:
@@ -82,9 +98,23 @@ def default_folder(spec: SweepSpec) -> Path:
     return Path("sweeps") / ("-".join(spec.title.split()) or "sweep")
 
 
-def open_engine(limits: TaskLimits, tasks: int, *, address: str | None = None, jobs: int | None = None) -> Engine:
-    """The engine for that many tasks. jobs: at the same time, at the most."""
+def open_engine(
+    limits: TaskLimits,
+    tasks: int,
+    *,
+    engine: EngineName | None = None,
+    address: str | None = None,
+    jobs: int | None = None,
+) -> Engine:
+    """The engine for that many tasks: Ray where it is installed, or processes. jobs: at the same time, at the most.
+
+    Raises ConfigError where Ray is asked for and is not installed, or where the address does not answer.
+    """
+    if address is not None and engine == "processes":
+        raise ConfigError("--address is for Ray, and --engine processes is this machine alone; leave out one of them.")
     slots = max(1, min(slots_here(limits, jobs), tasks))
+    if address is not None or engine == "ray" or (engine is None and extras.is_installed("ray")):
+        return RayEngine(limits, slots, address)
     return LocalEngine(limits, slots)
 
 
@@ -98,53 +128,61 @@ class _Driver:
     """Leads an engine through the runs that are left, and writes down what comes."""
 
     def __init__(
-        self, place: SweepFolder, runs: tuple[SweepRun, ...], engine: Engine, notify: Notify, hashes: FileHashes
+        self, place: SweepFolder, spec: SweepSpec, runs: tuple[SweepRun, ...], hashes: FileHashes, notify: Notify
     ) -> None:
-        self._place, self._runs, self._engine, self._notify, self._hashes = place, runs, engine, notify, hashes
+        self._place, self._spec, self._runs, self._hashes, self._notify = place, spec, runs, hashes, notify
         self._records: dict[str, Record] = {}
         self._failures: dict[str, Record] = {}
         self._table = TableWriter(place.path)
-        self._tally = Tally(runs, engine.slots)
-
-    def to_its_end(self) -> SweepOutcome:
-        """Does what is left. Raises StorageError, WorkerUnfit."""
-        left = []
-        for run in self._runs:
-            record = self._place.run(run.key).record()
-            if record is None:
-                left.append(run)
-            else:
-                self._take(run, record)
-        before = len(self._records)
-        self._notify(self._tally.progress)
-        copies = self._copies(left)
-        tasks = [Assignment(run.with_pictures(copies), str(self._place.path)) for run in left]
-        ended = self._engine.run(perform, tasks)
-        try:
-            for run, value, error in ((one.task.run, one.value, one.error) for one in ended):
-                if error is None:
-                    self._take(run, value)
-                else:
-                    self._note_failure(run, error)
-                self._table.renew(self.rows)
-                self._notify(self._tally.progress)
-        finally:
-            close = getattr(ended, "close", None)
-            if close is not None:
-                close()
-            self._table.finish(self.rows)
-        remarks = [f"{', '.join(sorted(self._hashes.vanished))} vanished; its copy in the sweep's folder is used."]
-        return SweepOutcome(
-            self._place.path, self._runs, self._records, self._failures, before,
-            (*(remarks if self._hashes.vanished else []), *self._table.remarks),
-        )  # fmt: skip
-
-    def rows(self) -> Iterable[Record]:
-        """What is known of every run that ended, for the table."""
-        for run in self._runs:
-            record = self._records.get(run.key) or self._failures.get(run.key)
+        self._renewal = Renewal()
+        self._tally = Tally(runs, 1)
+        for run in runs:
+            record = place.run(run.key).record()
             if record is not None:
-                yield record
+                self._take(run, record)
+        self._before = len(self._records)
+
+    @property
+    def left(self) -> list[SweepRun]:
+        """The runs that are not done."""
+        return [run for run in self._runs if run.key not in self._records]
+
+    def lead(self, engine: Engine) -> None:
+        """Has the engine do what is left. Raises StorageError, WorkerUnfit."""
+        self._tally.slots = engine.slots
+        self._notify(self._tally.progress)
+        copies = self._copies(self.left)
+        tasks = [Assignment(run.with_pictures(copies), str(self._place.path)) for run in self.left]
+        with closing(engine.run(perform, tasks)) as ended:
+            for one in ended:
+                if one.error is None:
+                    self._take(one.task.run, one.value)
+                else:
+                    self._note_failure(one.task.run, one.error)
+                with self._renewal.where_due() as due:
+                    if due:
+                        self.show(working=True)
+                self._notify(self._tally.progress)
+
+    def show(self, *, working: bool) -> None:
+        """Writes table and page. Raises StorageError."""
+        ended = (self._records.get(run.key) or self._failures.get(run.key) for run in self._runs)
+        self._table.write(record for record in ended if record is not None)
+        write_status_page(
+            SweepStatus(
+                self._place.path, self._spec, self._runs, self._records, self._failures, self._tally.progress, working
+            )
+        )
+
+    def outcome(self) -> SweepOutcome:
+        """What came of it."""
+        vanished = self._hashes.vanished
+        names = ", ".join(sorted(vanished))
+        remarks = [f"{names} vanished; the copy in the sweep's folder is used."] if vanished else []
+        return SweepOutcome(
+            self._place.path, self._runs, self._records, self._failures, self._before,
+            (*remarks, *self._table.remarks),
+        )  # fmt: skip
 
     def _take(self, run: SweepRun, record: Record) -> None:
         # Its labels are those of today: a run may have been done for another sweep in this folder.

@@ -4,8 +4,7 @@ It is written anew as results come in, whole or not at all, so that it can be re
 between runs by its own name, "set NAME" for the other settings, figures, times, versions.
 """
 
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,37 +14,23 @@ from frida_painter.sweeps.folder import TABLE
 if TYPE_CHECKING:
     import pyarrow
 
-_LEAST_BETWEEN = 2.0  # seconds
-_SHARE = 0.05  # of the time that may go into writing it
-
-Rows = Callable[[], Iterable[Mapping[str, Any]]]
-
 
 class TableWriter:
-    """Writes the table of a sweep's folder now and then; without pyarrow it writes none, and says so."""
+    """Writes the table of a sweep's folder; without pyarrow it writes none, and says so."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / TABLE
         self._installed = extras.is_installed("pyarrow")
-        self._next = time.monotonic() + _LEAST_BETWEEN
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """What a person should know of the table."""
         return () if self._installed else (extras.advice("table", "The table of results (Parquet)") + ".",)
 
-    def renew(self, rows: Rows) -> None:
-        """Writes it where that is due. Raises StorageError."""
-        started = time.monotonic()
-        if started >= self._next:
-            self.finish(rows)
-            took = time.monotonic() - started
-            self._next = time.monotonic() + max(_LEAST_BETWEEN, took / _SHARE)
-
-    def finish(self, rows: Rows) -> None:
-        """Writes it. Raises StorageError."""
+    def write(self, records: Iterable[Mapping[str, Any]]) -> None:
+        """Writes a row for each record. Raises StorageError."""
         if self._installed:
-            write_table(self._path, [flat(record) for record in rows()])
+            write_table(self._path, [flat(record) for record in records])
 
 
 def flat(record: Mapping[str, Any]) -> dict[str, Any]:

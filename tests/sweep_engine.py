@@ -1,0 +1,29 @@
+"""An engine for tests of what a sweep makes of one."""
+
+from collections.abc import Callable, Generator, Iterable
+from typing import Any
+
+from frida_painter.errors import FridaError
+from frida_painter.sweeps.engine import Ended
+from frida_painter.sweeps.worker import Assignment
+
+
+class Here:
+    """An engine inside this process, for what a sweep makes of an engine. between: is called before every task."""
+
+    slots = 1
+
+    def __init__(self, between: Callable[[Assignment], None] = lambda assignment: None) -> None:
+        self.between = between
+        self.asked: list[str] = []
+
+    def run(
+        self, work: Callable[[Assignment], Any], tasks: Iterable[Assignment]
+    ) -> Generator[Ended[Assignment], None, None]:
+        for task in tasks:
+            self.asked.append(task.run.key)
+            try:
+                self.between(task)
+                yield Ended(task, work(task))
+            except FridaError as error:
+                yield Ended(task, error=error)
