@@ -1,7 +1,7 @@
 import pytest
 
 from frida_painter.experiments import replanning
-from frida_painter.experiments.replanning import BLIND, LOOKING
+from frida_painter.experiments.replanning import BLIND, KNOWN_BLIND, KNOWN_LOOKING, LOOKING
 from frida_painter.experiments.targets import shipped
 from frida_painter.runs import opening
 from frida_painter.runs.spec import RunSpec
@@ -47,6 +47,15 @@ def test_the_summary_is_that_of_the_last_points(outcome):
         last = points(outcome, row["painted"])[-1]
         assert row["error at the end"] == pytest.approx(last["error"])
         assert row["deviation at the end"] == pytest.approx(last["deviation"])
+
+
+def test_what_knowing_the_placement_wins_and_what_planning_again_wins_is_told_apart(outcome):
+    similarity = {row["painted"]: row["PSNR, dB"] for row in outcome.tables[0].rows}
+    assert len(set(similarity.values())) == 4
+    known, again, together = outcome.notes
+    assert f"{similarity[KNOWN_BLIND] - similarity[BLIND]:+.2f} dB" in known
+    assert f"{similarity[KNOWN_LOOKING] - similarity[KNOWN_BLIND]:+.2f} dB" in again
+    assert f"{similarity[LOOKING] - similarity[BLIND]:+.2f} dB" in together
 
 
 def test_it_draws_two_curves_and_the_paintings(outcome):

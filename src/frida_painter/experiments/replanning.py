@@ -4,6 +4,9 @@ After every batch of strokes the canvas is photographed, and the picture that is
 computed: the photograph with what is left of the plan on top. Its difference to the first plan is
 the deviation (paper, Fig. "deviation from the initial plan"), its difference to the target the
 error. With looking, what is left is planned again on each photograph; without, it stays as it was.
+
+A painter who looks also learns where the robot paints. To tell this from planning again, the same is
+painted by a robot whose placement is known from the start.
 """
 
 from collections.abc import Sequence
@@ -14,7 +17,8 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.experiments import paintings
-from frida_painter.experiments.measures import mse
+from frida_painter.experiments.imperfections import PLACEMENT
+from frida_painter.experiments.measures import mse, psnr
 from frida_painter.experiments.outcome import Outcome, ResultTable, Row
 from frida_painter.experiments.paintings import Painted, PaintingTrial
 from frida_painter.experiments.targets import Target
@@ -25,33 +29,41 @@ from frida_painter.runs.spec import RunSpec
 
 NAME = "replanning"
 LOOKING, BLIND = "with replanning", "without looking"
-WAYS = (LOOKING, BLIND)
-DEVIATION, ERROR = "deviation", "error"
-FULL = RunSpec.of(strokes=150, layers=1, colors=12, replans=9)
+KNOWN_LOOKING, KNOWN_BLIND = "placement known, with replanning", "placement known, without looking"
+WAYS = (BLIND, LOOKING, KNOWN_BLIND, KNOWN_LOOKING)
+DEVIATION, ERROR, SIMILARITY = "deviation", "error", "PSNR, dB"
+FULL = RunSpec.of(strokes=195, layers=1, colors=12, replans=12)
 QUICK = RunSpec.of(strokes=9, colors=3, render_height=64, effort=0.05, replans=2)
 
 
 def experiment(target: Target, *, seeds: Sequence[int] = (0, 1, 2), scale: RunSpec = FULL) -> Experiment[PaintingTrial]:
-    """Paints the target twice per seed, from the same first plan on the same easel.
+    """Paints the target four times per seed, from the same first plan: on a robot that is a little off, and on one
+    that is not, with looks and without.
 
     Without looking the canvas is photographed as often, as for a film, by which nothing is decided.
     """
     looks: dict[str, Any] = {
         "replan_policy": f"every:{scale.strokes // (scale.replans + 1)}"
     }  # when the film's frames are taken
-    ways = {LOOKING: looks, BLIND: {"replans": 0, "film": True, "timelapse_frames": scale.replans + 1}}
+    film: dict[str, Any] = {"replans": 0, "film": True, "timelapse_frames": scale.replans + 1}
+    ways = {
+        BLIND: (film, ()),
+        LOOKING: (looks, ()),
+        KNOWN_BLIND: (film, (PLACEMENT,)),
+        KNOWN_LOOKING: (looks, (PLACEMENT,)),
+    }
 
     def measure(trial: PaintingTrial, painted: Painted) -> Measurement:
         """After so many strokes: the differences of the picture to be expected to the first plan and to the target."""
         wanted = images.fit(target.picture, *painted.planned.shape[1:])
-        numbers = {}
+        numbers = {SIMILARITY: psnr(painted.truth, wanted)}
         for done, picture in sorted(painted.expected.items()):
             numbers[f"{DEVIATION} {done}"] = mse(picture, painted.expected[0])
             numbers[f"{ERROR} {done}"] = mse(picture, wanted)
         return Measurement(numbers, {"plan": painted.expected[0], "painting": painted.photograph})
 
     def report(results: Results) -> Outcome:
-        points = sorted({int(name.split()[1]) for name in results.found[0][1].numbers})
+        points = sorted({int(name.split()[1]) for name in results.found[0][1].numbers if name.startswith(ERROR)})
         rows: list[Row] = [
             {"seed": seed, "painted": way, "strokes": done, **_point(results.one(seed=seed, painted=way), done)}
             for seed in seeds
@@ -64,6 +76,7 @@ def experiment(target: Target, *, seeds: Sequence[int] = (0, 1, 2), scale: RunSp
                 "deviation at the end": results.mean(f"{DEVIATION} {points[-1]}", painted=way),
                 "error of the first plan": results.mean(f"{ERROR} 0", painted=way),
                 "error at the end": results.mean(f"{ERROR} {points[-1]}", painted=way),
+                SIMILARITY: results.mean(SIMILARITY, painted=way),
             }
             for way in WAYS
         ]
@@ -73,11 +86,11 @@ def experiment(target: Target, *, seeds: Sequence[int] = (0, 1, 2), scale: RunSp
             {"target": target.name, "seeds": tuple(seeds), **paintings.settings(scale)},
             (ResultTable("At the end, mean over the seeds", tuple(summary)),
              ResultTable("After every look", tuple(rows))),
-            (_note(results, points[-1]),),
+            _notes(results, scale.replans),
             {
                 "deviation": _curve("Deviation from the first plan", DEVIATION, results, points),
                 "error": _curve("Error of the picture to be expected", ERROR, results, points),
-                "paintings": _sheet(target, results, seeds[0], points[-1]),
+                "paintings": _sheet(target, results, seeds[0]),
             },
         )  # fmt: skip
 
@@ -85,9 +98,10 @@ def experiment(target: Target, *, seeds: Sequence[int] = (0, 1, 2), scale: RunSp
         PaintingTrial.of(
             {"seed": seed, "painted": way},
             paintings.like(scale, target.picture, [{"image": str(target.path)}], seed, **changes),
+            without=without,
         )
         for seed in seeds
-        for way, changes in ways.items()
+        for way, (changes, without) in ways.items()
     ]
     return paintings.experiment(trials, measure, report)
 
@@ -96,19 +110,24 @@ def _point(found: Measurement, done: int) -> Row:
     return {what: found.numbers[f"{what} {done}"] for what in (DEVIATION, ERROR)}
 
 
-def _note(results: Results, end: int) -> str:
-    looking, blind = (np.array(results.values(f"{ERROR} {end}", painted=way)) for way in WAYS)
-    better = int((looking < blind).sum())
+def _notes(results: Results, looks: int) -> tuple[str, ...]:
+    """What knowing the placement wins, and what planning again does, each alone."""
+
+    def wins(way: str, than: str) -> str:
+        gains = np.array(results.values(SIMILARITY, painted=way)) - results.values(SIMILARITY, painted=than)
+        return f"{gains.mean():+.2f} dB ({(gains > 0).sum()} of {len(gains)} seeds are better)"
+
     return (
-        f"At the end the painting {LOOKING} is nearer to the target for {better} of {len(looking)} seeds: mean squared "
-        f"error {looking.mean():.4f} against {blind.mean():.4f} {BLIND}, {blind.mean() / looking.mean():.2f} times."
+        f"Knowing the placement from the start wins {wins(KNOWN_BLIND, BLIND)}.",
+        f"Planning again after {looks} looks wins {wins(KNOWN_LOOKING, KNOWN_BLIND)} where the placement is known.",
+        f"Where it is not, {looks} looks win {wins(LOOKING, BLIND)}, with what they tell of the placement.",
     )
 
 
 def _curve(title: str, what: str, results: Results, points: Sequence[int]) -> Tensor:
     """The mean over the seeds, and from the least to the most of them as a band."""
     lines = []
-    for way in (BLIND, LOOKING):
+    for way in WAYS:
         values = np.array([results.values(f"{what} {done}", painted=way) for done in points])
         mean, least, most = values.mean(1).tolist(), values.min(1).tolist(), values.max(1).tolist()
         lines.append(Series(way, [float(done) for done in points], mean, least, most, band=True))
@@ -116,14 +135,10 @@ def _curve(title: str, what: str, results: Results, points: Sequence[int]) -> Te
     return chart(title, "strokes painted", f"mean squared difference to {to}; band: all seeds", lines)
 
 
-def _sheet(target: Target, results: Results, seed: int, end: int) -> Tensor:
-    looking, blind = (results.one(seed=seed, painted=way) for way in WAYS)
-    plan = looking.pictures["plan"]
-    cells = [
-        Cell(images.fit(target.picture, *plan.shape[1:])),
-        Cell(plan, f"error {looking.numbers[f'{ERROR} 0']:.4f}"),
-        Cell(blind.pictures["painting"], f"error {blind.numbers[f'{ERROR} {end}']:.4f}"),
-        Cell(looking.pictures["painting"], f"error {looking.numbers[f'{ERROR} {end}']:.4f}"),
-    ]
-    headings = ("target", "first plan", f"painted {BLIND}", f"painted {LOOKING}")
-    return page("", headings, [FigureRow("", cells)], width=340)
+def _sheet(target: Target, results: Results, seed: int) -> Tensor:
+    found = {way: results.one(seed=seed, painted=way) for way in WAYS}
+    plan = found[BLIND].pictures["plan"]
+    cells = [Cell(images.fit(target.picture, *plan.shape[1:]), "target"), Cell(plan, "first plan")]
+    cells += [Cell(one.pictures["painting"], f"{way}: {one.numbers[SIMILARITY]:.2f} dB") for way, one in found.items()]
+    lines = [FigureRow("", cells[:3]), FigureRow("", cells[3:])]
+    return page("", (), lines, width=340)
