@@ -2,7 +2,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.brush.squash import squash, squash_slope, stretched, unsquash
+from frida_painter.brush.squash import squash, stretched, unsquash
 
 
 @given(st.floats(0, 1))
@@ -15,10 +15,3 @@ def test_far_from_a_mark_there_is_nothing_at_all():
     assert squash(torch.tensor(-6.0)) == 0
     assert squash(torch.tensor(6.0)) == 1
     assert stretched(torch.tensor(-6.0)) < 0
-
-
-def test_the_slope_is_the_derivative():
-    logits = torch.linspace(-8, 8, 99, dtype=torch.float64, requires_grad=True)
-    magnitude = squash(logits)
-    (wanted,) = torch.autograd.grad(magnitude.sum(), logits)
-    torch.testing.assert_close(squash_slope(magnitude.detach()), wanted)

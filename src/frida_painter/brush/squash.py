@@ -6,7 +6,6 @@ the magnitude is exactly zero, and hundreds of strokes over one another leave no
 
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 BEYOND = 0.005
 """How far the sigmoid is stretched beyond 0 and 1."""
@@ -20,14 +19,6 @@ def stretched(logits: Tensor) -> Tensor:
 def squash(logits: Tensor) -> Tensor:
     """Logits to magnitudes in [0, 1], any shape."""
     return stretched(logits).clamp(0, 1)
-
-
-def squash_slope(magnitude: Tensor) -> Tensor:
-    """d magnitude / d logits where the magnitude is inside (0, 1); elsewhere it does not answer to the logits: 0."""
-    # With m the magnitude and e = BEYOND it is (m (1 - m) + e (1 + e)) / (1 + 2 e); m (1 - m) is above 0 inside only.
-    rim = BEYOND * (1 + BEYOND)
-    inside = torch.addcmul(magnitude, magnitude, magnitude, value=-1)
-    return functional.threshold(inside, 0, -rim).add_(rim).mul_(1 / (1 + 2 * BEYOND))
 
 
 def unsquash(magnitude: Tensor) -> Tensor:

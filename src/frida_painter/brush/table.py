@@ -1,29 +1,31 @@
 """A stroke model turned into a table, so that no network is evaluated while a plan is optimised.
 
 The model is sampled once on a grid of (thickness, length, bend). The logits of its maps, which are
-much smoother than the maps (see squash.py), are written in a low-rank basis, and the coordinates
-in that basis are fitted by a tensor product of cubic B-splines, whose slopes are the model's slopes
-too. A stroke then costs 4 x 4 x 4 rows of coefficients and its share of one matrix product over
-those cells that any stroke ever touches. docs/stroke-model.md states error and speed.
+much smoother than the maps (see squash.py), are fitted by a tensor product of cubic B-splines, whose
+slopes are the model's slopes too. Lengths and bends are cut into parts. Strokes of one part touch fewer
+cells and are more alike than all of them, so that each part writes its coefficients in a small basis of
+its own. A stroke then costs 4 x 4 x 4 rows of coefficients and one product with that basis.
+docs/stroke-model.md states error and speed.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any, Self
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
 from frida_painter.brush import spline
 from frida_painter.brush.spread import CoverageSpread, spread_of
-from frida_painter.brush.squash import squash, squash_slope, unsquash
+from frida_painter.brush.squash import BEYOND, squash, unsquash
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 
 _BATCH = 256
-_NOTHING = -20.0
 _DEEPER = 0.5
 
 
@@ -31,13 +33,14 @@ _DEEPER = 0.5
 class TableDetail:
     """How finely a model is tabulated.
 
-    spans: pieces of the spline along thickness, length and bend; rank: maps in the basis; faint:
-    cells whose magnitude never gets above it stay empty.
+    spans: pieces of the spline along thickness, length and bend; rank: maps in each basis; faint: cells whose
+    magnitude never gets above it stay empty; parts: of lengths and of bends that have a basis of their own.
     """
 
     spans: tuple[int, int, int] = (5, 12, 12)
-    rank: int = 96
+    rank: int = 32
     faint: float = 0.01
+    parts: tuple[int, int] = (4, 3)
 
 
 class StrokeTable(nn.Module):
@@ -45,41 +48,27 @@ class StrokeTable(nn.Module):
 
     Magnitudes are in [0, 1], and exactly zero away from the mark. Parameters outside the limits
     count as the nearest ones inside. Differentiable once, in thickness, length and bend. The
-    buffers follow `.to()` to another precision or device.
+    buffers follow `.to()` to another precision or device. In float32 on the CPU, compiled loops do
+    the work (table_kernels.py); elsewhere plain PyTorch does, to the same effect.
     """
 
-    coefficients: Tensor  # [knots of thickness x length x bend, rank]
-    basis: Tensor  # [rank, touched + 1]: maps of logits over those cells that some stroke touches, and one empty cell
-    mean: Tensor  # [touched + 1], the mean of the logits
-    cells: Tensor  # [touched], index of the touched cells in rows x columns
-    source: Tensor  # [rows x columns], where each cell is found among the touched ones, or the empty one
+    coefficients: Tensor  # [parts, knots of thickness, of length, of bend, rank]
+    basis: Tensor  # [parts, rank, most]: maps of logits over those cells that some stroke of the part touches
+    mean: Tensor  # [parts, most], the mean of the logits
+    cells: Tensor  # [parts, most], index of those cells in rows x columns, one beyond all where there are fewer
+    counts: Tensor  # [parts], how many there are
 
-    def __init__(
-        self,
-        model: StrokeModel,
-        detail: TableDetail,
-        coefficients: Tensor,
-        basis: Tensor,
-        mean: Tensor,
-        touched: Tensor,
-    ) -> None:
+    def __init__(self, model: StrokeModel, detail: TableDetail, kept: Mapping[str, Tensor]) -> None:
+        """kept: the buffers by name."""
         super().__init__()
         self.brush: str = model.brush
         self.frame: MapFrame = model.frame
         self.limits: StrokeLimits = model.limits
         self.spread: CoverageSpread = spread_of(model)
         self.detail = detail
-        cells = touched.nonzero()[:, 0]
-        source = torch.full_like(touched, len(cells), dtype=torch.long)
-        source[cells] = torch.arange(len(cells), device=cells.device)
-        for name, buffer in {
-            "coefficients": coefficients,
-            "basis": nn.functional.pad(basis, (0, 1)),
-            "mean": nn.functional.pad(mean, (0, 1), value=_NOTHING),
-            "cells": cells,
-            "source": source,
-        }.items():
-            self.register_buffer(name, buffer)
+        part_of, first_of = _places_of_spans(detail)
+        for name, buffer in {**kept, "part_of": part_of, "first_of": first_of}.items():
+            self.register_buffer(name, buffer, persistent=name in kept)
 
     @classmethod
     def of(cls, model: StrokeModel, like: Tensor | None = None, detail: TableDetail | None = None) -> Self:
@@ -94,73 +83,152 @@ class StrokeTable(nn.Module):
     def fitted(cls, model: StrokeModel, detail: TableDetail, samples: Tensor) -> Self:
         """The table of a model from its maps [grid, rows x columns], as `sample` gives them for that detail."""
         grids = [spline.sample_grid(spans).to(samples) for spans in detail.spans]
-        touched = samples.amax(0) > detail.faint
-        logits = unsquash(samples[:, touched])
-        logits -= _DEEPER * (samples[:, touched] == 0)  # so that small errors of the fit stay below the cut
-        mean = logits.mean(0)
-        logits -= mean
-        basis = _best_basis(logits, detail.rank)
-        return cls(model, detail, _fit(logits @ basis.T, grids, detail.spans), basis, mean, touched)
+        touched = (samples.amax(0) > detail.faint).nonzero()[:, 0]
+        marks = samples[:, touched]
+        logits = unsquash(marks)
+        logits -= _DEEPER * (marks == 0)  # so that small errors of the fit stay below the cut
+        knots = _fit(logits, grids, detail.spans)
+        shape = [len(grid) for grid in grids]
+        marks, logits = marks.view(*shape, -1), logits.view(*shape, -1)
+        found = []
+        for lengths in _edges(detail, 0):
+            for bends in _edges(detail, 1):
+                rows, columns = _between(grids[1], detail.spans[1], lengths), _between(grids[2], detail.spans[2], bends)
+                mine = (marks[:, rows][:, :, columns].amax((0, 1, 2)) > detail.faint).nonzero()[:, 0]
+                near = logits[:, rows][:, :, columns][..., mine].flatten(0, 2)
+                mean = near.mean(0)
+                basis = _best_basis(near - mean, detail.rank)
+                block = knots[:, lengths[0] : lengths[1] + 3, bends[0] : bends[1] + 3, mine]
+                found.append(((block - mean) @ basis.T, basis, mean, touched[mine]))
+        parts, sizes, rank = _sizes(detail)
+        most = max(1, *(len(cells) for *_, cells in found))
+        kept = {
+            "coefficients": samples.new_zeros(parts, *sizes, rank),
+            "basis": samples.new_zeros(parts, rank, most),
+            "mean": samples.new_zeros(parts, most),
+            "cells": torch.full((parts, most), samples.shape[1], device=samples.device),
+            "counts": torch.tensor([len(cells) for *_, cells in found], device=samples.device),
+        }
+        for part, (coefficients, basis, mean, cells) in enumerate(found):
+            _, lengths, bends, used = coefficients.shape
+            kept["coefficients"][part, :, :lengths, :bends, :used] = coefficients
+            kept["basis"][part, :used, : len(cells)] = basis
+            kept["mean"][part, : len(cells)] = mean
+            kept["cells"][part, : len(cells)] = cells
+        return cls(model, detail, kept)
 
     def kept(self) -> dict[str, Tensor]:
         """What a table is made of again, by `restored`."""
-        touched = torch.zeros(len(self.source), dtype=torch.bool, device=self.cells.device)
-        touched[self.cells] = True
-        return {
-            "coefficients": self.coefficients,
-            "basis": self.basis[:, :-1],
-            "mean": self.mean[:-1],
-            "touched": touched,
-        }
+        return {name: self.get_buffer(name) for name in _KEPT}
 
     @classmethod
     def restored(cls, model: StrokeModel, detail: TableDetail, kept: Mapping[str, Tensor]) -> Self:
         """The table of that model and detail from what it kept. Raises KeyError, ValueError where that does not fit."""
-        coefficients, basis, mean, touched = (kept[name] for name in ("coefficients", "basis", "mean", "touched"))
-        rank, cells = len(basis), int(touched.sum())
-        knots = math.prod(spans + 3 for spans in detail.spans)
-        shapes = ((knots, rank), (rank, cells), (cells,), (model.frame.rows * model.frame.columns,))
+        kept = {name: kept[name] for name in _KEPT}
+        parts, knots, rank = _sizes(detail)
+        most, whole = kept["mean"].shape[-1] if kept["mean"].dim() else 0, model.frame.rows * model.frame.columns
+        shapes = ((parts, *knots, rank), (parts, rank, most), (parts, most), (parts, most), (parts,))
+        counts, cells = kept["counts"], kept["cells"]
         if (
-            tuple(tuple(one.shape) for one in (coefficients, basis, mean, touched)) != shapes
-            or touched.dtype != torch.bool
+            tuple(tuple(one.shape) for one in kept.values()) != shapes
+            or (counts.dtype, cells.dtype) != (torch.int64, torch.int64)
+            or not bool(((counts >= 0) & (counts <= most)).all())
+            or not bool(((cells >= 0) & (cells <= whole)).all())
+            or not bool(((cells < whole).sum(1) == counts).all())
         ):
-            raise ValueError(f"the parts of a table have the shapes {shapes}, the last one of booleans")
-        return cls(model, detail, coefficients, basis, mean, touched)
+            raise ValueError(f"the parts of a table have the shapes {shapes}, and count cells of {whole}")
+        return cls(model, detail, kept)
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
         """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""
         (shortest, longest), (least, most) = self.limits.length, self.limits.bend
         place = torch.stack((thickness, (length - shortest) / (longest - shortest), (bend - least) / (most - least)))
-        maps: Tensor = _Lookup.apply(place.clamp(0, 1), self)  # type: ignore[no-untyped-call]
+        place = place.clamp(0, 1)
+        if place.device.type == "cpu" and place.dtype == self.basis.dtype == torch.float32 and find_spec("numba"):
+            maps: Tensor = _Lookup.apply(place, self)  # type: ignore[no-untyped-call]
+        else:
+            maps = self.plainly(place)
         return maps.view(-1, self.frame.rows, self.frame.columns)
+
+    def plainly(self, place: Tensor) -> Tensor:
+        """The maps [n, rows x columns] at places [3, n] in [0, 1], by PyTorch on any device in any precision."""
+        looked = [spline.weights(axis, pieces) for axis, pieces in zip(place, self.detail.spans, strict=True)]
+        part = self.part_of[1, looked[1][0]] + self.part_of[2, looked[2][0]]
+        first = [self.first_of[axis, span] for axis, (span, _) in enumerate(looked)]
+        knots = self.coefficients.shape[1:4]
+        row = spline.rows(first, knots) + part[:, None] * math.prod(knots)
+        share = spline.outer(*(weight for _, weight in looked))
+        coordinates = nn.functional.embedding_bag(
+            row, self.coefficients.flatten(0, 3), per_sample_weights=share, mode="sum"
+        )
+        logits = torch.baddbmm(self.mean[part][:, None], coordinates[:, None], self.basis[part])[:, 0]
+        maps = logits.new_zeros(len(part), self.frame.rows * self.frame.columns + 1)
+        return maps.scatter(1, self.cells[part], squash(logits))[:, :-1]
+
+    def arrays(self) -> Any:
+        """The buffers as the compiled loops take them."""
+        from frida_painter.brush.table_kernels import TableArrays
+
+        names = ("coefficients", "basis", "mean", "cells", "counts", "part_of", "first_of")
+        return TableArrays(*(self.get_buffer(name).numpy() for name in names), beyond=np.float32(BEYOND))
+
+
+_KEPT = ("coefficients", "basis", "mean", "cells", "counts")
 
 
 class _Lookup(torch.autograd.Function):
-    """Looks places up in a table: [3, n] in [0, 1] -> [n, rows x columns]. Keeps only what lies on touched cells."""
+    """`StrokeTable.plainly` by compiled loops, which touch only the cells of a stroke's own part."""
 
     @staticmethod
     def forward(context: Any, place: Tensor, table: StrokeTable) -> Tensor:
-        row, weight, slope = spline.local(place, table.detail.spans)  # [n, 64], 3 x [n, 4], 3 x [n, 4]
-        magnitude = squash(torch.addmm(table.mean, _summed(table, row, *weight), table.basis))  # [n, touched + 1]
-        context.save_for_backward(row, *weight, *slope, magnitude)
+        from frida_painter.brush import table_kernels
+
+        maps = place.new_zeros(place.shape[1], table.frame.rows * table.frame.columns)
+        table_kernels.look_up(place.numpy(), table.detail.spans, table.arrays(), maps.numpy())
+        context.save_for_backward(place, maps)
         context.table = table
-        return magnitude.index_select(1, table.source)
+        return maps
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(context: Any, *upstream: Tensor) -> tuple[Tensor | None, ...]:
-        row, w0, w1, w2, s0, s1, s2, magnitude = context.saved_tensors
-        table = context.table
-        upon_logits = upstream[0].index_select(1, table.cells).mul_(squash_slope(magnitude[:, :-1]))
-        upon_coordinates = upon_logits @ table.basis[:, :-1].T  # [n, rank]
-        along = (_summed(table, row, *weight) for weight in ((s0, w1, w2), (w0, s1, w2), (w0, w1, s2)))
-        return torch.stack([(upon_coordinates * slope).sum(1) for slope in along]), None
+        from frida_painter.brush import table_kernels
+
+        place, maps = context.saved_tensors
+        table, to_place = context.table, torch.empty_like(place)
+        arrays = (tensor.detach().contiguous().numpy() for tensor in (maps, upstream[0], to_place))
+        table_kernels.pull_back(place.numpy(), table.detail.spans, table.arrays(), *arrays)
+        return to_place, None
 
 
-def _summed(table: StrokeTable, row: Tensor, first: Tensor, second: Tensor, third: Tensor) -> Tensor:
-    """Coefficients of the rows [n, 64] weighted by the products of three axes' weights [n, 4], summed: [n, rank]."""
-    share = spline.outer(first, second, third)
-    return nn.functional.embedding_bag(row, table.coefficients, per_sample_weights=share, mode="sum")
+def _edges(detail: TableDetail, axis: int) -> list[tuple[int, int]]:
+    """The first span of each part of lengths (0) or bends (1), and that after its last."""
+    spans, parts = detail.spans[axis + 1], min(detail.parts[axis], detail.spans[axis + 1])
+    return [(spans * part // parts, spans * (part + 1) // parts) for part in range(parts)]
+
+
+def _sizes(detail: TableDetail) -> tuple[int, tuple[int, ...], int]:
+    """How many parts there are, the most knots along each axis of one, and the rank in whole fours, for the loops."""
+    edges = [_edges(detail, axis) for axis in (0, 1)]
+    knots = (detail.spans[0] + 3, *(max(last - first for first, last in axis) + 3 for axis in edges))
+    return len(edges[0]) * len(edges[1]), knots, -(-detail.rank // 4) * 4
+
+
+def _places_of_spans(detail: TableDetail) -> tuple[Tensor, Tensor]:
+    """What each span of each axis adds to the number of the part, and its first knot there, both [3, most spans]."""
+    part_of, first_of = torch.zeros(2, 3, max(detail.spans), dtype=torch.long)
+    first_of[0] = torch.arange(max(detail.spans))
+    for axis, step in ((0, len(_edges(detail, 1))), (1, 1)):
+        for number, (first, last) in enumerate(_edges(detail, axis)):
+            part_of[axis + 1, first:last] = number * step
+            first_of[axis + 1, first:last] = torch.arange(last - first)
+    return part_of, first_of
+
+
+def _between(grid: Tensor, spans: int, edges: tuple[int, int]) -> Tensor:
+    """Which samples [grid] lie in those spans, or next to them."""
+    margin = spans / (len(grid) - 1)
+    return (grid * spans >= edges[0] - margin) & (grid * spans <= edges[1] + margin)
 
 
 def sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> Tensor:
@@ -178,11 +246,11 @@ def sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> Tensor:
     return samples
 
 
-def _fit(coordinates: Tensor, grids: list[Tensor], spans: tuple[int, int, int]) -> Tensor:
-    """Coefficients [knots, rank] of the splines that follow the basis coordinates [grid, rank] best."""
+def _fit(samples: Tensor, grids: list[Tensor], spans: tuple[int, int, int]) -> Tensor:
+    """Coefficients [knots, knots, knots, cells] of the splines that follow samples [grid, cells] best."""
     fits = [spline.fit_matrix(grid, pieces) for grid, pieces in zip(grids, spans, strict=True)]
-    cube = coordinates.reshape(*(len(grid) for grid in grids), -1)
-    return torch.einsum("ai,bj,ck,ijkr->abcr", *fits, cube).flatten(0, 2).contiguous()
+    cube = samples.view(*(len(grid) for grid in grids), -1)
+    return torch.einsum("ai,bj,ck,ijkr->abcr", *fits, cube)
 
 
 def _best_basis(samples: Tensor, rank: int) -> Tensor:

@@ -21,7 +21,7 @@ from frida_painter.brush.table import StrokeTable, TableDetail, sample
 from frida_painter.errors import StorageError
 
 # To be raised whenever a table, or what a stroke model makes of its weights, is computed otherwise.
-VERSION = 2
+VERSION = 3
 # The tables of this many models are kept, about 1.5 MB each.
 _MOST_KEPT = 16
 
