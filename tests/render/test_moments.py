@@ -103,13 +103,6 @@ def test_any_number_of_threads_computes_the_same_bits() -> None:
     assert all(torch.equal(one, other) for one, other in zip(*found, strict=True))
 
 
-def test_strips_of_the_canvas_leave_the_gradients_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    tensors, spread = scene(40, (12, 20), (60, 50)), CoverageSpread(0.4, 0.97)
-    whole = with_gradients(moment_scanline.composite_moments, tensors, spread)
-    monkeypatch.setattr(scanline, "_STRIP", 1000)
-    assert_same(with_gradients(moment_scanline.composite_moments, tensors, spread), whole, within=1e-12)
-
-
 def test_batches_of_strokes_leave_the_result_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     tensors, spread = scene(40, (12, 20), (60, 50)), CoverageSpread(0.4, 0.97)
     whole = with_gradients(moment_slices.composite_moments, tensors, spread)

@@ -3,7 +3,7 @@ from collections.abc import Iterator
 import pytest
 import torch
 
-from composites import assert_same, scene, with_gradients
+from composites import scene, with_gradients
 from frida_painter.render import scanline
 
 
@@ -35,13 +35,6 @@ def test_batches_of_strokes_leave_the_bits_as_they_are(monkeypatch: pytest.Monke
     assert all(torch.equal(a, b) for a, b in zip(whole, in_parts, strict=True))
     with torch.no_grad():
         assert torch.equal(scanline.composite(*tensors), whole[0])
-
-
-def test_strips_of_the_canvas_leave_the_gradients_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    tensors = scene(40, (12, 20), (60, 50))
-    whole = with_gradients(scanline.composite, tensors)
-    monkeypatch.setattr(scanline, "_STRIP", 1000)
-    assert_same(with_gradients(scanline.composite, tensors), whole, within=1e-12)
 
 
 def test_a_canvas_of_another_precision_decides() -> None:

@@ -57,6 +57,8 @@ class StrokeTable(nn.Module):
     mean: Tensor  # [parts, most], the mean of the logits
     cells: Tensor  # [parts, most], index of those cells in rows x columns, one beyond all where there are fewer
     counts: Tensor  # [parts], how many there are
+    part_of: Tensor  # [3, spans], what each span of each axis adds to the number of the part
+    first_of: Tensor  # [3, spans], the first knot of each span inside its part
 
     def __init__(self, model: StrokeModel, detail: TableDetail, kept: Mapping[str, Tensor]) -> None:
         """kept: the buffers by name."""
@@ -110,8 +112,8 @@ class StrokeTable(nn.Module):
             "counts": torch.tensor([len(cells) for *_, cells in found], device=samples.device),
         }
         for part, (coefficients, basis, mean, cells) in enumerate(found):
-            _, lengths, bends, used = coefficients.shape
-            kept["coefficients"][part, :, :lengths, :bends, :used] = coefficients
+            _, along, aside, used = coefficients.shape
+            kept["coefficients"][part, :, :along, :aside, :used] = coefficients
             kept["basis"][part, :used, : len(cells)] = basis
             kept["mean"][part, : len(cells)] = mean
             kept["cells"][part, : len(cells)] = cells
@@ -169,8 +171,8 @@ class StrokeTable(nn.Module):
         """The buffers as the compiled loops take them."""
         from frida_painter.brush.table_kernels import TableArrays
 
-        names = ("coefficients", "basis", "mean", "cells", "counts", "part_of", "first_of")
-        return TableArrays(*(self.get_buffer(name).numpy() for name in names), beyond=np.float32(BEYOND))
+        names = (*_KEPT, "part_of", "first_of")
+        return TableArrays(**{name: self.get_buffer(name).numpy() for name in names}, beyond=np.float32(BEYOND))
 
 
 _KEPT = ("coefficients", "basis", "mean", "cells", "counts")

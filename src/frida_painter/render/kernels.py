@@ -5,8 +5,6 @@ range writes to, so that any number of threads computes the same bits. The loops
 pixels are split, and see nothing but slices, so that the compiler turns all but the look-ups in
 the map into vector code. Reordering of sums is allowed, nothing else: NaN and infinity go through
 as they must.
-
-`marks` are the spans that a stroke's paint covers, `reach` those in which its gradient is wanted.
 """
 
 import numpy as np
@@ -26,8 +24,7 @@ def run(spans, i, y):  # type: ignore[no-untyped-def]
     """
     if spans.top[i] <= y < spans.bottom[i]:
         k = spans.segment[i] + y - spans.top[i]
-        start = spans.offset[k]
-        return np.uint64(spans.first[k]), np.uint64(start), np.uint64(spans.offset[k + 1] - start)
+        return np.uint64(spans.first[k]), np.uint64(spans.offset[k]), np.uint64(spans.length[k])
     return np.uint64(0), np.uint64(0), np.uint64(0)
 
 
@@ -53,17 +50,23 @@ def _locate(place, columns, left, count, y, stride, cell, right_share, below_sha
 
 
 @njit(nogil=True, cache=True)
-def _border(mark, bordered):  # type: ignore[no-untyped-def]
-    """Copies a map [h, w] into the middle of `bordered` [(h + 2) (w + 2)], whose rim is zero."""
-    h, w = mark.shape
-    for row in range(h):
-        line, middle = mark[row], bordered[(row + 1) * (w + 2) + 1 :]
+def _border(mark, box, bordered):  # type: ignore[no-untyped-def]
+    """Copies the rows of a map [h, w] that its box touches into the middle of `bordered` [(h + 2) (w + 2)].
+
+    The first and last column of it are zero for good; the rows around the box are made so.
+    """
+    _, w = mark.shape
+    stride = w + 2
+    bordered[box[0] * stride : (box[0] + 1) * stride] = 0
+    bordered[(box[1] + 1) * stride : (box[1] + 2) * stride] = 0
+    for row in range(box[0], box[1]):
+        line, middle = mark[row], bordered[(row + 1) * stride + 1 :]
         for column in range(w):
             middle[column] = line[column]
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
-def sample(begin, end, magnitude, affine, columns, marks, base, alpha):  # type: ignore[no-untyped-def]
+def sample(begin, end, magnitude, affine, boxes, columns, spans, base, alpha):  # type: ignore[no-untyped-def]
     """Coverage of strokes begin to end - 1 at their packed pixels, to alpha[offset - base]."""
     _, h, w = magnitude.shape
     number = magnitude.dtype.type
@@ -72,9 +75,10 @@ def sample(begin, end, magnitude, affine, columns, marks, base, alpha):  # type:
     cell = np.empty(len(columns), np.uint32)
     right_share, below_share = np.empty_like(columns), np.empty_like(columns)
     for i in range(begin, end):
-        _border(magnitude[i], bordered)
-        for y in range(marks.top[i], marks.bottom[i]):
-            left, start, count = run(marks, i, y)
+        if spans.top[i] < spans.bottom[i]:
+            _border(magnitude[i], boxes[i], bordered)
+        for y in range(spans.top[i], spans.bottom[i]):
+            left, start, count = run(spans, i, y)
             packed = start - np.uint64(base)
             _locate(affine[i], columns, left, count, number(y), stride, cell, right_share, below_share)
             for p in range(count):
@@ -86,14 +90,39 @@ def sample(begin, end, magnitude, affine, columns, marks, base, alpha):  # type:
                 alpha[packed + p] = upper + below_share[p] * (lower - upper)
 
 
+@njit(nogil=True, cache=True)
+def cut(begin, end, width, tolerance, spans, alpha):  # type: ignore[no-untyped-def]
+    """Cuts the runs shorter in bands begin to end - 1, at both ends, by pixels that can hardly be seen.
+
+    These are covered by less than `tolerance`, or let through less of it by the strokes above.
+    """
+    one = alpha.dtype.type(1)
+    through = np.empty((BAND, width), alpha.dtype)
+    for band in range(begin, end):
+        through[:] = one
+        for i in range(len(spans.top) - 1, -1, -1):
+            for y in range(max(spans.top[i], band * BAND), min(spans.bottom[i], (band + 1) * BAND)):
+                k = spans.segment[i] + y - spans.top[i]
+                left, start, count = spans.first[k], spans.offset[k], spans.length[k]
+                light = through[y - band * BAND]
+                while count > 0 and (alpha[start] < tolerance or light[left] < tolerance):
+                    left, start, count = left + 1, start + 1, count - 1
+                while count > 0 and (alpha[start + count - 1] < tolerance or light[left + count - 1] < tolerance):
+                    count -= 1
+                spans.first[k], spans.offset[k], spans.length[k] = left, start, count
+                cover, open_above = alpha[start : start + count], light[left : left + count]
+                for p in range(count):
+                    open_above[p] *= one - cover[p]
+
+
 @njit(nogil=True, cache=True, fastmath=_SUMS)
-def blend(begin, end, strokes, marks, base, alpha, color, picture):  # type: ignore[no-untyped-def]
+def blend(begin, end, strokes, spans, base, alpha, color, picture):  # type: ignore[no-untyped-def]
     """Lays strokes[0] to strokes[1] - 1 in order over bands begin to end - 1 of the picture [3, H, W]."""
     for band in range(begin, end):
         for i in range(strokes[0], strokes[1]):
             red, green, blue = color[i, 0], color[i, 1], color[i, 2]
-            for y in range(max(marks.top[i], band * BAND), min(marks.bottom[i], (band + 1) * BAND)):
-                left, start, count = run(marks, i, y)
+            for y in range(max(spans.top[i], band * BAND), min(spans.bottom[i], (band + 1) * BAND)):
+                left, start, count = run(spans, i, y)
                 packed = start - np.uint64(base)
                 for p in range(count):
                     cover, x = alpha[packed + p], left + p
@@ -103,53 +132,42 @@ def blend(begin, end, strokes, marks, base, alpha, color, picture):  # type: ign
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
-def find_slopes(begin, end, marks, alpha, reach, color, canvas, gradient, slope):  # type: ignore[no-untyped-def]
-    """g . (c - C) at the packed pixels of `reach` in bands begin to end - 1; C is the picture below the stroke.
+def pull_through(begin, end, spans, alpha, color, canvas, gradient, through, slope, to_color):  # type: ignore[no-untyped-def]
+    """Goes up and down through the strokes in bands begin to end - 1, with C the picture below each of them.
 
-    Only the scalar g . C is carried upwards from stroke to stroke, never the colours.
+    Upwards only the scalar g . C is carried, never the colours. through [H, W] comes as ones and leaves as what
+    reaches the canvas. slope (packed, or empty if not wanted) receives the gradient to the coverage, which is
+    g . (c - C) times what the strokes above let through; to_color [bands, n, 3] comes as zeros and receives each
+    band's part of the gradient to the colours.
     """
     _, height, width = canvas.shape
     beneath = np.empty((BAND, width), canvas.dtype)
     for band in range(begin, end):
         top = band * BAND
-        for y in range(top, min(top + BAND, height)):
-            under = beneath[y - top]
-            under[:] = 0
-            for channel in range(3):
-                down, below = gradient[channel, y], canvas[channel, y]
-                for x in range(width):
-                    under[x] += down[x] * below[x]
-        for i in range(len(color)):
-            red, green, blue = color[i, 0], color[i, 1], color[i, 2]
-            for y in range(max(reach.top[i], top), min(reach.bottom[i], top + BAND)):
-                left, start, count = run(reach, i, y)
-                for p in range(count):
-                    x = left + p
-                    paint = red * gradient[0, y, x] + green * gradient[1, y, x] + blue * gradient[2, y, x]
-                    slope[start + p] = paint - beneath[y - top, x]
-                left, start, count = run(marks, i, y)
-                for p in range(count):
-                    x = left + p
-                    paint = red * gradient[0, y, x] + green * gradient[1, y, x] + blue * gradient[2, y, x]
-                    beneath[y - top, x] += alpha[start + p] * (paint - beneath[y - top, x])
-
-
-@njit(nogil=True, cache=True, fastmath=_SUMS)
-def pull_through(begin, end, marks, alpha, reach, gradient, through, slope, to_color):  # type: ignore[no-untyped-def]
-    """Goes down through the strokes in bands begin to end - 1 with what those above let through.
-
-    through [H, W] comes as ones and leaves as what reaches the canvas. slope (packed as `reach`, or
-    empty if not wanted) is turned into the gradient to the coverage; to_color [bands, n, 3] comes as
-    zeros and receives each band's part of the gradient to the colours.
-    """
-    for band in range(begin, end):
-        for i in range(len(reach.top) - 1, -1, -1):
-            for y in range(max(reach.top[i], band * BAND), min(reach.bottom[i], (band + 1) * BAND)):
+        if len(slope) > 0:
+            for y in range(top, min(top + BAND, height)):
+                under = beneath[y - top]
+                under[:] = 0
+                for channel in range(3):
+                    down, below = gradient[channel, y], canvas[channel, y]
+                    for x in range(width):
+                        under[x] += down[x] * below[x]
+            for i in range(len(color)):
+                red, green, blue = color[i, 0], color[i, 1], color[i, 2]
+                for y in range(max(spans.top[i], top), min(spans.bottom[i], top + BAND)):
+                    left, start, count = run(spans, i, y)
+                    for p in range(count):
+                        x = left + p
+                        paint = red * gradient[0, y, x] + green * gradient[1, y, x] + blue * gradient[2, y, x]
+                        rise = paint - beneath[y - top, x]
+                        slope[start + p] = rise
+                        beneath[y - top, x] += alpha[start + p] * rise
+        for i in range(len(color) - 1, -1, -1):
+            for y in range(max(spans.top[i], top), min(spans.bottom[i], top + BAND)):
+                left, start, count = run(spans, i, y)
                 if len(slope) > 0:
-                    left, start, count = run(reach, i, y)
                     for p in range(count):
                         slope[start + p] *= through[y, left + p]
-                left, start, count = run(marks, i, y)
                 red = green = blue = through.dtype.type(0)
                 for p in range(count):
                     x = left + p
@@ -164,8 +182,13 @@ def pull_through(begin, end, marks, alpha, reach, gradient, through, slope, to_c
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
-def pull_to_affine(begin, end, magnitude, affine, columns, marks, reach, slope, to_affine):  # type: ignore[no-untyped-def]
-    """Adds to the affine maps' gradients [n, 2, 3] of strokes begin to end - 1 what comes from the rows of `reach`."""
+def pull_to_strokes(begin, end, magnitude, affine, boxes, columns, spans, slope, to_affine, to_map):  # type: ignore[no-untyped-def]
+    """Gradients to the affine maps [n, 2, 3] and to the maps [n, h, w] of strokes begin to end - 1; both come as zeros.
+
+    Either is left out where it has no strokes. For the map each sample adds four numbers to its own upper-left cell
+    only: the gradient, and that times its share to the right, below, and both. What the four cells around it receive
+    follows from their sums, once per cell instead of once per sample.
+    """
     _, h, w = magnitude.shape
     number = magnitude.dtype.type
     stride = w + 2
@@ -173,76 +196,56 @@ def pull_to_affine(begin, end, magnitude, affine, columns, marks, reach, slope, 
     cell = np.empty(len(columns), np.uint32)
     right_share, below_share = np.empty_like(columns), np.empty_like(columns)
     by_column, by_row = np.empty_like(columns), np.empty_like(columns)
+    moments = np.empty(((h + 2) * stride, 4), magnitude.dtype)
     for i in range(begin, end):
-        top, bottom = max(marks.top[i], reach.top[i]), min(marks.bottom[i], reach.bottom[i])
-        if top < bottom:
-            _border(magnitude[i], bordered)
-        for y in range(top, bottom):
-            left, _, count = run(marks, i, y)
-            reach_left, reach_start, _ = run(reach, i, y)
-            packed = reach_start + left - reach_left
-            _locate(affine[i], columns, left, count, number(y), stride, cell, right_share, below_share)
-            for p in range(count):
-                at = cell[p]
-                upper_left, upper_right = bordered[at], bordered[at + 1]
-                lower_left, lower_right = bordered[at + stride], bordered[at + stride + 1]
-                upper, lower = upper_right - upper_left, lower_right - lower_left
-                by_column[p] = slope[packed + p] * (upper + below_share[p] * (lower - upper))
-                by_row[p] = slope[packed + p] * (lower_left - upper_left + right_share[p] * (lower - upper))
-            column_sum = column_x = row_sum = row_x = number(0)
-            for p in range(count):
-                column_sum += by_column[p]
-                column_x += by_column[p] * columns[left + p]
-                row_sum += by_row[p]
-                row_x += by_row[p] * columns[left + p]
-            to_affine[i, 0, 0] += column_x
-            to_affine[i, 0, 1] += column_sum * number(y)
-            to_affine[i, 0, 2] += column_sum
-            to_affine[i, 1, 0] += row_x
-            to_affine[i, 1, 1] += row_sum * number(y)
-            to_affine[i, 1, 2] += row_sum
-
-
-@njit(nogil=True, cache=True, fastmath=_SUMS)
-def pull_to_map(begin, end, affine, columns, reach, slope, to_map):  # type: ignore[no-untyped-def]
-    """Adds to the maps' gradients [n, h, w] of strokes begin to end - 1 what comes from the rows of `reach`.
-
-    Each sample adds four numbers to its own upper-left cell only: the gradient, and that times its
-    share to the right, below, and both. What the four cells around it receive follows from their
-    sums, once per cell instead of once per sample.
-    """
-    _, h, w = to_map.shape
-    number = to_map.dtype.type
-    stride = w + 2
-    cell = np.empty(len(columns), np.uint32)
-    right_share, below_share = np.empty_like(columns), np.empty_like(columns)
-    moments = np.empty((4, (h + 2) * stride), to_map.dtype)
-    wholes, rights, belows, boths = moments[0], moments[1], moments[2], moments[3]
-    for i in range(begin, end):
-        if reach.top[i] == reach.bottom[i]:
+        if spans.top[i] == spans.bottom[i]:
             continue
-        moments[:] = number(0)
-        for y in range(reach.top[i], reach.bottom[i]):
-            left, start, count = run(reach, i, y)
+        top, bottom = boxes[i, 0], boxes[i, 1]
+        if len(to_affine) > 0:
+            _border(magnitude[i], boxes[i], bordered)
+        if len(to_map) > 0:
+            moments[top * stride : (bottom + 2) * stride] = number(0)
+        for y in range(spans.top[i], spans.bottom[i]):
+            left, start, count = run(spans, i, y)
             _locate(affine[i], columns, left, count, number(y), stride, cell, right_share, below_share)
-            for p in range(count):
-                at, rise = cell[p], slope[start + p]
-                below = rise * below_share[p]
-                wholes[at] += rise
-                rights[at] += rise * right_share[p]
-                belows[at] += below
-                boths[at] += below * right_share[p]
-        for row in range(h):
-            here, before = (row + 1) * stride + 1, (row + 1) * stride
-            over, corner = here - stride, before - stride
-            whole, right, below, both = wholes[here:], rights[here:], belows[here:], boths[here:]
-            right_before, both_before = rights[before:], boths[before:]
-            below_over, both_over, both_corner = belows[over:], boths[over:], boths[corner:]
-            line = to_map[i, row]
-            for p in range(w):
-                line[p] += (
-                    (whole[p] - right[p] - below[p] + both[p])
-                    + (right_before[p] - both_before[p])
-                    + (below_over[p] - both_over[p])
-                    + both_corner[p]
-                )
+            if len(to_affine) > 0:
+                for p in range(count):
+                    at = cell[p]
+                    upper_left, upper_right = bordered[at], bordered[at + 1]
+                    lower_left, lower_right = bordered[at + stride], bordered[at + stride + 1]
+                    upper, lower = upper_right - upper_left, lower_right - lower_left
+                    by_column[p] = slope[start + p] * (upper + below_share[p] * (lower - upper))
+                    by_row[p] = slope[start + p] * (lower_left - upper_left + right_share[p] * (lower - upper))
+                column_sum = column_x = row_sum = row_x = number(0)
+                for p in range(count):
+                    column_sum += by_column[p]
+                    column_x += by_column[p] * columns[left + p]
+                    row_sum += by_row[p]
+                    row_x += by_row[p] * columns[left + p]
+                to_affine[i, 0, 0] += column_x
+                to_affine[i, 0, 1] += column_sum * number(y)
+                to_affine[i, 0, 2] += column_sum
+                to_affine[i, 1, 0] += row_x
+                to_affine[i, 1, 1] += row_sum * number(y)
+                to_affine[i, 1, 2] += row_sum
+            if len(to_map) > 0:
+                for p in range(count):
+                    sums, rise = moments[cell[p]], slope[start + p]
+                    below = rise * below_share[p]
+                    sums[0] += rise
+                    sums[1] += rise * right_share[p]
+                    sums[2] += below
+                    sums[3] += below * right_share[p]
+        if len(to_map) > 0:
+            for row in range(top, bottom):
+                here = (row + 1) * stride + 1
+                mine, before = moments[here:], moments[here - 1 :]
+                over, corner = moments[here - stride :], moments[here - stride - 1 :]
+                line = to_map[i, row]
+                for p in range(boxes[i, 2], boxes[i, 3]):
+                    line[p] = (
+                        (mine[p, 0] - mine[p, 1] - mine[p, 2] + mine[p, 3])
+                        + (before[p, 1] - before[p, 3])
+                        + (over[p, 2] - over[p, 3])
+                        + corner[p, 3]
+                    )

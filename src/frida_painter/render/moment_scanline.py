@@ -13,9 +13,8 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from frida_painter.brush.spread import CoverageSpread
-from frida_painter.render import kernels, moment_kernels
-from frida_painter.render.scanline import Team, array, lay, pull_back, strips
-from frida_painter.render.spans import Spans, painted_boxes, whole_maps
+from frida_painter.render import moment_kernels
+from frida_painter.render.scanline import Laid, Team, array, bands_of, lay, pull_to_strokes
 
 
 def composite_moments(
@@ -26,16 +25,20 @@ def composite_moments(
     spread: CoverageSpread,
     *,
     bare_cells_answer: bool = True,
+    tolerance: float = 0.0,
 ) -> tuple[Tensor, Tensor]:
     """Lays strokes of mean coverage `magnitude` over a canvas in order; as `reference.composite_moments`.
 
     Tensors, threads and `bare_cells_answer` as in `scanline.composite`; differentiable (once) in all four tensors.
+    tolerance: 0 for the exact moments; else pixels of a stroke that are covered by less, or let through less by the
+    strokes above, are left out at both ends of each run. The mean is then off by at most tolerance x (1 + k) where k
+    strokes are left out.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
     if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in (magnitude, affine, color, canvas)):
         apply: Callable[..., tuple[Tensor, Tensor]] = _Moments.apply
-        return apply(magnitude, affine, color, canvas, spread, bare_cells_answer)
-    moments, _, _ = _lay(magnitude, affine, color, canvas, spread, keep=False)
+        return apply(magnitude, affine, color, canvas, spread, bare_cells_answer, tolerance)
+    moments, _ = _lay(magnitude, affine, color, canvas, spread, tolerance=tolerance)
     return moments
 
 
@@ -51,56 +54,51 @@ class _Moments(torch.autograd.Function):
         canvas: Tensor,
         spread: CoverageSpread,
         bare_cells_answer: bool,
+        tolerance: float,
     ) -> tuple[Tensor, Tensor]:
-        moments, alpha, ctx.marks = _lay(magnitude, affine, color, canvas, spread, keep=True)
-        ctx.spread, ctx.bare_cells_answer = spread, bare_cells_answer
-        ctx.save_for_backward(magnitude, affine, color, canvas, alpha)
+        whole = bare_cells_answer and ctx.needs_input_grad[0]
+        moments, laid = _lay(magnitude, affine, color, canvas, spread, keep=True, whole=whole, tolerance=tolerance)
+        ctx.spread = spread
+        ctx.save_for_backward(magnitude, affine, color, canvas, torch.from_numpy(laid.alpha))
+        ctx.laid = laid._replace(alpha=laid.alpha[:0])
         return moments
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, of_mean: Tensor, of_variance: Tensor) -> tuple[Tensor | None, ...]:
         magnitude, affine, color, canvas, alpha = (array(tensor) for tensor in ctx.saved_tensors)
-        wants_map, wants_affine, wants_color, wants_canvas, _, _ = ctx.needs_input_grad
-        marks: Spans = ctx.marks
+        wants_map, wants_affine, wants_color, wants_canvas, *_ = ctx.needs_input_grad
+        laid: Laid = ctx.laid._replace(alpha=alpha)
         to_mean, to_variance = array(of_mean).copy(), array(of_variance).copy()
-        bands = -(-canvas.shape[1] // kernels.BAND)
-        color_parts = np.zeros((bands, *color.shape), canvas.dtype)
-        to_map = np.zeros_like(magnitude) if wants_map else None
-        to_affine = np.zeros_like(affine) if wants_affine else None
-        boxes = whole_maps(magnitude) if wants_map and ctx.bare_cells_answer else painted_boxes(magnitude)
+        bands = bands_of(canvas)
+        to_color, slope = np.zeros((len(bands), *color.shape), canvas.dtype), np.empty_like(laid.alpha)
         spread = _numbers(ctx.spread, canvas)
         with Team() as team:
-            for strip, reach in strips(affine, boxes, canvas.shape):
-                pixels = int(reach.offset[-1])
-                below = np.empty((6, pixels), canvas.dtype)
-                slope = np.empty(pixels if wants_map or wants_affine else 0, canvas.dtype)
-                team.share(strip, moment_kernels.climb, marks, alpha, reach, color, spread, canvas, below)
-                team.share(
-                    strip, moment_kernels.descend,
-                    marks, alpha, reach, color, spread, below, to_mean, to_variance, slope, color_parts,
-                )  # fmt: skip
-                pull_back(team, magnitude, affine, marks, reach, slope, to_map, to_affine, canvas.shape[2])
+            team.share(
+                bands, moment_kernels.pull_through,
+                laid.spans, laid.alpha, color, spread, canvas, to_mean, to_variance, slope, to_color,
+            )  # fmt: skip
+            to_affine, to_map = pull_to_strokes(team, magnitude, affine, laid, slope, wants_affine, wants_map)
         return (
-            None if to_map is None else torch.from_numpy(to_map),
-            None if to_affine is None else torch.from_numpy(to_affine),
-            torch.from_numpy(color_parts.sum(0)) if wants_color else None,
+            to_map,
+            to_affine,
+            torch.from_numpy(to_color.sum(0)) if wants_color else None,
             torch.from_numpy(to_mean) if wants_canvas else None,
+            None,
             None,
             None,
         )
 
 
 def _lay(
-    magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, spread: CoverageSpread, *, keep: bool
-) -> tuple[tuple[Tensor, Tensor], Tensor, Spans]:
-    """The moments, the packed coverages (all of them if they are to be kept), and where they lie."""
+    magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, spread: CoverageSpread, **how: Any
+) -> tuple[tuple[Tensor, Tensor], Laid]:
+    """The moments, and how the strokes were laid; `how` is told to `lay`."""
     mean = array(canvas).copy()
     variance = np.zeros_like(mean)
     numbers = _numbers(spread, mean)
-    pictures = mean, variance
-    alpha, marks = lay(magnitude, affine, color, pictures, moment_kernels.blend, array(color), numbers, keep=keep)
-    return (torch.from_numpy(mean), torch.from_numpy(variance)), alpha, marks
+    laid = lay(magnitude, affine, color, (mean, variance), moment_kernels.blend, array(color), numbers, **how)
+    return (torch.from_numpy(mean), torch.from_numpy(variance)), laid
 
 
 def _numbers(spread: CoverageSpread, like: np.ndarray[Any, Any]) -> tuple[Any, Any]:

@@ -5,10 +5,10 @@ docs/renderer.md tells why the gradients are what they are. Nothing in here comp
 whose own threads spin for a while after each operation and would take the cores from the scanlines'.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -20,8 +20,6 @@ from frida_painter.render.spans import Array, Spans, find_spans, painted_boxes, 
 
 # Packed pixels that are sampled and then blended in one go: few enough to stay in the cache.
 _BATCH = 2**18
-# Packed pixels whose gradients are held at a time on the way back.
-_STRIP = 2**22
 _PIECES_PER_THREAD = 4
 
 
@@ -44,7 +42,7 @@ def composite(
         apply: Callable[..., Tensor] = _Scanline.apply
         return apply(magnitude, affine, color, canvas, bare_cells_answer)
     picture = array(canvas).copy()
-    _lay(magnitude, affine, color, picture, keep=False)
+    lay(magnitude, affine, color, (picture,), kernels.blend, array(color))
     return torch.from_numpy(picture)
 
 
@@ -56,9 +54,10 @@ class _Scanline(torch.autograd.Function):
         ctx: Any, magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, bare_cells_answer: bool
     ) -> Tensor:
         picture = array(canvas).copy()
-        alpha, ctx.marks = _lay(magnitude, affine, color, picture, keep=True)
-        ctx.bare_cells_answer = bare_cells_answer
-        ctx.save_for_backward(magnitude, affine, color, canvas, alpha)
+        whole = bare_cells_answer and ctx.needs_input_grad[0]
+        laid = lay(magnitude, affine, color, (picture,), kernels.blend, array(color), keep=True, whole=whole)
+        ctx.save_for_backward(magnitude, affine, color, canvas, torch.from_numpy(laid.alpha))
+        ctx.laid = laid._replace(alpha=laid.alpha[:0])
         return torch.from_numpy(picture)
 
     @staticmethod
@@ -66,37 +65,29 @@ class _Scanline(torch.autograd.Function):
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
         magnitude, affine, color, canvas, alpha = (array(tensor) for tensor in ctx.saved_tensors)
         wants_map, wants_affine, wants_color, wants_canvas, _ = ctx.needs_input_grad
-        marks: Spans = ctx.marks
-        g = array(gradient)
-        bands = -(-canvas.shape[1] // kernels.BAND)
-        through = np.ones_like(canvas[0])
-        color_parts = np.zeros((bands, *color.shape), canvas.dtype)
-        to_map = np.zeros_like(magnitude) if wants_map else None
-        to_affine = np.zeros_like(affine) if wants_affine else None
-        # Paint that is not there may still be wanted: the gradient to a zero cell is not zero.
-        boxes = whole_maps(magnitude) if wants_map and ctx.bare_cells_answer else painted_boxes(magnitude)
-        slope = np.empty(0, canvas.dtype)
+        laid: Laid = ctx.laid._replace(alpha=alpha)
+        g, through = array(gradient), np.ones_like(canvas[0])
+        bands = bands_of(canvas)
+        to_color = np.zeros((len(bands), *color.shape), canvas.dtype)
+        slope = np.empty(len(laid.alpha) if wants_map or wants_affine else 0, canvas.dtype)
         with Team() as team:
-            for strip, reach in strips(affine, boxes, canvas.shape):
-                if wants_map or wants_affine:
-                    if len(slope) < reach.offset[-1]:
-                        slope = np.empty(reach.offset[-1], canvas.dtype)
-                    team.share(strip, kernels.find_slopes, marks, alpha, reach, color, canvas, g, slope)
-                team.share(strip, kernels.pull_through, marks, alpha, reach, g, through, slope, color_parts)
-                pull_back(team, magnitude, affine, marks, reach, slope, to_map, to_affine, canvas.shape[2])
+            team.share(bands, kernels.pull_through, laid.spans, laid.alpha, color, canvas, g, through, slope, to_color)
+            to_affine, to_map = pull_to_strokes(team, magnitude, affine, laid, slope, wants_affine, wants_map)
         return (
-            None if to_map is None else torch.from_numpy(to_map),
-            None if to_affine is None else torch.from_numpy(to_affine),
-            torch.from_numpy(color_parts.sum(0)) if wants_color else None,
+            to_map,
+            to_affine,
+            torch.from_numpy(to_color.sum(0)) if wants_color else None,
             torch.from_numpy(g * through) if wants_canvas else None,
             None,
         )
 
 
-def _lay(magnitude: Tensor, affine: Tensor, color: Tensor, picture: Array, *, keep: bool) -> tuple[Tensor, Spans]:
-    """Paints on the picture; returns the packed coverages (all of them if they are to be kept), and where they lie."""
-    paints = array(color)
-    return lay(magnitude, affine, color, (picture,), kernels.blend, paints, keep=keep)
+class Laid(NamedTuple):
+    """How strokes were laid: where their pixels are, their packed coverages, the boxes of cells [n, 4] that matter."""
+
+    spans: Spans
+    alpha: Array
+    boxes: Array
 
 
 def lay(
@@ -106,65 +97,59 @@ def lay(
     pictures: tuple[Array, ...],
     blend: Callable[..., None],
     *arguments: object,
-    keep: bool,
-) -> tuple[Tensor, Spans]:
+    keep: bool = False,
+    whole: bool = False,
+    tolerance: float = 0.0,
+) -> Laid:
     """Samples the strokes batch by batch, and has `blend` lay them over bands of the pictures, each [3, H, W].
 
-    blend is a kernel that takes (begin, end, strokes, marks, base, alpha, *arguments, *pictures). Returns the packed
-    coverages (all of them if they are to be kept), and where they lie.
+    blend is a kernel that takes (begin, end, strokes, spans, base, alpha, *arguments, *pictures). keep: whether all
+    coverages are kept, not only those of a batch; whole: whether cells without paint matter as well. Pixels that can
+    hardly be seen are cut off where there is a tolerance, as `kernels.cut` says.
     """
     maps, places = array(magnitude), array(affine)
     _, height, width = pictures[0].shape
-    marks = find_spans(places, painted_boxes(maps), range(height), width)
-    pixels = marks.offset[marks.segment]  # [n + 1], where each stroke's packed pixels begin
-    batches = _batches(pixels)
+    boxes = whole_maps(maps) if whole else painted_boxes(maps)
+    spans = find_spans(places, boxes, height, width)
+    pixels = spans.offset[spans.segment]  # [n + 1], where each stroke's packed pixels begin
+    batches = [(0, len(maps))] if tolerance > 0 else _batches(pixels)
+    keep = keep or tolerance > 0
     largest = max((int(pixels[last] - pixels[first]) for first, last in batches), default=0)
-    kept = torch.empty(int(pixels[-1]) if keep else largest, dtype=magnitude.dtype)
-    alpha, columns, bands = kept.numpy(), column_numbers(width, places), -(-height // kernels.BAND)
+    alpha = np.empty(spans.pixels if keep else largest, maps.dtype)
+    columns, bands = column_numbers(width, places), bands_of(pictures[0])
     with Team() as team:
         for first, last in batches:
             base = 0 if keep else int(pixels[first])
-            team.share(range(first, last), kernels.sample, maps, places, columns, marks, base, alpha)
-            team.share(range(bands), blend, (first, last), marks, base, alpha, *arguments, *pictures)
+            team.share(range(first, last), kernels.sample, maps, places, boxes, columns, spans, base, alpha)
+            if tolerance > 0:
+                team.share(bands, kernels.cut, width, maps.dtype.type(tolerance), spans, alpha)
+            team.share(bands, blend, (first, last), spans, base, alpha, *arguments, *pictures)
     # The reference lays 0 times the paint everywhere, so what is not finite spoils the whole picture.
     if not (np.isfinite(places).all() and bool(torch.isfinite(color).all())):
         for picture in pictures:
             picture.fill(np.nan)
-    return kept, marks
+    return Laid(spans, alpha, boxes)
 
 
-def pull_back(
-    team: "Team",
-    magnitude: Array,
-    affine: Array,
-    marks: Spans,
-    reach: Spans,
-    slope: Array,
-    to_map: Array | None,
-    to_affine: Array | None,
-    width: int,
-) -> None:
-    """From gradients to the coverage, packed as `reach`, to those of the maps and places that are wanted."""
-    every, columns = range(len(magnitude)), column_numbers(width, affine)
-    if to_affine is not None:
-        team.share(every, kernels.pull_to_affine, magnitude, affine, columns, marks, reach, slope, to_affine)
-    if to_map is not None:
-        team.share(every, kernels.pull_to_map, affine, columns, reach, slope, to_map)
+def pull_to_strokes(
+    team: "Team", magnitude: Array, affine: Array, laid: Laid, slope: Array, wants_affine: bool, wants_map: bool
+) -> tuple[Tensor | None, Tensor | None]:
+    """From gradients to the coverage, packed, to those of the places [n, 2, 3] and maps [n, h, w] that are wanted."""
+    if not (wants_affine or wants_map):
+        return None, None
+    nothing = slice(None if wants_affine else 0), slice(None if wants_map else 0)
+    to_affine, to_map = np.zeros_like(affine[nothing[0]]), np.zeros_like(magnitude[nothing[1]])
+    width = int(laid.spans.first.max(initial=0) + laid.spans.length.max(initial=0))
+    team.share(
+        range(len(magnitude)), kernels.pull_to_strokes,
+        magnitude, affine, laid.boxes, column_numbers(width, affine), laid.spans, slope, to_affine, to_map,
+    )  # fmt: skip
+    return torch.from_numpy(to_affine) if wants_affine else None, torch.from_numpy(to_map) if wants_map else None
 
 
-def strips(affine: Array, boxes: Array, shape: tuple[int, ...]) -> Iterator[tuple[range, Spans]]:
-    """The canvas [3, H, W] in strips of whole bands, each with the spans of about _STRIP packed pixels on it."""
-    _, height, width = shape
-    bands = -(-height // kernels.BAND)
-    whole = find_spans(affine, boxes, range(height), width)
-    count = min(bands, int(whole.offset[-1]) // _STRIP + 1)
-    if count == 1:
-        yield range(bands), whole
-        return
-    edges = [bands * k // count for k in range(count + 1)]
-    for begin, end in pairwise(edges):
-        rows = range(begin * kernels.BAND, min(end * kernels.BAND, height))
-        yield range(begin, end), find_spans(affine, boxes, rows, width)
+def bands_of(picture: Array) -> range:
+    """The numbers of the bands of a picture [3, H, W]."""
+    return range(-(-picture.shape[1] // kernels.BAND))
 
 
 def _batches(pixels: Array) -> list[tuple[int, int]]:

@@ -19,7 +19,8 @@ class Spans(NamedTuple):
     """The touched pixels of n strokes, packed: stroke after stroke, row after row, left to right.
 
     Stroke i reaches rows top[i] to bottom[i] - 1. Its row y is segment k = segment[i] + y - top[i]:
-    it begins at column first[k] and its pixels are offset[k] to offset[k + 1] - 1 of the packed ones.
+    it begins at column first[k] and its length[k] pixels begin at offset[k] of the packed ones, which are
+    offset[-1] in all.
     """
 
     top: Array  # [n]
@@ -27,6 +28,12 @@ class Spans(NamedTuple):
     segment: Array  # [n + 1]
     first: Array  # [segments]
     offset: Array  # [segments + 1]
+    length: Array  # [segments]
+
+    @property
+    def pixels(self) -> int:
+        """How many packed pixels there are."""
+        return int(self.offset[-1])
 
 
 def whole_maps(magnitude: Array) -> Array:
@@ -42,18 +49,19 @@ def painted_boxes(magnitude: Array) -> Array:
     return boxes
 
 
-def find_spans(affine: Array, boxes: Array, rows: range, width: int) -> Spans:
-    """The spans of boxes of cells [n, 4] that affine [n, 2, 3] places on those rows of a canvas of that width."""
+def find_spans(affine: Array, boxes: Array, height: int, width: int) -> Spans:
+    """The spans of boxes of cells [n, 4] that affine [n, 2, 3] places on a canvas of so many pixels."""
     n = len(affine)
     top, bottom = np.zeros(n, np.int64), np.zeros(n, np.int64)
     slack = np.zeros(n)
-    _find_rows(affine, boxes, rows.start, rows.stop, width, slack, top, bottom)
+    _find_rows(affine, boxes, height, width, slack, top, bottom)
     segment = np.zeros(n + 1, np.int64)
     np.cumsum(bottom - top, out=segment[1:])
-    first, offset = np.zeros(segment[-1], np.int32), np.zeros(segment[-1] + 1, np.int64)
-    _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offset)
-    np.cumsum(offset, out=offset)
-    return Spans(top, bottom, segment, first, offset)
+    first, length = np.zeros(segment[-1], np.int32), np.zeros(segment[-1], np.int64)
+    offset = np.zeros(segment[-1] + 1, np.int64)
+    _find_columns(affine, boxes, width, slack, top, bottom, segment, first, length)
+    np.cumsum(length, out=offset[1:])
+    return Spans(top, bottom, segment, first, offset, length)
 
 
 @njit(nogil=True, cache=True)
@@ -80,16 +88,16 @@ def _find_boxes(magnitude, boxes):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True)
-def _find_rows(affine, boxes, start, stop, width, slack, top, bottom):  # type: ignore[no-untyped-def]
+def _find_rows(affine, boxes, height, width, slack, top, bottom):  # type: ignore[no-untyped-def]
     """Fills in rows that are sure to hold each stroke, and by how many cells rounding can move its border."""
     for i in range(len(affine)):
         a, b, c = np.float64(affine[i, 0, 0]), np.float64(affine[i, 0, 1]), np.float64(affine[i, 0, 2])
         d, e, f = np.float64(affine[i, 1, 0]), np.float64(affine[i, 1, 1]), np.float64(affine[i, 1, 2])
-        reach = (abs(a) + abs(d)) * width + (abs(b) + abs(e)) * stop + abs(c) + abs(f)
+        reach = (abs(a) + abs(d)) * width + (abs(b) + abs(e)) * height + abs(c) + abs(f)
         if boxes[i, 0] == boxes[i, 1] or not np.isfinite(reach):
             continue
         slack[i] = 8 * np.finfo(affine.dtype).eps * reach
-        top[i], bottom[i] = start, stop
+        top[i], bottom[i] = 0, height
         determinant = a * e - b * d
         if determinant == 0:  # a map squeezed flat has no inverse; its rows are all looked at
             continue
@@ -99,16 +107,16 @@ def _find_rows(affine, boxes, start, stop, width, slack, top, bottom):  # type: 
         p, q = a / determinant, -d / determinant
         least = min(p * above, p * below) + min(q * left, q * right)
         most = max(p * above, p * below) + max(q * left, q * right)
-        if least > start:
-            top[i] = np.int64(min(np.floor(least), stop))
-        if most < stop:
-            bottom[i] = np.int64(max(np.ceil(most) + 1, start))
-        bottom[i] = max(top[i], min(bottom[i], stop))
+        if least > 0:
+            top[i] = np.int64(min(np.floor(least), height))
+        if most < height:
+            bottom[i] = np.int64(max(np.ceil(most) + 1, 0))
+        bottom[i] = max(top[i], min(bottom[i], height))
 
 
 @njit(nogil=True, cache=True)
-def _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offset):  # type: ignore[no-untyped-def]
-    """Fills in where the run of each row begins, and after it how many columns it has."""
+def _find_columns(affine, boxes, width, slack, top, bottom, segment, first, length):  # type: ignore[no-untyped-def]
+    """Fills in where the run of each row begins, and how many columns it has."""
     number = affine.dtype.type
     for i in range(len(affine)):
         a, b, c = affine[i, 0, 0], affine[i, 0, 1], affine[i, 0, 2]
@@ -134,7 +142,7 @@ def _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offs
                 right -= 1
             k = segment[i] + y - top[i]
             first[k] = left
-            offset[k + 1] = max(right - left, 0)
+            length[k] = max(right - left, 0)
 
 
 @njit(nogil=True, cache=True)
