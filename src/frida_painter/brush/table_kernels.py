@@ -33,6 +33,17 @@ class TableArrays(NamedTuple):
     beyond: np.float32
 
 
+@njit(cache=True)
+def part_by_part(place, spans, table):  # type: ignore[no-untyped-def]
+    """An order [n] of the strokes at place [3, n] in which those of one part follow one another: its basis is cached."""
+    part = np.zeros(place.shape[1], np.int64)
+    for axis in range(3):
+        for i in range(place.shape[1]):
+            span = np.int64(place[axis, i] * np.float32(spans[axis]))
+            part[i] += table.part_of[axis, min(max(span, 0), spans[axis] - 1)]
+    return np.argsort(part)
+
+
 @njit(cache=True, fastmath=_SUMS)
 def look_up(place, spans, table, maps):  # type: ignore[no-untyped-def]
     """Magnitudes of n strokes at place [3, n] in [0, 1], to maps [n, rows x columns], which come as zeros."""
@@ -41,7 +52,7 @@ def look_up(place, spans, table, maps):  # type: ignore[no-untyped-def]
     first = np.empty(3, np.int64)
     coordinates, logits = np.empty(rank, np.float32), np.empty(most, np.float32)
     bits = np.empty(most, np.int32)
-    for i in range(place.shape[1]):
+    for i in part_by_part(place, spans, table):
         part = _weigh(place[:, i], spans, table, first, weight, slope)
         _sum_up(table.coefficients[part], first, weight, coordinates)
         count = table.counts[part]
@@ -69,7 +80,7 @@ def pull_back(place, spans, table, maps, upstream, to_place):  # type: ignore[no
     upon = np.empty(rank, np.float32)
     rim = table.beyond * (_ONE + table.beyond)
     scale = _ONE / (_ONE + np.float32(2) * table.beyond)
-    for i in range(place.shape[1]):
+    for i in part_by_part(place, spans, table):
         part = _weigh(place[:, i], spans, table, first, weight, slope)
         count = table.counts[part]
         cells, mark, above = table.cells[part], maps[i], upstream[i]

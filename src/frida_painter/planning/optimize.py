@@ -59,7 +59,7 @@ def optimize(
     best = _Best()
     failures = 0
     for iteration in range(iterations + 1):
-        current = variables.strokes()[variables.order()]
+        current = variables.strokes(variables.order())
         loss = scene.expected_loss(current)
         value = loss.item()
         if scene.validation is None:

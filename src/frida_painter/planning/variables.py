@@ -54,16 +54,18 @@ class Variables:
         """What the optimiser varies."""
         return [leaf for leaf in (self.shape, self.color) if leaf.requires_grad]
 
-    def strokes(self) -> Strokes:
-        """The strokes as they stand, in the variables' own order; differentiable in the leaves."""
-        x, y, angle, length, bend, thickness = (self.shape * self._unit).unbind(1)
+    def strokes(self, order: Tensor | None = None) -> Strokes:
+        """The strokes as they stand, in that order [n] or the variables' own; differentiable in the leaves."""
+        shape, paint, color = self.shape, self.paint, self.color * _COLOR_UNIT
+        if order is not None:  # picked once here: each of a stroke's parts would be picked by itself
+            shape, paint = shape[order], order if paint is None else paint[order]
+        x, y, angle, length, bend, thickness = (shape * self._unit).unbind(1)
         cos, sin = torch.cos(angle), torch.sin(angle)
         # From the middle of the stroke, (l/2, b/2) in its own frame, back to its start.
         start = torch.stack(
             (x - cos * length / 2 + sin * bend / 2, y - sin * length / 2 - cos * bend / 2), -1
         )  # [n, 2]
-        color = self.color * _COLOR_UNIT
-        return Strokes(start, angle, length, bend, thickness, color if self.paint is None else color[self.paint])
+        return Strokes(start, angle, length, bend, thickness, color if paint is None else color[paint])
 
     def order(self) -> Tensor:
         """Which stroke is painted when, [n]."""

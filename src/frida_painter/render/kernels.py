@@ -24,7 +24,8 @@ def run(spans, i, y):  # type: ignore[no-untyped-def]
     """
     if spans.top[i] <= y < spans.bottom[i]:
         k = spans.segment[i] + y - spans.top[i]
-        return np.uint64(spans.first[k]), np.uint64(spans.offset[k]), np.uint64(spans.length[k])
+        start = spans.offset[k]
+        return np.uint64(spans.first[k]), np.uint64(start), np.uint64(spans.offset[k + 1] - start)
     return np.uint64(0), np.uint64(0), np.uint64(0)
 
 
@@ -88,31 +89,6 @@ def sample(begin, end, magnitude, affine, boxes, columns, spans, base, alpha):  
                 upper = upper_left + right_share[p] * (upper_right - upper_left)
                 lower = lower_left + right_share[p] * (lower_right - lower_left)
                 alpha[packed + p] = upper + below_share[p] * (lower - upper)
-
-
-@njit(nogil=True, cache=True)
-def cut(begin, end, width, tolerance, spans, alpha):  # type: ignore[no-untyped-def]
-    """Cuts the runs shorter in bands begin to end - 1, at both ends, by pixels that can hardly be seen.
-
-    These are covered by less than `tolerance`, or let through less of it by the strokes above.
-    """
-    one = alpha.dtype.type(1)
-    through = np.empty((BAND, width), alpha.dtype)
-    for band in range(begin, end):
-        through[:] = one
-        for i in range(len(spans.top) - 1, -1, -1):
-            for y in range(max(spans.top[i], band * BAND), min(spans.bottom[i], (band + 1) * BAND)):
-                k = spans.segment[i] + y - spans.top[i]
-                left, start, count = spans.first[k], spans.offset[k], spans.length[k]
-                light = through[y - band * BAND]
-                while count > 0 and (alpha[start] < tolerance or light[left] < tolerance):
-                    left, start, count = left + 1, start + 1, count - 1
-                while count > 0 and (alpha[start + count - 1] < tolerance or light[left + count - 1] < tolerance):
-                    count -= 1
-                spans.first[k], spans.offset[k], spans.length[k] = left, start, count
-                cover, open_above = alpha[start : start + count], light[left : left + count]
-                for p in range(count):
-                    open_above[p] *= one - cover[p]
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)

@@ -54,7 +54,7 @@ def pull_through(begin, end, spans, alpha, color, spread, canvas, to_mean, to_va
         pixels = 0
         for i in range(len(color)):
             for y in range(max(spans.top[i], top), min(spans.bottom[i], top + BAND)):
-                pixels += spans.length[spans.segment[i] + y - spans.top[i]]
+                pixels += np.int64(run(spans, i, y)[2])
         if pixels > below.shape[1]:
             below = np.empty((6, pixels), canvas.dtype)
         variance[:] = none

@@ -25,20 +25,16 @@ def composite_moments(
     spread: CoverageSpread,
     *,
     bare_cells_answer: bool = True,
-    tolerance: float = 0.0,
 ) -> tuple[Tensor, Tensor]:
     """Lays strokes of mean coverage `magnitude` over a canvas in order; as `reference.composite_moments`.
 
     Tensors, threads and `bare_cells_answer` as in `scanline.composite`; differentiable (once) in all four tensors.
-    tolerance: 0 for the exact moments; else pixels of a stroke that are covered by less, or let through less by the
-    strokes above, are left out at both ends of each run. The mean is then off by at most tolerance x (1 + k) where k
-    strokes are left out.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
     if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in (magnitude, affine, color, canvas)):
         apply: Callable[..., tuple[Tensor, Tensor]] = _Moments.apply
-        return apply(magnitude, affine, color, canvas, spread, bare_cells_answer, tolerance)
-    moments, _ = _lay(magnitude, affine, color, canvas, spread, tolerance=tolerance)
+        return apply(magnitude, affine, color, canvas, spread, bare_cells_answer)
+    moments, _ = _lay(magnitude, affine, color, canvas, spread)
     return moments
 
 
@@ -54,10 +50,9 @@ class _Moments(torch.autograd.Function):
         canvas: Tensor,
         spread: CoverageSpread,
         bare_cells_answer: bool,
-        tolerance: float,
     ) -> tuple[Tensor, Tensor]:
         whole = bare_cells_answer and ctx.needs_input_grad[0]
-        moments, laid = _lay(magnitude, affine, color, canvas, spread, keep=True, whole=whole, tolerance=tolerance)
+        moments, laid = _lay(magnitude, affine, color, canvas, spread, keep=True, whole=whole)
         ctx.spread = spread
         ctx.save_for_backward(magnitude, affine, color, canvas, torch.from_numpy(laid.alpha))
         ctx.laid = laid._replace(alpha=laid.alpha[:0])
@@ -84,7 +79,6 @@ class _Moments(torch.autograd.Function):
             to_affine,
             torch.from_numpy(to_color.sum(0)) if wants_color else None,
             torch.from_numpy(to_mean) if wants_canvas else None,
-            None,
             None,
             None,
         )

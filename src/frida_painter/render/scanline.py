@@ -99,21 +99,18 @@ def lay(
     *arguments: object,
     keep: bool = False,
     whole: bool = False,
-    tolerance: float = 0.0,
 ) -> Laid:
     """Samples the strokes batch by batch, and has `blend` lay them over bands of the pictures, each [3, H, W].
 
     blend is a kernel that takes (begin, end, strokes, spans, base, alpha, *arguments, *pictures). keep: whether all
-    coverages are kept, not only those of a batch; whole: whether cells without paint matter as well. Pixels that can
-    hardly be seen are cut off where there is a tolerance, as `kernels.cut` says.
+    coverages are kept, not only those of a batch; whole: whether cells without paint matter as well.
     """
     maps, places = array(magnitude), array(affine)
     _, height, width = pictures[0].shape
     boxes = whole_maps(maps) if whole else painted_boxes(maps)
     spans = find_spans(places, boxes, height, width)
     pixels = spans.offset[spans.segment]  # [n + 1], where each stroke's packed pixels begin
-    batches = [(0, len(maps))] if tolerance > 0 else _batches(pixels)
-    keep = keep or tolerance > 0
+    batches = _batches(pixels)
     largest = max((int(pixels[last] - pixels[first]) for first, last in batches), default=0)
     alpha = np.empty(spans.pixels if keep else largest, maps.dtype)
     columns, bands = column_numbers(width, places), bands_of(pictures[0])
@@ -121,8 +118,6 @@ def lay(
         for first, last in batches:
             base = 0 if keep else int(pixels[first])
             team.share(range(first, last), kernels.sample, maps, places, boxes, columns, spans, base, alpha)
-            if tolerance > 0:
-                team.share(bands, kernels.cut, width, maps.dtype.type(tolerance), spans, alpha)
             team.share(bands, blend, (first, last), spans, base, alpha, *arguments, *pictures)
     # The reference lays 0 times the paint everywhere, so what is not finite spoils the whole picture.
     if not (np.isfinite(places).all() and bool(torch.isfinite(color).all())):
@@ -139,7 +134,7 @@ def pull_to_strokes(
         return None, None
     nothing = slice(None if wants_affine else 0), slice(None if wants_map else 0)
     to_affine, to_map = np.zeros_like(affine[nothing[0]]), np.zeros_like(magnitude[nothing[1]])
-    width = int(laid.spans.first.max(initial=0) + laid.spans.length.max(initial=0))
+    width = int(laid.spans.first.max(initial=0) + np.diff(laid.spans.offset).max(initial=0))
     team.share(
         range(len(magnitude)), kernels.pull_to_strokes,
         magnitude, affine, laid.boxes, column_numbers(width, affine), laid.spans, slope, to_affine, to_map,

@@ -19,8 +19,7 @@ class Spans(NamedTuple):
     """The touched pixels of n strokes, packed: stroke after stroke, row after row, left to right.
 
     Stroke i reaches rows top[i] to bottom[i] - 1. Its row y is segment k = segment[i] + y - top[i]:
-    it begins at column first[k] and its length[k] pixels begin at offset[k] of the packed ones, which are
-    offset[-1] in all.
+    it begins at column first[k] and its pixels are offset[k] to offset[k + 1] - 1 of the packed ones.
     """
 
     top: Array  # [n]
@@ -28,7 +27,6 @@ class Spans(NamedTuple):
     segment: Array  # [n + 1]
     first: Array  # [segments]
     offset: Array  # [segments + 1]
-    length: Array  # [segments]
 
     @property
     def pixels(self) -> int:
@@ -57,11 +55,10 @@ def find_spans(affine: Array, boxes: Array, height: int, width: int) -> Spans:
     _find_rows(affine, boxes, height, width, slack, top, bottom)
     segment = np.zeros(n + 1, np.int64)
     np.cumsum(bottom - top, out=segment[1:])
-    first, length = np.zeros(segment[-1], np.int32), np.zeros(segment[-1], np.int64)
-    offset = np.zeros(segment[-1] + 1, np.int64)
-    _find_columns(affine, boxes, width, slack, top, bottom, segment, first, length)
-    np.cumsum(length, out=offset[1:])
-    return Spans(top, bottom, segment, first, offset, length)
+    first, offset = np.zeros(segment[-1], np.int32), np.zeros(segment[-1] + 1, np.int64)
+    _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offset)
+    np.cumsum(offset, out=offset)
+    return Spans(top, bottom, segment, first, offset)
 
 
 @njit(nogil=True, cache=True)
@@ -115,8 +112,8 @@ def _find_rows(affine, boxes, height, width, slack, top, bottom):  # type: ignor
 
 
 @njit(nogil=True, cache=True)
-def _find_columns(affine, boxes, width, slack, top, bottom, segment, first, length):  # type: ignore[no-untyped-def]
-    """Fills in where the run of each row begins, and how many columns it has."""
+def _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offset):  # type: ignore[no-untyped-def]
+    """Fills in where the run of each row begins, and after it how many columns it has."""
     number = affine.dtype.type
     for i in range(len(affine)):
         a, b, c = affine[i, 0, 0], affine[i, 0, 1], affine[i, 0, 2]
@@ -142,7 +139,7 @@ def _find_columns(affine, boxes, width, slack, top, bottom, segment, first, leng
                 right -= 1
             k = segment[i] + y - top[i]
             first[k] = left
-            length[k] = max(right - left, 0)
+            offset[k + 1] = max(right - left, 0)
 
 
 @njit(nogil=True, cache=True)
