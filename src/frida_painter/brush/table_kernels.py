@@ -35,7 +35,7 @@ class TableArrays(NamedTuple):
 
 @njit(cache=True)
 def part_by_part(place, spans, table):  # type: ignore[no-untyped-def]
-    """An order [n] of the strokes at place [3, n] in which those of one part follow one another: its basis is cached."""
+    """The numbers [n] of the strokes at place [3, n], those of one part one after another: its basis is cached."""
     part = np.zeros(place.shape[1], np.int64)
     for axis in range(3):
         for i in range(place.shape[1]):

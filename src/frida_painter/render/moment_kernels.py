@@ -51,7 +51,7 @@ def pull_through(begin, end, spans, alpha, color, spread, canvas, to_mean, to_va
     for band in range(begin, end):
         top = band * BAND
         rows = min(BAND, height - top)
-        pixels = 0
+        pixels = np.int64(0)
         for i in range(len(color)):
             for y in range(max(spans.top[i], top), min(spans.bottom[i], top + BAND)):
                 pixels += np.int64(run(spans, i, y)[2])
