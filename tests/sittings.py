@@ -31,6 +31,7 @@ class NotingPlanner:
     """Plans random strokes in two steps, plans again by turning them, and notes how many it was given."""
 
     model = None
+    ground = (1.0, 1.0, 1.0)
     layers: tuple[int, ...] = ()
     fresh: list[bool] = field(default_factory=list)
     asked: list[int] = field(default_factory=list)

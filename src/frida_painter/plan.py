@@ -16,6 +16,8 @@ from frida_painter.palette import Palette
 from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
 
 VERSION = 2
+WHITE = (1.0, 1.0, 1.0)
+"""sRGB of a canvas that nobody has toned."""
 MOST_STROKES = 100_000
 
 
@@ -36,7 +38,7 @@ class Plan:
     canvas: CanvasSize
     brush: str
     limits: StrokeLimits
-    ground: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    ground: tuple[float, float, float] = WHITE
     about: tuple[tuple[str, str], ...] = ()
     layers: tuple[int, ...] = ()
 

@@ -14,11 +14,12 @@ from skimage import data
 
 from frida_painter import images
 from frida_painter.errors import ConfigError
+from frida_painter.palette import from_hex
 from frida_painter.runs.opening import Controls
 from frida_painter.runs.reopening import history_of
 from frida_painter.runs.run import PaintingRun, paint
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import Event, Planned, StrokePainted
+from frida_painter.session.events import Event, GroundWanted, Planned, StrokePainted
 from marks import coarse_table
 
 SMALL = {"canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}
@@ -98,6 +99,21 @@ def test_a_simulated_painting_is_the_same_and_leaves_no_file(
     with Image.open(stopped.parent / "painting.png") as painted:
         assert np.array_equal(np.asarray(painted), images.to_uint8(painting.photograph))
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("ground", ["#807060", "auto"])
+def test_a_painting_begins_on_its_ground(photo: Path, ground: str) -> None:
+    heard: list[Event] = []
+    spec = RunSpec.of(goal=[{"image": str(photo)}], strokes=3, replans=1, ground=ground, **SMALL)
+    with PaintingRun(spec, listeners=[heard.append]) as run:
+        painting = run.simulate()
+        chosen = from_hex("#ffffff" if run.spec.ground == "white" else run.spec.ground)
+        (plan,) = (event.plan for event in heard if isinstance(event, Planned) and event.done == 0)
+        assert torch.equal(torch.tensor(plan.ground), chosen) and torch.equal(run.planner.bare[:, 0, 0], chosen)
+    wanted = [event.color for event in heard if isinstance(event, GroundWanted)]
+    assert wanted == ([] if run.spec.ground == "white" else [plan.ground])
+    near = (painting.photograph - chosen[:, None, None]).abs().amax(0) < 0.06
+    assert float(near.float().mean()) > 0.25, "three strokes leave much of it to be seen"
 
 
 def test_what_would_move_a_real_robot_is_not_simulated(photo: Path) -> None:

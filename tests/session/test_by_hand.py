@@ -178,6 +178,17 @@ def test_real_paint_takes_its_time_to_dry_and_nobody_is_asked(operator: PersonAs
     assert time.monotonic() - before >= 0.05
 
 
+def test_a_person_is_told_how_to_mix_the_ground_and_may_leave() -> None:
+    person = Person()
+    PersonAsOperator(person.answer).tone((0.784, 0.659, 0.471))
+    (question,) = person.asked
+    assert "#c8a878 (" in question.text and " titanium white + " in question.text
+    assert question.picture is not None and question.picture.shape == (3, 150, 150)
+    AbsentOperator().tone((0.5, 0.5, 0.5))
+    with pytest.raises(Interrupted, match=r"not toned.*resume the painting"):
+        PersonAsOperator(lambda question: False).tone((0.5, 0.5, 0.5))
+
+
 def test_a_person_beside_a_real_robot_is_asked_to_fill_the_wells() -> None:
     person = Person()
     attending = PersonAsOperator(person.answer)

@@ -12,7 +12,8 @@ from frida_painter.calibration import BareCanvas, Calibration
 from frida_painter.errors import CalibrationError, ConfigError, FrameRejected
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
-from frida_painter.perception.margin import bare_canvas, is_bare, light_by_margin
+from frida_painter.perception.margin import bare_canvas, is_evenly, light_by_margin
+from frida_painter.plan import WHITE
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.canvas_start import CanvasStart
 from frida_painter.session.procedures.canvas import canvas as canvas_procedure
@@ -104,11 +105,18 @@ def test_what_is_on_the_canvas_is_noticed_and_asked_about(bare: BareCanvas, answ
     assert len(asked) == 1
 
 
+def test_a_canvas_that_has_the_ground_already_is_not_asked_about(bare: BareCanvas) -> None:
+    toned = studio(ground=TAN)
+    nearly = (TAN[0] - 0.05, TAN[1] + 0.03, TAN[2])
+    observer = CanvasObserver(known(toned.easel, bare), CanvasStart(nearly))
+    assert error(toned, observer.look(0.0, ROWS)) < 0.04
+
+
 def test_a_bare_canvas_teaches_the_light_as_before(bare: BareCanvas) -> None:
     plain, aware = studio(), studio()
     one = CanvasObserver(plain.easel).look(0.0, ROWS)
     other = CanvasObserver(known(aware.easel, bare)).look(0.0, ROWS)
-    assert torch.equal(one, other) and is_bare(one)
+    assert torch.equal(one, other) and is_evenly(one, WHITE)
     with pytest.raises(ConfigError, match="the canvas is bare; leave it out"):
         CanvasObserver(known(studio().easel, bare), CanvasStart(on_canvas=True)).look(0.0, ROWS)
 

@@ -335,3 +335,22 @@ def test_a_look_that_fails_when_the_paint_is_dry_pauses_and_nothing_is_painted_b
     reopened, history = Journal.reopen(tmp_path)
     reopened.close()
     assert history.wet() == 0 and history.painted == 2
+
+
+TAN = (0.784, 0.659, 0.471)
+
+
+def test_a_canvas_that_was_not_toned_pauses_before_anything_is_planned() -> None:
+    evening = Evening(3)
+    evening.planner.ground = TAN
+    with pytest.raises(PaintingPaused, match="to be #c8a878, and the canvas shows #ffffff"):
+        evening.run()
+    assert evening.easel.operator.toned == [TAN]
+    assert evening.kinds() == ["GroundWanted", "Paused"] and evening.painted() == []
+
+
+def test_who_goes_on_all_the_same_paints_on_what_is_there() -> None:
+    evening = Evening(3, go_on=lambda paused: True)
+    evening.planner.ground = TAN
+    assert evening.run().painted == 3
+    assert evening.kinds()[:2] == ["GroundWanted", "Paused"] and len(evening.camera.asked) >= 3

@@ -31,6 +31,7 @@ def evening() -> list[Callable[[Hand], object]]:
         lambda here: here.clean(),
         lambda here: here.studio.wait(5.0),
         lambda here: here.easel.operator.let_dry(5.0),
+        lambda here: here.easel.operator.tone((0.784, 0.659, 0.471)),
         lambda here: here.dip(1),
         lambda here: here.easel.operator.lay_checker(),
         lambda here: here.easel.camera.capture(0),

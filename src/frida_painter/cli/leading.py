@@ -129,6 +129,8 @@ def require_person(spec: RunSpec, *, asked: bool) -> None:
 
 def say_networks(run: PaintingRun) -> None:
     """Says what a person should know of how the goal was understood, and through which networks it is seen."""
+    if run.spec.ground == "auto":
+        print("Choosing the ground, by a quick plan on each of four.", file=sys.stderr)
     encoders = run.planner.encoders
     for choice in encoders.choices:
         better = f" (better: {choice.better})" if choice.better else ""

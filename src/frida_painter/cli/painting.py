@@ -59,7 +59,6 @@ def paint(*, photo: Photo = None, ask: AskOption = False, yes: FilledOption = Fa
 
 def plan(*, photo: Photo = None, **given: Any) -> None:
     """Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix."""
-    import torch
     from rich.console import Console
 
     from frida_painter import images
@@ -87,7 +86,7 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
                     )
 
             made = run.plan(hear)
-        bare = torch.ones(3, run.planner.fine.rows, run.planner.fine.columns)
+        bare = run.planner.bare
         made.save(folder / "plan.json")
         images.save(run.planner.expected(made, bare), folder / "plan.png")
         forecast = run.planner.forecast(made, bare)

@@ -7,14 +7,17 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Self
 
+import torch
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.text import Text
 
+from frida_painter.palette import to_hex
 from frida_painter.planning.optimize import Step
 from frida_painter.session.events import (
     Drying,
     Event,
+    GroundWanted,
     Looked,
     PaintsWanted,
     Paused,
@@ -142,6 +145,8 @@ def _words(event: Event) -> str:
             return f"planned: {forecast}"
         case Scheduled(timetable=timetable, done=0):
             return f"the robot will take {duration(timetable.total)}"
+        case GroundWanted(color):
+            return f"toning the canvas in {to_hex(torch.tensor(color))}"
         case PaintsWanted(palette):
             return f"mixing {len(palette)} paints"
         case StrokePainted(done, of) | StrokeLeftOut(done, of):

@@ -95,8 +95,12 @@ class _OpaquePaint:
         self.usual.fill_wells(palette)
         self.table.paints = tuple(_COVERING * paint for paint in self.table.paints)
 
-    def let_dry(self, seconds: float) -> None:
+    def tone(self, ground: tuple[float, float, float]) -> None:
         """As usual, and so are the others."""
+        self.usual.tone(ground)
+
+    def let_dry(self, seconds: float) -> None:
+        """Time passes."""
         self.usual.let_dry(seconds)
 
     def lay_paper(self) -> bool:

@@ -20,6 +20,9 @@ class Operator(Protocol):
     def fill_wells(self, palette: Palette) -> None:
         """Returns when well i holds paint i of the palette."""
 
+    def tone(self, ground: tuple[float, float, float]) -> None:
+        """Returns when the bare canvas is toned in that colour (sRGB) and dry, or where nobody can be asked."""
+
     def let_dry(self, seconds: float) -> None:
         """Returns when the paint on the canvas has dried for so many seconds."""
 

@@ -13,11 +13,13 @@ from torch.nn import functional
 from frida_painter.calibration import BareCanvas, Calibration
 from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.palette import to_lab
 from frida_painter.perception.flatfield import FlatField
-from frida_painter.perception.light import light_of_bytes, to_linear
+from frida_painter.perception.light import light_of_bytes, to_linear, to_srgb
 from frida_painter.perception.rectify import photographed_pixels, rectify, require_photograph
+from frida_painter.plan import WHITE
 
-WHITE = (1.0, 1.0, 1.0)
+Color = tuple[float, float, float]
 _ROWS = 256
 _PLACES = 12  # on each side of the canvas
 _BAND = (0.004, 0.012)  # metres beyond the edge
@@ -25,8 +27,8 @@ _ACROSS, _ALONG = 8, 9  # samples of a place
 _DIMMEST = 0.003  # linear light, below which a place shows the camera's noise
 _FEWEST = 16  # places
 _MOST_RESIDUAL = 0.1
-_CELLS = 24  # rows of squares by which a canvas is called bare
-_BARE, _MOST_TOUCHED = 0.8, 0.02  # least linear light of a bare square, and the share of squares that may have less
+_CELLS = 24  # rows and columns of squares by which a canvas is called bare
+_UNLIKE, _MOST_TOUCHED = 9.0, 0.02  # CIELAB of a square that has another colour, and the share of them in specks
 
 
 def bare_canvas(photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> BareCanvas:
@@ -71,15 +73,16 @@ def light_by_margin(photograph: NDArray[np.uint8], calibration: Calibration, siz
     return changed
 
 
-def share_not_bare(canvas: Tensor) -> float:
-    """The share of the canvas [3, H, W], in true colours, that is not white."""
+def share_unlike(canvas: Tensor, color: Color, tolerance: float = _UNLIKE) -> float:
+    """The share of the canvas [3, H, W], in true colours, that is not of that colour (sRGB), within so much CIELAB."""
     squares = functional.adaptive_avg_pool2d(to_linear(canvas)[None], (_CELLS, _CELLS))[0]
-    return float((squares.amin(0) < _BARE).double().mean())
+    seen = to_lab(to_srgb(squares).permute(1, 2, 0))
+    return float(((seen - to_lab(torch.tensor(color))).norm(dim=-1) > tolerance).double().mean())
 
 
-def is_bare(canvas: Tensor) -> bool:
-    """Whether the canvas [3, H, W], in true colours, is white all over but for specks."""
-    return share_not_bare(canvas) <= _MOST_TOUCHED
+def is_evenly(canvas: Tensor, color: Color, tolerance: float = _UNLIKE) -> bool:
+    """Whether the canvas [3, H, W], in true colours, has that colour (sRGB) all over but for specks."""
+    return share_unlike(canvas, color, tolerance) <= _MOST_TOUCHED
 
 
 def _margin(photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> NDArray[np.float64]:

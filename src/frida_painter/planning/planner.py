@@ -17,7 +17,7 @@ from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.interpretation import WeightedObjective, interpreted, prepare
 from frida_painter.objectives.replication import spread
 from frida_painter.palette import Palette
-from frida_painter.plan import Plan
+from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.binding import binding_iterations, bound
 from frida_painter.planning.distinct_paints import without_twins
 from frida_painter.planning.effort import Effort as Effort
@@ -53,8 +53,8 @@ class Planner:
     from `seed`. encoders: the networks that the goal is seen through, by default
     those that were fetched. device: where is planned; pictures and plans come and go on the CPU.
     layers: of a plan; None: LAYERS towards a picture in 100 strokes or more, else one.
-    region: what strokes keep clear of, from the next plan on. Raises WeightsError where the goal needs
-    a network that is missing.
+    region: what strokes keep clear of, from the next plan on; ground: sRGB of the bare canvas.
+    Raises WeightsError where the goal needs a network that is missing.
     """
 
     def __init__(
@@ -78,6 +78,7 @@ class Planner:
         self.seed = seed
         self.layers = layers
         self.region: Region | None = None
+        self.ground = WHITE
         self.encoders = encoders or EncoderRegistry()
         self.device = device or torch.device("cpu")
         self._model = on_device(model, self.device)
@@ -90,8 +91,8 @@ class Planner:
 
     @property
     def bare(self) -> Tensor:
-        """A bare white canvas, [3, H, W] of the fine grid."""
-        return torch.ones(3, self.fine.rows, self.fine.columns)
+        """A canvas without a stroke on its ground, [3, H, W] of the fine grid."""
+        return torch.tensor(self.ground)[:, None, None].repeat(1, self.fine.rows, self.fine.columns)
 
     def plan(
         self,
@@ -108,11 +109,8 @@ class Planner:
         """
         if not (strokes >= 1 and colors >= 1):
             raise ConfigError(f"{strokes} strokes in {colors} paints were asked for; give at least 1 of each.")
-        canvas = (
-            self.bare
-            if canvas is None or is_bare(images.fit(canvas, self.coarse.rows, self.coarse.columns))
-            else canvas
-        )
+        if canvas is None or is_bare(images.fit(canvas, self.coarse.rows, self.coarse.columns), self.ground):
+            canvas = self.bare
         generator = torch.Generator().manual_seed(self.seed)
         sizes = self.layer_sizes(strokes)
         first, colors = sizes[0], min(colors, sizes[0])
@@ -340,7 +338,7 @@ class Planner:
             device=self.device,
             layers=self.layers,
         )
-        planner.region = self.region
+        planner.region, planner.ground = self.region, self.ground
         return planner
 
     def locate(self, painted: Plan, known: Placement, before: Tensor, seen: Tensor) -> Placement:
@@ -378,7 +376,15 @@ class Planner:
         limits = self.model.limits.within(self.size)
         strokes, palette = strokes.project(limits, self.size).to("cpu"), Palette(palette.color.cpu())
         return self._clear(
-            Plan.of(strokes, palette, paint.cpu(), canvas=self.size, brush=self.model.brush, limits=limits)
+            Plan.of(
+                strokes,
+                palette,
+                paint.cpu(),
+                canvas=self.size,
+                brush=self.model.brush,
+                limits=limits,
+                ground=self.ground,
+            )
         )
 
     def _clear(self, plan: Plan) -> Plan:

@@ -61,9 +61,9 @@ class Scene:
         return judge(*self.moments(strokes))
 
 
-def is_bare(canvas: Tensor) -> bool:
-    """Whether a canvas picture [3, H, W] shows white paper, but for the noise of a camera."""
-    return bool((canvas - 1).abs().amax() <= _NOISE)
+def is_bare(canvas: Tensor, ground: tuple[float, float, float]) -> bool:
+    """Whether a canvas picture [3, H, W] shows nothing but its ground (sRGB) and the noise of a camera."""
+    return bool((canvas - torch.tensor(ground).to(canvas)[:, None, None]).abs().amax() <= _NOISE)
 
 
 def on_device(model: StrokeModel, device: torch.device) -> StrokeModel:

@@ -4,9 +4,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor
 
 from frida_painter.mixing.recipe import Recipe
+from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 from frida_painter.report.story import PaintFacts, paints
 from frida_painter.sheet import INK, LINE, SOFT, Sheet, font, shortened
@@ -75,7 +77,9 @@ def _head(sheet: Sheet, plan: Plan, title: str) -> None:
     sheet.text((_MARGIN, 84), shortened(title, 58, COLUMNS - 2 * _MARGIN), 58, INK)
     count = len(plan.palette)
     facts = f"{count} paint{'s' if count != 1 else ''} for {len(plan)} strokes on a canvas of {plan.canvas}"
-    sheet.text((_MARGIN, 162), f"{facts}, brush: {plan.brush}", 24, SOFT)
+    ground = to_hex(torch.tensor(plan.ground))
+    toned = f", toned {ground}" if ground != "#ffffff" else ""
+    sheet.text((_MARGIN, 162), f"{facts}{toned}, brush: {plan.brush}", 24, SOFT)
 
 
 def _card(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:

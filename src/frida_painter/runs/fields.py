@@ -66,6 +66,23 @@ def _placement(text: str | None) -> str | None:
     return text
 
 
+def ground_color(ground: str) -> tuple[float, float, float] | None:
+    """The colour of "white" or "#c8a878", sRGB in [0, 1]; None for "auto"."""
+    if ground == "auto":
+        return None
+    red, green, blue = (
+        (int(ground[at : at + 2], 16) / 255 for at in (1, 3, 5)) if ground != "white" else (1.0, 1.0, 1.0)
+    )
+    return red, green, blue
+
+
+def _ground(text: str) -> str:
+    ground = text.strip().lower()
+    if ground not in ("auto", "white") and re.fullmatch("#[0-9a-f]{6}", ground) is None:
+        raise ValueError(f"{text[:40]!r} is not a ground; give auto, white, or a colour such as #c8a878")
+    return ground
+
+
 def _policy(text: str | None) -> str | None:
     try:
         if text is not None:
@@ -75,6 +92,7 @@ def _policy(text: str | None) -> str | None:
     return text
 
 
+Ground = Annotated[str, AfterValidator(_ground)]
 Policy = Annotated[str | None, AfterValidator(_policy)]
 Canvas = Annotated[CanvasSize, BeforeValidator(_canvas), PlainSerializer(_millimetres)]
 File = Annotated[Path | None, BeforeValidator(_path), PlainSerializer(_whole_path, when_used="json")]

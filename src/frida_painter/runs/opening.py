@@ -16,9 +16,11 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.palette import Palette
 from frida_painter.perception.flatfield import FlatField
+from frida_painter.plan import WHITE
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Effort, Planner
 from frida_painter.report.recorder import Recorder
+from frida_painter.runs.fields import ground_color
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.brushwork import Brushwork, refilled
 from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
@@ -29,6 +31,7 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.names import TITLES
 from frida_painter.session.opening import planning_device
+from frida_painter.session.operator import ground_recipe
 from frida_painter.session.procedures.dialogue import Answer, Question
 from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy, replan_policy_named
 
@@ -92,6 +95,7 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
         layers=spec.layers,
         device=device,
     )
+    planner.ground = ground_color(spec.ground) or WHITE
     if networks.idle_clip is not None:
         raise ConfigError(
             f"--clip was given {networks.idle_clip[:60]!r}, and nothing of this goal is seen through a CLIP; leave it "
@@ -135,7 +139,7 @@ def open_session(
     return PaintingSession(
         planner,
         Brushwork(easel, kind, placement or Placement.unknown(), drying=60 * spec.drying),
-        CanvasObserver(easel, CanvasStart(spec.on_canvas, paint_on), light),
+        CanvasObserver(easel, CanvasStart(planner.ground, spec.on_canvas, paint_on), light),
         replan_policy(spec, planner.layer_sizes(spec.strokes)),
         stop_asked=controls.stop_asked,
         notify=notify,
@@ -158,6 +162,7 @@ def open_recorder(
         *((f"Better for {choice.purpose}", choice.better) for choice in encoders.choices if choice.better),
         *(("Remark", remark) for remark in encoders.remarks),
         ("Canvas", f"{spec.canvas}, painted on before" if spec.on_canvas else str(spec.canvas)),
+        *([("Ground", ground_recipe(planner.ground))] if planner.ground != WHITE else []),
         *([("Fit", _FIT[spec.fit])] if target is not None else []),
         ("Brush", spec.brush),
         ("Looks and replans", str(spec.replans)),

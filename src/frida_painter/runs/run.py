@@ -30,9 +30,10 @@ from frida_painter.errors import (
 )
 from frida_painter.hardware.easel import Easel
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.palette import Palette
+from frida_painter.palette import Palette, to_hex
 from frida_painter.perception.swatches import read_palette
-from frida_painter.plan import Plan
+from frida_painter.plan import WHITE, Plan
+from frida_painter.planning.ground import proposed_ground
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Recorder
@@ -168,9 +169,18 @@ class PaintingRun:
         """The planner, opened when it is first asked for. Raises WeightsError where a network is missing."""
         if self._planner is None:
             self._planner = open_planner(self.spec, self.goal, self._encoders)
+            if self.spec.ground == "auto":
+                self._choose_ground(self._planner)
             if self._reopened is not None:
                 self._planner.region = resuming.region(self.folder, self._reopened.history)
         return self._planner
+
+    def _choose_ground(self, planner: Planner) -> None:
+        """Settles the ground that the description leaves to the planner; a painting keeps it from then on."""
+        planner.ground = proposed_ground(planner, self.spec.strokes, self.spec.colors)
+        ground = to_hex(torch.tensor(planner.ground))
+        self.spec = self.spec.model_copy(update={"ground": "white" if planner.ground == WHITE else ground})
+        self.remarks.append(f"The ground that suits this picture best: {self.spec.ground}.")
 
     @property
     def easel(self) -> Easel:
@@ -180,9 +190,9 @@ class PaintingRun:
         return self._easel
 
     def plan(self, notify: Callable[[Step], None] = lambda step: None) -> Plan:
-        """A plan for a bare canvas; nothing is painted, and nothing is written. Raises PlanError."""
+        """A plan for a bare canvas on its ground; nothing is painted, and nothing is written. Raises PlanError."""
         planner, spec = self.planner, self.spec
-        bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
+        bare = planner.bare
         made = planner.plan(bare, spec.strokes, spec.colors, notify)
         return made if self.mixed is None else planner.bind_to_palette(made, bare, self.mixed, notify)
 
@@ -290,7 +300,7 @@ class PaintingRun:
         canvas = resuming.last_canvas(self.folder, history, self.spec.canvas, self.folder / CALIBRATION)
         before = resuming.first_canvas(self.folder, history, self.spec.canvas, self.folder / CALIBRATION)
         with self._recorder() as recorder:
-            expected = self.planner.expected(kept.plan, torch.ones_like(canvas) if before is None else before)
+            expected = self.planner.expected(kept.plan, self.planner.bare if before is None else before)
             recorder.hear(Resumed(kept.plan, history.painted, expected))
             painting = Painting(canvas, history.painted, None, history.robot_seconds)
             return RunOutcome(self.folder, painting, recorder.finish(painting))

@@ -15,12 +15,12 @@ from pydantic.fields import FieldInfo
 from frida_painter import storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
-from frida_painter.runs.fields import Canvas, File, Placement, Policy
+from frida_painter.runs.fields import Canvas, File, Ground, Placement, Policy
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.session.names import HUMAN, SAWYER_SIM, SIMULATED, VIRTUAL
 
 VERSION = 1
-SETTLED = ("strokes", "layers", "colors", "canvas", "brush")
+SETTLED = ("strokes", "layers", "colors", "canvas", "brush", "ground")
 """What a painting's plan rests on: it cannot be changed once there is a plan."""
 EASEL = (
     "robot", "camera", "workspace", "calibration", "placement_error", "pace", "arm_meshes", "studio_canvas", "on_canvas"
@@ -110,6 +110,12 @@ class RunSpec(BaseModel):
         "Your own packages can add policies.",
         json_schema_extra={"metavar": "NAME:VALUE", "default": "evenly spaced, --replans times"},
     )
+    ground: Ground = Field(
+        "white",
+        description="The colour in which the bare canvas is toned before the painting begins. auto takes it from the "
+        "picture. A person tones it; the recipe is told, and the camera looks before anything is planned.",
+        json_schema_extra={"metavar": "auto|white|#RRGGBB"},
+    )
     drying: float = Field(
         20.0,
         ge=1,
@@ -158,6 +164,10 @@ class RunSpec(BaseModel):
             raise ValueError(
                 f"{self.replans} replans for {self.strokes} strokes; "
                 f"there is a look between strokes only, so give at most {self.strokes - 1}"
+            )
+        if self.on_canvas and self.ground != "white":
+            raise ValueError(
+                f"--on-canvas paints on what is there, and --ground {self.ground} tones a bare canvas; leave out one"
             )
         if self.arm_meshes is not None and self.robot != SAWYER_SIM:
             raise ValueError(f"--arm-meshes is for the film of --robot {SAWYER_SIM}; leave it out")

@@ -17,6 +17,7 @@ from frida_painter.session.choreography import Action
 from frida_painter.session.events import (
     Dipped,
     Drying,
+    GroundWanted,
     MotionBegan,
     Notify,
     PaintsWanted,
@@ -62,6 +63,12 @@ class BatchExecutor:
             for action in self._brushwork.prepare(left, progress.painted, progress.strokes):
                 if not self._perform(action, progress.plan) or self._brushwork.load is not action.load:
                     break
+
+    def tone(self, ground: tuple[float, float, float]) -> None:
+        """Tells which ground is wanted (sRGB), and waits until the canvas has it."""
+        self._tell(GroundWanted(ground))
+        self._brushwork.easel.operator.tone(ground)
+        self._interruptions.touched = True
 
     def fill_wells(self, palette: Palette) -> None:
         """Tells which paints are wanted, and waits until their wells are filled."""

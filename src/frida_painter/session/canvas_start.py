@@ -11,7 +11,11 @@ from frida_painter.errors import ConfigError, FrameRejected
 from frida_painter.hardware.easel import Easel
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
-from frida_painter.perception.margin import WHITE, is_bare, light_by_margin, share_not_bare
+from frida_painter.perception.margin import Color, is_evenly, light_by_margin, share_unlike
+from frida_painter.plan import WHITE
+
+TOLERANCE = 20.0
+"""CIELAB within which a canvas that a person has toned by hand has the ground that was wanted."""
 
 
 def _never(sentence: str, canvas: Tensor) -> bool:
@@ -22,10 +26,12 @@ def _never(sentence: str, canvas: Tensor) -> bool:
 class CanvasStart:
     """How a painting may begin.
 
-    on_canvas: whether it begins on what is on the canvas; paint_on: asked, with a
-    sentence and the canvas [3, H, W], where something is on it and nobody said so.
+    ground: sRGB in which the bare canvas is toned, or was toned already; on_canvas: whether it begins on what is on
+    the canvas; paint_on: asked, with a sentence and the canvas [3, H, W], where something is on it and nobody said
+    so.
     """
 
+    ground: Color = WHITE
     on_canvas: bool = False
     paint_on: Callable[[str, Tensor], bool] = _never
 
@@ -46,14 +52,14 @@ class CanvasStart:
                 raise
             return FlatField.learn(picture, WHITE)
         canvas = true_color(light.correct(picture), record)
-        if is_bare(canvas):
+        if is_evenly(canvas, WHITE):
             if self.on_canvas:
                 raise ConfigError(
                     "--on-canvas was given, and the canvas is bare; leave it out, or put up the canvas to paint on."
                 )
             return FlatField.learn(picture, WHITE)
-        if not self.on_canvas:
-            sentence = f"The canvas is not bare: {100 * share_not_bare(canvas):.0f} % of it is not white."
+        if not (self.on_canvas or is_evenly(canvas, self.ground, TOLERANCE)):
+            sentence = f"The canvas is not bare: {100 * share_unlike(canvas, WHITE):.0f} % of it is not white."
             if not self.paint_on(sentence, canvas):
                 raise ConfigError(
                     f"{sentence} To paint on what is there, say --on-canvas; else put up a bare canvas. Where it "

@@ -77,6 +77,13 @@ class Scheduled:
 
 
 @dataclass(frozen=True)
+class GroundWanted:
+    """The canvas is bare; painting begins when it is toned in this colour, sRGB."""
+
+    color: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
 class PaintsWanted:
     """The palette is settled; painting begins when its wells are filled."""
 
@@ -282,7 +289,7 @@ Written = (
     | Photographed | Paused | Stopped | Failed | Finished | RegionProtected | GoalChanged
     | PageEvent
 )  # fmt: skip
-Moment = PlanningStep | Planned | Scheduled | PaintsWanted | TimelapseFrame | Looked | Resumed
+Moment = PlanningStep | Planned | Scheduled | GroundWanted | PaintsWanted | TimelapseFrame | Looked | Resumed
 Event = Moment | Written
 Notify = Callable[[Event], None]
 

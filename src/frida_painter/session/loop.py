@@ -2,7 +2,7 @@
 
 Start reading here. This file only says what follows what; who does it:
 
-    look at the bare canvas, and plan
+    look at the bare canvas, have it toned where a ground is wanted, and plan
     while strokes are left:
         paint a batch of strokes                         act      batch_executor.py, brushwork.py
         let a layer dry that is done
@@ -19,15 +19,18 @@ from collections.abc import Callable
 from functools import partial
 from typing import Final
 
+import torch
 from torch import Tensor
 
 from frida_painter.errors import FridaError
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
+from frida_painter.palette import Palette, to_hex
+from frida_painter.perception.margin import is_evenly
+from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.session.batch_executor import BatchExecutor
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
+from frida_painter.session.canvas_start import TOLERANCE
 from frida_painter.session.events import Event, Failed, Finished, Notify, Paused, Resumed, Stopped
 from frida_painter.session.execution_monitor import ExecutionMonitor
 from frida_painter.session.interruptions import Interruptions, StopAsked
@@ -153,7 +156,10 @@ class PaintingSession:
         return None if seen is None else self._progress.as_painting(seen)
 
     def _begin(self, strokes: int, colors: int, plan: Plan | None) -> None:
-        self._progress.canvas.saw(self.look(), 0)
+        canvas, ground = self.look(), self.planner.ground
+        if ground != WHITE and not is_evenly(canvas, ground, TOLERANCE):
+            canvas = self._tone(ground)
+        self._progress.canvas.saw(canvas, 0)
         self._began_at = self.brushwork.last_motion
         self._plans.begin(strokes, colors, plan)
         palette = self.rest.palette
@@ -162,6 +168,19 @@ class PaintingSession:
         if mixed is not None:
             self._plans.bind_to_palette(mixed)
             self.brushwork.easel.operator.fill_wells(mixed)
+
+    def _tone(self, ground: tuple[float, float, float]) -> Tensor:
+        """Has the canvas toned and returns it as it is then, [3, H, W]; pauses once where it has another colour."""
+        self._executor.tone(ground)
+        canvas = self.look()
+        if not is_evenly(canvas, ground, TOLERANCE):
+            seen = to_hex(canvas.flatten(1).median(1).values)
+            self.interruptions.pause(
+                f"The ground is to be {to_hex(torch.tensor(ground))}, and the canvas shows {seen} in the middle of all "
+                "places. Tone it, or go on with what is there."
+            )
+            canvas = self.look()
+        return canvas
 
     def _begin_again(self, where: ResumeState) -> None:
         self._progress.go_on_from(where)

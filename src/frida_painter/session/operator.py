@@ -3,9 +3,12 @@
 import time
 from collections.abc import Callable
 
+import torch
 from torch import Tensor
 
 from frida_painter.errors import Interrupted
+from frida_painter.mixing.paint_inventory import usual_paints
+from frida_painter.mixing.recipe import recipes
 from frida_painter.palette import Palette, to_hex
 from frida_painter.session.procedures.dialogue import Answer, Confirm, Question
 from frida_painter.sheet import CREAM, INK, Sheet, to_bytes
@@ -24,6 +27,15 @@ class PersonAsOperator:
         paints = ", ".join(f"{number} {to_hex(color)}" for number, color in enumerate(palette.color, start=1))
         if self._answer(Confirm(self._asking_for(paints), _swatches(palette))) is not True:
             raise Interrupted("The paints were not there, and nothing was painted; the plan is kept.")
+
+    def tone(self, ground: tuple[float, float, float]) -> None:
+        """Returns when the person says that the canvas is toned and dry. Raises Interrupted where it will not be."""
+        question = (
+            f"Tone the whole canvas evenly in {ground_recipe(ground)}. Let it dry, and put it back exactly where it "
+            "was. Is it there?"
+        )
+        if self._answer(Confirm(question, _even(ground))) is not True:
+            raise Interrupted("The canvas was not toned, and nothing was painted; resume the painting when it is.")
 
     def let_dry(self, seconds: float) -> None:
         """Waits."""
@@ -51,6 +63,9 @@ class AbsentOperator:
     def fill_wells(self, palette: Palette) -> None:
         """Leaves it to the other process."""
 
+    def tone(self, ground: tuple[float, float, float]) -> None:
+        """Leaves it to the other process."""
+
     def let_dry(self, seconds: float) -> None:
         """Waits."""
         time.sleep(seconds)
@@ -66,6 +81,17 @@ class AbsentOperator:
     def take_checker_away(self) -> bool:
         """False: a person is to be asked."""
         return False
+
+
+def ground_recipe(ground: tuple[float, float, float]) -> str:
+    """The colour of a ground and how to mix it of six usual paints, "#c8a878 (6 titanium white + 1 hansa yellow)"."""
+    (recipe,) = recipes(torch.tensor([ground]), usual_paints())
+    return f"{to_hex(recipe.target)} ({recipe.words})"
+
+
+def _even(color: tuple[float, float, float]) -> Tensor:
+    """A swatch [3, 150, 150]."""
+    return torch.tensor(color)[:, None, None].expand(3, _SWATCH, _SWATCH).contiguous()
 
 
 def _swatches(palette: Palette) -> Tensor:

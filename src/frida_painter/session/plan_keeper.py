@@ -9,12 +9,13 @@ from contextlib import suppress
 from functools import partial
 
 from frida_painter.palette import Palette
-from frida_painter.perception.margin import is_bare
+from frida_painter.perception.margin import is_evenly
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import Timelapse
+from frida_painter.session.canvas_start import TOLERANCE
 from frida_painter.session.events import Notify, Planned, PlanningStep, Scheduled
 from frida_painter.session.interruptions import Interruptions
 from frida_painter.session.journal import Journal
@@ -46,9 +47,9 @@ class PlanKeeper:
         self._progress, self._tell = progress, tell
 
     def begin(self, strokes: int, colors: int, made: Plan | None = None) -> None:
-        """Adopts a plan of so many strokes for the canvas: the one that was made for a bare one, or a new one."""
+        """Adopts a plan of so many strokes: the one that was made for such a canvas, or a new one for what is seen."""
         canvas = self._progress.canvas.last_seen
-        made = made if is_bare(canvas) else None
+        made = made if made is not None and is_evenly(canvas, made.ground, TOLERANCE) else None
         plan = made or self._arranged(self.planner.plan(canvas, strokes, colors, self._checking_interrupts("plan")))
         self._adopt(plan, self.planner.validation_loss(canvas))
 

@@ -49,8 +49,8 @@ class Canvas:
         self.tooth = _cloth(rows, columns, cell, random)
         if ground.ndim == 3:
             ground = np.asarray(cv2.resize(ground, (columns, rows), interpolation=cv2.INTER_AREA), np.float64)
-        self.ground = (ground * (1 - 0.012 * (self.tooth[..., None] - 0.5))).astype(np.float32)
         self._changed = np.ones((rows, columns), np.bool_)
+        self.tone(ground)
         self._looks = np.empty((rows, columns, BANDS), np.float32)
 
     @property
@@ -62,6 +62,11 @@ class Canvas:
     def dry_volume(self) -> float:
         """Set paint on the canvas, microlitres."""
         return float(self.dry.sum(dtype=np.float64)) * self.cell**2
+
+    def tone(self, ground: NDArray[np.float64]) -> None:
+        """What lies under the wet film has that linear reflectance from now on, [3] or [rows, columns, 3]."""
+        self.ground = (ground * (1 - 0.012 * (self.tooth[..., None] - 0.5))).astype(np.float32)
+        self._changed[:] = True
 
     def touch(self, tuft: Tuft, path: NDArray[np.float64], now: float) -> None:
         """A tuft goes along a path (see Tuft.feet) and exchanges paint with the canvas, at time `now` (s)."""

@@ -50,6 +50,8 @@ def relive(
                 camera.remember(entry["exposed"])
             case "fill":
                 operator.pour(np.array(entry["color"]))
+            case "tone":
+                operator.tone(entry["ground"])
             case "paper":
                 operator.lay_paper()
             case "checker":

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from frida_painter.palette import Palette
 from frida_painter.virtual.canvas import Canvas
 from frida_painter.virtual.checker import Checker
-from frida_painter.virtual.paint import absorption_and_scattering
+from frida_painter.virtual.paint import absorption_and_scattering, to_linear
 from frida_painter.virtual.simulation_log import Note, unnoted
 from frida_painter.virtual.table import Table
 
@@ -31,6 +31,11 @@ class StudioOperator:
         """Fills well i with paint of colour i, sRGB [k, 3]."""
         self._table.paints = tuple(absorption_and_scattering(color))
         self.note({"did": "fill", "color": color.tolist()})
+
+    def tone(self, ground: tuple[float, float, float]) -> None:
+        """Tones the canvas in that colour (sRGB) and lets it dry."""
+        self._table.canvas.tone(to_linear(np.array(ground)))
+        self.note({"did": "tone", "ground": list(ground)})
 
     def let_dry(self, seconds: float) -> None:
         """Lets time pass."""

@@ -43,6 +43,9 @@ class Job:
             fit="crop",  # the page chose a canvas in the picture's proportions, or the person another
             brush=request.brush,
             replans=min(request.replans, request.strokes - 1),
+            ground=request.ground,
+            on_canvas=request.on_canvas,
+            drying=request.drying,
             effort=request.effort,
             seed=request.seed,
             **self._easel_fields,

@@ -7,6 +7,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstra
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.objectives.kind import Gives, goal_kinds
+from frida_painter.runs.fields import Ground
 from frida_painter.runs.spec import RunSpec
 
 Identifier = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
@@ -76,6 +77,9 @@ class PaintingRequest(_Checked):
     height: float = Field(_CANVAS.height * 1000, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
     brush: Literal["fine", "medium", "broad"] = "broad"
     replans: int = _as_described("replans")
+    ground: Ground = "white"
+    on_canvas: bool = False
+    drying: float = _as_described("drying")
     effort: float = _as_described("effort")
     seed: int = _as_described("seed")
 
@@ -85,6 +89,8 @@ class PaintingRequest(_Checked):
             raise ValueError("There is nothing to paint yet: give a picture, or words, or draw something.")
         if not self.title.isprintable():
             raise ValueError("The title holds characters that cannot be printed; type it anew.")
+        if self.on_canvas and self.ground != "white":
+            raise ValueError("A canvas that is painted on as it is cannot be toned; choose one of them.")
         if not 1 / 4 <= self.width / self.height <= 4:
             raise ValueError("The canvas is too narrow: its longer side is at most four times the shorter one.")
         return self

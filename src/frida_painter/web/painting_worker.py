@@ -2,9 +2,11 @@
 
 import time
 
+import torch
 from torch import Tensor
 
 from frida_painter.errors import PaintingPaused, RobotStopped
+from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 from frida_painter.runs.opening import Controls, replan_policy
 from frida_painter.runs.run import PaintingRun, RunOutcome
@@ -22,7 +24,10 @@ from frida_painter.web.telling import Reporter
 def paint(job: Job, place: PlanFolder) -> None:
     """Paints the plan, and plans the rest again at every look."""
     folder, plan = job.folder.painting, Plan.load(place.plan)
-    with PaintingRun(job.spec(place), folder, state=job.state, record_may_differ=True) as run:
+    spec = job.spec(place)
+    if spec.ground == "auto":  # the plan was made on the one that suits it
+        spec = spec.changed(ground=to_hex(torch.tensor(plan.ground)))
+    with PaintingRun(spec, folder, state=job.state, record_may_differ=True) as run:
         run.load_easel()  # it loads while the planner does
         _lead(job, run)
         _conclude(job, run, run.start(plan))

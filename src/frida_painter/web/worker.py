@@ -13,8 +13,6 @@ import time
 import traceback
 from pathlib import Path
 
-import torch
-
 from frida_painter.errors import ConfigError, FridaError, RobotStopped
 from frida_painter.planning.optimize import Step
 from frida_painter.runs.run import PaintingRun
@@ -84,7 +82,7 @@ def make_plan(job: Job, place: PlanFolder) -> None:
     feed = job.feed
     with PaintingRun(job.spec(place)) as run:
         planner = run.planner
-        bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
+        bare = planner.bare
         started = time.monotonic()
 
         def grown(name: str) -> None:

@@ -78,6 +78,9 @@ class Host:
                 camera.close()
             case "operator.fill_wells":
                 operator.fill_wells(Palette(torch.from_numpy(arrays["color"])))
+            case "operator.tone":
+                red, green, blue = map(float, words["ground"])
+                operator.tone((red, green, blue))
             case "operator.let_dry":
                 operator.let_dry(words["seconds"])
             case "operator.lay_paper":

@@ -168,6 +168,10 @@ class RemoteOperator:
         """Has well i filled with paint i."""
         self._link.ask("operator.fill_wells", {"color": palette.color.detach().cpu().numpy()})
 
+    def tone(self, ground: tuple[float, float, float]) -> None:
+        """Has the canvas toned in that colour (sRGB)."""
+        self._link.ask("operator.tone", ground=list(ground))
+
     def let_dry(self, seconds: float) -> None:
         """Has the paint dry for so long."""
         self._link.ask("operator.let_dry", seconds=seconds)

@@ -19,7 +19,7 @@ const PRESETS = [
 
 /** @returns {Wish} */
 export const fresh = () => ({
-  title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brush: "broad", replans: 4, effort: 1, seed: 0,
+  title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brush: "broad", replans: 4, ground: "white", on_canvas: false, drying: 20, effort: 1, seed: 0,
 });
 
 /**
@@ -127,6 +127,11 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
         slider({ label: "Paints to mix", min: 1, max: 24, value: wish.colors, oninput: set("colors") }),
         slider({ label: "Replans", min: 0, max: 12, value: wish.replans, words: (looks) => (looks ? `${looks} times it looks at the canvas and replans` : "none"), oninput: set("replans") }),
         choices({ legend: "Brush", name: "brush", value: wish.brush, options: ["fine", "medium", "broad"].map((brush) => ({ value: brush, label: brush })), onchange: set("brush") }),
+        choices({ legend: "Canvas at the start", name: "ground", value: wish.on_canvas ? "as it is" : wish.ground ?? "white",
+          options: [{ value: "white", label: "white" }, { value: "auto", label: "toned", title: "A colour that suits the picture; you tone the canvas, by a recipe" },
+            ...(house.simulated ? [] : [{ value: "as it is", label: "as it is", title: "Paint on what is there: a toned ground, an old painting, or what you painted" }])],
+          onchange: (value) => { wish.on_canvas = value === "as it is"; wish.ground = value === "auto" ? "auto" : "white"; changed(); } }),
+        house.simulated ? null : slider({ label: "Drying", min: 5, max: 60, value: wish.drying ?? 20, words: (minutes) => `${minutes} minutes between two layers`, oninput: set("drying") }),
         h("div", { class: "field" }, h("span", {}, "Start from another picture or text"), first,
           h("div", { class: "adders", role: "group", "aria-label": "Start from" }, Object.entries(FIRST).map(([kind, label]) => adder(kind, wish.initial, label)))),
         h("label", { class: "field" }, h("span", {}, "Canvas"), house.canvas ? h("span", {}, `${Math.round(wish.width)} × ${Math.round(wish.height)} mm, from the workspace file of the robot`) : canvasChoice()),

@@ -1,0 +1,51 @@
+"""The ground: the colour in which a canvas is toned before it is painted on."""
+
+import copy
+
+import torch
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.errors import ConfigError
+from frida_painter.plan import WHITE
+from frida_painter.planning.planner import Planner
+
+_ROWS = 64
+_TRYING = 0.25  # of the planner's effort
+
+
+def proposed_ground(planner: Planner, strokes: int, colors: int) -> tuple[float, float, float]:
+    """The colour in which the canvas is best toned for a plan of so many strokes and paints, sRGB.
+
+    A quick plan is made on each of a few colours; the one that leaves the least expected loss is taken. Raises
+    ConfigError where no picture tells colours.
+    """
+    picture = next((term.guide for term in planner.goal.initial_terms if term.guide is not None), None)
+    if picture is None:
+        raise ConfigError(
+            "--ground auto takes its colour from the picture to paint, and this goal has none; give a colour, such as "
+            "#c8a878."
+        )
+
+    def expected_loss(ground: tuple[float, float, float]) -> float:
+        trial = copy.copy(planner)
+        trial.ground, trial.effort = ground, planner.effort.scaled(_TRYING)
+        return trial.expected_loss(trial.plan(None, strokes, colors), trial.bare)
+
+    return min(possible_grounds(picture), key=expected_loss)
+
+
+def possible_grounds(picture: Tensor) -> list[tuple[float, float, float]]:
+    """Colours that suit the canvas of a painting of this picture, sRGB [3, H, W] in [0, 1], in 256 steps.
+
+    White; the mean of the picture, which leaves the least squared error where no stroke comes; and the means of its
+    darker half and darkest quarter, because light strokes come first, and dark ones leave gaps.
+    """
+    color = images.fit(picture, _ROWS, _ROWS).flatten(1)  # [3, pixels]
+    lightness = color.mean(0)
+    found = [WHITE]
+    for share in (1.0, 0.5, 0.25):
+        dark = color[:, lightness <= torch.quantile(lightness, share)]
+        red, green, blue = (dark.mean(1) * 255).round().div(255).tolist()
+        found.append((red, green, blue))
+    return found

@@ -1,0 +1,52 @@
+import itertools
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from frida_painter.errors import ConfigError
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.plan import WHITE
+from frida_painter.planning.ground import possible_grounds, proposed_ground
+from frida_painter.planning.planner import Effort, Planner
+from scenes import CANVAS, small_table
+
+CHANNEL = st.floats(0, 1, width=32)
+
+
+@settings(max_examples=25)
+@given(st.tuples(CHANNEL, CHANNEL, CHANNEL), st.tuples(CHANNEL, CHANNEL, CHANNEL))
+def test_grounds_are_white_the_mean_and_ever_darker_ones(left: tuple[float, ...], right: tuple[float, ...]) -> None:
+    half = torch.tensor(left)[:, None, None].expand(3, 64, 32), torch.tensor(right)[:, None, None].expand(3, 64, 32)
+    picture = torch.cat(half, 2)
+    white, *darker = possible_grounds(picture)
+    assert white == WHITE
+    assert darker[0] == pytest.approx(picture.mean((1, 2)).tolist(), abs=0.003)
+    lightness = [sum(color) for color in darker]
+    assert all(light + 0.02 >= dark for light, dark in itertools.pairwise(lightness))
+
+
+def planner(picture: torch.Tensor) -> Planner:
+    wanted = Goal((ImageTerm(picture),))
+    return Planner(wanted, CANVAS, small_table(), rows=64, effort=Effort().scaled(0.2))
+
+
+def test_a_dark_picture_is_painted_on_a_dark_ground_and_a_light_one_on_white() -> None:
+    dark = torch.full((3, 64, 85), 0.15)
+    dark[:, 20:30, 20:60] = 0.9
+    by = planner(dark)
+    by.ground = proposed_ground(by, 6, 2)
+    assert max(by.ground) < 0.3
+    plan = by.plan(None, 6, 2)
+    assert plan.ground == by.ground and float((by.expected(plan)[:, :4].mean() - 0.15).abs()) < 0.1
+    assert by.towards(by.goal).ground == by.ground
+    assert proposed_ground(planner(1 - 0.1 * dark), 6, 2)[0] > 0.9
+
+
+def test_without_a_picture_a_person_names_the_ground(monkeypatch: pytest.MonkeyPatch) -> None:
+    by = planner(torch.zeros(3, 64, 85))
+    monkeypatch.setattr(ImageTerm, "guide", None)
+    with pytest.raises(ConfigError, match="give a colour, such as #c8a878"):
+        proposed_ground(by, 6, 2)
