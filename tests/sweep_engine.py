@@ -5,7 +5,6 @@ from typing import Any
 
 from frida_painter.errors import FridaError
 from frida_painter.sweeps.engine import Ended
-from frida_painter.sweeps.worker import Assignment
 
 
 class Here:
@@ -13,15 +12,13 @@ class Here:
 
     slots = 1
 
-    def __init__(self, between: Callable[[Assignment], None] = lambda assignment: None) -> None:
+    def __init__(self, between: Callable[[Any], None] = lambda task: None) -> None:
         self.between = between
-        self.asked: list[str] = []
+        self.asked: list[Any] = []
 
-    def run(
-        self, work: Callable[[Assignment], Any], tasks: Iterable[Assignment]
-    ) -> Generator[Ended[Assignment], None, None]:
+    def run(self, work: Callable[[Any], Any], tasks: Iterable[Any]) -> Generator[Ended[Any], None, None]:
         for task in tasks:
-            self.asked.append(task.run.key)
+            self.asked.append(task)
             try:
                 self.between(task)
                 yield Ended(task, work(task))

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from frida_painter import cli
-from frida_painter.experiments import targets
+from frida_painter.experiments import parallel, targets
 from frida_painter.runs import opening
 from marks import coarse_table, small_library
 
@@ -17,7 +17,8 @@ Run = Callable[..., Said]
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
     """run(word, ...): the exit status, and what was said on both channels."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(opening, "cached_table", coarse_table)
+    monkeypatch.setattr(opening, "cached_table", coarse_table)  # which holds in this process only:
+    monkeypatch.setattr(parallel, "slots_here", lambda limits, most=None: most or 1)
 
     def running(*words: object) -> Said:
         monkeypatch.setattr("sys.argv", ["frida-painter", "experiments", *map(str, words)])
@@ -106,3 +107,16 @@ def test_what_cannot_be_done_is_said_in_a_sentence(run: Run, tmp_path: Path, wor
     status, _, err = run(*words)
     assert status == 2 and says in err and "Traceback" not in err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_trials_are_measured_in_processes_with_the_same_figures(run: Run, tmp_path: Path) -> None:
+    small_library(16).save(tmp_path / "mine.npz")
+    tables = []
+    for jobs in (1, 2):
+        status, _, err = run(
+            "strokes-needed", "--library", "mine.npz", "--quick", "--jobs", jobs, "--out", f"by-{jobs}"
+        )
+        assert status == 0, err
+        tables.append(json.loads((tmp_path / f"by-{jobs}" / "strokes-needed" / "table.json").read_text()))
+    assert tables[0] == tables[1]

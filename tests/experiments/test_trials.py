@@ -104,3 +104,11 @@ def test_results_are_found_by_their_labels():
 
 def test_labels_make_the_name_of_a_file():
     assert ExperimentTrial({"prompt": "../a lemon?", "seed": 0}).name == "a-lemon-0"
+
+
+def test_trials_that_share_work_are_measured_together(tmp_path):
+    experiment = Experiment(trials(), Measuring(), lambda results: None, sharing="way")
+    assert experiment.shares(tmp_path) == [(0, 1), (2, 3)]
+    experiment.measured(experiment.trials[0], tmp_path, lambda progress: None)
+    assert experiment.shares(tmp_path) == [(1,), (2, 3)]
+    assert Experiment(trials(), Measuring(), lambda results: None).shares(tmp_path) == [(1,), (2,), (3,)]

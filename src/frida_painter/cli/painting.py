@@ -3,7 +3,8 @@
 import sys
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,10 +12,24 @@ from frida_painter.cli.goal_options import tell_left_out
 from frida_painter.cli.run_options import TAKEN, Photo, painting_options, planning_options, spec_of, taking
 from frida_painter.cli.wells import AskOption, FilledOption
 from frida_painter.errors import ConfigError
-from frida_painter.options import out_file, whole_number
+from frida_painter.options import out_file, whole_number, whole_number_within
+
+if TYPE_CHECKING:  # with them come tensors
+    from frida_painter.plan import Plan
+    from frida_painter.runs.spec import RunSpec
 
 PlanFile = Annotated[
     Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
+]
+
+Candidates = Annotated[
+    int,
+    typer.Option(
+        "--candidates",
+        parser=whole_number_within(1, 1000),
+        metavar="N",
+        help="Make N plans with different seeds, in several processes, and paint the best one.",
+    ),
 ]
 
 
@@ -26,7 +41,14 @@ def register(app: typer.Typer) -> None:
     app.command("render")(render)
 
 
-def paint(*, photo: Photo = None, ask: AskOption = False, yes: FilledOption = False, **given: Any) -> None:
+def paint(
+    *,
+    photo: Photo = None,
+    candidates: Candidates = 1,
+    ask: AskOption = False,
+    yes: FilledOption = False,
+    **given: Any,
+) -> None:
     """Paint a photograph or a text prompt. Plans, paints some strokes, looks at the canvas and replans the rest.
 
     The virtual studio paints unless --robot names a robot arm, a plotter or a person (docs/machines.md).
@@ -47,14 +69,28 @@ def paint(*, photo: Photo = None, ask: AskOption = False, yes: FilledOption = Fa
     limit_threads()
     spec = spec_of(photo, given)
     require_person(spec, asked=not yes)
+    spec, chosen = (spec, None) if candidates == 1 else _best_of(candidates, spec)
     with stop_on_signals() as stop, PaintingRun(spec, given["out"]) as run:
         say_films(run.spec)
         run.load_easel()  # it loads while the planner does
         say_networks(run)
         stop.at_once = run.open_easel(hear_signals=True).robot.stop
         with Leader(run, stop, asked=not yes, asks_for_paints=ask, started=started) as leader:
-            outcome = run.start()
+            outcome = run.start(chosen)
     leader.conclude(outcome)
+
+
+def _best_of(candidates: int, spec: "RunSpec") -> "tuple[RunSpec, Plan]":
+    """The description with the best of so many seeds, and its plan; says which it is."""
+    from rich.console import Console
+
+    from frida_painter.cli.progress import SweepLine
+    from frida_painter.sweeps.candidates import best_candidate
+
+    with TemporaryDirectory() as folder, SweepLine(Console(stderr=True, highlight=False)) as line:
+        best = best_candidate(spec, candidates, Path(folder), notify=line.hear)
+    print(best.comparison, file=sys.stderr)
+    return best.spec, best.plan
 
 
 def plan(*, photo: Photo = None, **given: Any) -> None:

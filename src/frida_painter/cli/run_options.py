@@ -23,7 +23,14 @@ from frida_painter.options import (
 )
 from frida_painter.runs.spec import RunSpec
 
-TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {"photo", "settings", "out", "ask", "yes"}
+TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {
+    "photo",
+    "settings",
+    "out",
+    "ask",
+    "yes",
+    "candidates",
+}
 """Names of options that no kind of goal can have."""
 _PLAN = ("strokes", "layers", "colors", "canvas", "fit", "ground", "brush", "render_height", "effort", "seed")
 _PAINT = ("replans", "replan_policy", "drying", "timelapse_frames")

@@ -1,4 +1,4 @@
-"""What commands of experiments are given alike: brush, seeds, pictures, library, folder; and how one is run."""
+"""What commands of experiments are given alike: brush, seeds, pictures, library, folder, jobs; and how one is run."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,6 +10,7 @@ from frida_painter.options import out_folder, whole_number_within
 
 if TYPE_CHECKING:  # the command line lists the experiments without loading them
     from frida_painter.experiments.outcome import Notify, Outcome
+    from frida_painter.experiments.parallel import MakeExperiment
     from frida_painter.experiments.targets import Target
 
 _seed = whole_number_within(0, 2**31 - 1)
@@ -55,7 +56,16 @@ Library = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="A stroke library (.npz). [dim]200 strokes, painted in the virtual studio[/]"),
 ]
+Jobs = Annotated[
+    int | None,
+    typer.Option(
+        parser=whole_number_within(1, 4096),
+        metavar="N",
+        help="Number of trials at the same time. [dim]as many as there are cores and memory for[/]",
+    ),
+]
 HERE = Path("experiments")
+UNFINISHED = "unfinished"
 
 
 def pictures_of(given: Sequence[Path] | None, shipped: Sequence[str]) -> "tuple[Target, ...]":
@@ -70,3 +80,10 @@ def run_under_progress(name: str, out: Path, run: "Callable[[Path, Notify], Outc
     from frida_painter.experiments.conduct import conduct
 
     conduct(name, out, run)
+
+
+def run_trials(name: str, out: Path, make: "MakeExperiment", jobs: int | None) -> None:
+    """Runs the trials of the experiment that `make` makes, in several processes at once, under a progress bar."""
+    from frida_painter.experiments.parallel import run_in_processes
+
+    run_under_progress(name, out, lambda keep, notify: run_in_processes(make, keep, notify, jobs))

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from frida_painter.experiments import outcome
+from frida_painter.experiments.command_options import UNFINISHED
 from frida_painter.experiments.outcome import Notify, Outcome
 from frida_painter.session.forecast import duration
 from frida_painter.session.opening import limit_threads
@@ -21,7 +22,7 @@ def conduct(name: str, out: Path, experiment: Callable[[Path, Notify], Outcome])
     experiment: is given a folder in which finished parts wait, which goes when all is done, and whom to tell.
     """
     folder = out / name
-    unfinished = folder / "unfinished"
+    unfinished = folder / UNFINISHED
     limit_threads()
     started = time.monotonic()
     console = Console(stderr=True, highlight=False)

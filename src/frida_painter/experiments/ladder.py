@@ -178,7 +178,7 @@ def experiment(
         for seed in seeds
         for rung in RUNGS
     ]
-    return Experiment(trials, measure, report)
+    return Experiment(trials, measure, report, sharing="painting")
 
 
 def _numbers(picture: Tensor, first: _FirstPlan, wanted: Tensor) -> dict[str, float]:

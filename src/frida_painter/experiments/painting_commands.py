@@ -1,13 +1,16 @@
 """The commands of experiments about paintings: experiments ladder, replanning, text and others."""
 
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from frida_painter.experiments.command_options import (
     HERE,
+    UNFINISHED,
     BrushName,
+    Jobs,
     Out,
     Photo,
     Photos,
@@ -16,25 +19,30 @@ from frida_painter.experiments.command_options import (
     Seeds,
     Styles,
     pictures_of,
+    run_trials,
     run_under_progress,
 )
 from frida_painter.options import whole_number_within
-
-if TYPE_CHECKING:  # the command line lists the experiments without loading them
-    from frida_painter.experiments.outcome import Notify, Outcome
 
 _PROMPTS = 20  # that the experiment `text` has
 
 
 def sim2real(
-    brush: BrushName = "broad", seeds: Seeds = "0,1,2", target: Photos = None, quick: Quick = False, out: Out = HERE
+    brush: BrushName = "broad",
+    seeds: Seeds = "0,1,2",
+    target: Photos = None,
+    quick: Quick = False,
+    jobs: Jobs = None,
+    out: Out = HERE,
 ) -> None:
     """Measure the sim2real gap of paintings for our planner and two planners like earlier work."""
     from frida_painter.experiments import sim2real as it
     from frida_painter.experiments import targets
 
     scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
-    run_under_progress(it.NAME, out, it.experiment(pictures_of(target, targets.SHIPPED), seeds=seeds, scale=scale).run)
+    run_trials(
+        it.NAME, out, partial(it.experiment, pictures_of(target, targets.SHIPPED), seeds=seeds, scale=scale), jobs
+    )
 
 
 def ladder(
@@ -46,6 +54,7 @@ def ladder(
         typer.Option(parser=whole_number_within(13, 1000), metavar="N", help="Number of strokes. [dim]200[/]"),
     ] = None,
     quick: Quick = False,
+    jobs: Jobs = None,
     out: Out = HERE,
 ) -> None:
     """Find where a painting loses quality: looks, placement, and each imperfection of robot, paint and camera."""
@@ -53,18 +62,23 @@ def ladder(
 
     scale = (it.QUICK if quick else it.FULL).changed(brush=brush, **({"strokes": strokes} if strokes else {}))
     photographs = pictures_of(target, it.PHOTOGRAPHS[: 1 if quick else None])
-    run_under_progress(it.NAME, out, it.experiment(photographs, seeds=seeds, scale=scale).run)
+    run_trials(it.NAME, out, partial(it.experiment, photographs, seeds=seeds, scale=scale), jobs)
 
 
 def replanning(
-    brush: BrushName = "broad", seeds: Seeds = "0,1,2", target: Photo = None, quick: Quick = False, out: Out = HERE
+    brush: BrushName = "broad",
+    seeds: Seeds = "0,1,2",
+    target: Photo = None,
+    quick: Quick = False,
+    jobs: Jobs = None,
+    out: Out = HERE,
 ) -> None:
     """Compare paintings with and without replanning: the distance to the first plan and to the target."""
     from frida_painter.experiments import replanning as it
 
     (picture,) = pictures_of([target] if target else None, ["coffee"])
     scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
-    run_under_progress(it.NAME, out, it.experiment(picture, seeds=seeds, scale=scale).run)
+    run_trials(it.NAME, out, partial(it.experiment, picture, seeds=seeds, scale=scale), jobs)
 
 
 def sawyer(
@@ -86,13 +100,16 @@ def text(
         typer.Option(parser=whole_number_within(1, _PROMPTS), metavar="N", help="Use only the first N prompts."),
     ] = _PROMPTS,
     quick: Quick = False,
+    jobs: Jobs = None,
     out: Out = HERE,
 ) -> None:
     """Paint text prompts and score them by a network that planning does not use, against baselines."""
     from frida_painter.experiments import text as it
 
     scale = (it.QUICK if quick else it.FULL).changed(brush=brush)
-    run_under_progress(it.NAME, out, it.experiment(it.PROMPTS[: 2 if quick else first], seeds=seeds, scale=scale).run)
+    run_trials(
+        it.NAME, out, partial(it.experiment, it.PROMPTS[: 2 if quick else first], seeds=seeds, scale=scale), jobs
+    )
 
 
 def style(
@@ -101,6 +118,7 @@ def style(
     target: Photos = None,
     image: Styles = None,
     quick: Quick = False,
+    jobs: Jobs = None,
     out: Out = HERE,
 ) -> None:
     """Measure the style distance of paintings with features that the optimiser does not use."""
@@ -109,19 +127,24 @@ def style(
 
     photos, styles = pictures_of(target, ["cat", "astronaut"]), pictures_of(image, targets.STYLES)
     scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
-    run_under_progress(it.NAME, out, it.experiment(photos, styles, seeds=seeds, scale=scale).run)
+    run_trials(it.NAME, out, partial(it.experiment, photos, styles, seeds=seeds, scale=scale), jobs)
 
 
 def semantic(
-    brush: BrushName = "broad", seeds: Seeds = "0,1", target: Photos = None, quick: Quick = False, out: Out = HERE
+    brush: BrushName = "broad",
+    seeds: Seeds = "0,1",
+    target: Photos = None,
+    quick: Quick = False,
+    jobs: Jobs = None,
+    out: Out = HERE,
 ) -> None:
     """Compare painting by content with painting by pixels, scored by a network that no optimiser uses."""
     from frida_painter.experiments import paintings, targets
     from frida_painter.experiments import semantic as it
 
     scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
-    run_under_progress(
-        it.NAME, out, it.experiment(pictures_of(target, targets.PHOTOGRAPHS), seeds=seeds, scale=scale).run
+    run_trials(
+        it.NAME, out, partial(it.experiment, pictures_of(target, targets.PHOTOGRAPHS), seeds=seeds, scale=scale), jobs
     )
 
 
@@ -137,6 +160,7 @@ def sketch(
         ),
     ] = None,
     quick: Quick = False,
+    jobs: Jobs = None,
     out: Out = HERE,
 ) -> None:
     """Paint text prompts along a drawing, with and without the sketch objective."""
@@ -146,14 +170,17 @@ def sketch(
     drawings = pictures_of(target, targets.DRAWINGS)
     scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
 
-    def run(keep: Path, notify: "Notify") -> "Outcome":
-        return it.experiment(drawings, keep, seeds=seeds, scale=scale).run(keep, notify)
-
-    run_under_progress(it.NAME, out, run)
+    lines = out / it.NAME / UNFINISHED
+    run_trials(it.NAME, out, partial(it.experiment, drawings, lines, seeds=seeds, scale=scale), jobs)
 
 
 def composition(
-    brush: BrushName = "broad", seeds: Seeds = "0", image: Styles = None, quick: Quick = False, out: Out = HERE
+    brush: BrushName = "broad",
+    seeds: Seeds = "0",
+    image: Styles = None,
+    quick: Quick = False,
+    jobs: Jobs = None,
+    out: Out = HERE,
 ) -> None:
     """Paint text prompts from a style picture, and measure its composition and whether the prompt is still seen."""
     from frida_painter.experiments import composition as it
@@ -161,4 +188,4 @@ def composition(
 
     styles, prompts = pictures_of(image, targets.STYLES), it.SAID[: 1 if quick else None]
     scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
-    run_under_progress(it.NAME, out, it.experiment(styles, prompts, seeds=seeds, scale=scale).run)
+    run_trials(it.NAME, out, partial(it.experiment, styles, prompts, seeds=seeds, scale=scale), jobs)

@@ -1,6 +1,7 @@
 """The commands of experiments about strokes: experiments continuous-strokes, stroke-model and others."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +10,7 @@ import typer
 from frida_painter.experiments.command_options import (
     HERE,
     BrushName,
+    Jobs,
     Library,
     Out,
     Quick,
@@ -63,15 +65,21 @@ def stroke_model(
 
 
 def strokes_needed(
-    library: Library = None, brush: BrushName = "broad", seed: Seed = 0, quick: Quick = False, out: Out = HERE
+    library: Library = None,
+    brush: BrushName = "broad",
+    seed: Seed = 0,
+    quick: Quick = False,
+    jobs: Jobs = None,
+    out: Out = HERE,
 ) -> None:
     """Measure the error on held-out strokes against the number of training strokes."""
     from frida_painter.experiments import strokes_needed as it
+    from frida_painter.experiments.parallel import run_in_processes
 
     scale = it.QUICK if quick else it.FULL
 
     def run(strokes: "StrokeLibrary", name: str, keep: Path, notify: "Notify") -> "Outcome":
-        return it.experiment(strokes, name, seed=seed, scale=scale).run(keep, notify)
+        return run_in_processes(partial(it.experiment, strokes, name, seed=seed, scale=scale), keep, notify, jobs)
 
     _conduct_on_library(it.NAME, out, library, brush, seed, scale, run)
 
@@ -81,15 +89,17 @@ def real_strokes(
     brush: BrushName = "broad",
     seeds: Seeds = "0,1,2,3,4",
     quick: Quick = False,
+    jobs: Jobs = None,
     out: Out = HERE,
 ) -> None:
     """Compare the errors of all stroke models over several splits of a library."""
     from frida_painter.experiments import real_strokes as it
+    from frida_painter.experiments.parallel import run_in_processes
 
     scale = it.QUICK if quick else it.FULL
 
     def run(strokes: "StrokeLibrary", name: str, keep: Path, notify: "Notify") -> "Outcome":
-        return it.experiment(strokes, name, seeds=seeds, scale=scale).run(keep, notify)
+        return run_in_processes(partial(it.experiment, strokes, name, seeds=seeds, scale=scale), keep, notify, jobs)
 
     _conduct_on_library(it.NAME, out, library, brush, 0, scale, run)
 

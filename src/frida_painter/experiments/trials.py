@@ -96,12 +96,14 @@ class Results:
 class Experiment(Generic[AnyTrial]):
     """What an experiment does.
 
-    measure: does one trial, and tells how far it is; report: makes tables, notes and pictures of all measurements.
+    measure: does one trial, and tells how far it is; report: makes tables, notes and pictures of all measurements;
+    sharing: the label of trials that share work where only this label differs, and are measured by one process.
     """
 
     trials: Sequence[AnyTrial]
     measure: Callable[[AnyTrial, Notify], Measurement]
     report: Callable[[Results], Outcome]
+    sharing: str = ""
 
     def run(self, keep: Path | None = None, notify: Notify = silent) -> Outcome:
         """Does every trial that is not in `keep`, a folder in which finished ones wait in case the rest is interrupted.
@@ -110,10 +112,20 @@ class Experiment(Generic[AnyTrial]):
         """
         found = []
         for trial, telling in each(self.trials, notify):
-            found.append((trial.labels, self._recalled(trial, keep, telling)))
+            found.append((trial.labels, self.measured(trial, keep, telling)))
         return self.report(Results(tuple(found)))
 
-    def _recalled(self, trial: AnyTrial, keep: Path | None, notify: Notify) -> Measurement:
+    def shares(self, keep: Path) -> list[tuple[int, ...]]:
+        """The numbers of the trials that are not in `keep`: those that share work together, the others alone."""
+        found: dict[str, list[int]] = {}
+        for number, trial in enumerate(self.trials):
+            if _read(keep, trial) is None:
+                rest = {name: value for name, value in trial.labels.items() if name != self.sharing}
+                found.setdefault(json.dumps(rest), []).append(number)
+        return [tuple(numbers) for numbers in found.values()]
+
+    def measured(self, trial: AnyTrial, keep: Path | None, notify: Notify) -> Measurement:
+        """The measurement of a trial, from `keep` where it waits there. Raises what `measure` raises, StorageError."""
         if keep is None:
             return self.measure(trial, notify)
         measured = _read(keep, trial)

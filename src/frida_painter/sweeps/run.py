@@ -61,17 +61,22 @@ class SweepRun:
         if plan is not None:
             files[PLAN] = hash_of(Path(plan))
         everything = json.dumps([program, kind, {**chosen, **goal, **files}], sort_keys=True)
-        settings = {name: chosen[name] for name in sorted(spec.model_fields_set) if name in chosen}
-        settings |= {part: [item.model_dump() for item in getattr(spec, part)] for part in ("goal", "initial")}
         return cls(
             key=hashlib.sha256(everything.encode()).hexdigest()[:_KEY],
             kind=kind,
             labels={name: label(value) for name, value in differing.items()},
-            settings=settings,
+            settings=cls.settings_of(spec),
             plan=plan,
             program=program,
             cost=_cost(spec, kind),
         )
+
+    @staticmethod
+    def settings_of(spec: RunSpec) -> dict[str, Any]:
+        """A description as plain values of which RunSpec makes the same again."""
+        chosen = spec.record()
+        settings = {name: chosen[name] for name in sorted(spec.model_fields_set) if name in chosen}
+        return settings | {part: [item.model_dump() for item in getattr(spec, part)] for part in ("goal", "initial")}
 
     @property
     def spec(self) -> RunSpec:

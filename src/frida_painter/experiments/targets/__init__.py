@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from torch import Tensor
 
@@ -23,6 +23,10 @@ class Target:
     name: str
     path: Path
     picture: Tensor
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Another process reads the file."""
+        return Target.read, (self.path,)
 
     @classmethod
     def read(cls, path: Path) -> Self:
