@@ -3,7 +3,7 @@
 They open from the sweep's folder without a network; pictures are those of the runs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from frida_painter import images, storage
 from frida_painter.report.chart import Series, chart
 from frida_painter.report.page import template
 from frida_painter.session.forecast import duration
-from frida_painter.sweeps.run import Value
+from frida_painter.sweeps.run import SweepRun, Value
 from frida_painter.sweeps.statistics import Mean, PairedTest, Result, means, paired_tests
 from frida_painter.sweeps.status import SweepStatus, named, summary
 
@@ -51,7 +51,7 @@ def write_report(status: SweepStatus) -> Path:
     charts = [] if figure is None else _charts(status, results, varied, figure)
     tests = paired_tests(results, [name for name in varied if name != _SEED])
     path = status.folder / REPORT_PAGE
-    storage.write_text(path, _page(status, _contact_sheet(status, figure), charts, tests, figure or ""))
+    storage.write_text(path, _page(status, _contact_sheet(status, varied, figure), charts, tests, figure or ""))
     return path
 
 
@@ -98,7 +98,7 @@ def _page(
     return html.encode("utf-8", "replace").decode("utf-8")
 
 
-def _contact_sheet(status: SweepStatus, figure: str | None) -> list[_Picture]:
+def _contact_sheet(status: SweepStatus, varied: Sequence[str], figure: str | None) -> list[_Picture]:
     """The pictures of the runs in their order; of very many every so manieth."""
     done = [run for run in status.runs if run.key in status.records]
     name = "plan.png" if status.spec.kind == "plan" else "painting.png"
@@ -106,7 +106,7 @@ def _contact_sheet(status: SweepStatus, figure: str | None) -> list[_Picture]:
     for run in done[:: -(-len(done) // _MOST_PICTURES) or 1]:
         value = status.records[run.key]["figures"].get(figure)
         told = "" if value is None else f": {value:.4g}"
-        found.append(_Picture(f"runs/{run.key}/{name}", f"{_labels(run.labels)}{told}"))
+        found.append(_Picture(f"runs/{run.key}/{name}", f"{_words(run, varied)}{told}"))
     return found
 
 
@@ -149,8 +149,10 @@ def _row(test: PairedTest) -> tuple[str, ...]:
     )
 
 
-def _labels(labels: Mapping[str, Value]) -> str:
-    return ", ".join(value if isinstance(value, str) else f"{name} {_shown(value)}" for name, value in labels.items())
+def _words(run: SweepRun, varied: Sequence[str]) -> str:
+    """What tells a run from the others."""
+    told = [(name, run.labels.get(name)) for name in varied]
+    return ", ".join(value if isinstance(value, str) else f"{name} {_shown(value)}" for name, value in told) or run.key
 
 
 def _shown(value: Value) -> str:
