@@ -65,7 +65,6 @@ Jobs = Annotated[
     ),
 ]
 HERE = Path("experiments")
-UNFINISHED = "unfinished"
 
 
 def pictures_of(given: Sequence[Path] | None, shipped: Sequence[str]) -> "tuple[Target, ...]":

@@ -10,10 +10,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from frida_painter.experiments import outcome
-from frida_painter.experiments.command_options import UNFINISHED
 from frida_painter.experiments.outcome import Notify, Outcome
 from frida_painter.session.forecast import duration
 from frida_painter.session.opening import limit_threads
+
+UNFINISHED = "unfinished"
+"""The folder, in that of an experiment, in which finished parts wait."""
 
 
 def conduct(name: str, out: Path, experiment: Callable[[Path, Notify], Outcome]) -> None:

@@ -8,7 +8,6 @@ import typer
 
 from frida_painter.experiments.command_options import (
     HERE,
-    UNFINISHED,
     BrushName,
     Jobs,
     Out,
@@ -166,6 +165,7 @@ def sketch(
     """Paint text prompts along a drawing, with and without the sketch objective."""
     from frida_painter.experiments import paintings, targets
     from frida_painter.experiments import sketch as it
+    from frida_painter.experiments.conduct import UNFINISHED
 
     drawings = pictures_of(target, targets.DRAWINGS)
     scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
