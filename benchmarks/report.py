@@ -87,6 +87,15 @@ SECTIONS = (
         "The last k strokes of a plan are replanned on the rendered picture of the strokes before them.",
     ),
     Section(
+        "looks",
+        "What planning again wins",
+        "Knowing where the robot paints wins something, and planning again on what the camera sees wins something.\n"
+        "Here only the second is left: the robot has no placement error. The same plan is painted without a look, and\n"
+        "with looks that are each followed by a replan. Where the gain comes from is told\n"
+        "[with the planner](planner.md#what-planning-again-wins).",
+        ("--seeds", "11"),
+    ),
+    Section(
         "goals",
         "Goals that networks judge",
         "Each plan has 100 strokes of the broad brush; the planning image is 256 pixels high. The time includes\n"
