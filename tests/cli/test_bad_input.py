@@ -111,6 +111,7 @@ def photo(tmp_path: Path) -> str:
         (("--image", "/dev/zero"), ("/dev/zero is not a plain file (but a device)",)),
         (("--clip", "nowhere"), ("nothing of this goal is seen through a CLIP",)),
         (("--pictures", "."), ("nothing of this goal is made of pictures of things",)),
+        (("--ground", "blurple"), ("'blurple' is not a ground", "such as #c8a878")),
         (("--palette", "photo.png", "--colors", "2"), ("40 x 30 pixels is too small", "photograph it from nearer")),
     ],
 )  # fmt: skip
@@ -135,6 +136,12 @@ def test_wishes_that_cannot_be_fulfilled(
 @pytest.mark.parametrize(
     ("words", "says"),
     [
+        (("--on-canvas",), "the canvas of the virtual studio is bare; leave it out, or give a picture"),
+        (("--on-canvas", "--ground", "auto"), "--on-canvas paints on what is there, and --ground auto tones"),
+        (("--robot", "human", "--studio-canvas", "photo.png"), "--studio-canvas is for simulated robots"),
+        (("--drying", "0"), "--drying was given 0.0; it is a number from 1 to 1440"),
+        (("--drying", "nan"), "--drying was given nan; it is a number from 1 to 1440"),
+        (("--drying", "-3"), "--drying was given -3.0; it is a number from 1 to 1440"),
         (("--camera", "folder:/nowhere"), "--camera is for real robots, and --robot virtual is a simulated one"),
         (("--camera", "opencv:0", "--workspace", "w.toml"), "--camera and --workspace are for real robots"),
         (("--calibration", ""), "is a folder; give the path of a calibration record"),
