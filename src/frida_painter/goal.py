@@ -58,6 +58,11 @@ class Term(ABC):
         return None
 
     @property
+    def brushwork(self) -> Tensor | None:
+        """A picture whose marks say which way strokes go where the picture to paint does not."""
+        return None
+
+    @property
     def words(self) -> str | None:
         """Words that say what is wanted."""
         return None

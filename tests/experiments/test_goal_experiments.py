@@ -72,16 +72,19 @@ def test_styles_and_their_compositions(photo: Target, waves: Target) -> None:
     for row in rows:
         for network in ("VGG16", "Lite1", "colours"):
             assert 0 <= row[f"{network}, relaxed"] <= row[f"{network}, exact"] + 1e-5, "a lower bound"
+        assert -1 <= row["strokes like the style's"] <= 1
     assert "1 of 1" in outcome.notes[0] or "0 of 1" in outcome.notes[0]
+    assert outcome.notes[2].startswith("Strokes go the way")
 
 
 @pytest.mark.slow
-def test_drawings_with_words(tmp_path: Path) -> None:
+def test_drawings_with_words(waves: Target, tmp_path: Path) -> None:
     lines = torch.ones(3, 90, 120)
     lines[:, 44:46, 20:100] = 0
-    outcome = sketch.experiment([target(tmp_path / "flat-line.png", lines)], tmp_path, **how()).run()
+    outcome = sketch.experiment([target(tmp_path / "flat-line.png", lines)], waves, tmp_path, **how()).run()
     assert [row["painted by"] for row in outcome.tables[0].rows] == list(sketch.WAYS)
     assert all(0 <= row["edge F-score"] <= 1 for row in outcome.tables[1].rows)
+    assert "of that without it" in outcome.notes[0]
 
 
 def test_words_in_a_style_whose_composition_is_kept(waves: Target) -> None:

@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from frida_painter.experiments.measures import (
+    direction_agreement,
     edge_correlation,
     edge_score,
     exact_emd,
@@ -13,7 +14,7 @@ from frida_painter.experiments.measures import (
     psnr,
 )
 from networks import QuickEncoders, QuickVgg
-from scenes import picture
+from scenes import CANVAS, picture, some_strokes
 
 
 def test_the_same_picture_is_perfect_by_every_measure() -> None:
@@ -57,3 +58,12 @@ def test_borders_lie_between_regions_and_one_pixel_beside_them():
     expected[0, :2] = expected[1, 0] = True
     assert torch.equal(near, expected)
     assert not near_borders(torch.full((4, 4), 7)).any()
+
+
+def test_strokes_agree_with_marks_that_go_their_way() -> None:
+    stripes = (0.5 + 0.4 * torch.sin(torch.arange(120) / 2))[None, :, None].expand(3, -1, 160).contiguous()
+    strokes = some_strokes(40)
+    along, across = (strokes.with_groups(angle=torch.full((40,), angle)) for angle in (np.pi, np.pi / 2))
+    assert direction_agreement(along, stripes, CANVAS) > 0.95
+    assert direction_agreement(across, stripes, CANVAS) < -0.95
+    assert abs(direction_agreement(strokes, stripes, CANVAS)) < 0.4

@@ -43,6 +43,9 @@ Styles = Annotated[
     list[Path] | None,
     typer.Option("--style", metavar="PICTURE", help="A style picture. May be repeated. [dim]two of the project's[/]"),
 ]
+Style = Annotated[
+    Path | None, typer.Option("--style", metavar="PICTURE", help="A style picture. [dim]one of the project's[/]")
+]
 Quick = Annotated[bool, typer.Option("--quick", help="Run a very small version as a test. Its figures mean nothing.")]
 Out = Annotated[
     Path,

@@ -9,9 +9,13 @@ from torch import Tensor
 from torch.nn import functional
 
 from frida_painter import images
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.frames import PixelGrid
 from frida_painter.objectives.augment import Views
+from frida_painter.objectives.brushwork import directions
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.vgg import Vgg16
+from frida_painter.strokes import Strokes
 
 _ROWS = 256  # of the pictures in which edges are sought
 _BLUR = 1.6  # pixels of those
@@ -79,6 +83,21 @@ def edge_correlation(picture: Tensor, target: Tensor) -> float:
     """
     steps = [_steps(images.fit(one, *_shape(picture)).mean(0)).flatten() for one in (picture, target)]
     return float(torch.corrcoef(torch.stack(steps))[0, 1])
+
+
+def direction_agreement(strokes: Strokes, style: Tensor, size: CanvasSize) -> float:
+    """How far strokes go the way of a style picture's marks where they lie: the circular correlation, in [-1, 1].
+
+    It is the mean cosine of twice the angle between them (an angle and the opposite one are one direction), each stroke
+    counting by its length and by how clear the direction of the style [3, H, W], cropped to the canvas, is there: 1 the
+    same directions, 0 any, -1 across them.
+    """
+    filled = images.fit(style, _ROWS, round(_ROWS * size.width / size.height))
+    doubled, coherence, _ = directions(filled)
+    middle = PixelGrid(size, *doubled.shape).to_pixels(strokes.path(torch.tensor([0.5]))[:, 0]).round().long()
+    columns, rows = (middle[:, axis].clamp(0, most - 1) for axis, most in enumerate(reversed(doubled.shape)))
+    weight = coherence[rows, columns] * strokes.length
+    return float((weight * torch.cos(2 * strokes.angle - doubled[rows, columns])).sum() / weight.sum().clamp(min=1e-9))
 
 
 def exact_emd(cost: Tensor) -> float:

@@ -16,6 +16,7 @@ from frida_painter.experiments.command_options import (
     Quick,
     Seed,
     Seeds,
+    Style,
     Styles,
     pictures_of,
     run_trials,
@@ -158,20 +159,22 @@ def sketch(
             help="A drawing. Its file name is the text prompt. May be repeated. [dim]four of the project's[/]",
         ),
     ] = None,
+    image: Style = None,
     quick: Quick = False,
     jobs: Jobs = None,
     out: Out = HERE,
 ) -> None:
-    """Paint text prompts along a drawing, with and without the sketch objective."""
+    """Paint text prompts along a drawing, with and without the sketch objective, and in a style."""
     from frida_painter.experiments import paintings, targets
     from frida_painter.experiments import sketch as it
     from frida_painter.experiments.conduct import UNFINISHED
 
     drawings = pictures_of(target, targets.DRAWINGS)
+    (style,) = pictures_of([image] if image else None, targets.STYLES[:1])
     scale = (paintings.QUICK if quick else paintings.FULL).changed(brush=brush)
 
     lines = out / it.NAME / UNFINISHED
-    run_trials(it.NAME, out, partial(it.experiment, drawings, lines, seeds=seeds, scale=scale), jobs)
+    run_trials(it.NAME, out, partial(it.experiment, drawings, style, lines, seeds=seeds, scale=scale), jobs)
 
 
 def composition(

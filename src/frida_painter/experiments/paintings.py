@@ -59,12 +59,14 @@ class PaintingTrial(ExperimentTrial):
 class Painted:
     """A painting.
 
-    run: that made it; planned: the plan as a picture, photograph: of the canvas in the end, and truth: the canvas as it
-    is, which no camera sees, all [3, rows, columns] of the planning image; seconds: of the CPU, for planning; expected:
-    by strokes painted, whenever the canvas was seen: the picture of the canvas with the rest of the plan on it.
+    run: that made it; plan: the first one; planned: that plan as a picture, photograph: of the canvas in the end, and
+    truth: the canvas as it is, which no camera sees, all [3, rows, columns] of the planning image; seconds: of the CPU,
+    for planning; expected: by strokes painted, whenever the canvas was seen: the picture of the canvas with the rest of
+    the plan on it.
     """
 
     run: PaintingRun
+    plan: Plan
     planned: Tensor
     photograph: Tensor
     truth: Tensor
@@ -143,7 +145,7 @@ def paint(trial: PaintingTrial, notify: Notify, encoders: EncoderRegistry | None
         photograph = run.simulate(plan, studio.open).photograph
     rows, columns = picture_of_plan.shape[1:]
     truth = images.fit(studio.truth(rows), rows, columns)
-    return Painted(run, picture_of_plan, images.fit(photograph, rows, columns), truth, seconds, expected)
+    return Painted(run, plan, picture_of_plan, images.fit(photograph, rows, columns), truth, seconds, expected)
 
 
 def planned(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from frida_painter import images, weights
 from frida_painter.experiments import paintings
-from frida_painter.experiments.measures import edge_correlation, exact_emd
+from frida_painter.experiments.measures import direction_agreement, edge_correlation, exact_emd
 from frida_painter.experiments.outcome import Outcome, ResultTable
 from frida_painter.experiments.paintings import FULL, Painted, PaintingTrial
 from frida_painter.experiments.targets import Target
@@ -38,6 +38,7 @@ _ROWS = 192  # of the pictures whose features are compared
 _PLACES = 500  # at which they are
 _LIGHT = 0.25  # of the photograph, where a painting begins with the style and is to keep its composition
 _EDGES = "edges like the style's"
+_DIRECTIONS = "strokes like the style's"
 _NETWORKS = ("VGG16", "Lite1", "colours")
 assert not set(SEEN) & set(UNSEEN)
 
@@ -67,6 +68,7 @@ def experiment(
                 **_distances(encoders.style(), judge, picture, style),
                 "edges like the photograph's": edge_correlation(picture, photos[trial["photograph"]]),
                 _EDGES: edge_correlation(picture, style),
+                _DIRECTIONS: direction_agreement(painted.plan.strokes, style, painted.plan.canvas),
                 "CPU s": painted.seconds,
             },
             {"painting": picture},
@@ -82,7 +84,7 @@ def experiment(
             },
             (ResultTable("Distance in style of the photographed paintings, mean", results.means("painted")),
              ResultTable("All paintings", results.rows())),
-            (_note(results), _composition_note(results)),
+            (_note(results), _composition_note(results), _marks_note(results)),
             {NAME: _sheet(photographs, styles, results, seeds[0])},
         )  # fmt: skip
 
@@ -157,6 +159,15 @@ def _composition_note(results: Results) -> str:
     return (
         "The edges of a painting begun with the style picture correlate with that picture's own composition by "
         f"{begun:.2f}; by {styled:.2f} where the painting began with the photograph."
+    )
+
+
+def _marks_note(results: Results) -> str:
+    unstyled, styled, begun = (results.mean(_DIRECTIONS, painted=way) for way in WAYS)
+    return (
+        f"Strokes go the way of the style's own marks by {styled:.2f} (circular correlation of their directions) where "
+        f"the photograph has no direction of its own to give, {begun:.2f} begun with the style, and {unstyled:.2f} "
+        "without it."
     )
 
 

@@ -59,8 +59,11 @@ class WeightedObjective:
 
     @property
     def leanings(self) -> tuple["WeightedObjective", ...]:
-        """This objective, and where a painting of words begins with a picture, others between the two."""
-        if self._limit == math.inf:
+        """This objective, and where a painting of words begins with a picture, others between the two.
+
+        Beside other networks, which take their time, it is the only one.
+        """
+        if self._limit == math.inf or any(term.validation and not term.recognizes for _, term in self._terms):
             return (self,)
         return (self, *(WeightedObjective(self._leaning(factor), self._begun) for factor in _LEANING))
 

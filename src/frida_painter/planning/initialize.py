@@ -9,6 +9,7 @@ from torch import Tensor
 
 from frida_painter.frames import CanvasSize
 from frida_painter.palette import to_lab
+from frida_painter.planning.flow import along_flow
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.proposals import layers, pick, propose, weigh
 from frida_painter.planning.scene import Scene
@@ -159,7 +160,10 @@ def best_proposals(
     if scene.importance is not None:
         error = error * scene.importance
     error = _blurred(error)
-    candidates = propose(error, max(64, proposals * count), scene.limits, scene.size, generator)
+    many = max(64, proposals * count)
+    candidates = propose(error, many, scene.limits, scene.size, generator)
+    if scene.flow is not None:
+        candidates = along_flow(candidates, scene.flow, scene.limits, scene.size, generator)
     gain, candidates, paint = weigh(candidates, under, target, paints, scene)
     chosen = pick(candidates, gain, count, scene.model)
     if len(chosen) == 0:  # nothing gains any more; the rest still has to be somewhere

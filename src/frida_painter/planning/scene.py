@@ -25,7 +25,8 @@ class Scene:
 
     validation: says which of several plans is best where the objective cannot: where it looks at a picture
     in another way every time, or could be fooled. importance [H, W]: how much an error matters at each
-    place when strokes are placed, 1 in the mean; None: everywhere the same.
+    place when strokes are placed, 1 in the mean; None: everywhere the same. flow [3, H, W]: which way strokes go where
+    they are placed, as objectives/brushwork.py tells it; None: any way.
     """
 
     canvas: Tensor
@@ -34,6 +35,7 @@ class Scene:
     objective: Objective
     validation: Objective | None = None
     importance: Tensor | None = None
+    flow: Tensor | None = None
 
     @property
     def limits(self) -> StrokeLimits:

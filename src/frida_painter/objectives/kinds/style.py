@@ -36,6 +36,11 @@ class StyleTerm(PictureTerm):
         """The style picture."""
         return self.image
 
+    @property
+    def brushwork(self) -> Tensor:
+        """The style picture: strokes go its way."""
+        return self.image
+
     def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
         """Itself: a style fills no canvas."""
         return self
