@@ -51,9 +51,13 @@ class PictureTerm(Term):
 
 @dataclass(frozen=True)
 class ImageTerm(PictureTerm):
-    """Paint this picture. importance [h, w]: how much each of its places matters, 1 in the mean; None: all the same."""
+    """Paint this picture. importance [h, w]: how much each of its places matters, 1 in the mean; None: all the same.
+
+    bare: price of canvas that is left bare where the picture is no paper.
+    """
 
     importance: Tensor | None = None
+    bare: float = 0.0
     initial_order = 0
     is_pixelwise = True
 
@@ -71,11 +75,13 @@ class ImageTerm(PictureTerm):
         return replace(self, image=picture)
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """The mean squared difference to the picture."""
-        from frida_painter.objectives.replication import replication, replication_of_variance
+        """The mean squared difference to the picture, and the price of what is left bare."""
+        from frida_painter.objectives.replication import bareness, replication, replication_of_variance
 
+        squared = replication(self.image, context.grid, self.importance)
+        left = bareness(self.image, context.grid) if self.bare else None
         return ObjectiveTerm(
-            replication(self.image, context.grid, self.importance),
+            squared if left is None else lambda picture: squared(picture) + self.bare * left(picture),
             of_variance=replication_of_variance(context.grid, self.importance),
         )
 
