@@ -3,7 +3,12 @@ import math
 import pytest
 import torch
 
-from frida_painter.objectives.brushwork import directions, flow
+from frida_painter.frames import PixelGrid
+from frida_painter.goal import Goal
+from frida_painter.objectives.brushwork import directions, flow, flow_of
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.style import StyleTerm
+from scenes import CANVAS
 
 
 def stripes(angle: float, rows: int = 120, columns: int = 160) -> torch.Tensor:
@@ -37,3 +42,12 @@ def test_the_style_says_which_way_only_where_the_content_does_not() -> None:
     assert float(alone[2, 10:-10, 10:-10].min()) > 0.9
     inner = alone[:, 10:-10, 10:-10]
     assert float((inner[0] * math.cos(0.6) + inner[1] * math.sin(0.6)).min()) > 0.9
+
+
+def test_a_goal_has_the_flow_of_its_style() -> None:
+    grid, photo, style = PixelGrid.of_height(CANVAS, 48), torch.rand(3, 48, 64), stripes(0.3)
+    assert flow_of(Goal((ImageTerm(photo),)), grid) is None
+    styled = flow_of(Goal((ImageTerm(photo), StyleTerm(style))), grid)
+    assert styled is not None and torch.equal(styled, flow(style, photo, 48, 64))
+    begun = flow_of(Goal((StyleTerm(style),), (StyleTerm(style),)), grid)
+    assert begun is not None and torch.equal(begun, flow(style, None, 48, 64)), "its own composition is no objection"

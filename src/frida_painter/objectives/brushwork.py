@@ -9,6 +9,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from frida_painter import images
+from frida_painter.frames import PixelGrid
+from frida_painter.goal import Goal
 
 _ROWS = 160  # of the pictures in which directions are seen
 _MARK = 1.0  # pixels of those, over which the grain of a picture is smoothed
@@ -36,6 +38,15 @@ def directions(picture: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     # The gradient points across a mark: the mark's own direction is a quarter turn further, half a turn when doubled.
     doubled = torch.atan2(-2 * both, -difference)
     return doubled, coherence.clamp(0, 1), energy
+
+
+def flow_of(goal: Goal, grid: PixelGrid) -> Tensor | None:
+    """The `flow` on a grid of a goal's first style beside what a plan begins with; None without a style."""
+    style = next((term.brushwork for term in goal.terms if term.brushwork is not None), None)
+    if style is None:
+        return None
+    guide = next((term.guide for term in goal.initial_terms if term.guide is not None), None)
+    return flow(style, None if guide is style else guide, grid.rows, grid.columns)
 
 
 def flow(style: Tensor, content: Tensor | None, rows: int, columns: int) -> Tensor:

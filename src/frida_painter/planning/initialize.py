@@ -163,7 +163,7 @@ def best_proposals(
     many = max(64, proposals * count)
     candidates = propose(error, many, scene.limits, scene.size, generator)
     if scene.flow is not None:
-        candidates = along_flow(candidates, scene.flow, scene.limits, scene.size, generator)
+        candidates = along_flow(candidates, scene.flow.to(error), scene.limits, scene.size, generator)
     gain, candidates, paint = weigh(candidates, under, target, paints, scene)
     chosen = pick(candidates, gain, count, scene.model)
     if len(chosen) == 0:  # nothing gains any more; the rest still has to be somewhere

@@ -13,7 +13,7 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import ConfigError, PlanningDiverged
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal
-from frida_painter.objectives.brushwork import flow
+from frida_painter.objectives.brushwork import flow_of
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.interpretation import WeightedObjective, interpreted, prepare
 from frida_painter.objectives.replication import spread
@@ -400,9 +400,8 @@ class Planner:
     def _scene(self, canvas: Tensor, grid: PixelGrid, objective: WeightedObjective | None = None) -> Scene:
         objective = objective or self._objectives[grid]
         bare = images.fit(canvas.to(self.device), grid.rows, grid.columns)
-        scene = Scene(
-            bare, self.size, self._model, objective, objective.validation, self._importance(grid), self._flow(grid)
-        )
+        matters, way = self._importance(grid), flow_of(self.goal, grid)
+        scene = Scene(bare, self.size, self._model, objective, objective.validation, matters, way)
         return scene if self.region is None else self.region.guarded(scene)
 
     def _guide(self, scene: Scene) -> Tensor | None:
@@ -412,15 +411,6 @@ class Planner:
             return None
         guide = images.fit(picture.to(self.device), *scene.canvas.shape[1:])
         return guide if self.region is None else self.region.spared(guide, scene.canvas, self.size)
-
-    def _flow(self, grid: PixelGrid) -> Tensor | None:
-        """Which way strokes go, by a style's brushwork, where what is to be painted has no direction of its own."""
-        style = next((term.brushwork for term in self.goal.terms if term.brushwork is not None), None)
-        if style is None:
-            return None
-        guide = next((term.guide for term in self.goal.initial_terms if term.guide is not None), None)
-        content = None if guide is style else guide
-        return flow(style, content, grid.rows, grid.columns).to(self.device)
 
     def _importance(self, grid: PixelGrid) -> Tensor | None:
         """How much errors matter where, while strokes are placed."""
