@@ -21,7 +21,7 @@ def along_flow(
     flow [3, H, W]: cosine and sine of twice the direction and how sure it is; a stroke is turned with that probability,
     forwards or backwards. It bends as the flow turns between its ends, and is the shorter the more that is.
     """
-    middle = strokes.path(torch.tensor([0.5]))[:, 0]
+    middle = strokes.path(strokes.angle.new_tensor([0.5]))[:, 0]
     doubled, sure = _seen(flow, middle, size)
     count = len(strokes)
     chance = torch.rand(2, count, generator=generator).to(sure)
