@@ -102,6 +102,16 @@ def test_pixel_to_map_undoes_turning_and_moving(
     assert torch.allclose(cell, torch.stack((column, row), -1).double(), atol=1e-6)
 
 
+def test_the_derivatives_of_pixel_to_map_are_those_of_its_values() -> None:
+    grid, frame = PixelGrid(CanvasSize(0.3, 0.2), 40, 61), MapFrame(-0.02, 0.09, -0.03, 0.04, 20, 31)
+    chance = torch.Generator().manual_seed(0)
+    position, angle = (
+        scale * torch.rand(*shape, generator=chance).double() for scale, shape in ((20, (5, 2)), (7, (5,)))
+    )
+    leaves = position.requires_grad_(), angle.requires_grad_()
+    assert torch.autograd.gradcheck(lambda at, turn: pixel_to_map(at / 100, turn, grid, frame), leaves)
+
+
 def test_a_resized_map_lies_where_it_lay() -> None:
     frame = MapFrame(-0.01, 0.07, -0.02, 0.03, 24, 64)
     large = frame.resized(48, 128)

@@ -7,7 +7,7 @@ to n - 0.5. This is the only module in which y flips.
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import torch
 from torch import Tensor
@@ -86,21 +86,46 @@ def pixel_to_map(position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFra
     """The affine maps from picture pixels to cells of each stroke's magnitude map.
 
     position [n, 2] metres, angle [n] radians -> [n, 2, 3], such that
-    (map column, map row) = A @ (pixel column, pixel row, 1). Differentiable.
+    (map column, map row) = A @ (pixel column, pixel row, 1). Differentiable (once).
     """
-    across, down = grid.pitch
-    cell_x, cell_y = frame.pitch
-    cos, sin = torch.cos(angle), torch.sin(angle)
-    # Metres from the stroke's start to the centre of pixel (0, 0).
-    x = 0.5 * across - position[:, 0]
-    y = grid.size.height - 0.5 * down - position[:, 1]
-    # Turned back by the stroke's angle, then counted in cells; y flips once more inside the map.
-    column = torch.stack((cos * across, -sin * down, cos * x + sin * y - frame.left), -1) / cell_x
-    row = torch.stack((sin * across, cos * down, sin * x - cos * y + frame.top), -1) / cell_y
-    affine = torch.stack((column, row), 1)
-    half = torch.zeros_like(affine)
-    half[..., 2] = 0.5
-    return affine - half
+    affine: Tensor = _PixelToMap.apply(position, angle, grid, frame)  # type: ignore[no-untyped-call]
+    return affine
+
+
+class _PixelToMap(torch.autograd.Function):
+    """`pixel_to_map`, with its derivatives in closed form: it is asked for in every iteration of a plan."""
+
+    @staticmethod
+    def forward(context: Any, position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFrame) -> Tensor:
+        across, down = grid.pitch
+        cell_x, cell_y = frame.pitch
+        cos, sin = torch.cos(angle), torch.sin(angle)
+        # Metres from the stroke's start to the centre of pixel (0, 0).
+        x = 0.5 * across - position[:, 0]
+        y = grid.size.height - 0.5 * down - position[:, 1]
+        along, aside = cos * x + sin * y, sin * x - cos * y
+        # Turned back by the stroke's angle, then counted in cells; y flips once more inside the map.
+        affine = torch.empty(len(angle), 2, 3, dtype=angle.dtype, device=angle.device)
+        affine[:, 0, 0] = cos * (across / cell_x)
+        affine[:, 0, 1] = sin * (-down / cell_x)
+        affine[:, 0, 2] = (along - frame.left) / cell_x - 0.5
+        affine[:, 1, 0] = sin * (across / cell_y)
+        affine[:, 1, 1] = cos * (down / cell_y)
+        affine[:, 1, 2] = (aside + frame.top) / cell_y - 0.5
+        context.save_for_backward(cos, sin, along, aside)
+        context.pitches = across, down, cell_x, cell_y
+        return affine
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(context: Any, *upstream: Tensor) -> tuple[Tensor | None, ...]:
+        cos, sin, along, aside = context.saved_tensors
+        across, down, cell_x, cell_y = context.pitches
+        column, row = upstream[0][:, 0] / cell_x, upstream[0][:, 1] / cell_y
+        (a, b, c), (d, e, f) = column.unbind(1), row.unbind(1)
+        to_position = torch.stack((-(cos * c + sin * f), cos * f - sin * c), -1)
+        to_angle = cos * (across * d - down * b) - sin * (across * a + down * e) - aside * c + along * f
+        return to_position, to_angle, None, None
 
 
 def whole_turns_removed(angle: Tensor) -> Tensor:

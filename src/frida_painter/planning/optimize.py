@@ -82,7 +82,8 @@ def optimize(
             adam = Adam(variables.leaves, _BETAS)
             continue
         adam.step(pace * 0.5**failures * _rhythm(iteration, iterations))
-        variables.set_(variables.strokes().detach().project(scene.limits, scene.size))
+        with torch.no_grad():
+            variables.set_(variables.strokes().project(scene.limits, scene.size))
         notify(Step(iteration + 1, iterations, value, current.detach()))
     best.restore(variables)
     order = variables.order()
