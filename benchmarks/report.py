@@ -82,6 +82,12 @@ SECTIONS = (
         ("--workers", "2"),
     ),
     Section(
+        "quality",
+        "Decibels per CPU second",
+        "The default plan with less and more effort. With `--against CHECKOUT` another checkout of this repository\n"
+        "plans in turns, and all plans are judged by the same renderer.",
+    ),
+    Section(
         "replanning",
         "Replanning",
         "The last k strokes of a plan are replanned on the rendered picture of the strokes before them.",

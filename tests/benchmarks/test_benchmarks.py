@@ -52,7 +52,7 @@ def test_an_iteration_of_the_comparator_lowers_the_loss():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["iteration", "planning", "replanning", "looks", "goals", "sweep"])
+@pytest.mark.parametrize("name", ["iteration", "planning", "quality", "replanning", "looks", "goals", "sweep"])
 def test_a_quick_run_prints_and_writes_tables(name, tmp_path):
     figures = tmp_path / "figures.json"
     command = [sys.executable, str(BENCHMARKS / f"{name}.py"), "--quick", "--json", str(figures)]
