@@ -136,6 +136,7 @@ def survive(folder: Path, given: argparse.Namespace) -> tuple[tuple[str, ...], b
                     with suppress(ProcessLookupError):
                         os.kill(chance.choice(victims), signal.SIGKILL)
                         workers += 1
+        driver.kill()
         driver.wait()
     found = watch.look()
     seconds = time.monotonic() - started

@@ -4,6 +4,8 @@ import os
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Protocol
 
@@ -11,6 +13,7 @@ import pytest
 
 import sweep_works
 from frida_painter.errors import ConfigError, TryFailed, WorkerUnfit
+from frida_painter.sweeps import engine as engines
 from frida_painter.sweeps.engine import Engine, LocalEngine, TaskLimits, slots_here
 from frida_painter.sweeps.ray_engine import RayEngine
 from frida_painter.sweeps.sweep import open_engine
@@ -69,6 +72,24 @@ def test_errors_keep_their_kind_and_their_sentence(engine: OpenEngine, work, kin
 def test_a_process_that_dies_or_hangs_is_replaced_and_its_task_done_again(engine, tmp_path: Path, work) -> None:
     (ended,) = engine(seconds=2.0).run(work, [str(tmp_path)])
     assert ended.value == "done" and ended.error is None
+
+
+def test_a_process_that_is_killed_while_it_starts_is_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    class DiesAtFirst(ProcessPoolExecutor):
+        starts = 0
+
+        def submit(self, *words, **more):
+            DiesAtFirst.starts += 1
+            if DiesAtFirst.starts in (1, 2):
+                raise BrokenProcessPool
+            return super().submit(*words, **more)
+
+    monkeypatch.setattr(engines, "ProcessPoolExecutor", DiesAtFirst)
+    local = LocalEngine(TaskLimits(60.0, tries=1), 1)
+    assert [ended.value for ended in local.run(sweep_works.square, [3])] == [9]
+    monkeypatch.setattr(engines, "_STARTS", 0)
+    (ended,) = LocalEngine(TaskLimits(60.0, tries=1), 1).run(sweep_works.square, [3])
+    assert isinstance(ended.error, WorkerUnfit)
 
 
 def test_a_task_that_never_ends_is_given_up(engine: OpenEngine, tmp_path: Path) -> None:

@@ -26,6 +26,7 @@ from frida_painter.sweeps.worker import Assignment, perform
 from marks import coarse_table
 from sweep_engine import Here
 
+sweeps_open_engine = sweeps.open_engine
 SMALL = {"strokes": 4, "canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}
 
 
@@ -166,6 +167,14 @@ def test_a_machine_that_does_not_see_the_folder_says_so(tmp_path: Path, photo: P
     run = SweepRun.of("plan", {}, {**SMALL, "image": str(photo)}, hash_of=str)
     with pytest.raises(WorkerUnfit, match="does not see"):
         perform(Assignment(run, str(tmp_path / "elsewhere")))
+
+
+def test_an_engine_that_cannot_begin_leaves_a_folder_that_can(tmp_path: Path, photo: Path, engine: Here) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sweeps, "open_engine", sweeps_open_engine)
+        with pytest.raises(ConfigError, match="leave out one of them"):
+            fp.sweep(asked(photo), tmp_path / "sweep", engine="processes", address="127.0.0.1:1")
+    assert len(fp.sweep(asked(photo), tmp_path / "sweep").records) == 3
 
 
 def test_folders_that_are_no_sweep_are_left_alone(tmp_path: Path, photo: Path) -> None:

@@ -28,6 +28,7 @@ Work = Callable[[Any], Any]
 """A function of a module, by whose name other processes find it."""
 
 _STARTING = 300.0  # seconds until a process has loaded, on a machine that is busy
+_STARTS = 4
 _GRACE = 20.0  # seconds after the alarm
 _PRELOADED = "frida_painter.sweeps.worker"
 _MB = 2**20
@@ -183,17 +184,23 @@ class _Worker:
         ) from error
 
     def _opened(self) -> ProcessPoolExecutor:
-        if self._pool is None:
-            self._pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=_end_with_parent)
+        failure: Exception | None = None
+        for _ in range(_STARTS):  # one that is killed while it loads is started again
+            if self._pool is not None:
+                return self._pool
+            pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=_end_with_parent)
             try:
-                self._pid = self._pool.submit(os.getpid).result(_STARTING)
+                self._pid = pool.submit(os.getpid).result(_STARTING)
+                self._pool = pool
             except (BrokenProcessPool, TimeoutError) as error:
-                self._pool = None
-                raise WorkerUnfit(
-                    "No process for the runs could be started; in a script of your own, call it below "
-                    '`if __name__ == "__main__":`, and see what was said above.'
-                ) from error
-        return self._pool
+                failure = error
+                pool.shutdown(wait=False, cancel_futures=True)
+        if self._pool is not None:
+            return self._pool
+        raise WorkerUnfit(
+            "No process for the runs could be started; in a script of your own, call it below "
+            '`if __name__ == "__main__":`, and see what was said above.'
+        ) from failure
 
     def kill(self) -> None:
         """Ends the process at once."""

@@ -5,8 +5,11 @@ A run and its result are small; pictures lie in the sweep's folder, which all ma
 
 import logging
 import os
+import signal
 import socket
-from collections.abc import Generator, Iterable, Mapping
+import threading
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from itertools import islice
 from typing import Any
 
@@ -36,15 +39,17 @@ class RayEngine:
 
         self._limits = limits
         if address is None:
-            ray.init(
-                address="local", num_cpus=slots * limits.threads, include_dashboard=False,
-                object_store_memory=_OBJECTS, _memory=slots * limits.memory * _MB, **_SILENT,
-            )  # fmt: skip
+            with _own_signals():
+                ray.init(
+                    address="local", num_cpus=slots * limits.threads, include_dashboard=False,
+                    object_store_memory=_OBJECTS, _memory=slots * limits.memory * _MB, **_SILENT,
+                )  # fmt: skip
             self.slots = slots
             return
         _require_answer(address)
         try:
-            ray.init(address=address, **_SILENT)
+            with _own_signals():
+                ray.init(address=address, **_SILENT)
         except (ConnectionError, RuntimeError, ValueError) as error:
             said = str(error).split("\n")[0][:200]
             raise ConfigError(
@@ -82,6 +87,15 @@ class RayEngine:
                     yield _ended(waiting.pop(reference), reference, limits)
         finally:
             ray.shutdown()
+
+
+@contextmanager
+def _own_signals() -> Iterator[None]:
+    """Keeps what this process does at SIGTERM, where Ray would print its own stack and go on."""
+    before = signal.getsignal(signal.SIGTERM)
+    yield
+    if before is not None and threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, before)
 
 
 def _room(resources: Mapping[str, float], limits: TaskLimits) -> int:

@@ -75,13 +75,13 @@ def sweep(
         hashes = FileHashes(place.asked()[1] if place.is_begun else None)
         runs = expanded(spec, hashes)
         driver = _Driver(place, spec, runs, hashes, notify)
+        opened = None
+        if driver.left:
+            opened = open_engine(limits, len(driver.left), engine=engine, address=address, jobs=jobs)
+        place.keep(spec, hashes.by_path, 1 if opened is None else opened.slots)
         try:
-            if driver.left:
-                opened = open_engine(limits, len(driver.left), engine=engine, address=address, jobs=jobs)
-                place.keep(spec, hashes.by_path, opened.slots)
+            if opened is not None:
                 driver.lead(opened)
-            else:
-                place.keep(spec, hashes.by_path, 1)
         finally:
             driver.show(working=False)
         return driver.outcome()
