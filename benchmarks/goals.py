@@ -18,7 +18,8 @@ from frida_painter.objectives.kinds.semantic import SemanticTerm
 from frida_painter.objectives.kinds.sketch import SketchTerm
 from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.objectives.kinds.text import TextTerm
-from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.effort import Effort
+from frida_painter.planning.planner import Planner
 from frida_painter.session.opening import limit_threads
 from measure import Table, arguments, broad_brush, canvas_like, cpu_seconds, photograph, publish
 

@@ -26,9 +26,10 @@ from torch import Tensor
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import Growth, progressive, uniform
 from frida_painter.planning.optimize import Step, optimize
-from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.planner import Planner
 from frida_painter.planning.refine import relocate
 from frida_painter.planning.scene import Scene
 from frida_painter.strokes import Strokes

@@ -14,8 +14,9 @@ import torch
 from frida_painter.goal import Goal
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.plan import Plan
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import Growth
-from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.planner import Planner
 from measure import Table, arguments, broad_brush, canvas_like, cpu_seconds, photograph, publish
 
 

@@ -51,7 +51,7 @@ def main() -> None:
     torch.set_num_threads(1)
     if options.plan:
         plan = Plan.load(options.plan)
-        strokes, canvas, brush = plan.strokes, plan.canvas, plan.brush
+        strokes, canvas, brush = plan.strokes, plan.canvas, plan.layers[0].brush
     else:
         canvas, brush = CanvasSize(14 * 0.0254, 11 * 0.0254), "broad"
         strokes = random_strokes(brush, canvas, 4 if options.quick else _STROKES)

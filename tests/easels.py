@@ -103,12 +103,16 @@ class NotingAttendant:
     palettes: list[Palette] = field(default_factory=list)
     dried: list[float] = field(default_factory=list)
     toned: list[tuple[float, float, float]] = field(default_factory=list)
+    brushes: list[str] = field(default_factory=list)
 
     def fill_wells(self, palette: Palette) -> None:
         self.palettes.append(palette)
 
     def tone(self, ground: tuple[float, float, float]) -> None:
         self.toned.append(ground)
+
+    def change_brush(self, brush: str) -> None:
+        self.brushes.append(brush)
 
     def let_dry(self, seconds: float) -> None:
         self.dried.append(seconds)

@@ -1,5 +1,7 @@
 """Made-up plans for tests: random strokes on a small canvas, in random but repeatable colours."""
 
+from dataclasses import replace
+
 import torch
 
 from frida_painter.frames import CanvasSize
@@ -25,6 +27,11 @@ def made_up_strokes(count: int, seed: int = 0, canvas: CanvasSize = CANVAS) -> S
         thickness=random(count),
         color=random(count, 3),
     ).project(LIMITS, canvas)
+
+
+def in_layers(plan: Plan, *sizes: int) -> Plan:
+    """The plan with its strokes in layers of so many, all of the same brush and paints."""
+    return replace(plan, layers=tuple(replace(plan.layers[0], strokes=size) for size in sizes))
 
 
 def made_up_plan(count: int = 40, colors: int = 5, seed: int = 0, paint: list[int] | None = None) -> Plan:

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from easels import NotingRobot, PatientCamera, stub_easel
 from frida_painter.brush.kinds import BrushKind
+from frida_painter.calibration import BrushRecord
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.forecast import SimilarityForecast
@@ -21,6 +22,7 @@ from frida_painter.session.loop import PaintingSession
 from frida_painter.session.painting import Painting, ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy
 from marks import SMALL
+from plans import in_layers
 from scenes import CANVAS, some_strokes
 
 BRUSH = BrushKind("small", SMALL.limits, SMALL.width)
@@ -30,9 +32,9 @@ BRUSH = BrushKind("small", SMALL.limits, SMALL.width)
 class NotingPlanner:
     """Plans random strokes in two steps, plans again by turning them, and notes how many it was given."""
 
-    model = None
     ground = (1.0, 1.0, 1.0)
     layers: tuple[int, ...] = ()
+    brushes: tuple[str, ...] = ()
     fresh: list[bool] = field(default_factory=list)
     asked: list[int] = field(default_factory=list)
     canvases: list[Tensor] = field(default_factory=list)
@@ -46,9 +48,10 @@ class NotingPlanner:
         paint = torch.arange(strokes) * colors // strokes
         if self.layers:
             paint = torch.cat([torch.arange(count) * colors // count for count in self.layers])
-        return Plan.of(
-            some_strokes(strokes), palette, paint, canvas=CANVAS, brush="small", limits=SMALL.limits, layers=self.layers
-        )
+        plan = Plan.of(some_strokes(strokes), palette, paint, canvas=CANVAS, brush="small", limits=SMALL.limits)
+        plan = in_layers(plan, *self.layers) if self.layers else plan
+        named = zip(plan.layers, self.brushes or ["small"] * len(plan.layers), strict=True)
+        return replace(plan, layers=tuple(replace(layer, brush=brush) for layer, brush in named))
 
     def bind_to_palette(self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None]) -> Plan:
         notify(Step(1, 1, 0.35))
@@ -106,8 +109,14 @@ class Evening:
 
     def __post_init__(self) -> None:
         self.easel = stub_easel(self.robot, self.camera)
+        others = [name for name in dict.fromkeys(self.planner.brushes) if name != BRUSH.name]
+        record = self.easel.calibration
+        heights = BrushRecord(record.touch_height, record.press_height)
+        self.easel = replace(self.easel, calibration=replace(record, others=dict.fromkeys(others, heights)))
         self.observer = CanvasObserver(self.easel)
-        self.brushwork = Brushwork(self.easel, BRUSH)
+        self.brushwork = Brushwork(
+            self.easel, BRUSH, others=tuple(BrushKind(name, SMALL.limits, SMALL.width) for name in others)
+        )
         self.session = PaintingSession(
             self.planner,  # type: ignore[arg-type]
             self.brushwork,

@@ -9,15 +9,26 @@ import torch
 from frida_painter import storage
 from frida_painter.errors import PlanError
 from frida_painter.palette import Palette
-from frida_painter.plan import Plan
+from frida_painter.plan import Layer, Plan
 from frida_painter.strokes import GROUPS, Strokes
-from plans import CANVAS, LIMITS, made_up_plan
+from plans import CANVAS, LIMITS, in_layers, made_up_plan
 
 
 def edited(path: Path, **changes: object) -> None:
     """Changes a plan file as somebody would who also mends its checksum."""
     record = json.loads(path.read_text())
     storage.write_json(path, {**record, **changes})
+
+
+ONE_BRUSH = {"brush": "medium", "limits": {"length_m": list(LIMITS.length), "bend_m": list(LIMITS.bend)}}
+"""As versions 1 and 2 had it in a plan's file."""
+
+
+def two_layers(*sizes: object, **changes: object) -> list[dict[str, object]]:
+    """The layers of a plan's file."""
+    known: dict[str, object] = {"brush": "medium", "paints": [0, 5]}
+    limits = {"length_m": list(LIMITS.length), "bend_m": list(LIMITS.bend)}
+    return [{"strokes": size, **known, **limits, **changes} for size in sizes]
 
 
 def test_a_plan_comes_back_as_it_was(tmp_path: Path) -> None:
@@ -27,12 +38,8 @@ def test_a_plan_comes_back_as_it_was(tmp_path: Path) -> None:
         loaded = Plan.load(path)
         assert all(torch.equal(getattr(loaded.strokes, name), getattr(plan.strokes, name)) for name in GROUPS)
         assert torch.equal(loaded.paint, plan.paint) and torch.equal(loaded.palette.color, plan.palette.color)
-        assert (loaded.canvas, loaded.brush, loaded.limits, loaded.about) == (
-            CANVAS,
-            "medium",
-            LIMITS,
-            (("seed", "0"),),
-        )
+        assert (loaded.canvas, loaded.about) == (CANVAS, (("seed", "0"),))
+        assert loaded.layers == (Layer(40, "medium", LIMITS, (0, 5)),)
         assert loaded.digest == plan.digest
 
 
@@ -65,7 +72,7 @@ def test_the_digest_follows_everything_that_is_painted() -> None:
     strokes = plan.strokes.with_groups(bend=plan.strokes.bend * 0.999)
     others = (
         replace(plan, strokes=strokes),
-        replace(plan, brush="fine"),
+        replace(plan, layers=(replace(plan.layers[0], brush="fine"),)),
         replace(plan, ground=(0.9, 0.9, 0.9)),
         replace(plan, canvas=replace(CANVAS, width=0.31)),
         plan.part(slice(0, 39)),
@@ -83,15 +90,15 @@ def test_a_part_of_a_plan() -> None:
 
 def test_layers_come_back_and_decide_what_is_painted(tmp_path: Path) -> None:
     plan = made_up_plan()
-    layered = replace(plan, layers=(30, 10))
+    layered = in_layers(plan, 30, 10)
     layered.save(tmp_path / "plan.json")
-    assert plan.layers == (40,) and Plan.load(tmp_path).layers == (30, 10)
+    assert plan.layer_sizes == (40,) and Plan.load(tmp_path).layer_sizes == (30, 10)
     assert Plan.load(tmp_path).digest == layered.digest != plan.digest
 
 
 @pytest.mark.parametrize("painted", [0, 12, 30, 33, 40])
 def test_what_was_painted_and_the_rest_are_the_plan_with_its_layers(painted: int) -> None:
-    plan = replace(made_up_plan(), layers=(30, 10))
+    plan = in_layers(made_up_plan(), 30, 10)
     done, rest = plan.part(slice(painted)), plan.part(slice(painted, None))
     assert len(done.layers) == len(rest.layers) == 2
     assert done.followed_by(rest).digest == plan.digest
@@ -107,16 +114,85 @@ def test_a_plan_of_version_1_has_one_layer(tmp_path: Path) -> None:
     plan.save(tmp_path / "plan.json")
     record = json.loads((tmp_path / "plan.json").read_text())
     del record["layers"]
-    storage.write_json(tmp_path / "plan.json", {**record, "version": 1})
-    assert Plan.load(tmp_path).layers == (40,) and Plan.load(tmp_path).digest == plan.digest
+    storage.write_json(tmp_path / "plan.json", {**record, **ONE_BRUSH, "version": 1})
+    assert Plan.load(tmp_path).layer_sizes == (40,) and Plan.load(tmp_path).digest == plan.digest
+
+
+def test_all_layers_of_a_plan_of_version_2_have_its_brush_and_paints(tmp_path: Path) -> None:
+    plan = in_layers(made_up_plan(), 30, 10)
+    plan.save(tmp_path / "plan.json")
+    record = json.loads((tmp_path / "plan.json").read_text())
+    storage.write_json(tmp_path / "plan.json", {**record, **ONE_BRUSH, "version": 2, "layers": [30, 10]})
+    assert Plan.load(tmp_path).layers == plan.layers and Plan.load(tmp_path).digest == plan.digest
+
+
+def of_two_brushes() -> Plan:
+    """30 strokes of one brush in five paints, and 10 of another in three that are mixed for them."""
+    first, second = made_up_plan(30), made_up_plan(10, 3, seed=7)
+    return first.under(replace(second, layers=(replace(second.layers[0], brush="fine"),)))
+
+
+def test_each_layer_has_its_brush_and_its_paints(tmp_path: Path) -> None:
+    plan, (first, second) = of_two_brushes(), (made_up_plan(30), made_up_plan(10, 3, seed=7))
+    plan.save(tmp_path / "plan.json")
+    loaded = Plan.load(tmp_path)
+    assert loaded.layers == plan.layers and loaded.digest == plan.digest
+    assert plan.brushes == ("medium", "fine") and [layer.paints for layer in plan.layers] == [(0, 5), (5, 8)]
+    for part, own in zip(loaded.by_layer(), (first, second), strict=True):
+        assert torch.equal(part.palette.color, own.palette.color) and torch.equal(part.paint, own.paint)
+    assert torch.equal(plan.well, torch.cat([first.paint, second.paint]))
+    assert [(number, len(part)) for number, part in plan.by_wells()] == [(1, 30), (2, 10)]
+    fine = replace(plan, layers=tuple(replace(layer, brush="medium") for layer in plan.layers))
+    assert len({plan.digest, fine.digest, in_layers(made_up_plan(), 30, 10).digest}) == 3
+
+
+def darkened(layer: Plan) -> Plan:
+    """A layer in other paints."""
+    palette = Palette(layer.palette.color * 0.5)
+    return replace(layer, palette=palette, strokes=layer.strokes.with_groups(color=palette.color[layer.paint]))
+
+
+@pytest.mark.parametrize("painted", [0, 12, 30])
+def test_a_layer_that_was_not_begun_may_get_other_paints(painted: int) -> None:
+    plan = of_two_brushes()
+    done, rest = plan.part(slice(painted)), plan.part(slice(painted, None))
+    *lower, last = rest.filled_layers()
+    whole = done.followed_by(rest.with_parts([*lower, darkened(last)]))
+    assert torch.equal(whole.palette.color[5:], last.palette.color * 0.5)
+    assert torch.equal(whole.palette.color[:5], plan.palette.color[:5])
+    assert torch.equal(whole.strokes.position, plan.strokes.position)
+
+
+def test_a_layer_that_is_half_painted_keeps_its_paints() -> None:
+    plan = of_two_brushes()
+    done, rest = plan.part(slice(33)), plan.part(slice(33, None))
+    with pytest.raises(PlanError, match="not that of its paint"):
+        done.followed_by(rest.with_parts([darkened(rest.filled_layers()[0])]))
+
+
+@pytest.mark.parametrize(
+    ("paints", "says"),
+    [
+        ([(0, 5), (4, 8)], "each paint belongs to"),
+        ([(0, 5), (5, 7)], "each paint belongs to"),
+        ([(0, 5), (0, 5)], "each paint belongs to"),
+        ([(5, 8), (0, 5)], "not in its wells"),
+        ([(0, 0), (0, 8)], "each paint belongs to"),
+    ],
+)
+def test_wells_that_do_not_fit_are_refused(paints: list[tuple[int, int]], says: str) -> None:
+    plan = of_two_brushes()
+    layers = tuple(replace(layer, paints=of) for layer, of in zip(plan.layers, paints, strict=True))
+    with pytest.raises(PlanError, match=says):
+        replace(plan, layers=layers)
 
 
 def test_layers_that_are_not_those_of_the_strokes_are_refused() -> None:
     plan = made_up_plan()
     for layers in ((39,), (41, -1), (20, 20, 20)):
         with pytest.raises(PlanError, match="A plan of 40 strokes has layers"):
-            replace(plan, layers=layers)
-    layered = replace(plan, layers=(20, 20))
+            in_layers(plan, *layers)
+    layered = in_layers(plan, 20, 20)
     with pytest.raises(PlanError, match="mixes the layers"):
         layered.reordered(torch.arange(40).flip(0))
     with pytest.raises(PlanError, match="2 layers was to be followed by one of 1"):
@@ -164,15 +240,20 @@ def test_a_plan_cut_in_half_or_edited_is_refused(tmp_path: Path) -> None:
         ({"canvas_m": [100.0, 100.0]}, "missing or out of range"),
         ({"canvas_m": [0.3]}, "missing or out of range"),
         ({"canvas_m": [0.05, 0.05]}, "Stroke"),
-        ({"limits": {}}, "missing or out of range"),
+        ({"layers": [{"strokes": 40}]}, "missing or out of range"),
         ({"about": []}, "missing or out of range"),
         ({"tensors": "../../etc/passwd"}, "passwd does not exist"),
         ({"tensors": None}, "missing or out of range"),
-        ({"layers": [30, 11]}, "has layers of 30, 11"),
+        ({"layers": two_layers(30, 11)}, "has layers of 30, 11"),
+        ({"version": 2, "layers": [30, 11], **ONE_BRUSH}, "has layers of 30, 11"),
         ({"layers": []}, "missing or out of range"),
         ({"layers": ["40"]}, "missing or out of range"),
-        ({"layers": [20, 20]}, "does not belong to the strokes"),
-        ({"brush": "other"}, "does not belong to the strokes"),
+        ({"layers": two_layers("20", 20)}, "missing or out of range"),
+        ({"layers": two_layers(20, 20, brush=3)}, "missing or out of range"),
+        ({"layers": two_layers(20, 20, paints=[0])}, "missing or out of range"),
+        ({"layers": two_layers(20, 20, paints=[0, 2])}, "each paint belongs to"),
+        ({"layers": two_layers(20, 20)}, "does not belong to the strokes"),
+        ({"layers": two_layers(40, 0, brush="other")}, "does not belong to the strokes"),
         ({"digest": "0" * 64}, "does not belong to the strokes"),
     ],
 )

@@ -19,6 +19,7 @@ from frida_painter.lens import Lens
 VERSION = 2
 PROCEDURES = ("canvas", "robot", "color", "brush", "strokes")
 """What calibrates an easel, in the order in which it is done."""
+_OF_A_BRUSH = ("brush", "strokes")
 _FORMAT = "frida-painter calibration"
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _REPEAT_ALL = "repeat all procedures: frida-painter calibrate all"
@@ -70,6 +71,23 @@ class BareCanvas:
 
 
 @dataclass(frozen=True)
+class BrushRecord:
+    """What is known at an easel of a brush that is not in its holder now; as in `Calibration`.
+
+    done: when its heights were measured, and when its strokes were, where they were.
+    """
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    touch_height: float
+    press_height: float
+    protrusion: float | None = None
+    library: LearnedFile | None = None
+    weights: LearnedFile | None = None
+    done: Mapping[str, Done] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Calibration:
     """What is known about one easel: where the camera sees the canvas, where the robot really paints.
 
@@ -81,8 +99,8 @@ class Calibration:
     press_height: robot z in metres of the lightest touch and the hardest press; protrusion: how far
     the brush protrudes from its holder, metres; library, weights: the strokes that were painted and
     what was learned from them; bare: what a bare canvas looked like, None where none was seen; done: the
-    procedures that were done, by name. Parts whose procedure was never done are the easel's defaults.
-    Raises CalibrationError where a value cannot be true.
+    procedures that were done, by name; others: what is known of other brushes, by name. Parts whose procedure was
+    never done are the easel's defaults. Raises CalibrationError where a value cannot be true.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -103,6 +121,7 @@ class Calibration:
     weights: LearnedFile | None = None
     bare: BareCanvas | None = None
     done: Mapping[str, Done] = field(default_factory=dict)
+    others: Mapping[str, BrushRecord] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         corners, placement, color = np.array(self.corners), np.array(self.placement), np.array(self.color)
@@ -143,6 +162,34 @@ class Calibration:
         """Robot z [n] in metres for thickness [n]: 0 the lightest touch, 1 the hardest press."""
         return self.touch_height + thickness * (self.press_height - self.touch_height)
 
+    def of_brush(self, brush: str) -> Self:
+        """The record with another of its brushes in the holder. Raises CalibrationError where it does not know it."""
+        if brush == self.brush:
+            return self
+        if brush not in self.others:
+            known = ", ".join((self.brush, *self.others))
+            raise CalibrationError(
+                f"The calibration record knows the brushes {known}, and not {brush!r}; calibrate it as well: "
+                f"frida-painter calibrate brush --brush {brush}"
+            )
+        return self._holding(brush, self.others[brush])
+
+    def _holding(self, brush: str, chosen: BrushRecord) -> Self:
+        """The record with that brush in the holder, and the one that was there among the others."""
+        mine = {name: done for name, done in self.done.items() if name in _OF_A_BRUSH}
+        left = BrushRecord(self.touch_height, self.press_height, self.protrusion, self.library, self.weights, done=mine)
+        return replace(
+            self,
+            brush=brush,
+            touch_height=chosen.touch_height,
+            press_height=chosen.press_height,
+            protrusion=chosen.protrusion,
+            library=chosen.library,
+            weights=chosen.weights,
+            done={**{name: done for name, done in self.done.items() if name not in mine}, **chosen.done},
+            others={**{name: one for name, one in self.others.items() if name != brush}, self.brush: left},
+        )
+
     def with_canvas(
         self,
         corners: Corners,
@@ -172,7 +219,10 @@ class Calibration:
         self, brush: str, touch_height: float, press_height: float, *, protrusion: float | None, residual: float
     ) -> Self:
         """The record after the brush procedure; residual: metres, how exactly the two heights are known."""
-        found = replace(self, brush=brush, touch_height=touch_height, press_height=press_height, protrusion=protrusion)
+        known = self
+        if brush != self.brush and "brush" in self.done:
+            known = self._holding(brush, self.others.get(brush, BrushRecord(touch_height, press_height)))
+        found = replace(known, brush=brush, touch_height=touch_height, press_height=press_height, protrusion=protrusion)
         return found._having_done("brush", residual)
 
     def with_strokes(self, library: LearnedFile, weights: LearnedFile | None = None, *, residual: float) -> Self:
@@ -180,7 +230,8 @@ class Calibration:
         return replace(self, library=library, weights=weights)._having_done("strokes", residual)
 
     def _having_done(self, procedure: str, residual: float) -> Self:
-        turn = 1 + max((done.turn for done in self.done.values()), default=0)
+        every = [*self.done.values(), *(done for other in self.others.values() for done in other.done.values())]
+        turn = 1 + max((done.turn for done in every), default=0)
         done = Done(datetime.now(UTC).isoformat(timespec="seconds"), turn, float(residual))
         return replace(self, done={**self.done, procedure: done})
 

@@ -1,7 +1,8 @@
-"""A plan: strokes in painting order, each in one colour of a palette, on a canvas, for a brush."""
+"""A plan: strokes in painting order, each in one colour of a palette, on a canvas, in layers with a brush each."""
 
 import hashlib
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,39 +16,49 @@ from frida_painter.frames import CanvasSize
 from frida_painter.palette import Palette
 from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
 
-VERSION = 2
+VERSION = 3
 WHITE = (1.0, 1.0, 1.0)
 """sRGB of a canvas that nobody has toned."""
 MOST_STROKES = 100_000
 
 
 @dataclass(frozen=True)
+class Layer:
+    """Strokes that are painted with one brush, from wells that are filled once, on the dry paint of earlier layers.
+
+    strokes: how many; limits: what the brush can do; paints: the first of the palette's paints that are in the wells
+    then, and the one past the last: paint i of the palette is in well i - paints[0].
+    """
+
+    strokes: int
+    brush: str
+    limits: StrokeLimits
+    paints: tuple[int, int]
+
+
+@dataclass(frozen=True)
 class Plan:
     """What is to be painted.
 
-    strokes: n strokes in painting order; paint [n]: index of each stroke's colour in the palette;
-    limits: what the brush can do; ground [3]: sRGB of the bare canvas; about: free facts (seed,
-    name of the photograph) that are kept with the plan; layers: how many strokes each layer has, by
-    default all of them in one; each layer is painted on the dry paint of those before it, and begins
-    light again. Raises PlanError where the parts do not fit.
+    strokes: n strokes in painting order; palette: the paints of all layers; paint [n]: index of each stroke's colour
+    in it; layers: what each is painted with, one at least; every layer begins light again; ground [3]: sRGB of the bare
+    canvas; about: free facts (seed, name of the photograph) that are kept with the plan. Raises PlanError where the
+    parts do not fit.
     """
 
     strokes: Strokes
     palette: Palette
     paint: Tensor
     canvas: CanvasSize
-    brush: str
-    limits: StrokeLimits
+    layers: tuple[Layer, ...]
     ground: tuple[float, float, float] = WHITE
     about: tuple[tuple[str, str], ...] = ()
-    layers: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        if not self.layers:
-            object.__setattr__(self, "layers", (len(self.strokes),))
-        if sum(self.layers) != len(self.strokes) or min(self.layers) < 0:
+        counts = self.layer_sizes
+        if not counts or sum(counts) != len(self.strokes) or min(counts) < 0:
             raise PlanError(
-                f"A plan of {len(self.strokes)} strokes has layers of {', '.join(map(str, self.layers))} strokes; "
+                f"A plan of {len(self.strokes)} strokes has layers of {', '.join(map(str, counts))} strokes; "
                 "together they are as many as the plan has."
             )
         if len(self.paint) != len(self.strokes):
@@ -58,42 +69,157 @@ class Plan:
             raise PlanError(f"A plan names a paint outside its palette of {len(self.palette)}; numbers start at 0.")
         if not torch.equal(self.palette.color[self.paint].to(self.strokes.color), self.strokes.color):
             raise PlanError("A plan has a stroke whose colour is not that of its paint; make the plan anew.")
-        self.strokes.check(self.limits, self.canvas)
+        wells = sorted({layer.paints for layer in self.layers})
+        ends = [0, *(end for _, end in wells)]
+        if [first for first, _ in wells] != ends[:-1] or ends[-1] != len(self.palette) or len(set(ends)) < len(ends):
+            raise PlanError(
+                f"The layers of a plan have the paints {wells} of a palette of {len(self.palette)} in their wells; "
+                "each paint belongs to the wells of one or more layers that have them all."
+            )
+        for number, (layer, where) in enumerate(zip(self.layers, self._slices, strict=True), 1):
+            first, end = layer.paints
+            if not bool(((self.paint[where] >= first) & (self.paint[where] < end)).all()):
+                raise PlanError(
+                    f"Layer {number} of a plan has a stroke in a paint that is not in its wells; plan anew."
+                )
+            self.strokes[where].check(layer.limits, self.canvas)
 
     @classmethod
-    def of(cls, strokes: Strokes, palette: Palette, paint: Tensor, **rest: Any) -> "Plan":
-        """The plan of these strokes, each given exactly the colour of its paint."""
-        return cls(strokes.with_groups(color=palette.color[paint].to(strokes.color)), palette, paint, **rest)
+    def of(
+        cls, strokes: Strokes, palette: Palette, paint: Tensor, *, brush: str, limits: StrokeLimits, **rest: Any
+    ) -> "Plan":
+        """The plan of these strokes in one layer, each given exactly the colour of its paint."""
+        colored = strokes.with_groups(color=palette.color[paint].to(strokes.color))
+        layer = Layer(len(strokes), brush, limits, (0, len(palette)))
+        return cls(colored, palette, paint, layers=(layer,), **rest)
 
     def __len__(self) -> int:
         return len(self.strokes)
 
     @property
+    def layer_sizes(self) -> tuple[int, ...]:
+        """How many strokes each layer has."""
+        return tuple(layer.strokes for layer in self.layers)
+
+    @property
     def layer(self) -> Tensor:
         """The number of each stroke's layer, from 0, [n]."""
-        return torch.repeat_interleave(torch.arange(len(self.layers)), torch.tensor(self.layers))
+        return torch.repeat_interleave(torch.arange(len(self.layers)), torch.tensor(self.layer_sizes))
+
+    @property
+    def brushes(self) -> tuple[str, ...]:
+        """The brushes that it is painted with, each once, in the order in which they are needed."""
+        return tuple(dict.fromkeys(layer.brush for layer in self.layers))
+
+    @property
+    def well(self) -> Tensor:
+        """The number of the well, from 0, that each stroke's paint is in while its layer is painted, [n]."""
+        firsts = torch.tensor([layer.paints[0] for layer in self.layers])
+        return self.paint - firsts.to(self.paint)[self.layer]
 
     def layer_end(self, painted: int) -> int:
         """How many strokes are painted when the layer of the next stroke is done, `painted` being painted now."""
-        return next((end for end in itertools.accumulate(self.layers) if end > painted), len(self))
+        return next((end for end in itertools.accumulate(self.layer_sizes) if end > painted), len(self))
+
+    def wells(self, layer: Layer) -> Palette:
+        """The paints that are in the wells while one of its layers is painted, well by well."""
+        return Palette(self.palette.color[slice(*layer.paints)])
 
     def part(self, which: slice | list[int]) -> "Plan":
         """The plan of some of the strokes only, in their order; it has the same layers, of which some may be empty."""
-        layers = torch.bincount(self.layer[which], minlength=len(self.layers))
-        return replace(self, strokes=self.strokes[which], paint=self.paint[which], layers=tuple(layers.tolist()))
+        counts = torch.bincount(self.layer[which], minlength=len(self.layers))
+        return replace(self, strokes=self.strokes[which], paint=self.paint[which], layers=self._sized(counts.tolist()))
 
     def by_layer(self) -> list["Plan"]:
-        """The plan of each layer alone."""
-        ends = list(itertools.accumulate(self.layers))
+        """The plan of each layer alone, of whose palette only what is in its wells."""
         return [
-            replace(self.part(slice(end - count, end)), layers=(count,))
-            for count, end in zip(self.layers, ends, strict=True)
+            replace(
+                self,
+                strokes=self.strokes[where],
+                palette=self.wells(layer),
+                paint=self.paint[where] - layer.paints[0],
+                layers=(replace(layer, paints=(0, layer.paints[1] - layer.paints[0])),),
+            )
+            for layer, where in zip(self.layers, self._slices, strict=True)
         ]
 
+    def by_brush(self) -> list[tuple[str, Strokes]]:
+        """The brushes in the order in which they are used, with all strokes that each paints until the next one."""
+        runs = itertools.groupby(self.filled_layers(), lambda part: part.layers[0].brush)
+        return [(brush, Strokes.join(*(part.strokes for part in run))) for brush, run in runs]
+
+    def by_wells(self) -> list[tuple[int, "Plan"]]:
+        """For each time that the wells are filled: before which layer, from 1, and all that is painted from them then.
+
+        Strokes and palette of each plan are only what belongs to that.
+        """
+        found = []
+        for paints in sorted({layer.paints for layer in self.layers}):
+            number, layer = next(each for each in enumerate(self.layers, 1) if each[1].paints == paints)
+            ours = torch.tensor([each.paints == paints for each in self.layers])[self.layer]
+            part = self.part(ours.nonzero().flatten().tolist())
+            sizes = [replace(each, paints=(0, paints[1] - paints[0])) for each in part.layers if each.paints == paints]
+            wells = replace(part, palette=self.wells(layer), paint=part.paint - paints[0], layers=tuple(sizes))
+            found.append((number, wells))
+        return found
+
+    def filled_layers(self) -> list["Plan"]:
+        """Those of them that have strokes."""
+        return [part for part in self.by_layer() if len(part)]
+
     def under(self, layer: "Plan") -> "Plan":
-        """This plan with all strokes of another as one more layer; palette and canvas are the same."""
-        strokes, paint = Strokes.join(self.strokes, layer.strokes), torch.cat([self.paint, layer.paint])
-        return replace(self, strokes=strokes, paint=paint, layers=(*self.layers, len(layer)))
+        """This plan, and on it another of one layer, for the same canvas.
+
+        Where its palette is not that of this plan's last layer, the wells are filled with it before.
+        """
+        first, end = self.layers[-1].paints
+        palette, paints = self.palette, layer.palette.color
+        if not torch.equal(palette.color[first:end], paints):
+            first, palette = len(palette), Palette(torch.cat([palette.color, paints]))
+        return replace(
+            self,
+            strokes=Strokes.join(self.strokes, layer.strokes),
+            palette=palette,
+            paint=torch.cat([self.paint, layer.paint + first]),
+            layers=(*self.layers, replace(layer.layers[0], paints=(first, first + len(paints)))),
+        )
+
+    def with_parts(self, parts: Sequence["Plan"]) -> "Plan":
+        """The plan with other strokes and paints in those of its layers that have any.
+
+        parts: one for each of these, as `filled_layers` gives them.
+        """
+        found = iter(parts)
+        return self._of_layers([next(found) if len(part) else part for part in self.by_layer()])
+
+    def _of_layers(self, parts: Sequence["Plan"]) -> "Plan":
+        """The plan with these in the place of `by_layer`; of layers with the same wells one with strokes says which."""
+        wells = {layer.paints: self.wells(layer).color for layer in self.layers}
+        wells |= {layer.paints: part.palette.color for layer, part in zip(self.layers, parts, strict=True) if len(part)}
+        ends = itertools.accumulate(len(wells[paints]) for paints in sorted(wells))
+        paints = {old: (end - len(wells[old]), end) for old, end in zip(sorted(wells), ends, strict=True)}
+        counts = [(layer, len(part)) for layer, part in zip(self.layers, parts, strict=True)]
+        return replace(
+            self,
+            strokes=Strokes.join(*(part.strokes for part in parts)),
+            palette=Palette(torch.cat([wells[old] for old in sorted(wells)])),
+            paint=torch.cat(
+                [part.paint + paints[layer.paints][0] for layer, part in zip(self.layers, parts, strict=True)]
+            ),
+            layers=tuple(replace(layer, strokes=count, paints=paints[layer.paints]) for layer, count in counts),
+        )
+
+    @property
+    def _slices(self) -> list[slice]:
+        """Where the strokes of each layer are."""
+        return [
+            slice(end - layer.strokes, end)
+            for layer, end in zip(self.layers, itertools.accumulate(self.layer_sizes), strict=True)
+        ]
+
+    def _sized(self, counts: Sequence[int]) -> tuple[Layer, ...]:
+        """The layers with so many strokes each."""
+        return tuple(replace(layer, strokes=count) for layer, count in zip(self.layers, counts, strict=True))
 
     def reordered(self, order: Tensor) -> "Plan":
         """The same strokes in another order: order [n] names each once."""
@@ -104,23 +230,43 @@ class Plan:
         return replace(self, strokes=self.strokes[order], paint=self.paint[order])
 
     def followed_by(self, rest: "Plan") -> "Plan":
-        """These strokes, and after them those of `rest`, a plan with the same palette, canvas and layers.
+        """These strokes, and after them those of `rest`, a plan with the same canvas and layers.
 
-        A layer that both have strokes of goes on in `rest`. Raises PlanError where layers do not follow each other.
+        A layer that both have strokes of goes on in `rest`; one of which this has none has its paints from there.
+        Raises PlanError where layers do not follow each other.
         """
         if len(self.layers) != len(rest.layers):
             raise PlanError(
                 f"A plan of {len(self.layers)} layers was to be followed by one of {len(rest.layers)}; give it as many."
             )
-        strokes, paint = Strokes.join(self.strokes, rest.strokes), torch.cat([self.paint, rest.paint])
-        layers = tuple(mine + more for mine, more in zip(self.layers, rest.layers, strict=True))
-        return replace(self, strokes=strokes, paint=paint, layers=layers)
+        return self._of_layers(
+            [
+                replace(
+                    mine if len(mine) else more,
+                    strokes=Strokes.join(mine.strokes, more.strokes),
+                    paint=torch.cat([mine.paint, more.paint]),
+                    layers=(
+                        replace(
+                            mine.layers[0],
+                            strokes=len(mine) + len(more),
+                            paints=(mine if len(mine) else more).layers[0].paints,
+                        ),
+                    ),
+                )
+                for mine, more in zip(self.by_layer(), rest.by_layer(), strict=True)
+            ]
+        )
 
     @property
     def digest(self) -> str:
         """sha256 over everything that decides what is painted."""
-        layers = (self.layers,) if len(self.layers) > 1 else ()  # a plan of version 1 keeps its digest
-        content = hashlib.sha256(repr((self.canvas, self.brush, self.limits, self.ground, *layers)).encode())
+        first, counts = self.layers[0], self.layer_sizes
+        alike = all(replace(layer, strokes=first.strokes) == first for layer in self.layers)
+        if alike and first.paints == (0, len(self.palette)):  # as in version 1, and where it has several in version 2
+            facts = (self.canvas, first.brush, first.limits, self.ground, *((counts,) if len(counts) > 1 else ()))
+        else:
+            facts = (self.canvas, self.layers, self.ground)
+        content = hashlib.sha256(repr(facts).encode())
         for tensor in (*self.strokes.arrays().values(), self.palette.color, self.paint):
             content.update(tensor.detach().cpu().contiguous().numpy().tobytes())
         return content.hexdigest()
@@ -142,10 +288,17 @@ class Plan:
                 "version": VERSION,
                 "canvas_m": [self.canvas.width, self.canvas.height],
                 "strokes": len(self),
-                "layers": list(self.layers),
+                "layers": [
+                    {
+                        "strokes": layer.strokes,
+                        "brush": layer.brush,
+                        "length_m": list(layer.limits.length),
+                        "bend_m": list(layer.limits.bend),
+                        "paints": list(layer.paints),
+                    }
+                    for layer in self.layers
+                ],
                 "palette_srgb": [[round(part, 6) for part in color] for color in self.palette.color.tolist()],
-                "brush": self.brush,
-                "limits": {"length_m": list(self.limits.length), "bend_m": list(self.limits.bend)},
                 "ground_srgb": list(self.ground),
                 "about": dict(self.about),
                 "tensors": beside.name,
@@ -176,17 +329,14 @@ class Plan:
             if record["strokes"] > MOST_STROKES:
                 raise PlanError(f"{path} has {record['strokes']} strokes; a plan has at most {MOST_STROKES}.")
             tensors, _ = tensor_file.read_tensors(beside, f"the plan {path.name}", PlanError, record["tensors_sha256"])
-            limits = record["limits"]
             plan = cls(
                 strokes=Strokes(**{name: tensors[name] for name in GROUPS}),
                 palette=Palette(tensors["palette"]),
                 paint=tensors["paint"],
                 canvas=CanvasSize(*record["canvas_m"]),
-                brush=record["brush"],
-                limits=StrokeLimits(tuple(limits["length_m"]), tuple(limits["bend_m"])),
                 ground=tuple(record["ground_srgb"]),
                 about=tuple(record["about"].items()),
-                layers=_layers(record),
+                layers=_layers(record, len(tensors["palette"])),
             )
         except (KeyError, TypeError, ValueError, AttributeError, IndexError, ConfigError) as cause:
             raise PlanError(f"{path} is a plan with a part missing or out of range ({cause}); make it anew.") from cause
@@ -195,11 +345,27 @@ class Plan:
         return plan
 
 
-def _layers(record: dict[str, Any]) -> tuple[int, ...]:
-    """The layers of a plan's file; version 1 knew of one only. Raises ValueError where they are none."""
-    if record["version"] == 1:
-        return (record["strokes"],)
-    layers = tuple(record["layers"])
-    if not layers or any(type(count) is not int for count in layers):
-        raise ValueError(f"layers of {layers} strokes")
+def _layers(record: dict[str, Any], paints: int) -> tuple[Layer, ...]:
+    """The layers of a plan's file; before version 3 they had one brush and palette, before version 2 it was one.
+
+    Raises ValueError where they are none.
+    """
+    entries: list[Any] = [record["strokes"]] if record["version"] == 1 else list(record["layers"])
+    if record["version"] < 3:
+        same = {**record["limits"], "brush": record["brush"], "paints": [0, paints]}
+        entries = [{**same, "strokes": count} for count in entries]
+    layers = tuple(
+        Layer(
+            entry["strokes"],
+            entry["brush"],
+            StrokeLimits(tuple(entry["length_m"]), tuple(entry["bend_m"])),
+            tuple(entry["paints"]),
+        )
+        for entry in entries
+    )
+    numbers = (number for layer in layers for number in (layer.strokes, *layer.paints))
+    if not layers or any(type(number) is not int for number in numbers):
+        raise ValueError(f"layers of {[layer.strokes for layer in layers]} strokes")
+    if any(type(layer.brush) is not str or len(layer.paints) != 2 for layer in layers):
+        raise ValueError("a layer without a brush or paints")
     return layers

@@ -76,8 +76,8 @@ def test_all_five_are_done_in_order(run: Run, tmp_path: Path) -> None:
     spec = RunSpec.of(brush="fine", render_height=64, calibration=tmp_path / "cal.json")
     planner = open_planner(spec, Goal((ImageTerm(torch.rand(3, 20, 20)),)))
     shape = torch.tensor([0.5]), torch.tensor([0.02]), torch.tensor([0.0])
-    assert (planner.model(*shape) - learned(*shape)).abs().mean() < 0.01
-    assert (planner.model(*shape) - load_stroke_model("fine")(*shape)).abs().mean() > 1e-4
+    assert (planner.models["fine"](*shape) - learned(*shape)).abs().mean() < 0.01
+    assert (planner.models["fine"](*shape) - load_stroke_model("fine")(*shape)).abs().mean() > 1e-4
     for name in known.done:
         assert f"{name}: " in out and (tmp_path / f"cal-{name}.png").exists()
     status, out, _ = run("doctor", "--brush", "fine", "--record", "cal.json")

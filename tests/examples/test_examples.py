@@ -46,7 +46,7 @@ def coarse_brush(monkeypatch: pytest.MonkeyPatch, tables: dict[str, StrokeTable]
             tables[model.brush] = coarse_table(model)
         return tables[model.brush]
 
-    monkeypatch.setattr("frida_painter.planning.planner.cached_table", table)
+    monkeypatch.setattr("frida_painter.planning.layers.cached_table", table)
 
 
 def script(name: str) -> Callable[..., None]:

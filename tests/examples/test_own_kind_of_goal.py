@@ -13,7 +13,8 @@ import torch
 from frida_painter import cli, registry
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.kind import goal_kinds
-from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.effort import Effort
+from frida_painter.planning.planner import Planner
 from frida_painter.registry import OBJECTIVES
 from frida_painter.runs.goal_item import GoalItem, read_goal_file
 from frida_painter.runs.goals import open_goal, picture_of

@@ -114,8 +114,8 @@ def test_its_policy_and_its_kind_of_goal_are_taken_by_name() -> None:
 
 def test_robot_and_camera_work_in_the_process_of_the_easel(table: Path) -> None:
     order = EaselOrder(
-        f"trace:{table / 'sheet.csv'}", CanvasSize(0.14, 0.1), "fine", 0, table, table, workspace=table / "easel.toml",
-        camera="rpicam:1",
+        f"trace:{table / 'sheet.csv'}", CanvasSize(0.14, 0.1), ("fine",), 0, table, table,
+        workspace=table / "easel.toml", camera="rpicam:1",
     )  # fmt: skip
     with easel_of(order) as (easel, _):
         path = stroke(easel, 1)
@@ -149,7 +149,7 @@ def test_a_stroke_model_that_is_a_function_plans_renders_and_paints_in_the_studi
     status, said = run("paint", "coffee.png", *SMALL, "--brush", "marker", "--canvas", "140x100mm", "--out", "it")
     assert status == 0, said
     plan = Plan.load(table / "it")
-    assert plan.brush == "marker" and len(plan) == 3 and plan.strokes.length.max() <= 0.05 + 1e-6
+    assert plan.layers[0].brush == "marker" and len(plan) == 3 and plan.strokes.length.max() <= 0.05 + 1e-6
     assert run("render", "it", "--out", "seen.png")[0] == 0 and run("export", "it", "--to", "svg")[0] == 0
     painted = np.asarray(Image.open(table / "it" / "painting.png").convert("L"), float)
     assert painted.min() < 0.75 * np.median(painted), "the studio's brush has left its marks"

@@ -1,5 +1,4 @@
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from frida_painter.plan import Plan
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
 from frida_painter.session.events import Dipped
 from frida_painter.session.flatbed_workspace import FlatbedWorkspace
-from plans import CANVAS, made_up_plan
+from plans import CANVAS, in_layers, made_up_plan
 
 PLAN = made_up_plan(12, 3)
 
@@ -120,7 +119,7 @@ def test_a_desk_that_cannot_be_is_refused(name: str, value: float) -> None:
 
 @pytest.mark.parametrize("pauses", [True, False])
 def test_between_two_layers_the_machine_waits_for_dry_paint(pauses: bool) -> None:
-    layered = replace(PLAN, layers=(8, 4))
+    layered = in_layers(PLAN, 8, 4)
     lines = gcode(layered, actions(layered), Gcode(), pauses=pauses).splitlines()
     (wait,) = (number for number, line in enumerate(lines) if "let this layer dry for 20 minutes" in line)
     assert lines[wait].startswith("M0 (")

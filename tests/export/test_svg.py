@@ -15,7 +15,7 @@ from frida_painter.export.svg import svg
 from frida_painter.palette import Palette, to_hex
 from frida_painter.plan import Plan
 from frida_painter.strokes import Strokes
-from plans import CANVAS, LIMITS, made_up_plan
+from plans import CANVAS, LIMITS, in_layers, made_up_plan
 
 SVG = "{http://www.w3.org/2000/svg}"
 LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
@@ -134,7 +134,7 @@ def test_vpype_reads_a_layer_for_each_paint_or_dip_in_millimetres(tmp_path: Path
 
 
 def test_a_paint_that_comes_back_in_another_layer_of_the_plan_gets_its_own_even_when_regrouped() -> None:
-    plan = replace(made_up_plan(paint=[0, 1, 0, 1]), layers=(2, 2))
+    plan = in_layers(made_up_plan(paint=[0, 1, 0, 1]), 2, 2)
     for layers in (parsed(plan).findall(f"{SVG}g"), parsed(plan, keep_order=False).findall(f"{SVG}g")):
         assert [(layer.attrib["data-layer"], layer.attrib["data-paint"]) for layer in layers] == [
             ("1", "1"), ("1", "2"), ("2", "1"), ("2", "2")

@@ -1,14 +1,13 @@
 import csv
 import io
 import math
-from dataclasses import replace
 
 import pytest
 import torch
 
 from frida_painter.export.table import COLUMNS, table
 from frida_painter.palette import to_hex
-from plans import made_up_plan
+from plans import in_layers, made_up_plan
 
 
 def test_every_stroke_has_a_row_that_reads_back() -> None:
@@ -40,5 +39,5 @@ def test_the_bezier_begins_and_ends_where_the_stroke_does() -> None:
 
 
 def test_rows_tell_their_layer() -> None:
-    plan = replace(made_up_plan(6, 2), layers=(4, 2))
+    plan = in_layers(made_up_plan(6, 2), 4, 2)
     assert [row["layer"] for row in csv.DictReader(io.StringIO(table(plan)))] == ["1"] * 4 + ["2"] * 2

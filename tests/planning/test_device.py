@@ -21,9 +21,10 @@ from frida_painter.objectives.objective import ObjectiveTerm
 from frida_painter.objectives.text import distance_to
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import Growth
 from frida_painter.planning.placement import Placement
-from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.planner import Planner
 from frida_painter.planning.region import Region
 from networks import QuickEncoders, random_hed_tensors, random_reader, random_vgg_tensors
 from scenes import CANVAS, goal, picture, small_table
@@ -127,6 +128,8 @@ def test_a_tensor_left_behind_would_be_found() -> None:
     with elsewhere() as device:
         by = planner(goal(), device)
         here = torch.rand(3, by.coarse.rows, by.coarse.columns)
-        by._initial_objective = WeightedObjective([(1.0, ObjectiveTerm(lambda seen: (seen - here).square().mean()))])
+        by.scenes.initial_objective = WeightedObjective(
+            [(1.0, ObjectiveTerm(lambda seen: (seen - here).square().mean()))]
+        )
         with pytest.raises(RuntimeError, match="one device"):
             by.plan(BARE, 4, 2, unheard)

@@ -1,4 +1,5 @@
 import copy
+import dataclasses
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -8,10 +9,11 @@ import torch
 
 from frida_painter.brush.spread import CoverageSpread
 from frida_painter.frames import PixelGrid, pixel_to_map
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.forecast import SimilarityForecast, forecast
 from frida_painter.planning.placement import Placement
-from frida_painter.planning.planner import Effort, Planner
-from frida_painter.planning.scene import Scene
+from frida_painter.planning.planner import Planner
+from frida_painter.planning.scene import Scene, stacked_moments
 from frida_painter.render import composite
 from scenes import CANVAS, goal, scene, small_table, some_strokes, target
 
@@ -29,14 +31,14 @@ def known(millimetres: float) -> Placement:
 
 def test_it_expects_the_squared_error_of_all_paintings_of_the_plan() -> None:
     on, strokes = varying(0.5), some_strokes(12)
-    found = forecast(goal(), strokes, on, Placement.unknown(), 0)
+    found = forecast(goal(), [strokes], [on], Placement.unknown(), 0)
     assert found.expected == pytest.approx(-10 * math.log10(float(on.expected_loss(strokes))), abs=1e-4)
     assert found.least < found.expected < found.most
 
 
 def test_marks_that_vary_more_promise_less() -> None:
     strokes = some_strokes(12)
-    little, much = (forecast(goal(), strokes, on, Placement.unknown(), 0) for on in (varying(0.1), varying(0.9)))
+    little, much = (forecast(goal(), [strokes], [on], Placement.unknown(), 0) for on in (varying(0.1), varying(0.9)))
     assert much.expected < little.expected
     assert much.most - much.least > little.most - little.least
 
@@ -45,7 +47,7 @@ def test_the_range_by_chance_is_that_of_strokes_that_leave_more_or_less_paint() 
     """Each stroke's coverage off by the same share of its deviation everywhere, up or down by the toss of a coin."""
     share = 0.01  # so small that first order is all
     on, strokes = varying(share), some_strokes(6)
-    found = forecast(goal(), strokes, on, Placement.unknown(), 0)
+    found = forecast(goal(), [strokes], [on], Placement.unknown(), 0)
     magnitude = on.model(strokes.thickness, strokes.length, strokes.bend)
     deviation = on.spread.variance(magnitude).sqrt()
     affine = pixel_to_map(
@@ -62,16 +64,28 @@ def test_the_range_by_chance_is_that_of_strokes_that_leave_more_or_less_paint() 
 
 def test_what_is_not_known_of_the_placement_costs_as_long_as_it_is_not_seen() -> None:
     on, strokes = varying(0.3), some_strokes(12)
-    sure, later, never = (forecast(goal(), strokes, on, known(4.0), unseen) for unseen in (0, 3, 12))
+    sure, later, never = (forecast(goal(), [strokes], [on], known(4.0), unseen) for unseen in (0, 3, 12))
     assert sure.expected >= later.expected >= never.expected
     assert never.most - never.least > sure.most - sure.least
-    exact = forecast(goal(), strokes, on, known(1e-6), 12)
+    exact = forecast(goal(), [strokes], [on], known(1e-6), 12)
     assert exact.expected == pytest.approx(sure.expected, abs=1e-3)
+
+
+def test_strokes_of_two_brushes_are_laid_one_over_the_other() -> None:
+    """With one brush for both parts the moments are those of all strokes at once, and so are error and chance."""
+    on, strokes = varying(0.6), some_strokes(12)
+    parts, scenes = [strokes[:7], strokes[7:]], [on, on]
+    for whole, stacked in zip(on.moments(strokes), stacked_moments(parts, scenes), strict=True):
+        assert torch.allclose(whole, stacked, atol=1e-6)
+    for placement, unseen in ((Placement.unknown(), 0), (known(4.0), 9)):
+        whole = forecast(goal(), [strokes], [on], placement, unseen)
+        stacked = forecast(goal(), parts, scenes, placement, unseen)
+        assert dataclasses.astuple(stacked) == pytest.approx(dataclasses.astuple(whole), abs=1e-4)
 
 
 def test_no_strokes_leave_the_canvas_as_it_is() -> None:
     on = varying(0.3)
-    found = forecast(goal(), some_strokes(0), on, Placement.unknown(), 0)
+    found = forecast(goal(), [some_strokes(0)], [on], Placement.unknown(), 0)
     assert found.expected == pytest.approx(-10 * math.log10(float((on.canvas - target(on)).square().mean())), abs=1e-4)
 
 
@@ -80,4 +94,4 @@ def test_only_goals_with_a_photograph_have_one() -> None:
     plan = planner.plan(strokes=3, colors=2)
     assert str(planner.forecast(plan, planner.bare)).count("dB expected") == 1
     wordy = SimpleNamespace(terms=(SimpleNamespace(is_pixelwise=False, picture=None),))
-    assert forecast(wordy, plan.strokes, varying(0.3)) is None
+    assert forecast(wordy, [plan.strokes], [varying(0.3)]) is None

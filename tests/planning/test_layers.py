@@ -1,3 +1,4 @@
+import copy
 from dataclasses import replace
 
 import pytest
@@ -5,13 +6,14 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.errors import ConfigError
+from frida_painter.errors import ConfigError, PlanError
 from frida_painter.goal import Goal
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.planning.layers import layer_sizes
-from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.effort import Effort
+from frida_painter.planning.layers import layer_sizes, usual_shares
+from frida_painter.planning.planner import Planner
 from scenes import CANVAS, goal, small_table
 
 QUICK = Effort().scaled(0.1)
@@ -31,20 +33,20 @@ def plan() -> Plan:
 def test_each_layer_has_a_stroke_and_the_first_has_most(strokes: int, layers: int) -> None:
     if layers > strokes:
         with pytest.raises(ConfigError, match=f"{layers} layers for {strokes} strokes"):
-            layer_sizes(strokes, layers)
+            layer_sizes(strokes, usual_shares(layers))
         return
-    sizes = layer_sizes(strokes, layers)
+    sizes = layer_sizes(strokes, usual_shares(layers))
     assert len(sizes) == layers and sum(sizes) == strokes and min(sizes) >= 1
     assert layers > strokes / 5 or sizes[0] >= 0.55 * strokes
 
 
 def test_no_layers_are_none() -> None:
     with pytest.raises(ConfigError, match="from 1 layer to 10"):
-        layer_sizes(10, 0)
+        layer_sizes(10, ())
 
 
 def test_every_layer_goes_from_light_to_dark_in_the_same_paints(plan: Plan) -> None:
-    assert plan.layers == (18, 12) and len(plan.palette) == 4
+    assert plan.layer_sizes == (18, 12) and len(plan.palette) == 4
     for layer in plan.by_layer():
         assert bool((layer.paint.diff() >= 0).all())
     by, (first, _) = planner(), plan.by_layer()
@@ -64,7 +66,7 @@ def test_where_a_layer_begins_its_strokes_go_where_the_canvas_needs_them_and_lig
     spoilt[:, 40:, :30] = 0.05  # a dark blot where the picture is pale
     again = by.replan(rest, spoilt, fresh=True)
     lost = [by.validation_loss(by.expected(one, spoilt)) for one in (rest, again)]
-    assert again.layers == rest.layers == (0, 12)
+    assert again.layer_sizes == rest.layer_sizes == (0, 12)
     assert lost[1] < 0.8 * lost[0]
     assert int(again.paint.min()) == 0
 
@@ -73,19 +75,19 @@ def test_planning_again_inside_the_first_layer_keeps_both(plan: Plan) -> None:
     by, rest = planner(), plan.part(slice(10, None))
     canvas = by.expected(plan.part(slice(0, 10)))
     again = by.replan(rest, canvas * 0.97)
-    assert again.layers == (8, 12)
+    assert again.layer_sizes == (8, 12)
     first, second = again.by_layer()
     assert int(first.paint.min()) >= int(rest.by_layer()[0].paint.min()), "no lighter than what is wet"
     losses = [by.validation_loss(by.expected(one.by_layer()[0], canvas * 0.97)) for one in (again, rest)]
     assert losses[0] <= losses[1]
     assert second.digest == rest.by_layer()[1].digest, "its turn has not come"
     changed = by.replan(rest, canvas * 0.97, rounds=2)
-    assert changed.layers == (8, 12) and changed.by_layer()[1].digest != second.digest
+    assert changed.layer_sizes == (8, 12) and changed.by_layer()[1].digest != second.digest
 
 
 def test_where_moving_strokes_does_not_help_they_are_settled_where_they_are(plan: Plan, monkeypatch) -> None:
     def thrown_about(strokes, paints, *rest, **more):
-        return strokes.with_groups(position=strokes.position.flip(0)).project(plan.limits, CANVAS), paints
+        return strokes.with_groups(position=strokes.position.flip(0)).project(plan.layers[0].limits, CANVAS), paints
 
     monkeypatch.setattr("frida_painter.planning.planner.relocate", thrown_about)
     by, rest = planner(), plan.part(slice(14, None))
@@ -99,14 +101,14 @@ def test_where_moving_strokes_does_not_help_they_are_settled_where_they_are(plan
 def test_other_paints_bind_each_layer_from_light_to_dark_of_the_plan(plan: Plan) -> None:
     mixed = Palette(plan.palette.color * 0.95)
     bound = planner().bind_to_palette(plan, BARE, mixed)
-    assert bound.layers == plan.layers and torch.equal(bound.palette.color, mixed.color)
+    assert bound.layer_sizes == plan.layer_sizes and torch.equal(bound.palette.color, mixed.color)
 
 
 def test_steps_show_what_lies_below_and_are_as_many_as_were_told() -> None:
     by, steps = planner(), []
     by.plan(BARE, 30, 4, steps.append)
     assert len(steps) == by.iterations(30) == steps[-1].iteration == steps[-1].of
-    assert len(steps[-1].strokes) == 30
+    assert sum(len(strokes) for _, strokes in steps[-1].parts) == 30
 
 
 def test_a_stroke_that_cannot_keep_clear_is_missing_from_its_layer() -> None:
@@ -117,9 +119,75 @@ def test_a_stroke_that_cannot_keep_clear_is_missing_from_its_layer() -> None:
     forbidden[:, :40] = True
     by.region = Region(forbidden)
     found = by.plan(BARE, 30, 4)
-    assert sum(found.layers) == len(found) and len(found.layers) == 2
+    assert sum(found.layer_sizes) == len(found) and len(found.layer_sizes) == 2
 
 
 def test_goals_without_a_picture_can_have_layers() -> None:
     wanted = Goal((replace(ImageTerm(goal().terms[0].image)),))
     assert len(planner(3, wanted).plan(BARE, 12, 2).layers) == 3
+
+
+def two_brushes(**settings: object) -> Planner:
+    """A brush, and a finer one that leaves half of its marks."""
+    fine = copy.copy(small_table())
+    fine.brush = "finer"
+    models = [small_table(), fine]
+    return Planner(goal(), CANVAS, models, rows=64, effort=QUICK, **{"layers": None, **settings})  # type: ignore[arg-type]
+
+
+def test_each_brush_paints_its_layer_in_paints_of_its_own() -> None:
+    by = two_brushes(layers=2, shares=(0.5, 0.5), new_paints=True)
+    plan = by.plan(BARE, 24, 4)
+    assert [(layer.strokes, layer.brush) for layer in plan.layers] == [(12, "small"), (12, "finer")]
+    first, second = plan.by_layer()
+    assert not torch.equal(first.palette.color, second.palette.color) and len(plan.palette) <= 8
+    for layer in (first, second):
+        assert bool((layer.paint.diff() >= 0).all())
+    by_hand = by.expected(second, by.expected(first))
+    assert torch.allclose(by.expected(plan), by_hand, atol=1e-6)
+    assert by.expected_loss(plan, BARE) < by.expected_loss(first, BARE)
+
+
+def test_new_paints_are_chosen_again_where_their_layer_begins_and_stay_once_it_has() -> None:
+    by = two_brushes(layers=2, new_paints=True)
+    plan = by.plan(BARE, 24, 4)
+    first, second = plan.by_layer()
+    rest, spoilt = plan.part(slice(len(first), None)), by.expected(first)
+    spoilt[:, 40:, :30] = 0.05
+    again = by.replan(rest, spoilt, fresh=True)
+    assert not torch.equal(again.by_layer()[1].palette.color, second.palette.color)
+    whole = plan.part(slice(len(first))).followed_by(again)
+    assert whole.by_layer()[0].digest == first.digest and whole.layer_sizes == plan.layer_sizes
+    later = by.replan(whole.part(slice(len(first) + 3, None)), spoilt)
+    assert torch.equal(later.by_layer()[1].palette.color, again.by_layer()[1].palette.color)
+
+
+def test_what_was_mixed_for_a_layer_binds_only_what_is_painted_from_these_wells() -> None:
+    by = two_brushes(layers=2, new_paints=True)
+    plan = by.plan(BARE, 24, 4)
+    first, second = plan.by_layer()
+    mixed = Palette(first.palette.color * 0.9)
+    one, other = by.bind_to_palette(plan, BARE, mixed).by_layer()
+    assert torch.equal(one.palette.color, mixed.color) and other.digest == second.digest
+
+
+def test_of_themselves_only_many_strokes_towards_a_picture_get_a_second_brush() -> None:
+    assert two_brushes().layer_brushes(200) == ("small", "finer")
+    assert two_brushes(shares=(0.5, 0.5)).layer_sizes(200) == (100, 100)
+    assert two_brushes().layer_brushes(40) == ("small",) and two_brushes().layer_sizes(40) == (40,)
+    assert planner(3).layer_brushes(40) == ("small",) * 3
+
+
+def test_brushes_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(ConfigError, match="3 layers and 2 brushes"):
+        two_brushes(layers=3)
+    with pytest.raises(ConfigError, match="3 shares of the strokes were given"):
+        two_brushes(shares=(0.5, 0.3, 0.2))
+    with pytest.raises(ConfigError, match="Two stroke models of one brush"):
+        Planner(goal(), CANVAS, [small_table(), copy.copy(small_table())], rows=64)
+    with pytest.raises(ConfigError, match=r"Layer 2 gets 1\.0% of 20 strokes, which is not one stroke"):
+        layer_sizes(20, (0.5, 0.01, 0.49))
+    with pytest.raises(PlanError, match="The plan is for the brush 'small', and here are finer"):
+        fine = copy.copy(small_table())
+        fine.brush = "finer"
+        Planner(goal(), CANVAS, fine, rows=64).expected(planner(1).plan(BARE, 3, 2))

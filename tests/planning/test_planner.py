@@ -12,8 +12,9 @@ from frida_painter.objectives.kinds.semantic import SemanticTerm
 from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.palette import Palette, to_lab
 from frida_painter.plan import Plan
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.optimize import Step, optimize
-from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.planner import Planner
 from frida_painter.planning.scene import Scene
 from networks import NoEncoderRegistry, QuickEncoders
 from scenes import CANVAS, goal, picture, small_table
@@ -38,8 +39,8 @@ def test_a_plan_comes_near_its_goal_under_everything_that_it_was_asked_to_keep()
     assert torch.equal(plan.strokes.color, plan.palette.color[plan.paint])
     assert bool((plan.paint.diff() >= 0).all()), "from the lightest paint to the darkest"
     assert bool((to_lab(plan.palette.color)[:, 0].diff() <= 0).all())
-    plan.strokes.check(plan.limits, CANVAS)
-    assert plan.brush == "small" and plan.canvas == CANVAS
+    plan.strokes.check(plan.layers[0].limits, CANVAS)
+    assert plan.layers[0].brush == "small" and plan.canvas == CANVAS
 
 
 @pytest.mark.parametrize(("strokes", "colors"), [(1, 1), (2, 2), (3, 1), (3, 3), (32, 5)])
@@ -84,16 +85,16 @@ def test_planning_again_keeps_the_palette_and_the_count_and_helps() -> None:
     rest = plan.part(slice(12, None))
     # A canvas on which something else happened than was planned: the first strokes lie 6 mm off.
     painted = plan.part(slice(12)).strokes
-    moved = painted.with_groups(position=painted.position + 0.006).project(plan.limits, CANVAS)
+    moved = painted.with_groups(position=painted.position + 0.006).project(plan.layers[0].limits, CANVAS)
     canvas = by.expected(
-        Plan.of(moved, plan.palette, plan.paint[:12], canvas=CANVAS, brush="small", limits=plan.limits), BARE
+        Plan.of(moved, plan.palette, plan.paint[:12], canvas=CANVAS, brush="small", limits=plan.layers[0].limits), BARE
     )
     again = by.replan(rest, canvas, lambda step: None)
     assert len(again) == 12 and torch.equal(again.palette.color, plan.palette.color)
     assert torch.equal(again.strokes.color, plan.palette.color[again.paint])
     assert bool((again.paint.diff() >= 0).all())
     assert by.validation_loss(by.expected(again, canvas)) < 0.98 * by.validation_loss(by.expected(rest, canvas))
-    again.strokes.check(plan.limits, CANVAS)
+    again.strokes.check(plan.layers[0].limits, CANVAS)
 
 
 def test_a_plan_is_bound_to_what_was_really_mixed_and_polished() -> None:
@@ -107,7 +108,12 @@ def test_a_plan_is_bound_to_what_was_really_mixed_and_polished() -> None:
     assert bool((lightness.diff() <= 1e-3).all()), "light to dark, whatever well a paint stands in"
     assert steps[-1].iteration == steps[-1].of == QUICK.polishing
     blind = Plan.of(
-        plan.strokes, mixed, mixed.nearest(plan.strokes.color), canvas=CANVAS, brush=plan.brush, limits=plan.limits
+        plan.strokes,
+        mixed,
+        mixed.nearest(plan.strokes.color),
+        canvas=CANVAS,
+        brush=plan.layers[0].brush,
+        limits=plan.layers[0].limits,
     )
     assert by.validation_loss(by.expected(bound, BARE)) < by.validation_loss(by.expected(blind, BARE))
 
@@ -147,7 +153,9 @@ def test_where_planning_again_diverges_the_plan_stays(monkeypatch: pytest.Monkey
         return (picture * (math.nan if calls > 3 else 1)).mean()
 
     monkeypatch.setattr(
-        by, "_scene", lambda canvas, grid: Scene(torch.ones(3, grid.rows, grid.columns), CANVAS, by.model, broken)
+        by.scenes,
+        "of",
+        lambda canvas, grid, name: Scene(torch.ones(3, grid.rows, grid.columns), CANVAS, by.models[name], broken),
     )
     assert by.replan(plan, BARE, lambda step: None) is plan
     assert calls > 3

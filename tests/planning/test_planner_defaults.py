@@ -10,7 +10,8 @@ from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.objectives.kinds.style import StyleTerm
-from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.effort import Effort
+from frida_painter.planning.planner import Planner
 from frida_painter.runs.spec import RunSpec
 from marks import coarse_table
 from networks import QuickEncoders
@@ -39,13 +40,13 @@ def test_what_is_left_out_is_what_the_command_line_takes() -> None:
     assert planner["rows"].default == settings.render_height
     assert planner["seed"].default == settings.seed
     assert planner["effort"].default == settings.effort
-    assert planner["model"].default == settings.brush
+    assert planner["model"].default == settings.brush_names[0]
     assert (plan["strokes"].default, plan["colors"].default) == (settings.strokes, settings.colors)
 
 
 def test_a_brush_is_known_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter.planning.planner.cached_table", coarse_table)
-    assert Planner(goal(), "12x9cm", "fine", rows=64).model.brush == "fine"
+    monkeypatch.setattr("frida_painter.planning.layers.cached_table", coarse_table)
+    assert Planner(goal(), "12x9cm", "fine", rows=64).brushes == ("fine",)
 
 
 def test_a_bare_canvas_is_planned_on_and_nobody_has_to_listen() -> None:

@@ -35,7 +35,7 @@ def picture(shade: float, rows: int = 40, columns: int = 60) -> Tensor:
 def moved(plan: Plan) -> Plan:
     """The plan made again: the same paints, other places."""
     strokes = plan.strokes.with_groups(position=plan.strokes.position * 0.9 + 0.01).project(LIMITS, CANVAS)
-    return Plan.of(strokes, plan.palette, plan.paint, canvas=CANVAS, brush=plan.brush, limits=LIMITS)
+    return Plan.of(strokes, plan.palette, plan.paint, canvas=CANVAS, brush="medium", limits=LIMITS)
 
 
 FIRST = made_up_plan(12, 3)
@@ -63,7 +63,7 @@ def recorded(
     folder: Path, events: list[Event], painting: Painting, timelapse_frames: int = 4
 ) -> tuple[Path | None, dict[str, object]]:
     folder.joinpath("plan.json").write_text("written by the journal")
-    with Recorder(folder, *TOLD, small_table(), timelapse_frames) as recorder:
+    with Recorder(folder, *TOLD, {"medium": small_table()}, timelapse_frames) as recorder:
         for event in events:
             recorder.hear(event)
         page = recorder.finish(painting)
@@ -156,7 +156,7 @@ def test_without_glimpses_there_is_no_film_and_the_page_does_not_name_one(tmp_pa
 
 def test_an_evening_that_ends_in_an_error_leaves_the_film_so_far(tmp_path: Path) -> None:
     def until_it_fails() -> None:
-        with Recorder(tmp_path, *TOLD, small_table(), 4) as recorder:
+        with Recorder(tmp_path, *TOLD, {"medium": small_table()}, 4) as recorder:
             for event in an_evening()[:8]:
                 recorder.hear(event)
             raise RuntimeError("the robot caught fire")

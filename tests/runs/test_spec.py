@@ -17,7 +17,7 @@ def fault(**values: object) -> str:
 
 def test_without_a_wish_everything_has_its_default() -> None:
     chosen = RunSpec.of()
-    assert (chosen.strokes, chosen.colors, chosen.replans, chosen.brush) == (300, 12, 4, "broad")
+    assert (chosen.strokes, chosen.colors, chosen.replans, chosen.brushes) == (300, 12, 4, None)
     assert str(chosen.canvas) == "356 x 279 mm"
 
 
@@ -44,10 +44,21 @@ def test_few_strokes_bring_their_own_colors_and_replans() -> None:
         ({"canvas": "100x100m"}, "100000 mm wide"),
         ({"canvas": "nanxnanmm"}, "'nanxnanmm' is not understood; give width x height with a unit"),
         ({"canvas": float("nan")}, "'nan' is not understood"),
-        ({"brush": ""}, "--brush was given ''; it is a name or a path"),
+        ({"brush": ""}, "--brushes was given ''; it is a name or a path"),
+        ({"brushes": "broad,,fine"}, "names no brush at one place; write broad or broad:60%,medium:40%"),
+        ({"brushes": "broad:60%,fine"}, "some have none; give shares to all of them or to none"),
+        ({"brushes": "broad:60%,fine:30%"}, "the shares make 90 %; together they make 100 %"),
+        ({"brushes": "broad:100%,fine:0%"}, "above 0 % and at most 100 %; leave brushes out that paint nothing"),
+        ({"brushes": "broad:nan%,fine:40%"}, "a share is above 0 %"),
+        ({"brushes": "broad:x%,fine:40%"}, "the share 'x%' of 'broad' is not a number"),
+        ({"brushes": ",".join(["fine"] * 9)}, "9 brushes were given; there are at most 8 layers"),
+        ({"brushes": 3}, "--brushes was given 3; it is a name or a path"),
+        ({"brushes": "broad,fine", "layers": 3}, "3 layers and 2 brushes; leave out --layers"),
+        ({"brushes": "broad,fine", "strokes": 1}, "2 layers for 1 strokes; give at most as many brushes"),
+        ({"brushes": "broad", "brush": "fine"}, "give --brushes alone"),
         (
             {"colour": 3},
-            "'colour' is not a setting; there are arm_meshes, brush, calibration, camera, canvas",
+            "'colour' is not a setting; there are arm_meshes, brushes, calibration, camera, canvas",
         ),
         ({"strokes": 5, "layers": 6}, "6 layers for 5 strokes; give at most as many layers as strokes"),
         ({"layers": 0}, "--layers was given 0; it is a whole number from 1 to 8"),
@@ -151,3 +162,15 @@ def test_what_is_painted_is_said_as_in_a_goal_file() -> None:
     ):
         with pytest.raises(ConfigError, match=says):
             RunSpec.of(goal=wrong)
+
+
+def test_a_picture_in_the_studio_has_two_brushes_and_elsewhere_nobody_has_to_change_one() -> None:
+    chosen = RunSpec.of()
+    assert chosen.brush_names == ("broad", "medium") and chosen.shares == (0.5, 0.5)
+    assert RunSpec.of(layers=3).brush_names == RunSpec.of(robot="human", camera="x").brush_names == ("broad",)
+    assert RunSpec.of(brush="fine").brush_names == RunSpec.of(brushes="fine").brush_names == ("fine",)
+    assert RunSpec.of(brush="fine").changed(brush="medium").brushes == "medium"
+    several = RunSpec.of(brushes=["broad:50%", "medium:30%", "fine:20%"])
+    assert several.brush_names == ("broad", "medium", "fine") and several.shares == (0.5, 0.3, 0.2)
+    assert RunSpec.of(**several.record()).brushes == several.brushes == "broad:50%,medium:30%,fine:20%"
+    assert RunSpec.of(brushes="my/brush.safetensors").brush_names == ("my/brush.safetensors",)

@@ -39,7 +39,7 @@ def install_machine(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def order_in(folder: Path, **wishes: object) -> EaselOrder:
     """A small virtual studio in `folder`, with its state beside it."""
-    wanted = {"robot": "virtual", "canvas": CanvasSize(0.12, 0.09), "brush": "fine", "seed": 3, **wishes}
+    wanted = {"robot": "virtual", "canvas": CanvasSize(0.12, 0.09), "brushes": ("fine",), "seed": 3, **wishes}
     folder.mkdir(exist_ok=True)
     return EaselOrder(state=folder.parent / "state", folder=folder, **wanted)  # type: ignore[arg-type]
 

@@ -75,7 +75,7 @@ def test_when_the_painting_process_hangs_up_the_easels_ends_as_well(tmp_path: Pa
 
 
 def test_what_cannot_be_opened_says_so_at_once(tmp_path: Path) -> None:
-    for wishes, says in (({"brush": "broom"}, "no brush 'broom'"), ({"robot": "golem"}, "no robot 'golem'")):
+    for wishes, says in (({"brushes": ("broom",)}, "no brush 'broom'"), ({"robot": "golem"}, "no robot 'golem'")):
         began = time.monotonic()
         with EaselProcess() as process, pytest.raises(ConfigError, match=says):
             process.open(order_in(tmp_path, **wishes))

@@ -95,7 +95,8 @@ def test_cameras_that_mean_nothing_are_told(name: str, says: str) -> None:
 def order(tmp_path: Path, **values: object) -> EaselOrder:
     (tmp_path / "easel.toml").write_text(example())
     known: dict[str, object] = {
-        "robot": "xarm:1.2.3.4,brush_length=0.1", "canvas": CanvasSize(0.3556, 0.2794), "brush": "broad", "seed": 0,
+        "robot": "xarm:1.2.3.4,brush_length=0.1", "canvas": CanvasSize(0.3556, 0.2794), "brushes": ("broad",),
+        "seed": 0,
         "state": tmp_path, "workspace": tmp_path / "easel.toml", "camera": "opencv:0",
     }  # fmt: skip
     return EaselOrder(**{**known, **values})  # type: ignore[arg-type]
@@ -142,7 +143,7 @@ def test_a_whole_easel_of_another_package_is_opened_and_a_broken_one_is_told(
 ) -> None:
     points = {registry.EASELS: {"atelier": "atelier:ATELIER", "broken": "atelier:BROKEN"}}
     install(tmp_path / "installed", monkeypatch, "atelier-easel", points, {"atelier": EASELS_OF_OTHERS})
-    wanted = order(tmp_path, robot="atelier", brush="fine", seed=4, canvas=CanvasSize(0.12, 0.09), camera="")
+    wanted = order(tmp_path, robot="atelier", brushes=("fine",), seed=4, canvas=CanvasSize(0.12, 0.09), camera="")
     opened = open_easel(wanted)
     assert opened.easel.simulated and opened.easel.calibration.easel == "virtual studio 5"
     assert SIMULATED["atelier"] == "a studio of somebody else's" and machines(wanted) == frozenset()

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
@@ -8,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from easels import NotingRobot
-from frida_painter.errors import PaintingPaused, PlanError, PoseMismatch
+from frida_painter.errors import CalibrationError, Interrupted, PaintingPaused, PlanError, PoseMismatch
 from frida_painter.palette import Palette
 from frida_painter.session.canvas_observer import Timelapse
 from frida_painter.session.events import (
     Dipped,
     Drying,
+    LayerBegun,
     Looked,
     Paused,
     Planned,
@@ -24,6 +26,7 @@ from frida_painter.session.events import (
     TimelapseFrame,
 )
 from frida_painter.session.journal import Journal
+from frida_painter.session.operator import PersonAsOperator
 from frida_painter.session.painting import ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.timetable import DRYING
@@ -250,8 +253,8 @@ def test_between_layers_paint_dries_and_then_the_next_one_is_planned_anew_on_wha
     evening.run()
     kinds = evening.kinds(PlanningStep, Dipped, Scheduled, Drying)
     strokes = ["StrokePainted"] * 2
-    layer = ["Looked", "Planned", *strokes]
-    assert kinds == ["Planned", "PaintsWanted", *strokes, *strokes, *layer, *layer, "Looked"]
+    layer = ["Looked", "Planned", "LayerBegun", *strokes]
+    assert kinds == ["Planned", "PaintsWanted", "LayerBegun", *strokes, *strokes, *layer, *layer, "Looked"]
     assert evening.planner.fresh == [True, True] and evening.planner.asked == [4, 2]
     told = [(event.done, event.left) for event in evening.heard if isinstance(event, Drying)]
     assert told[::20] == [(4, DRYING), (4, 0), (6, 60)] and told[-1] == (6, 0)
@@ -282,12 +285,69 @@ def test_the_brush_is_clean_and_the_arm_aside_while_paint_dries() -> None:
     assert labels[second - 6 : second - 1] == [*2 * ["rinse", "wipe"], "home"]
 
 
+def of_brushes(*brushes: str, **rest: object) -> Evening:
+    """Layers of two strokes each, the first of the brush that the easel has."""
+    planner = NotingPlanner(layers=(2,) * len(brushes), brushes=brushes)
+    return Evening(2 * len(brushes), 1, colors=2, planner=planner, **rest)  # type: ignore[arg-type]
+
+
+def test_each_layer_is_painted_with_its_brush_which_is_asked_for_when_it_changes() -> None:
+    evening = of_brushes("small", "large", "large", "small")
+    evening.run()
+    assert evening.easel.operator.brushes == ["large", "small"]
+    begun = [event for event in evening.heard if isinstance(event, LayerBegun)]
+    assert begun == [
+        LayerBegun(0, 1, "small"), LayerBegun(2, 2, "large"), LayerBegun(4, 3, "large"), LayerBegun(6, 4, "small")
+    ]  # fmt: skip
+    kinds = evening.kinds(PlanningStep, Dipped, Scheduled)
+    assert kinds.index("Drying") < kinds.index("LayerBegun", 4) < kinds.index("StrokePainted", 6)
+    assert len(evening.easel.operator.palettes) == 1, "all layers have the same paints"
+    assert evening.painted() == list(range(1, 9))
+
+
+def test_a_person_who_never_changes_the_brush_paints_nothing_with_a_wrong_one() -> None:
+    evening = of_brushes("small", "large")
+    evening.easel.operator.change_brush = lambda brush: PersonAsOperator(lambda question: False).change_brush(brush)
+    with pytest.raises(Interrupted, match="The large brush was not there, and nothing was painted with another"):
+        evening.run()
+    assert evening.painted() == [1, 2]
+
+
+def test_resumed_inside_a_layer_its_brush_is_asked_for_because_nobody_knows_which_is_there() -> None:
+    evening = of_brushes("small", "large")
+    plan = evening.planner.plan(torch.ones(3, 8, 8), 4, 2, lambda step: None)
+    bare = torch.ones(3, 48, 64)
+    evening.resume(ResumeState(plan, 3, 2, bare, bare))
+    assert evening.easel.operator.brushes == ["large"] and evening.painted() == [4]
+    assert evening.easel.operator.dried == []
+
+
+def test_resumed_after_brush_and_paints_were_there_nothing_is_dried_or_planned_again() -> None:
+    evening = of_brushes("small", "large")
+    plan = evening.planner.plan(torch.ones(3, 8, 8), 4, 2, lambda step: None)
+    bare = torch.ones(3, 48, 64)
+    evening.resume(ResumeState(plan, 2, 2, bare, bare, wet=0.0))
+    assert evening.easel.operator.dried == [] and evening.planner.fresh == []
+    assert evening.easel.operator.brushes == ["large"] and evening.painted() == [3, 4]
+
+
+def test_a_brush_that_nothing_is_known_of_stops_before_anything_moves() -> None:
+    evening = of_brushes("small", "large")
+    record = replace(evening.easel.calibration, others={})
+    evening.brushwork.easel = replace(evening.easel, calibration=record)
+    with pytest.raises(CalibrationError, match="knows the brushes small, and not 'large'; calibrate it as well"):
+        evening.run()
+    assert evening.painted() == []
+
+
 def test_resumed_where_a_layer_begins_it_dries_first_and_looks() -> None:
     evening = layered(replans=1, layers=(6, 2))
     plan = evening.planner.plan(torch.ones(3, 8, 8), 8, 2, lambda step: None)
     bare = torch.ones(3, 48, 64)
     evening.resume(ResumeState(plan, 6, 4, bare, bare))
-    assert evening.kinds(PlanningStep, Dipped, Scheduled, Drying)[:3] == ["Resumed", "PaintsWanted", "Looked"]
+    assert evening.kinds(PlanningStep, Dipped, Scheduled, Drying)[:5] == [
+        "Resumed", "Looked", "Planned", "PaintsWanted", "LayerBegun"
+    ]  # fmt: skip
     assert evening.planner.fresh == [True] and sum(evening.easel.operator.dried) == DRYING
     assert evening.painted() == [7, 8]
 

@@ -18,7 +18,8 @@ from frida_painter.goal import Goal
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.effort import Effort
+from frida_painter.planning.planner import Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Planned, StrokePainted

@@ -1,5 +1,4 @@
 import itertools
-from dataclasses import replace
 
 import pytest
 import torch
@@ -16,7 +15,7 @@ from frida_painter.session.events import StrokePainted
 from frida_painter.session.timetable import DRYING
 from frida_painter.session.timing import reckon
 from frida_painter.virtual.studio import FREE, KINEMATIC_SAWYER, StudioSettings, open_studio
-from plans import made_up_plan, made_up_strokes
+from plans import in_layers, made_up_plan, made_up_strokes
 
 SMALL = CanvasSize(0.12, 0.09)
 
@@ -78,13 +77,13 @@ def test_a_layer_dries_before_the_next_one_and_the_brush_is_cleaned_once() -> No
     choreography = Choreography(Motion(WORKSPACE, CALIBRATION), FINE)
     plan = made_up_plan(6, paint=[0, 0, 1, 0, 0, 1])
     plain, layered = (
-        reckon(replace(plan, layers=layers), choreography, BrushLoad(), lambda painted: 0) for layers in ((6,), (3, 3))
+        reckon(in_layers(plan, *layers), choreography, BrushLoad(), lambda painted: 0) for layers in ((6,), (3, 3))
     )
     assert plain.drying == 0 and layered.drying == DRYING
     assert layered.washing == pytest.approx(plain.washing)
     assert layered.after[3] - layered.after[2] > DRYING > layered.after[2]
     assert layered.total == pytest.approx(layered.after[-1])
-    short = reckon(replace(plan, layers=(3, 3)), choreography, BrushLoad(), lambda painted: 0, drying=60)
+    short = reckon(in_layers(plan, 3, 3), choreography, BrushLoad(), lambda painted: 0, drying=60)
     assert short.drying == 60 and short.total == pytest.approx(layered.total - DRYING + 60)
 
 

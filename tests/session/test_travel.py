@@ -78,8 +78,8 @@ def test_a_fifth_of_the_way_is_saved_where_strokes_are_short() -> None:
     plan = made_up_plan(80, 2, seed=3)
     short = plan.strokes.with_groups(length=torch.full((80,), 0.012), thickness=torch.full((80,), 0.2))
     plan = Plan.of(
-        short.project(plan.limits, CANVAS), plan.palette, plan.paint,
-        canvas=CANVAS, brush="medium", limits=plan.limits,
+        short.project(plan.layers[0].limits, CANVAS), plan.palette, plan.paint,
+        canvas=CANVAS, brush="medium", limits=plan.layers[0].limits,
     )  # fmt: skip
     by = choreography(brush)
     after = shorten_travel(plan, 80, by, BrushLoad())

@@ -24,7 +24,7 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SweepOutcome:
     def figures(kind: str, opened: Any, plan: Any, folder: Any) -> dict[str, float]:
         spec = opened.spec
         images.save(torch.full((3, 30, 40), spec.seed / 8), folder.path / "plan.png")
-        return {"plan dB": 20 + spec.strokes / 20 + spec.seed + 3 * (spec.brush == "fine")}
+        return {"plan dB": 20 + spec.strokes / 20 + spec.seed + 3 * (spec.brushes == "fine")}
 
     def fail(assignment: worker.Assignment) -> None:
         if dict(assignment.run.labels) == {"strokes": 4, "brush": "broad", "seed": 3}:

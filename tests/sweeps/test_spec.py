@@ -33,8 +33,8 @@ def test_a_list_makes_its_runs_with_every_combination() -> None:
     made = runs(
         settings={"text": "a lemon"}, runs=[{"strokes": 5}, {"strokes": 9, "brush": "fine"}], grid={"seed": [1, 2]}
     )
-    assert [(run.spec.strokes, run.spec.brush, run.spec.seed) for run in made] == [
-        (5, "broad", 1), (5, "broad", 2), (9, "fine", 1), (9, "fine", 2),
+    assert [(run.spec.strokes, run.spec.brushes, run.spec.seed) for run in made] == [
+        (5, None, 1), (5, None, 2), (9, "fine", 1), (9, "fine", 2),
     ]  # fmt: skip
     assert dict(made[3].labels) == {"seed": 2, "strokes": 9, "brush": "fine"}
 

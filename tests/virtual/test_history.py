@@ -76,6 +76,25 @@ def test_a_studio_goes_on_as_if_it_had_never_been_left(tmp_path: Path, left_afte
     assert looks(again.studio) == looks(straight.studio)
 
 
+def test_brushes_that_were_changed_are_changed_again(tmp_path: Path) -> None:
+    def begin(state: Path | None) -> Hand:
+        return Hand(*COLORS, brush={"fine": "fine", "broad": "broad"}, seed=4, state=state, **SETTINGS)
+
+    def paint(here: Hand, brush: str, y: float) -> None:
+        here.easel.operator.change_brush(brush)
+        here.dip(0)
+        here.stroke(0.03, y, 0.05)
+
+    straight, first = begin(None), begin(tmp_path / "studio.jsonl")
+    for here in (straight, first):
+        paint(here, "broad", 0.03)
+    again = Hand(brush={"fine": "fine", "broad": "broad"}, seed=4, state=tmp_path / "studio.jsonl", **SETTINGS)
+    for here in (straight, again):
+        here.stroke(0.03, 0.06, 0.04)
+        paint(here, "fine", 0.07)
+    assert looks(again.studio) == looks(straight.studio)
+
+
 def test_a_bumped_canvas_and_dropped_touches_stay_what_they_were(tmp_path: Path) -> None:
     faults = Faults(bumps=(Bump(1, (0.004, 0.0)),), dropped_touches=frozenset({1}), dry_dips=frozenset({1}))
 

@@ -147,3 +147,35 @@ def test_a_fresh_canvas_is_bare_and_lies_where_the_first_one_did():
     hand.dip(0)
     hand.stroke(0.03, 0.045, 0.04)
     assert hand.studio.truth(60).min() < 0.3
+
+
+def test_the_first_brush_paints_as_if_it_were_alone_and_another_one_paints_otherwise():
+    alone, two = (
+        Hand(BLACK, brush=brush, error=None, seed=3) for brush in ("broad", {"broad": "broad", "thin": "fine"})
+    )
+    for hand in (alone, two):
+        hand.dip(0)
+        hand.stroke(0.03, 0.03, 0.05)
+        hand.clean()
+    assert alone.studio.truth(90).numpy().tobytes() == two.studio.truth(90).numpy().tobytes()
+    assert two.easel.calibration.brush == "broad"
+    assert two.easel.calibration.of_brush("thin").press_height > two.easel.calibration.press_height
+    two.easel.operator.change_brush("thin")
+    before = two.studio.truth(180).mean(0)
+    two.dip(0)
+    two.stroke(0.03, 0.07, 0.05)
+    two.easel.operator.change_brush("broad")
+    left = two.studio.table.tuft.volume
+    two.easel.operator.change_brush("broad")  # it is there already
+    assert two.studio.table.tuft.volume == left
+    changed = (before - two.studio.truth(180).mean(0)) > 0.3
+    rows = changed.any(1).nonzero()
+    assert 4 < float(rows.max() - rows.min()) / 2 < 16, "mm; the broad brush leaves more than 20"
+    assert abs(two.studio.balance().missing) < 1e-6
+    with pytest.raises(ConfigError, match="opened with broad, thin, not with the brush 'medium'"):
+        two.easel.operator.change_brush("medium")
+
+
+def test_the_workspace_holds_the_deepest_of_its_brushes():
+    fine, both, broad = (Hand(brush=brush) for brush in ("fine", {"fine": "fine", "broad": "broad"}, "broad"))
+    assert both.easel.workspace.lower == broad.easel.workspace.lower != fine.easel.workspace.lower

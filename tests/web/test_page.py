@@ -21,7 +21,7 @@ PHONE: dict[str, Any] = {"has_touch": True, "is_mobile": True}
 PICTURES = {"a" * 32: (200, 90, 40), "b" * 32: (40, 90, 200)}
 WISH = {
     "title": "Cup", "terms": [{"kind": "image", "picture": "a" * 32, "weight": 1}], "initial": [], "strokes": 40,
-    "colors": 2, "width": 120, "height": 90, "brush": "broad", "replans": 2, "effort": 1, "seed": 0,
+    "colors": 2, "width": 120, "height": 90, "brushes": "broad", "replans": 2, "effort": 1, "seed": 0,
 }  # fmt: skip
 CHANGED = {**WISH, "terms": [*WISH["terms"], {"kind": "sketch", "picture": "b" * 32, "weight": 2}]}  # type: ignore[misc]
 PALETTE = [

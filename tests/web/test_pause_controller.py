@@ -8,7 +8,8 @@ import pytest
 import torch
 
 from frida_painter import images
-from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.effort import Effort
+from frida_painter.planning.planner import Planner
 from frida_painter.runs.folder import read_goal
 from frida_painter.session import resuming
 from frida_painter.session.events import Event, GoalChanged, Paused, Planned, RegionProtected, StrokePainted

@@ -7,7 +7,8 @@ from typing import Any
 import torch
 
 from easels import PatientCamera
-from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.effort import Effort
+from frida_painter.planning.planner import Planner
 from frida_painter.session.events import Event, Paused, Stopped, StrokePainted
 from frida_painter.session.forecast import Forecast
 from frida_painter.session.history import History
@@ -53,7 +54,7 @@ class Sitting(Evening):
         self.page = page
         self.controller = PauseController(folder, feed, StopWatch(folder.stop, folder.path.parent))
         forecast = Forecast(STROKES, EvenlySpaced(self.replans), 0.0, planning=4, replanning=4)
-        self.reporter = Reporter(feed, folder, planner.model, CANVAS, forecast)
+        self.reporter = Reporter(feed, folder, planner.models, CANVAS, forecast)
         self.controller.opened = lambda: self.session
         self.session.planner = planner
 

@@ -3,7 +3,7 @@
 interface Term { kind: string; picture?: string | null; words?: string | null; weight: number }
 interface Wish {
   title: string; terms: Term[]; initial: Term[]; strokes: number; colors: number; width: number; height: number;
-  brush: string; replans: number; ground: string; on_canvas: boolean; drying: number; effort: number; seed: number;
+  brushes: string; replans: number; ground: string; on_canvas: boolean; drying: number; effort: number; seed: number;
 }
 interface Paint { number: number; hex: string; strokes: number; share: number }
 interface Mixture { recipe: string; millilitres: number; near: boolean }
@@ -15,7 +15,7 @@ interface PlanState {
 interface Look { done: number; seen: string; expected: string; difference: string; why: string; gain?: number; plan?: string }
 interface PaintState {
   plan: number; of: number; status: string; done: number; left: number | null; dries: number; photograph: string | null; growing: string | null;
-  paint: number | null; dips: Record<number, number>; since_dip: number; reason: string; looks: Look[];
+  brush: string; paint: number | null; dips: Record<number, number>; since_dip: number; reason: string; looks: Look[];
   replanned: (Omit<Made, "mixtures" | "seconds"> & { done: number }) | null; held: boolean; turn: boolean; turns: number;
   region: { picture: string; only: boolean } | null; remark: string; wish: Wish | null; film: boolean; arm: boolean; kept: boolean;
 }

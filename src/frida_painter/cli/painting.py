@@ -103,7 +103,7 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
     from frida_painter.cli.stop_signal import stop_on_signals
     from frida_painter.errors import Interrupted
     from frida_painter.planning.optimize import Step
-    from frida_painter.report.palette_sheet import palette_sheet
+    from frida_painter.report.palette_sheet import palette_sheet, sheet_file
     from frida_painter.runs.folder import new_folder
     from frida_painter.runs.run import PaintingRun
     from frida_painter.session.opening import limit_threads
@@ -126,7 +126,8 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
         made.save(folder / "plan.json")
         images.save(run.planner.expected(made, bare), folder / "plan.png")
         forecast = run.planner.forecast(made, bare)
-        images.save(palette_sheet(made), folder / "palette.png")
+        for layer, part in made.by_wells():
+            images.save(palette_sheet(part), folder / sheet_file("palette.png", layer))
     say(
         f"The plan:    {folder / 'plan.json'}",
         f"As picture:  {folder / 'plan.png'}",
@@ -145,24 +146,17 @@ def render(
         Path, typer.Option(parser=out_file, metavar="FILE", help="The picture to write, .png or .jpg.")
     ] = Path("render.png"),
 ) -> None:
-    """Render a plan as a picture of any size, with the stroke model of its brush."""
+    """Render a plan as a picture of any size, with the stroke models of its brushes."""
     if not 16 <= height <= 10_000:
         raise ConfigError(f"--height was given {height}; it is from 16 to 10000 pixels.")
     if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")
-    import torch
-
     from frida_painter import images
-    from frida_painter.brush.weights import load_stroke_model
-    from frida_painter.frames import PixelGrid
     from frida_painter.plan import Plan
-    from frida_painter.render import render as render_strokes
+    from frida_painter.render.plan_picture import render_plan
 
     loaded = Plan.load(plan)
-    grid = PixelGrid.of_height(loaded.canvas, height)
-    ground = torch.tensor(loaded.ground)[:, None, None].expand(3, grid.rows, grid.columns)
-    model = load_stroke_model(loaded.brush)
-    with torch.no_grad():
-        picture = render_strokes(loaded.strokes, model, ground.contiguous(), loaded.canvas)
+    picture = render_plan(loaded, height)
     images.save(picture, out)
-    print(f"{len(loaded)} strokes at {grid.columns} x {grid.rows} pixels: {out}", file=sys.stdout)
+    rows, columns = picture.shape[1:]
+    print(f"{len(loaded)} strokes at {columns} x {rows} pixels: {out}", file=sys.stdout)

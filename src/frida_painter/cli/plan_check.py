@@ -5,11 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from frida_painter import images
-from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
-from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.reach import Reach
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workcell import WorkcellConfig
@@ -18,14 +16,13 @@ from frida_painter.options import count_of
 from frida_painter.plan import Plan
 from frida_painter.render.plan_picture import render_plan
 from frida_painter.report.offending_strokes import offending_strokes
-from frida_painter.session.brushwork import refilled
-from frida_painter.session.choreography import BrushLoad, Choreography
+from frida_painter.session.brushwork import choreography_at
+from frida_painter.session.choreography import BrushLoad
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easels import open_easel, robot_named
 from frida_painter.session.forecast import duration
 from frida_painter.session.names import MACHINES, SAWYER_SIM, SIMULATED, VIRTUAL, require_known, state_folder
-from frida_painter.session.opening import limit_threads
-from frida_painter.session.procedures.calibration_status import require
+from frida_painter.session.opening import limit_threads, loaded_record
 from frida_painter.session.rehearsal import Rehearsal, rehearse
 from frida_painter.session.timetable import Timetable
 from frida_painter.session.timing import reckon
@@ -49,10 +46,10 @@ def check_plan(plan: Path, robot: str | None, workspace: Path | None, calibratio
         print(
             f"{count_of(len(loaded), 'stroke')} in {count_of(len(loaded.palette), 'paint')}: all of it can be painted."
         )
-        brush = refilled(brush_kind(loaded.brush), known, simulated=there.simulated)
-        choreography = Choreography(Motion(place, known), brush)
+        choreography = choreography_at(place, known, loaded.brushes, simulated=there.simulated)
         _tell_time(reckon(loaded, choreography, BrushLoad(), lambda painted: 0, there.timing))
-        print(f"The brush is dipped again after {brush.dip}.")
+        for name in loaded.brushes:
+            print(f"The {name} brush is dipped again after {choreography.with_brush(name).brush.dip}.")
         return True
     _tell(found, len(loaded))
     if found.strokes:
@@ -75,6 +72,7 @@ class _Place:
 
 def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
     """Where it is to be painted: in the workspace of that file, or where a robot of that name knows its own."""
+    first, *others = plan.brushes
     if workspace is not None:
         workcell = WorkcellConfig.load(workspace)
         if robot is not None and require_known(robot) in MACHINES:
@@ -83,11 +81,11 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
         timing: Timing | None = None
         if robot == SAWYER_SIM:  # a Sawyer whose foot is the workspace's origin
             reach, timing = SawyerReach(workcell.workspace, workcell.canvas), TIMING
-        known, simulated = workcell.calibration(plan.brush), robot in SIMULATED
+        known, simulated = workcell.calibration(first, others=others), robot in SIMULATED
         return _Place(workcell.workspace, workcell.canvas, known, reach, timing, simulated)
     if robot is not None and require_known(robot) in MACHINES:
         raise ConfigError(f"Where things stand around {robot[:60]!r} is not known; say it with --workspace FILE.")
-    order = EaselOrder(robot or VIRTUAL, plan.canvas, plan.brush, 0, state_folder(), camera=_SOME_CAMERA)
+    order = EaselOrder(robot or VIRTUAL, plan.canvas, plan.brushes, 0, state_folder(), camera=_SOME_CAMERA)
     easel = open_easel(order).easel
     return _Place(easel.workspace, easel.canvas, easel.calibration, easel.reach, easel.timing, easel.simulated)
 
@@ -96,9 +94,7 @@ def _known(record: Path | None, default: Calibration) -> Calibration:
     """The easel's record; refused where it is of another easel, brush or canvas."""
     if record is None:
         return default
-    known = Calibration.load(record)
-    require(known, default, ())
-    return known
+    return loaded_record(record, default, simulated=False)
 
 
 def _tell(found: Rehearsal, strokes: int) -> None:

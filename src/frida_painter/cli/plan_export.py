@@ -5,30 +5,27 @@ from itertools import pairwise
 from pathlib import Path
 
 from frida_painter import storage
-from frida_painter.brush.kinds import brush_kind
-from frida_painter.brush.weights import load_stroke_model
-from frida_painter.calibration import Calibration
+from frida_painter.brush.weights import load_stroke_models
 from frida_painter.errors import ConfigError, WorkspaceViolation
-from frida_painter.export.bezier import mark_widths
+from frida_painter.export.bezier import plan_widths
 from frida_painter.export.gcode import gcode
 from frida_painter.export.svg import svg
 from frida_painter.export.table import table
 from frida_painter.hardware.gcode import Gcode
-from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.plan import Plan
-from frida_painter.session.brushwork import refilled
+from frida_painter.session.brushwork import choreography_at
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
 from frida_painter.session.events import Dipped, StrokePainted
 from frida_painter.session.flatbed_workspace import FlatbedWorkspace
-from frida_painter.session.procedures.calibration_status import require
+from frida_painter.session.opening import loaded_record
 from frida_painter.session.rehearsal import rehearse
 
 
 def write_svg(plan: Path, out: Path, *, keep_order: bool, dips: bool) -> Plan:
     """The plan as an SVG with a layer per paint; dips: with a pause wherever the brush is dipped."""
     loaded = Plan.load(plan)
-    widths = mark_widths(loaded.strokes, load_stroke_model(loaded.brush))
+    widths = plan_widths(loaded, load_stroke_models(loaded.brushes))
     marks = set(_dipped(_actions(loaded, FlatbedWorkspace()))) if dips else set()
     storage.write_text(out, svg(loaded, widths, keep_order=keep_order, dips=marks))
     return loaded
@@ -74,19 +71,17 @@ def _program(plan: Plan, workspace: Path | None, calibration: Path | None, diale
     if workspace is None:
         raise ConfigError("--calibration was given without --workspace; say where the wells stand as well.")
     workcell = WorkcellConfig.load(workspace)
-    known = workcell.calibration(plan.brush)
+    first, *others = plan.brushes
+    known = workcell.calibration(first, others=others)
     if calibration is not None:
-        record = Calibration.load(calibration)
-        require(record, known, ())
-        known = record
+        known = loaded_record(calibration, known, simulated=False)
     found = rehearse(plan, workcell.workspace, workcell.canvas, known, workcell.reach)
     if not found.passed:
         raise WorkspaceViolation(
             f"Not all of this plan can be painted in the workspace {str(workspace)!r}, and nothing was written; "
             f"`frida-painter check PLAN --workspace {workspace}` tells what."
         )
-    brush = refilled(brush_kind(load_stroke_model(plan.brush).brush), known, simulated=False)
-    choreography = Choreography(Motion(workcell.workspace, known), brush)
+    choreography = choreography_at(workcell.workspace, known, plan.brushes, simulated=False)
     actions = choreography.actions(plan, BrushLoad(), 0, len(plan))
     language = Gcode(dialect, workcell.workspace.travel_speed)
     return gcode(plan, actions, language, pauses=False, ending=choreography.cleaning())
@@ -94,8 +89,7 @@ def _program(plan: Plan, workspace: Path | None, calibration: Path | None, diale
 
 def _actions(plan: Plan, flatbed: FlatbedWorkspace) -> list[Action]:
     """What painting the plan at a flatbed takes, beginning with a clean brush."""
-    brush = brush_kind(load_stroke_model(plan.brush).brush)
-    choreography = Choreography(flatbed.motion(plan.canvas), brush)
+    choreography = Choreography.of(flatbed.motion(plan.canvas), plan.brushes)
     return list(choreography.actions(plan, BrushLoad(), 0, len(plan)))
 
 

@@ -18,6 +18,7 @@ from frida_painter.session.events import (
     Drying,
     Event,
     GroundWanted,
+    LayerBegun,
     Looked,
     PaintsWanted,
     Paused,
@@ -153,6 +154,8 @@ def _words(event: Event) -> str:
             return f"stroke {done} of {of}"
         case Drying(left=left) if left > 0:
             return f"letting the paint dry, {duration(left)} more"
+        case LayerBegun(layer=layer, brush=brush):
+            return f"layer {layer}, with the {brush} brush"
         case Looked():
             return "looking at the canvas"
         case Resumed(done=done):

@@ -30,9 +30,13 @@ TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {
     "ask",
     "yes",
     "candidates",
+    "brush",
 }
 """Names of options that no kind of goal can have."""
-_PLAN = ("strokes", "layers", "colors", "canvas", "fit", "ground", "brush", "render_height", "effort", "seed")
+_PLAN = (
+    *("strokes", "layers", "colors", "canvas", "fit", "ground", "brushes", "new_paints"),
+    *("render_height", "effort", "seed"),
+)
 _PAINT = ("replans", "replan_policy", "drying", "timelapse_frames")
 
 Photo = Annotated[
@@ -157,5 +161,9 @@ def _option(field: FieldInfo) -> Any:
     if field.annotation is float:
         metavar = str(more.get("metavar", "X"))
         return Annotated[float | None, typer.Option(parser=number, metavar=metavar, help=text)]
-    choices = "|".join(map(str, get_args(field.annotation)))
-    return Annotated[str | None, typer.Option(metavar=str(more.get("metavar", choices)), help=text)]
+    if field.annotation is bool:
+        return Annotated[bool | None, typer.Option(help=field.description)]
+    choices, names = "|".join(map(str, get_args(field.annotation))), more.get("names")
+    written = [str(name) for name in names] if isinstance(names, list) else []
+    metavar = str(more.get("metavar", choices))
+    return Annotated[str | None, typer.Option(*written, metavar=metavar, help=text)]

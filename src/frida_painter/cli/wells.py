@@ -34,9 +34,9 @@ FilledOption = Annotated[
 ]
 
 
-@dataclass(frozen=True)
+@dataclass
 class Wells:
-    """Asked when the palette is settled; answers with what was really mixed, or None for just what was wanted.
+    """Asked when the paints of the next layers are settled; answers with what was mixed, None for what was wanted.
 
     given: known from the beginning; ask: shows a prompt and returns what was typed, None where nobody
     is to be asked; folder: where the palette and the mixing sheet lie; poured: whether somebody has said
@@ -47,6 +47,7 @@ class Wells:
     ask: Callable[[str], str] | None
     folder: Path
     poured: bool = False
+    _times: int = 0
 
     def filled(self, wanted: "Palette") -> "Palette | None":
         """Returns when the wells are filled. Raises Interrupted where the person leaves."""
@@ -54,10 +55,12 @@ class Wells:
 
         if self.ask is None:
             return self.given
+        sheet = "palette.png" if not self._times else max(self.folder.glob("palette*.png"), key=_written).name
+        self._times += 1
         prompt = "Press Enter if they are just these paints, or type the file that tells what you mixed: "
         if not self.poured:
             prompt = (
-                f"Fill {len(wanted)} wells as on {self.folder / 'palette.png'} ({self.folder / 'mixing.png'} tells how "
+                f"Fill {len(wanted)} wells as on {self.folder / sheet} ({sheet.replace('palette', 'mixing')} tells how "
                 "to mix them). Press Enter when they are filled, or type the file that tells what you mixed: "
             )
         while True:
@@ -71,3 +74,7 @@ class Wells:
                 return read_palette(Path(line), len(wanted))
             except FridaError as error:
                 prompt = f"{error} Enter, or another file: "
+
+
+def _written(path: Path) -> float:
+    return path.stat().st_mtime

@@ -39,7 +39,8 @@ class Imperfection:
 
 def _never_runs_out(studio: VirtualStudio) -> None:
     """Its share of the capacity decides what a bristle leaves: one that holds a thousand times as much stays full."""
-    studio.table.tuft.capacity *= _ENDLESS
+    for tuft in studio.tufts.values():
+        tuft.capacity *= _ENDLESS
 
 
 def _lies_flat(studio: VirtualStudio) -> None:
@@ -98,6 +99,10 @@ class _OpaquePaint:
     def tone(self, ground: tuple[float, float, float]) -> None:
         """As usual, and so are the others."""
         self.usual.tone(ground)
+
+    def change_brush(self, brush: str) -> None:
+        """The same."""
+        self.usual.change_brush(brush)
 
     def let_dry(self, seconds: float) -> None:
         """Time passes."""

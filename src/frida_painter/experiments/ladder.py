@@ -5,7 +5,7 @@ photograph. Paintings are judged as they are, not as the camera sees them. What 
 placement wins stand on rungs of their own.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -113,7 +113,7 @@ class _FirstPlans:
                 plan, picture = paintings.planned(run, lambda share: notify(Progress(_PLANNING * share, doing)))
                 forecast = run.planner.forecast(plan, run.planner.bare)
                 assert forecast is not None  # the goal is a photograph
-                borders = near_borders(_top_paint(plan, run.planner.model, *picture.shape[1:]))
+                borders = near_borders(_top_paint(plan, run.planner.models, *picture.shape[1:]))
             self._made[whose] = _FirstPlan(plan, picture, forecast.expected, borders)
         return self._made[whose]
 
@@ -192,12 +192,12 @@ def _numbers(picture: Tensor, first: _FirstPlan, wanted: Tensor) -> dict[str, fl
 
 
 @torch.no_grad()
-def _top_paint(plan: Plan, model: StrokeModel, rows: int, columns: int) -> Tensor:
+def _top_paint(plan: Plan, models: Mapping[str, StrokeModel], rows: int, columns: int) -> Tensor:
     """The number of the paint on top at every pixel, [rows, columns]; -1 on the bare canvas."""
     top, black = torch.full((rows, columns), -1), torch.zeros(3, rows, columns)
     white = plan.strokes.with_groups(color=torch.ones_like(plan.strokes.color))
-    for number, paint in enumerate(plan.paint.tolist()):
-        coverage = render(white[number : number + 1], model, black, plan.canvas)[0]
+    for number, (paint, layer) in enumerate(zip(plan.paint.tolist(), plan.layer.tolist(), strict=True)):
+        coverage = render(white[number : number + 1], models[plan.layers[layer].brush], black, plan.canvas)[0]
         top[coverage >= _OPAQUE] = paint
     return top
 

@@ -89,7 +89,7 @@ def like(scale: RunSpec, picture: Tensor, goal: Sequence[Any], seed: int, **chan
 def settings(scale: RunSpec) -> dict[str, Value]:
     """What all paintings of an experiment share, as its outcome names it."""
     return {
-        "brush": scale.brush,
+        "brush": ", ".join(scale.brush_names),
         "canvas": str(scale.canvas),
         "strokes": scale.strokes,
         "colors": scale.colors,

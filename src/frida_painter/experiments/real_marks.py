@@ -39,12 +39,18 @@ def with_real_marks(plan: Plan, canvas: Tensor, seed: int, tell: Callable[[float
 
 def _marks(plan: Plan, rows: int, seed: int) -> Iterator[Tensor]:
     """How much of each pixel every stroke covers, [1, rows, columns] in [0, 1]."""
+    for part in plan.filled_layers():
+        yield from _marks_of_layer(part, rows, seed)
+
+
+def _marks_of_layer(plan: Plan, rows: int, seed: int) -> Iterator[Tensor]:
+    layer = plan.layers[0]
     settings = StudioSettings(placement_error=EXACT, noise=HandNoise(0.0, 0.0))
-    studio = connected(open_studio(plan.canvas, studio_brush(plan.brush), seed=seed, settings=settings))
-    full = replace(brush_kind(plan.brush), known_dip=Dip.of_strokes(1))
+    studio = connected(open_studio(plan.canvas, studio_brush(layer.brush), seed=seed, settings=settings))
+    full = replace(brush_kind(layer.brush), known_dip=Dip.of_strokes(1))
     hand = Brushwork(studio.easel, full)
-    paint, color = torch.zeros_like(plan.paint), _BLACK.expand(len(plan), 3)
-    black = replace(plan, strokes=plan.strokes.with_groups(color=color), palette=Palette(_BLACK), paint=paint)
+    paint = torch.zeros_like(plan.paint)
+    black = Plan.of(plan.strokes, Palette(_BLACK), paint, canvas=plan.canvas, brush=layer.brush, limits=layer.limits)
     studio.easel.operator.fill_wells(black.palette)
     darkest, bare = _seen(_BLACK), studio.truth(rows)
     for action in hand.prepare(black, 0, len(black)):

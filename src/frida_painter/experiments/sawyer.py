@@ -160,7 +160,9 @@ def _lightness(picture: Tensor) -> NDArray[np.float32]:
 
 def _painted(plan: Plan, settings: StudioSettings, seed: int, luck: int) -> tuple[Execution, Tracking]:
     """The plan painted where the canvas lies exactly where it is believed to be, and whoever looked on."""
-    studio = connected(open_studio(plan.canvas, plan.brush, seed=seed, settings=settings, placement_error=EXACT))
+    studio = connected(
+        open_studio(plan.canvas, plan.layers[0].brush, seed=seed, settings=settings, placement_error=EXACT)
+    )
     watcher = studio.robot.watcher = Tracking(studio.table, plan.canvas, studio.brush.press_depth / _MM, luck)
     rows = round(plan.canvas.height / _PIXEL)
     began = time.process_time()

@@ -85,7 +85,7 @@ def _soft(target: Target, planner: str) -> MakePlan:
     """What plans with soft strokes, and makes the robot's strokes of them."""
 
     def make_plan(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
-        spec, model, bare = run.spec, run.planner.model, run.planner.bare
+        spec, model, bare = run.spec, run.planner.models[run.planner.brushes[0]], run.planner.bare
         held = planner == CONSTRAINED
         made = soft_planner.plan(
             images.fit(target.picture, *bare.shape[1:]),

@@ -152,9 +152,11 @@ def _floors(painted: Painted) -> dict[str, Tensor]:
         with PaintingRun(spec.changed(goal=[{"image": str(picture)}])) as run:
             pixels = run.planner.expected(run.plan(), planner.bare)
     generator = torch.Generator().manual_seed(spec.seed)
-    scattered = uniform(spec.strokes, planner.model.limits.within(spec.canvas), spec.canvas, generator)
+    scattered = uniform(
+        spec.strokes, planner.models[planner.brushes[0]].limits.within(spec.canvas), spec.canvas, generator
+    )
     with torch.no_grad():
-        random = render(scattered, planner.model, planner.bare, spec.canvas)
+        random = render(scattered, planner.models[planner.brushes[0]], planner.bare, spec.canvas)
     return {PIXELS: pixels, BEGUN: begun, RANDOM: random}
 
 

@@ -1,11 +1,13 @@
 """What other programs need of a stroke: the control points of its path, and one width that stands for its mark."""
 
 import math
+from collections.abc import Mapping
 
 import torch
 from torch import Tensor
 
 from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.plan import Plan
 from frida_painter.strokes import Strokes
 
 _AT_A_TIME = 64
@@ -20,6 +22,12 @@ def control_points(strokes: Strokes) -> Tensor:
     x = strokes.position[:, 0:1] + cos * along - sin * aside
     y = strokes.position[:, 1:2] + sin * along + cos * aside
     return torch.stack((x, y), -1)
+
+
+def plan_widths(plan: Plan, models: Mapping[str, StrokeModel]) -> Tensor:
+    """The width [n] in metres of each stroke of a plan, as `mark_widths` has it; models: of its brushes, by name."""
+    widths = [mark_widths(part.strokes, models[part.layers[0].brush]) for part in plan.filled_layers()]
+    return torch.cat(widths) if widths else torch.zeros(0)
 
 
 @torch.no_grad()

@@ -1,12 +1,11 @@
 """A plan as a G-code file, for machines that take one: strokes in order, and every dip a pause or a motion."""
 
-import itertools
 from collections.abc import Iterable, Iterator
 
 from frida_painter.hardware.gcode import PREAMBLE, Gcode
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.palette import to_hex
-from frida_painter.plan import Plan
+from frida_painter.palette import Palette, to_hex
+from frida_painter.plan import Layer, Plan
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import Dipped, StrokePainted
 from frida_painter.session.timetable import DRYING
@@ -26,26 +25,54 @@ def gcode(
     head = (
         f"; frida-painter: {len(plan)} strokes in {len(plan.palette)} paints on {plan.canvas}",
         f"; plan {plan.digest[:16]}",
-        *(f"; paint {number} {to_hex(color)}" for number, color in enumerate(plan.palette.color, start=1)),
+        *_paints(plan),
         *PREAMBLE[: 3 if language.flavour == "grbl" else 2],
     )
     todo = list(actions)
     start = language.rise(float(todo[0].motions[0].position[0, 2])) if todo else ()
-    ends = set(itertools.accumulate(plan.layers)) - {0, len(plan)}
-    body = (line for action in todo for line in _action(plan, action, language, pauses, ends))
+    body = _body(plan, todo, language, pauses=pauses)
     last = (line for motion in ending for line in _motion(motion, language))
     return "\n".join((*head, *start, *body, *last, "; the end", ""))
 
 
-def _action(plan: Plan, action: Action, language: Gcode, pauses: bool, layer_ends: set[int]) -> Iterator[str]:
-    if isinstance(action.done, Dipped) and pauses:
-        yield _dip(plan, action.done, language)
-        return
-    for motion in action.motions:
-        yield from _motion(motion, language)
-    if isinstance(action.done, StrokePainted) and action.done.done in layer_ends:
-        minutes = f"{DRYING / 60:.0f} minutes"
-        yield _wait(f"clean the brush, and let this layer dry for {minutes} before the next one", language)
+def _paints(plan: Plan) -> Iterator[str]:
+    """What is in which well, and with which brush it is painted, layer by layer where they differ."""
+    before: Layer | None = None
+    for number, layer in enumerate(plan.layers, start=1):
+        if len(plan.brushes) > 1:
+            yield f"; layer {number}: {layer.brush} brush"
+        if before is None or layer.paints != before.paints:
+            yield from (f"; paint {well} {to_hex(color)}" for well, color in enumerate(plan.wells(layer).color, 1))
+        before = layer
+
+
+def _body(plan: Plan, actions: Iterable[Action], language: Gcode, *, pauses: bool) -> Iterator[str]:
+    numbers, painted = plan.layer.tolist(), 0
+    for action in actions:
+        if isinstance(action.done, Dipped) and pauses:
+            yield _dip(plan.wells(plan.layers[numbers[painted]]), action.done, language)
+            continue
+        for motion in action.motions:
+            yield from _motion(motion, language)
+        painted += isinstance(action.done, StrokePainted)
+        if (
+            0 < painted < len(plan)
+            and numbers[painted - 1] != numbers[painted]
+            and isinstance(action.done, StrokePainted)
+        ):
+            yield _wait(_between(plan, painted), language)
+
+
+def _between(plan: Plan, done: int) -> str:
+    """What a person does before the next layer begins, `done` strokes being painted."""
+    numbers = plan.layer
+    before, after = plan.layers[int(numbers[done - 1])], plan.layers[int(numbers[done])]
+    todo = ["clean the brush"]
+    if after.brush != before.brush:
+        todo.append(f"take the {after.brush} brush")
+    if after.paints != before.paints:
+        todo.append(f"fill the wells with the paints of layer {int(numbers[done]) + 1}")
+    return f"{', '.join(todo)}, and let this layer dry for {DRYING / 60:.0f} minutes before the next one"
 
 
 def _motion(motion: Waypoints, language: Gcode) -> Iterator[str]:
@@ -53,9 +80,9 @@ def _motion(motion: Waypoints, language: Gcode) -> Iterator[str]:
     yield from (line for _, line in language.lines(motion))
 
 
-def _dip(plan: Plan, dip: Dipped, language: Gcode) -> str:
+def _dip(wells: Palette, dip: Dipped, language: Gcode) -> str:
     clean = "clean the brush, then " if dip.cleaned else ""
-    return _wait(f"{clean}dip into paint {dip.paint + 1} {to_hex(plan.palette.color[dip.paint])}", language)
+    return _wait(f"{clean}dip into paint {dip.paint + 1} {to_hex(wells.color[dip.paint])}", language)
 
 
 def _wait(text: str, language: Gcode) -> str:

@@ -17,7 +17,7 @@ _DECIMALS = 3
 
 @dataclass(frozen=True)
 class _Layer:
-    """Strokes of one paint in one layer of the plan, by index; pause: whether the brush is dipped before them."""
+    """Strokes of one well in one layer of the plan, by index; pause: whether the brush is dipped before them."""
 
     layer: int
     paint: int
@@ -63,7 +63,7 @@ def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[
 
 def _layers(plan: Plan, keep_order: bool, dips: Collection[int]) -> list[_Layer]:
     layers: list[_Layer] = []
-    places = list(zip(plan.layer.tolist(), plan.paint.tolist(), strict=True))
+    places = list(zip(plan.layer.tolist(), plan.well.tolist(), strict=True))
     order = range(len(plan)) if keep_order else sorted(range(len(plan)), key=places.__getitem__)
     for index in order:
         if not layers or (layers[-1].layer, layers[-1].paint) != places[index] or index in dips:
@@ -73,15 +73,17 @@ def _layers(plan: Plan, keep_order: bool, dips: Collection[int]) -> list[_Layer]
 
 
 def _drawn(number: int, plan: Plan, layer: _Layer, paths: list[str]) -> str:
-    color = to_hex(plan.palette.color[layer.paint])
+    of_plan = plan.layers[layer.layer]
+    color = to_hex(plan.wells(of_plan).color[layer.paint])
     count = f"{len(paths)} stroke{'s' if len(paths) > 1 else ''}"
     of = f" layer {layer.layer + 1}" if len(plan.layers) > 1 else ""
+    of += f" {of_plan.brush} brush" if len(plan.brushes) > 1 else ""
     # Plotter software takes the number at the start of a label as the layer's, and an exclamation mark as a pause.
     label = quoteattr(f"{'!' if layer.pause else ''}{number} paint {layer.paint + 1} {color} {count}{of}")
     return (
         f'  <g inkscape:groupmode="layer" id="layer{number}" inkscape:label={label} fill="none" stroke="{color}"'
         f' stroke-linecap="round" stroke-linejoin="round" data-paint="{layer.paint + 1}"'
-        f' data-layer="{layer.layer + 1}">\n' + "\n".join(paths) + "\n  </g>"
+        f' data-layer="{layer.layer + 1}" data-brush={quoteattr(of_plan.brush)}>\n' + "\n".join(paths) + "\n  </g>"
     )
 
 

@@ -23,6 +23,9 @@ class Operator(Protocol):
     def tone(self, ground: tuple[float, float, float]) -> None:
         """Returns when the bare canvas is toned in that colour (sRGB) and dry, or where nobody can be asked."""
 
+    def change_brush(self, brush: str) -> None:
+        """Returns when the brush of that name, clean, is in the robot's holder, or in the hand."""
+
     def let_dry(self, seconds: float) -> None:
         """Returns when the paint on the canvas has dried for so many seconds."""
 

@@ -1,6 +1,7 @@
 """A workspace file: a person's TOML of where things stand, read whole or refused with all its faults at once."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any, Self
 from pydantic import ValidationError
 
 from frida_painter import storage
-from frida_painter.calibration import Calibration
+from frida_painter.calibration import BrushRecord, Calibration
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.contradictions import contradictions
@@ -56,8 +57,17 @@ class WorkcellConfig:
     press_height: float
     reach: ArmLength | None = None
 
-    def calibration(self, brush: str, photograph: tuple[int, int] = (720, 960), camera: str = "camera") -> Calibration:
-        """The record to begin with, before any procedure was done: the canvas fills the photograph."""
+    def calibration(
+        self,
+        brush: str,
+        photograph: tuple[int, int] = (720, 960),
+        camera: str = "camera",
+        others: Sequence[str] = (),
+    ) -> Calibration:
+        """The record to begin with, before any procedure was done: the canvas fills the photograph.
+
+        others: brushes that are put into the holder later.
+        """
         rows, columns = photograph
         right, bottom = columns - 1.0, rows - 1.0
         return Calibration(
@@ -69,6 +79,7 @@ class WorkcellConfig:
             press_height=self.press_height,
             camera=camera,
             canvas=self.canvas,
+            others={name: BrushRecord(self.touch_height, self.press_height) for name in others},
         )
 
     @classmethod

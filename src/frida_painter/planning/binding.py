@@ -1,13 +1,12 @@
 """From free colours to paints: colours move towards the paints in rounds, then strokes and paints settle together."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import torch
 
-from frida_painter.planning.optimize import optimize
+from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.refine import anneal_to_palette, discretize
 from frida_painter.planning.scene import Scene
-from frida_painter.planning.step_count import StepCount
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
 
@@ -27,14 +26,15 @@ def bound(
     drawing: int,
     binding: int,
     seed: int,
-    steps: StepCount,
+    begin: Callable[[int], Callable[[Step], None]],
 ) -> tuple[Strokes, Paints]:
     """The strokes, in painting order, in at most `colors` paints.
 
     ways: the scene, and others of other objectives, in which it is tried as well; what is best by the first one's
-    validation is kept. drawing: iterations after each round; binding: once colours are paints.
+    validation is kept. drawing: iterations after each round; binding: once colours are paints; begin: where so
+    many of them are to be reported.
     """
-    found = [_settled(strokes, scene, colors, drawing, binding, seed, steps) for scene in ways]
+    found = [_settled(strokes, scene, colors, drawing, binding, seed, begin) for scene in ways]
     if len(found) == 1:
         return found[0]
     judge = ways[0]
@@ -43,12 +43,18 @@ def bound(
 
 
 def _settled(
-    strokes: Strokes, scene: Scene, colors: int, drawing: int, binding: int, seed: int, steps: StepCount
+    strokes: Strokes,
+    scene: Scene,
+    colors: int,
+    drawing: int,
+    binding: int,
+    seed: int,
+    begin: Callable[[int], Callable[[Step], None]],
 ) -> tuple[Strokes, Paints]:
     for keeping in _KEEPING:
         strokes = anneal_to_palette(strokes, scene, colors, keeping, seed)
-        strokes, _ = optimize(strokes, scene, iterations=drawing, notify=steps.begin(drawing))
+        strokes, _ = optimize(strokes, scene, iterations=drawing, notify=begin(drawing))
     strokes, chosen = discretize(strokes, scene, colors, seed)
-    strokes, paints = optimize(strokes, scene, iterations=binding, paints=chosen, notify=steps.begin(binding))
+    strokes, paints = optimize(strokes, scene, iterations=binding, paints=chosen, notify=begin(binding))
     assert paints is not None
     return strokes, paints

@@ -29,3 +29,11 @@ class Effort:
         growth = Growth(self.growth.rounds, math.ceil(self.growth.settling * factor), self.growth.proposals)
         counts = self.refining, self.drawing, self.binding, self.polishing, self.replanning
         return Effort(growth, self.relocations, *(math.ceil(count * factor) for count in counts))
+
+    def growing(self, strokes: int) -> int:
+        """Iterations while so many strokes grow."""
+        return min(self.growth.rounds, strokes) * self.growth.settling
+
+    def free_iterations(self, strokes: int) -> int:
+        """Iterations until so many strokes are where they are to be, in colours of their own."""
+        return self.growing(strokes) + self.relocations * self.refining

@@ -6,7 +6,8 @@ robot's strokes land; and what the model does not know, which was measured on pa
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -14,11 +15,10 @@ import torch
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.frames import PixelGrid, pixel_to_map
+from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.planning.placement import Placement, moved
-from frida_painter.planning.scene import Scene
-from frida_painter.render import composite_moments
+from frida_painter.planning.scene import Scene, stacked_moments
 from frida_painter.strokes import Strokes
 
 _LIKELY = 2.0  # standard deviations
@@ -48,18 +48,24 @@ class SimilarityForecast:
 
 
 def forecast(
-    goal: Goal, strokes: Strokes, scene: Scene, placement: Placement | None = None, unseen: int = 0
+    goal: Goal,
+    strokes: Sequence[Strokes],
+    scenes: Sequence[Scene],
+    placement: Placement | None = None,
+    unseen: int = 0,
 ) -> SimilarityForecast | None:
     """What is to be expected of strokes, in painting order, in a scene; None where the goal has no photograph.
 
-    placement: what is known of where strokes land, None for everything; unseen: how many strokes are painted before the
-    next look makes it known better. Later ones are planned on what is then seen.
+    strokes, scenes: of each brush in turn, on the canvas of the first scene; placement: what is known of where strokes
+    land, None for everything; unseen: how many strokes are painted before the next look makes it known better. Later
+    ones are planned on what is then seen.
     """
     photograph = next((term.picture for term in goal.terms if term.is_pixelwise), None)
     if photograph is None:
         return None
-    target = images.fit(photograph.to(scene.canvas), *scene.canvas.shape[1:])
-    error, chance = _error_and_chance(strokes, scene, target)
+    canvas = scenes[0].canvas
+    target = images.fit(photograph.to(canvas), *canvas.shape[1:])
+    error, chance = _error_and_chance(strokes, scenes, target)
     if placement is None or unseen == 0:
         return SimilarityForecast.of_error(error, chance)
     # Three-point Gauss-Hermite rule along each axis of the placement's covariance, about what is believed.
@@ -68,42 +74,50 @@ def forecast(
     shift, variance = 0.0, chance**2
     for length, axis in zip(lengths, axes.T, strict=True):
         step = math.sqrt(3 * max(float(length), 0.0)) * axis
-        up, down = (_error(_landed(strokes, sign * step, scene, unseen), scene, target) for sign in (1, -1))
+        landed = (_landed(strokes, sign * step, scenes[0].size, unseen) for sign in (1, -1))
+        up, down = (_error(each, scenes, target) for each in landed)
         shift += (up + down - 2 * error) / 6
         variance += ((up - down) ** 2 / 2 + (up + down - 2 * error) ** 2 / 9) / 6
     return SimilarityForecast.of_error(error + max(shift, 0.0), math.sqrt(variance))
 
 
-def _landed(strokes: Strokes, error: np.ndarray[tuple[int], np.dtype[np.float64]], scene: Scene, count: int) -> Strokes:
+def _landed(
+    strokes: Sequence[Strokes], error: np.ndarray[tuple[int], np.dtype[np.float64]], size: CanvasSize, count: int
+) -> list[Strokes]:
     """The strokes, the first `count` of which land beside where they are meant by that placement error."""
-    astray = moved(strokes[:count], tuple(error.tolist()), scene.size)
-    return Strokes.join(astray, strokes[count:])
+    found = []
+    for part in strokes:
+        astray = moved(part[:count], tuple(error.tolist()), size)
+        found.append(Strokes.join(astray, part[count:]))
+        count = max(0, count - len(part))
+    return found
 
 
 @torch.no_grad()
-def _error(strokes: Strokes, scene: Scene, target: Tensor) -> float:
+def _error(strokes: Sequence[Strokes], scenes: Sequence[Scene], target: Tensor) -> float:
     """The mean squared error to the target that is expected."""
-    mean, variance = scene.moments(strokes)
+    mean, variance = stacked_moments(strokes, scenes)
     return float((mean - target).square().mean() + variance.mean())
 
 
-def _error_and_chance(strokes: Strokes, scene: Scene, target: Tensor) -> tuple[float, float]:
+def _error_and_chance(strokes: Sequence[Strokes], scenes: Sequence[Scene], target: Tensor) -> tuple[float, float]:
     """The mean squared error that is expected, and its standard deviation by chance.
 
     A stroke that leaves more or less paint than its mean does so along the whole mark, strokes independently: to first
     order the error's variance is the sum of squares of what each stroke's deviation makes of it.
     """
-    spread = scene.spread
-    if len(strokes) == 0 or spread.share == 0:
-        return _error(strokes, scene, target), 0.0
+    parts = [(part, scene) for part, scene in zip(strokes, scenes, strict=True) if len(part)]
+    if not parts or all(scene.spread.share == 0 for _, scene in parts):
+        return _error(strokes, scenes, target), 0.0
+    marks, on = [part for part, _ in parts], [replace(scene, canvas=scenes[0].canvas) for _, scene in parts]
     with torch.no_grad():
-        magnitude = scene.model(strokes.thickness, strokes.length, strokes.bend)
-        grid = PixelGrid(scene.size, *scene.canvas.shape[1:])
-        affine = pixel_to_map(strokes.position, strokes.angle, grid, scene.model.frame)
-    magnitude = magnitude.detach().requires_grad_()
-    mean, variance = composite_moments(magnitude, affine, strokes.color, scene.canvas, spread, bare_cells_answer=False)
+        magnitudes = [scene.model(part.thickness, part.length, part.bend) for part, scene in parts]
+    magnitudes = [each.detach().requires_grad_() for each in magnitudes]
+    mean, variance = stacked_moments(marks, on, magnitudes)
     error = (mean - target).square().mean() + variance.mean()
-    (slope,) = torch.autograd.grad(error, magnitude)
-    deviation = spread.variance(magnitude.detach()).sqrt()
-    by_stroke = (slope * deviation).sum((1, 2))
-    return float(error.detach()), float(by_stroke.square().sum().sqrt())
+    slopes = torch.autograd.grad(error, magnitudes)
+    by_chance = 0.0
+    for scene, magnitude, slope in zip(on, magnitudes, slopes, strict=True):
+        deviation = scene.spread.variance(magnitude.detach()).sqrt()
+        by_chance += float((slope * deviation).sum((1, 2)).square().sum())
+    return float(error.detach()), math.sqrt(by_chance)

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from frida_painter.errors import PlanningDiverged
+from frida_painter.plan import Plan
 from frida_painter.planning.adam import Adam
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints, Variables
@@ -23,13 +24,23 @@ _BETWEEN_VALIDATIONS = 10  # iterations
 class Step:
     """One iteration that was made: its number, of how many, the loss before it, and the strokes as they stood then.
 
-    The strokes are in painting order, for whoever wants to watch the plan grow.
+    The strokes are in painting order, for whoever wants to watch the plan grow. brush: which paints them; below: the
+    plans that are on the canvas by then.
     """
 
     iteration: int
     of: int
     loss: float
     strokes: Strokes | None = None
+    brush: str = ""
+    below: tuple[Plan, ...] = ()
+
+    @property
+    def parts(self) -> tuple[tuple[str, Strokes], ...]:
+        """All strokes as they stand, on the CPU and in painting order: the brush, and what it paints."""
+        if self.strokes is None:
+            return ()
+        return (*((plan.layers[0].brush, plan.strokes) for plan in self.below), (self.brush, self.strokes.to("cpu")))
 
 
 def optimize(

@@ -1,68 +1,65 @@
 """The planner: a goal and a canvas become a plan, and what is left of a plan is planned again from a photograph."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from frida_painter import images
 from frida_painter.brush.stroke_model import StrokeModel
-from frida_painter.brush.table_cache import cached_table
-from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import ConfigError, PlanningDiverged
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal
-from frida_painter.objectives.brushwork import flow_of
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.objectives.interpretation import WeightedObjective, interpreted, prepare
-from frida_painter.objectives.replication import spread
+from frida_painter.objectives.interpretation import interpreted, prepare
 from frida_painter.palette import Palette
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.binding import binding_iterations, bound
 from frida_painter.planning.distinct_paints import without_twins
 from frida_painter.planning.effort import Effort as Effort
 from frida_painter.planning.forecast import SimilarityForecast, forecast
-from frida_painter.planning.initialize import descended, progressive
-from frida_painter.planning.layers import layer_sizes, with_layers
+from frida_painter.planning.free_strokes import MOVED, PROPOSALS, free_strokes
+from frida_painter.planning.layers import layer_sizes, stroke_models, usual_shares
 from frida_painter.planning.memory import is_lack_of_memory
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement, locate
 from frida_painter.planning.refine import relocate
 from frida_painter.planning.region import Region
-from frida_painter.planning.scene import Scene, is_bare, on_device
+from frida_painter.planning.scene import is_bare, on_device, stacked_moments
+from frida_painter.planning.scenes import Scenes
 from frida_painter.planning.step_count import StepCount, at_the_end, part_of, unheard
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
 
-_MOVED = 0.15  # share of the strokes that may move at a time
 _POLISHING_PACE = 0.5
-_PROPOSALS = 24  # weighed for each stroke that moves
 LAYERS = 2
 """Of a plan towards a picture, where nothing else is said."""
-_FEWEST_FOR_LAYERS = 100  # strokes
+FEWEST_FOR_LAYERS = 100  # strokes
 
 
 class Planner:
-    """Plans strokes of one brush towards one goal on one canvas (paper, Algorithm 1).
+    """Plans strokes towards one goal on one canvas (paper, Algorithm 1).
 
     size: of the canvas, such as "14x11in"; by default in the proportions of the goal's first
     picture, within 14 x 11 inches.
-    model: what the brush's marks look like, or the name of a brush that comes with the project. rows:
-    height of the picture in which is planned; the start is planned at half of it. effort: how
-    many iterations are spent, as a factor of the usual number, or one by one. Every random choice comes
-    from `seed`. encoders: the networks that the goal is seen through, by default
+    model: what the brush's marks look like, or the name of a brush that comes with the project; several, of different
+    brushes or the same, paint a layer each. rows: height of the picture in which is planned; the start is planned at
+    half of it. effort: how many iterations are spent, as a factor of the usual number, or one by one. Every random
+    choice comes from `seed`. encoders: the networks that the goal is seen through, by default
     those that were fetched. device: where is planned; pictures and plans come and go on the CPU.
-    layers: of a plan; None: LAYERS towards a picture in 100 strokes or more, else one.
-    region: what strokes keep clear of, from the next plan on; ground: sRGB of the bare canvas.
-    Raises WeightsError where the goal needs a network that is missing.
+    layers: of a plan, one for each of several models; None: that many, or LAYERS of one model, towards a picture in 100
+    strokes or more, else one, of the first model. shares: of the strokes that each layer gets, by default as
+    planning/layers.py says. new_paints: whether each layer has a palette of its own. ground: sRGB of the bare canvas.
+    Raises WeightsError where the goal needs a network that is missing, and ConfigError where layers, models and shares
+    are not as many.
     """
 
     def __init__(
         self,
         goal: Goal,
         size: CanvasSize | str | None = None,
-        model: StrokeModel | str = "broad",
+        model: StrokeModel | str | Sequence[StrokeModel | str] = "broad",
         *,
         rows: int = 256,
         effort: Effort | float = 1.0,
@@ -70,25 +67,50 @@ class Planner:
         encoders: EncoderRegistry | None = None,
         device: torch.device | None = None,
         layers: int | None = 1,
+        shares: Sequence[float] | None = None,
+        new_paints: bool = False,
     ) -> None:
         self.size = size = goal.usual_canvas if size is None else CanvasSize.of(size)
-        self.model = model = cached_table(load_stroke_model(model)) if isinstance(model, str) else model
+        models = stroke_models(model)
+        self.models: Mapping[str, StrokeModel] = {one.brush: one for one in models}
+        self.brushes = tuple(one.brush for one in models)  # of each layer, or the one of all layers
+        if len(models) > 1 and layers not in (None, 1, len(models)):
+            raise ConfigError(f"{layers} layers and {len(models)} brushes were given; give one brush for each layer.")
+        if shares is not None and len(shares) != (len(models) if len(models) > 1 else layers or 1):
+            raise ConfigError(f"{len(shares)} shares of the strokes were given; give one for each layer.")
         self.effort = effort if isinstance(effort, Effort) else Effort().scaled(effort)
         self.fine = PixelGrid.of_height(size, rows)
         self.coarse = PixelGrid.of_height(size, max(rows // 2, 32))
         self.seed = seed
-        self.layers = layers
-        self.region: Region | None = None
         self.ground = WHITE
+        self.layers = len(models) if len(models) > 1 and layers == 1 else layers
+        self.shares, self.new_paints = shares, new_paints
         self.encoders = encoders or EncoderRegistry()
         self.device = device or torch.device("cpu")
-        self._model = on_device(model, self.device)
         self.goal = goal = interpreted(goal, self.fine, self.encoders, seed)
-        near = goal.to(self.device)
-        self._objectives = {grid: prepare(near, grid, self.encoders, seed) for grid in (self.fine, self.coarse)}
-        self._initial_objective = self._objectives[self.coarse]
-        if goal.initial_terms is not goal.terms:
-            self._initial_objective = prepare(Goal(near.initial_terms), self.coarse, self.encoders, seed)
+        near, grids = goal.to(self.device), (self.fine, self.coarse)
+        initial = (
+            prepare(Goal(near.initial_terms), self.coarse, self.encoders, seed)
+            if goal.initial_terms is not goal.terms
+            else None
+        )
+        self.scenes = Scenes(
+            size=size,
+            models={name: on_device(one, self.device) for name, one in self.models.items()},
+            goal=goal,
+            objectives={grid: prepare(near, grid, self.encoders, seed) for grid in grids},
+            initial_objective=initial,
+            device=self.device,
+        )
+
+    @property
+    def region(self) -> Region | None:
+        """What strokes keep clear of, from the next plan on."""
+        return self.scenes.region
+
+    @region.setter
+    def region(self, region: Region | None) -> None:
+        self.scenes.region = region
 
     @property
     def bare(self) -> Tensor:
@@ -113,119 +135,111 @@ class Planner:
         if canvas is None or is_bare(images.fit(canvas, self.coarse.rows, self.coarse.columns), self.ground):
             canvas = self.bare
         generator = torch.Generator().manual_seed(self.seed)
-        sizes = self.layer_sizes(strokes)
-        first, colors = sizes[0], min(colors, sizes[0])
-        fine = self._scene(canvas, self.fine)
         steps = StepCount(notify or unheard, self.iterations(strokes))
-        found = self._freely(first, canvas, generator, steps)
-        found, chosen = bound(
-            found,
-            self._ways(canvas),
-            colors,
-            drawing=self.effort.drawing,
-            binding=self.effort.binding,
-            seed=self.seed,
-            steps=steps,
-        )
-        found, paints = optimize(
-            found,
-            fine,
-            iterations=self.effort.polishing,
-            paints=chosen,
-            pace=_POLISHING_PACE,
-            notify=steps.begin(self.effort.polishing),
-        )
-        assert paints is not None
-        ordered, palette, paint = as_palette(found, without_twins(paints))
-        plan = self._as_plan(ordered, palette, paint)
-        for count in sizes[1:]:
-            plan = plan.under(self._layer(count, self.expected(plan, canvas), palette, generator, steps, [plan]))
+        plan: Plan | None = None
+        parts: list[Plan] = []
+        for count, brush in zip(self.layer_sizes(strokes), self.layer_brushes(strokes), strict=True):
+            if plan is None:
+                plan = part = self._layer(
+                    count, brush, canvas, min(colors, count), self.effort.polishing, generator, steps
+                )
+            else:
+                paints = min(colors, count) if self.new_paints else plan.wells(plan.layers[0])
+                below, last = self.expected(plan, canvas), self.effort.replanning
+                part = self._layer(count, brush, below, paints, last, generator, steps, tuple(parts))
+                plan = plan.under(part)
+            parts.append(part)
+        assert plan is not None
         return plan
-
-    def _ways(self, canvas: Tensor) -> list[Scene]:
-        """The coarse scene, and others in which what is to be recognised weighs more or less against the rest."""
-        return [self._scene(canvas, self.coarse, leaning) for leaning in self._objectives[self.coarse].leanings]
-
-    def _freely(
-        self, count: int, canvas: Tensor, generator: torch.Generator, steps: StepCount, below: Sequence[Plan] = ()
-    ) -> Strokes:
-        """Strokes in colours of their own for a canvas picture [3, H, W], grown and moved to where they gain most.
-
-        below: the plans whose strokes are on the canvas by then.
-        """
-        scene = self._scene(canvas, self.coarse, self._initial_objective)
-        guide = self._guide(scene)
-        found, _ = progressive(
-            count,
-            scene,
-            descended(scene) if guide is None else guide,
-            paints=None,
-            light_to_dark=True,
-            growth=self.effort.growth,
-            generator=generator,
-            notify=steps.begin(self._growing(count), below),
-        )
-        refining = self.effort.refining
-        for _ in range(self.effort.relocations):
-            if guide is not None:  # a picture that is only one of many good ones must not pull strokes back to it
-                found, _ = relocate(found, None, scene, guide, share=_MOVED, proposals=_PROPOSALS, generator=generator)
-            found, _ = optimize(found, scene, iterations=refining, notify=steps.begin(refining, below))
-        return found
 
     def _layer(
         self,
         count: int,
+        brush: str,
         canvas: Tensor,
-        palette: Palette,
+        wells: Palette | int,
+        polishing: int,
         generator: torch.Generator,
         steps: StepCount,
         below: Sequence[Plan] = (),
     ) -> Plan:
-        """A layer of `count` strokes, light to dark, in paints that are there, for a canvas picture [3, H, W]."""
-        found = self._freely(count, canvas, generator, steps, below)
-        paint = palette.nearest(found.color.cpu())
-        order = torch.argsort(paint, stable=True)
-        found, paint = found[order.to(self.device)], paint[order]
-        paints: Paints | None = Paints(palette.color.to(self.device), paint.to(self.device))
-        for grid, iterations in ((self.coarse, self.effort.binding), (self.fine, self.effort.replanning)):
+        """A layer of `count` strokes, light to dark, for a canvas picture [3, H, W].
+
+        wells: the paints that are there, or how many are to be mixed for it; polishing: last steps at full resolution.
+        """
+        effort, mixes = self.effort, isinstance(wells, int)
+
+        def begin(iterations: int) -> Callable[[Step], None]:
+            return steps.begin(iterations, brush, below)
+
+        scene = self.scenes.initial(canvas, self.coarse, brush)
+        found = free_strokes(count, scene, self.scenes.guide(scene), effort, generator, begin)
+        paints: Paints | None
+        if isinstance(wells, int):
+            times = {"drawing": effort.drawing, "binding": effort.binding}
+            found, paints = bound(
+                found, self.scenes.ways(canvas, self.coarse, brush), wells, **times, seed=self.seed, begin=begin
+            )
+        else:
+            paint = wells.nearest(found.color.cpu())
+            order = torch.argsort(paint, stable=True)
+            found, paint = found[order.to(self.device)], paint[order]
             found, paints = optimize(
                 found,
-                self._scene(canvas, grid),
-                iterations=iterations,
-                paints=paints,
+                self.scenes.of(canvas, self.coarse, brush),
+                iterations=effort.binding,
+                paints=Paints(wells.color.to(self.device), paint.to(self.device)),
                 vary_colors=False,
-                notify=steps.begin(iterations, below),
+                notify=begin(effort.binding),
             )
+        found, paints = optimize(
+            found,
+            self.scenes.of(canvas, self.fine, brush),
+            iterations=polishing,
+            paints=paints,
+            vary_colors=mixes,
+            pace=_POLISHING_PACE if mixes else 1.0,
+            notify=begin(polishing),
+        )
         assert paints is not None
-        return self._as_plan(found, palette, paints.paint)
+        if isinstance(wells, Palette):
+            return self._as_plan(found, wells, paints.paint, brush)
+        return self._as_plan(*as_palette(found, without_twins(paints)), brush)
 
     def bind_to_palette(
         self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None] | None = None
     ) -> Plan:
         """The plan in the paints of another palette, those that were really mixed.
 
+        They are in the wells for the next stroke's layer, and stay there for those that follow without new paints.
         Each stroke gets the paint that is nearest to what it was to have, and all of them are polished
         on the picture [3, H, W] of the canvas. The palette keeps its order, which is that of the wells.
         """
-        parts = [part for part in plan.by_layer() if len(part)]
+        parts = plan.filled_layers()
+        if not parts:
+            return plan
         steps = StepCount(notify or unheard, self.effort.polishing * len(parts))
+        wells = parts[0].palette
         done: list[Plan] = []
         below = canvas
         for part in parts:
-            paint = palette.nearest(part.strokes.color).to(self.device)
-            found, chosen = optimize(
-                part.strokes.to(self.device),
-                self._scene(below, self.fine),
-                iterations=self.effort.polishing,
-                paints=Paints(palette.color.to(self.device), paint),
-                vary_colors=False,
-                pace=_POLISHING_PACE,
-                notify=steps.begin(self.effort.polishing, done),
-            )
-            assert chosen is not None
-            done.append(self._as_plan(found, palette, chosen.paint))
-            below = self.expected(done[-1], below)
-        return with_layers(plan, done) if done else plan
+            if torch.equal(part.palette.color, wells.color):
+                brush = part.layers[0].brush
+                paint = palette.nearest(part.strokes.color).to(self.device)
+                found, chosen = optimize(
+                    part.strokes.to(self.device),
+                    self.scenes.of(below, self.fine, brush),
+                    iterations=self.effort.polishing,
+                    paints=Paints(palette.color.to(self.device), paint),
+                    vary_colors=False,
+                    pace=_POLISHING_PACE,
+                    notify=steps.begin(self.effort.polishing, brush, done),
+                )
+                assert chosen is not None
+                part = self._as_plan(found, palette, chosen.paint, brush)
+            done.append(part)
+            below = self.expected(part, below)
+        return plan.with_parts(done)
 
     def replan(
         self,
@@ -236,10 +250,11 @@ class Planner:
         *,
         fresh: bool = False,
     ) -> Plan:
-        """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their palette stays.
+        """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their brushes and paints stay.
 
         Later layers than that of the next stroke stay as they are until their turn comes, unless the goal has changed.
-        fresh: whether a layer begins now, of which nothing was painted: its strokes are grown anew.
+        fresh: whether a layer begins now, of which nothing was painted: its strokes are grown anew, and so are its
+        paints where it has new ones.
         The work is in proportion to the number of strokes that are left, and to `rounds`, of which more
         than one are worth it where the goal has changed; where there is not memory enough for it, it is
         tried once more at half the resolution, without moving strokes far. Where nothing better is found, it is
@@ -276,9 +291,10 @@ class Planner:
         """All layers of the rest, each on the picture of what will lie below it."""
         generator = torch.Generator().manual_seed(self.seed + len(rest))
         settling = self.effort.refining + self.effort.replanning
-        parts = [part for part in rest.by_layer() if len(part)]
+        parts = rest.filled_layers()
         anew = fresh and moving and not sparing
-        begun = self._layer_iterations(len(parts[0])) if anew else settling
+        mixes = anew and self._mixes(rest)
+        begun = self._layer_iterations(len(parts[0]), mixes=mixes) if anew else settling
         steps = StepCount(notify, begun + settling * (len(parts) - 1))
         # Never back to a lighter paint inside a layer: it would pick up the dark paint that is still wet.
         lightest = 0 if fresh else int(parts[0].paint.min())
@@ -286,14 +302,22 @@ class Planner:
         below = canvas
         for number, part in enumerate(parts):
             if anew and number == 0:
-                part = self._layer(len(part), below, part.palette, generator, steps)
+                wells = len(part.palette) if mixes else part.palette
+                part = self._layer(
+                    len(part), part.layers[0].brush, below, wells, self.effort.replanning, generator, steps
+                )
             else:
-                notice = steps.begin(settling, done)
+                notice = steps.begin(settling, part.layers[0].brush, done)
                 first = lightest if number == 0 else 0
                 part = self._settled(part, below, first, generator, notice, moving=moving, sparing=sparing)
             below = self.expected(part, below)
             done.append(part)
-        return with_layers(rest, done)
+        return rest.with_parts(done)
+
+    def _mixes(self, rest: Plan) -> bool:
+        """Whether new paints are mixed for the layer of the next stroke."""
+        number = int(rest.layer[0])
+        return self.new_paints and number > 0 and rest.layers[number].paints != rest.layers[number - 1].paints
 
     def _settled(
         self,
@@ -307,138 +331,119 @@ class Planner:
         sparing: bool,
     ) -> Plan:
         """One layer planned again, in paints from number `first` on."""
-        coarse, fine = self._scene(canvas, self.coarse), self._scene(canvas, self.fine)
+        brush = layer.layers[0].brush
+        coarse, fine = (self.scenes.of(canvas, grid, brush) for grid in (self.coarse, self.fine))
         steps = StepCount(notify, self.effort.refining + self.effort.replanning)
         paints: Paints | None = Paints(layer.palette.color.to(self.device), layer.paint.to(self.device), first)
         found = layer.strokes.to(self.device)
         # Elsewhere than with pictures and what they mean, the guide is only what the plan began with.
         guided = self.goal.initial_terms is self.goal.terms or coarse.importance is not None
-        guide = self._guide(coarse) if guided and moving and not sparing else None
+        guide = self.scenes.guide(coarse) if guided and moving and not sparing else None
         if guide is not None:
             found, paints = relocate(
-                found, paints, coarse, guide, share=_MOVED, proposals=_PROPOSALS, generator=generator
+                found, paints, coarse, guide, share=MOVED, proposals=PROPOSALS, generator=generator
             )
         last = coarse if sparing else fine
         for scene, iterations in ((coarse, self.effort.refining), (last, self.effort.replanning)):
-            found, paints = optimize(
-                found, scene, iterations=iterations, paints=paints, vary_colors=False, notify=steps.begin(iterations)
-            )
+            told = steps.begin(iterations, brush)
+            found, paints = optimize(found, scene, iterations=iterations, paints=paints, vary_colors=False, notify=told)
         assert paints is not None
-        return self._as_plan(found, layer.palette, paints.paint)
+        return self._as_plan(found, layer.palette, paints.paint, brush)
 
     def towards(self, goal: Goal) -> "Planner":
         """A planner for another goal, everything else being the same."""
         planner = Planner(
             goal,
             self.size,
-            self.model,
+            [self.models[brush] for brush in self.brushes],
             rows=self.fine.rows,
             effort=self.effort,
             seed=self.seed,
             encoders=self.encoders,
             device=self.device,
             layers=self.layers,
+            shares=self.shares,
+            new_paints=self.new_paints,
         )
         planner.region, planner.ground = self.region, self.ground
         return planner
 
     def locate(self, painted: Plan, known: Placement, before: Tensor, seen: Tensor) -> Placement:
-        """Where strokes really land, from those just painted and the canvas [3, H, W] before and after them."""
-        scene = self._scene(before, self.coarse)
+        """Where strokes really land, from those just painted and the canvas [3, H, W] before and after them.
+
+        Of several layers that were painted without a look, the last one tells.
+        """
+        *lower, last = painted.filled_layers()
+        for part in lower:
+            before = self.expected(part, before)
+        scene = self.scenes.of(before, self.coarse, last.layers[0].brush)
         fitted = images.fit(seen.to(self.device), *scene.canvas.shape[1:])
-        return locate(painted.strokes.to(self.device), known, scene, fitted)
+        return locate(last.strokes.to(self.device), known, scene, fitted)
 
     def expected(self, plan: Plan, canvas: Tensor | None = None) -> Tensor:
         """The canvas [3, H, W], by default a bare one, as it would look after the plan."""
-        canvas = self.bare if canvas is None else canvas
+        picture = self.bare if canvas is None else canvas
         with torch.no_grad():
-            return self._scene(canvas, self.fine).render(plan.strokes.to(self.device)).cpu()
+            for brush, strokes in plan.by_brush():
+                picture = self.scenes.of(picture, self.fine, brush).render(strokes.to(self.device))
+        return images.fit(picture, self.fine.rows, self.fine.columns).cpu()
 
     def expected_loss(self, plan: Plan, canvas: Tensor) -> float:
         """The distance to the goal that paintings of the plan on a canvas [3, H, W] have on average."""
-        scene = self._scene(canvas, self.fine)
+        strokes, scenes = self.scenes.stack(plan, canvas, self.fine)
         with torch.no_grad():
-            return float(scene.expected_loss(plan.strokes.to(self.device), scene.validation))
+            if len(scenes) == 1:
+                return float(scenes[0].expected_loss(strokes[0], scenes[0].validation))
+            judge = scenes[0].validation or scenes[0].objective
+            return float(judge(*stacked_moments(strokes, scenes)))
 
     def forecast(
         self, plan: Plan, canvas: Tensor, placement: Placement | None = None, unseen: int = 0
     ) -> SimilarityForecast | None:
         """How near the plan's painting on a canvas [3, H, W] will come to its photograph; as forecast.py says."""
-        return forecast(self.goal, plan.strokes.to(self.device), self._scene(canvas, self.fine), placement, unseen)
+        return forecast(self.goal, *self.scenes.stack(plan, canvas, self.fine), placement, unseen)
 
     def validation_loss(self, picture: Tensor) -> float:
         """The distance of a picture [3, H, W] of the canvas to the goal, by the validation objective if any."""
         with torch.no_grad():
-            objective = self._objectives[self.fine]
+            objective = self.scenes.objectives[self.fine]
             seen = images.fit(picture.to(self.device), self.fine.rows, self.fine.columns)
             return float((objective.validation or objective)(seen))
 
-    def _as_plan(self, strokes: Strokes, palette: Palette, paint: Tensor) -> Plan:
-        limits = self.model.limits.within(self.size)
+    def _as_plan(self, strokes: Strokes, palette: Palette, paint: Tensor, brush: str) -> Plan:
+        limits = self.models[brush].limits.within(self.size)
         strokes, palette = strokes.project(limits, self.size).to("cpu"), Palette(palette.color.cpu())
-        return self._clear(
-            Plan.of(
-                strokes,
-                palette,
-                paint.cpu(),
-                canvas=self.size,
-                brush=self.model.brush,
-                limits=limits,
-                ground=self.ground,
-            )
-        )
+        facts: dict[str, Any] = {"canvas": self.size, "brush": brush, "limits": limits, "ground": self.ground}
+        return self._clear(Plan.of(strokes, palette, paint.cpu(), **facts))
 
     def _clear(self, plan: Plan) -> Plan:
         """The plan without a stroke that touches the region; each is moved out of it where it can be."""
         if self.region is None or len(plan) == 0:
             return plan
-        near = plan.strokes.to(self.device)
-        strokes, kept = self.region.keep_clear(near, self._model, self.size, self.fine.rows)
-        layers = torch.bincount(plan.layer[kept], minlength=len(plan.layers))
-        return replace(plan, strokes=strokes.to("cpu"), paint=plan.paint[kept], layers=tuple(layers.tolist()))
-
-    def _scene(self, canvas: Tensor, grid: PixelGrid, objective: WeightedObjective | None = None) -> Scene:
-        objective = objective or self._objectives[grid]
-        bare = images.fit(canvas.to(self.device), grid.rows, grid.columns)
-        matters, way = self._importance(grid), flow_of(self.goal, grid)
-        scene = Scene(bare, self.size, self._model, objective, objective.validation, matters, way)
-        return scene if self.region is None else self.region.guarded(scene)
-
-    def _guide(self, scene: Scene) -> Tensor | None:
-        """The picture, of the scene's resolution, that says where strokes are needed; None: only the objective does."""
-        picture = next((term.guide for term in self.goal.initial_terms if term.guide is not None), None)
-        if picture is None:
-            return None
-        guide = images.fit(picture.to(self.device), *scene.canvas.shape[1:])
-        return guide if self.region is None else self.region.spared(guide, scene.canvas, self.size)
-
-    def _importance(self, grid: PixelGrid) -> Tensor | None:
-        """How much errors matter where, while strokes are placed."""
-        matters = self.goal.initial_terms[0].importance
-        return None if matters is None else spread(matters.to(self.device), grid.rows, grid.columns)
-
-    def _growing(self, strokes: int) -> int:
-        return min(self.effort.growth.rounds, strokes) * self.effort.growth.settling
+        return self.region.cleared(plan, self.scenes.models, self.fine.rows, self.device)
 
     def layer_sizes(self, strokes: int) -> tuple[int, ...]:
         """How many of so many strokes each layer of a plan gets. Raises ConfigError where there are too few."""
-        pictures = any(term.guide is not None for term in self.goal.initial_terms)
-        usual = LAYERS if pictures and strokes >= _FEWEST_FOR_LAYERS else 1
-        return layer_sizes(strokes, usual if self.layers is None else self.layers)
+        layers = self.layers
+        if layers is None:
+            pictures = any(term.guide is not None for term in self.goal.initial_terms)
+            layers = max(LAYERS, len(self.brushes)) if pictures and strokes >= FEWEST_FOR_LAYERS else 1
+        shares = self.shares if self.shares is not None and len(self.shares) == layers else usual_shares(layers)
+        return layer_sizes(strokes, shares)
+
+    def layer_brushes(self, strokes: int) -> tuple[str, ...]:
+        """The brush of each layer of a plan of so many strokes."""
+        layers = len(self.layer_sizes(strokes))
+        return self.brushes[:layers] if len(self.brushes) > 1 else self.brushes * layers
 
     def iterations(self, strokes: int) -> int:
         """How many iterations a plan of so many strokes takes."""
         first, *later = self.layer_sizes(strokes)
-        return (
-            self._free_iterations(first)
-            + binding_iterations(self.effort.drawing, self.effort.binding, len(self._objectives[self.coarse].leanings))
-            + self.effort.polishing
-            + sum(map(self._layer_iterations, later))
-        )
+        begun = self._layer_iterations(first, mixes=True) - self.effort.replanning + self.effort.polishing
+        return begun + sum(self._layer_iterations(count, mixes=self.new_paints) for count in later)
 
-    def _free_iterations(self, strokes: int) -> int:
-        return self._growing(strokes) + self.effort.relocations * self.effort.refining
-
-    def _layer_iterations(self, strokes: int) -> int:
-        """How many iterations a layer of so many strokes takes in paints that are there."""
-        return self._free_iterations(strokes) + self.effort.binding + self.effort.replanning
+    def _layer_iterations(self, strokes: int, *, mixes: bool) -> int:
+        """How many iterations a later layer of so many strokes takes, in new paints or in those that are there."""
+        effort, ways = self.effort, len(self.scenes.objectives[self.coarse].leanings)
+        settled = binding_iterations(effort.drawing, effort.binding, ways) if mixes else effort.binding
+        return effort.free_iterations(strokes) + settled + effort.replanning

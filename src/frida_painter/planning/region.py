@@ -1,5 +1,6 @@
 """Where on the canvas strokes may be: parts that a person has painted, or wants to paint, stay untouched."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import torch
@@ -11,6 +12,7 @@ from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.objectives.objective import Objective
+from frida_painter.plan import Plan
 from frida_painter.planning.scene import Scene
 from frida_painter.render import render
 from frida_painter.strokes import Strokes
@@ -104,6 +106,18 @@ class Region:
             kept.append(stroke)
             numbers.append(index)
         return Strokes.join(*kept) if kept else strokes[:0], torch.tensor(numbers, dtype=torch.long)
+
+    def cleared(self, plan: Plan, models: Mapping[str, StrokeModel], rows: int, device: torch.device) -> Plan:
+        """The plan with its strokes kept clear, those that cannot be left out.
+
+        models: of its brushes, on that device, by their names; rows: of the pictures in which strokes are drawn.
+        """
+        found = []
+        for part in plan.filled_layers():
+            model = models[part.layers[0].brush]
+            strokes, kept = self.keep_clear(part.strokes.to(device), model, plan.canvas, rows)
+            found.append(replace(part.part(kept.tolist()), strokes=strokes.to("cpu")))
+        return plan.with_parts(found)
 
     def _clear_place(self, stroke: Strokes, model: StrokeModel, size: CanvasSize, rows: int) -> Strokes | None:
         """The nearest place where the stroke is clear, None where there is none near."""

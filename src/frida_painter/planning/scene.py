@@ -1,6 +1,7 @@
 """What the planner plans on: a canvas as it is now, a brush, and what the picture shall become."""
 
 import copy
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -8,9 +9,9 @@ from torch import Tensor, nn
 
 from frida_painter.brush.spread import CoverageSpread, spread_of
 from frida_painter.brush.stroke_model import StrokeModel
-from frida_painter.frames import CanvasSize
+from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
 from frida_painter.objectives.objective import Objective
-from frida_painter.render import Moments, render, render_moments
+from frida_painter.render import Moments, composite_moments, render, render_moments
 from frida_painter.strokes import StrokeLimits, Strokes
 
 # Marks vary more in a painting than in a stroke library: paint lies on paint that may be wet, the brush is not always
@@ -66,6 +67,38 @@ class Scene:
 def is_bare(canvas: Tensor, ground: tuple[float, float, float]) -> bool:
     """Whether a canvas picture [3, H, W] shows nothing but its ground (sRGB) and the noise of a camera."""
     return bool((canvas - torch.tensor(ground).to(canvas)[:, None, None]).abs().amax() <= _NOISE)
+
+
+def stacked_moments(
+    strokes: Sequence[Strokes], scenes: Sequence[Scene], magnitudes: Sequence[Tensor] | None = None
+) -> Moments:
+    """Mean and variance of the picture [3, H, W] after strokes of several brushes, each laid over what came before.
+
+    scenes: one for each part, with its brush, on the canvas of the first; magnitudes: the maps [n, h, w] of each
+    part's strokes, to differentiate in, by default what its stroke model says. What lies below varies as well, and
+    shows through as much as the second moment of what the strokes above let through.
+    """
+    below = scenes[0].canvas
+    mean, variance = below, torch.zeros_like(below)
+    for number, (part, scene) in enumerate(zip(strokes, scenes, strict=True)):
+        if len(part) == 0:
+            continue
+        model = scene.model
+        affine = pixel_to_map(part.position, part.angle, PixelGrid(scene.size, *below.shape[1:]), model.frame)
+        magnitude = model(part.thickness, part.length, part.bend) if magnitudes is None else magnitudes[number]
+        over = magnitude, affine
+
+        def laid(color: Tensor, canvas: Tensor, over: tuple[Tensor, Tensor] = over, scene: Scene = scene) -> Moments:
+            return composite_moments(*over, color, canvas, scene.spread, bare_cells_answer=False)
+
+        above = laid(part.color, mean)
+        if number:
+            through = laid(torch.zeros_like(part.color), torch.ones_like(mean))
+            variance = variance * (through.variance + through.mean.square()) + above.variance
+        else:
+            variance = above.variance
+        mean = above.mean
+    return Moments(mean, variance)
 
 
 def on_device(model: StrokeModel, device: torch.device) -> StrokeModel:

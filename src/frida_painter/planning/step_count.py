@@ -5,7 +5,6 @@ from dataclasses import replace
 
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
-from frida_painter.strokes import Strokes
 
 
 class StepCount:
@@ -16,15 +15,14 @@ class StepCount:
         self._total = total
         self._done = 0
 
-    def begin(self, iterations: int, below: Sequence[Plan] = ()) -> Callable[[Step], None]:
-        """Where the next `iterations` steps are to be reported, whose strokes go on those of the plans `below`."""
+    def begin(self, iterations: int, brush: str, below: Sequence[Plan] = ()) -> Callable[[Step], None]:
+        """Where the next `iterations` steps are to be reported: strokes of that brush on those of the plans `below`."""
         before = self._done
         self._done += iterations
-        painted = [plan.strokes for plan in below]
 
         def tell(step: Step) -> None:
-            strokes = None if step.strokes is None else Strokes.join(*painted, step.strokes.to("cpu"))
-            self._notify(replace(step, iteration=before + step.iteration, of=self._total, strokes=strokes))
+            number = before + step.iteration
+            self._notify(replace(step, iteration=number, of=self._total, brush=brush, below=tuple(below)))
 
         return tell
 

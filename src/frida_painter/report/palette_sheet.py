@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import torch
 from torch import Tensor
@@ -45,6 +46,12 @@ def palette_sheet(plan: Plan, title: str = "Palette", recipes: Sequence[Recipe] 
     return sheet.tensor()
 
 
+def sheet_file(name: str, layer: int) -> str:
+    """The name of the file for the wells that are filled before that layer: "palette.png", "palette-layer-2.png"."""
+    path = Path(name)
+    return name if layer == 1 else f"{path.stem}-layer-{layer}{path.suffix}"
+
+
 @dataclass(frozen=True)
 class _Grid:
     """Cells of the page in pixels; upright: the swatch stands above its text and not beside it."""
@@ -79,7 +86,8 @@ def _head(sheet: Sheet, plan: Plan, title: str) -> None:
     facts = f"{count} paint{'s' if count != 1 else ''} for {len(plan)} strokes on a canvas of {plan.canvas}"
     ground = to_hex(torch.tensor(plan.ground))
     toned = f", toned {ground}" if ground != "#ffffff" else ""
-    sheet.text((_MARGIN, 162), f"{facts}{toned}, brush: {plan.brush}", 24, SOFT)
+    brushes = f"brush{'es' if len(plan.brushes) > 1 else ''}: {', '.join(plan.brushes)}"
+    sheet.text((_MARGIN, 162), f"{facts}{toned}, {brushes}", 24, SOFT)
 
 
 def _card(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:

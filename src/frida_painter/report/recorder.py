@@ -1,17 +1,19 @@
 """Listens to a session and keeps what a person wants to have afterwards, in one folder per painting."""
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+import torch
 from torch import Tensor
 
 from frida_painter import images, storage
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import ImageError, StorageError
-from frida_painter.export.bezier import mark_widths
+from frida_painter.export.bezier import plan_widths
 from frida_painter.export.svg import svg
 from frida_painter.export.table import table
 from frida_painter.mixing.amounts import volumes
@@ -23,7 +25,7 @@ from frida_painter.report.difference import difference
 from frida_painter.report.film import FilmWriter
 from frida_painter.report.mixing_sheet import mixing_sheet
 from frida_painter.report.page import write_page
-from frida_painter.report.palette_sheet import palette_sheet
+from frida_painter.report.palette_sheet import palette_sheet, sheet_file
 from frida_painter.report.sketchbook import Sketchbook
 from frida_painter.report.story import Comparison, Download, Look, Phase, Story, compare, paints
 from frida_painter.session.events import (
@@ -60,7 +62,8 @@ class Recorder:
     """Writes everything about one painting into `folder`, while it is made; used in a `with` block.
 
     title, facts (label, value), settings: what its page and its record say of it; target: the goal picture
-    [3, H, W], None where there is none; timelapse_frames: how many pictures the film will get; before: what the
+    [3, H, W], None where there is none; models: of its brushes, by their names;
+    timelapse_frames: how many pictures the film will get; before: what the
     journal tells of earlier runs, if there were any. Every file is whole or not there. While it is painted,
     pictures for which the disk has no room are left out. Raises StorageError where page or painting cannot be
     written.
@@ -71,7 +74,7 @@ class Recorder:
     target: Tensor | None
     facts: tuple[tuple[str, str], ...]
     settings: dict[str, Any]
-    model: StrokeModel
+    models: Mapping[str, StrokeModel]
     timelapse_frames: int
     before: History | None = None
     _plan: Plan | None = field(default=None, init=False)
@@ -154,7 +157,7 @@ class Recorder:
         if self._plan is None or self._first_expected is None:
             return None
         painted = self._plan.part(slice(painting.painted))
-        widths = mark_widths(painted.strokes, self.model)
+        widths = plan_widths(painted, self.models)
         storage.write_text(self.folder / "strokes.svg", svg(painted, widths))
         storage.write_text(self.folder / "strokes.csv", table(painted))
         images.save(painting.photograph, self.folder / "painting.png")
@@ -176,7 +179,9 @@ class Recorder:
             images.save(event.expected, self.folder / "plan.png")
             self._keep_recipes(event.plan)
         else:
-            self._plan = self._plan.part(slice(event.done)).followed_by(event.plan)
+            before, self._plan = self._plan, self._plan.part(slice(event.done)).followed_by(event.plan)
+            if not torch.equal(before.palette.color, self._plan.palette.color):  # new paints for the next layer
+                self._keep_recipes(self._plan)
             if self._seen is not None:
                 self._looks.append(self._keep_look(self._seen, event))
         self._keep_story()
@@ -213,8 +218,12 @@ class Recorder:
     def _keep_recipes(self, plan: Plan) -> None:
         """How to mix the palette, for whoever stands before the wells now."""
         self._recipes = tuple(recipes(plan.palette.color, usual_paints()))
-        images.save(palette_sheet(plan, recipes=self._recipes), self.folder / "palette.png")
-        images.save(mixing_sheet(self._recipes, volumes(plan).tolist(), "Mixing"), self.folder / "mixing.png")
+        mixed = iter(self._recipes)
+        for layer, part in plan.by_wells():
+            ours, of = [next(mixed) for _ in part.palette.color], "" if layer == 1 else f", layer {layer}"
+            images.save(palette_sheet(part, f"Palette{of}", ours), self.folder / sheet_file("palette.png", layer))
+            sheet = mixing_sheet(ours, volumes(part).tolist(), f"Mixing{of}")
+            images.save(sheet, self.folder / sheet_file("mixing.png", layer))
 
     def _keep_look(self, seen: Looked, planned: Planned) -> Look:
         number = len(self._looks) + 1

@@ -102,7 +102,7 @@ class Story:
 
 
 def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[PaintFacts, ...]:
-    """The paints of a plan in the order of its palette, with what each of them is needed for.
+    """The paints of a plan in the order of its palette, numbered by their wells, with what each of them is needed for.
 
     recipes: how to mix them, one each, or none at all.
     """
@@ -111,9 +111,10 @@ def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[PaintFacts, ...]
     lengths = plan.paint.bincount(plan.strokes.length.double(), minlength=len(plan.palette))  # [k] metres
     shares = lengths / lengths.sum().clamp(min=1e-12)
     colors, lab = plan.palette.color, plan.palette.lab()
+    wells = [well for _, part in plan.by_wells() for well in range(len(part.palette))]
     return tuple(
         PaintFacts(
-            number=paint + 1,
+            number=wells[paint] + 1,
             hex=to_hex(colors[paint]),
             srgb=tuple((colors[paint] * 255).round().int().tolist()),
             lab=tuple(round(part, 1) + 0.0 for part in lab[paint].tolist()),

@@ -37,12 +37,11 @@ def easel_of(spec: RunSpec, folder: Path | None = None, state: Path | None = Non
     A virtual studio without a `folder` to remember what was done in it needs no process. state: where stops are
     latched. Raises ConfigError, RobotStopped and RobotBusy.
     """
-    wanted = order(spec, spec.brush, folder, state)
+    (brush,) = spec.brush_names
+    wanted = order(spec, (brush,), folder, state)
     if spec.robot == VIRTUAL and folder is None:
-        studio = open_studio(
-            spec.canvas, studio_brush(spec.brush), seed=spec.seed, placement_error=wanted.placement_error
-        )
-        yield with_brush(studio.easel, spec.brush)
+        studio = open_studio(spec.canvas, studio_brush(brush), seed=spec.seed, placement_error=wanted.placement_error)
+        yield with_brush(studio.easel, brush)
         return
     with EaselProcess() as process:
         yield process.open(wanted)

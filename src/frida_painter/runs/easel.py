@@ -1,6 +1,6 @@
 """The easel of a run: which one its description means, and the person beside it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,10 +18,11 @@ from frida_painter.virtual.sawyer.meshes import Meshes
 from frida_painter.virtual.table import PlacementError
 
 
-def order(spec: RunSpec, brush: str, folder: Path | None, state: Path | None = None) -> EaselOrder:
+def order(spec: RunSpec, brushes: Sequence[str], folder: Path | None, state: Path | None = None) -> EaselOrder:
     """The easel that the description means, for a painting in `folder`.
 
-    brush: the name of the brush in it; state: where stops are latched and robots locked, by default one place for all.
+    brushes: by their names, the first of them in its holder;
+    state: where stops are latched and robots locked, by default one place for all.
     Raises ConfigError where the folder of --arm-meshes holds no arm.
     """
     error = millimetres_and_degrees(spec.placement_error)
@@ -30,7 +31,7 @@ def order(spec: RunSpec, brush: str, folder: Path | None, state: Path | None = N
     return EaselOrder(
         robot=spec.robot,
         canvas=spec.canvas,
-        brush=brush,
+        brushes=tuple(brushes),
         seed=spec.seed,
         state=state or state_folder(),
         folder=None if folder is None else folder.absolute(),

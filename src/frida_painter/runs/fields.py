@@ -11,6 +11,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.session.replan_policy import replan_policy_named
 
+MOST_LAYERS = 8
 _FURTHEST, _MOST_TURNED = 0.05, 15.0
 
 
@@ -92,6 +93,44 @@ def _policy(text: str | None) -> str | None:
     return text
 
 
+def brush_shares(text: str) -> tuple[tuple[str, float | None], ...]:
+    """ "broad:60%,fine:40%" as brushes with their shares in (0, 1], None where none are given; raises ValueError.
+
+    A brush is a name or a file; what it is, is not looked at.
+    """
+    found = []
+    for part in text.split(","):
+        name, colon, share = part.strip().rpartition(":") if part.rstrip().endswith("%") else (part.strip(), "", "")
+        if not name:
+            raise ValueError(f"{text[:60]!r} names no brush at one place; write broad or broad:60%,medium:40%")
+        try:
+            found.append((name.strip(), float(share.rstrip("%")) / 100 if colon else None))
+        except ValueError as error:
+            raise ValueError(
+                f"the share {share[:20]!r} of {name[:40]!r} is not a number; write broad:60%,medium:40%"
+            ) from error
+    shares = [share for _, share in found if share is not None]
+    if shares and len(shares) < len(found):
+        raise ValueError("some brushes have a share and some have none; give shares to all of them or to none")
+    if any(not 0 < share <= 1 for share in shares):
+        raise ValueError("a share is above 0 % and at most 100 %; leave brushes out that paint nothing")
+    if shares and not abs(sum(shares) - 1) <= 0.005:
+        raise ValueError(f"the shares make {100 * sum(shares):g} %; together they make 100 %")
+    if len(found) > MOST_LAYERS:
+        raise ValueError(f"{len(found)} brushes were given; there are at most {MOST_LAYERS} layers")
+    return tuple(found)
+
+
+def _brushes(value: Any) -> Any:
+    """As a TOML file may have them: a text, or a list of texts."""
+    if isinstance(value, list | tuple) and all(isinstance(part, str) for part in value):
+        value = ",".join(value)
+    if isinstance(value, str) and value:
+        brush_shares(value)
+    return value
+
+
+Brushes = Annotated[str | None, BeforeValidator(_brushes)]
 Ground = Annotated[str, AfterValidator(_ground)]
 Policy = Annotated[str | None, AfterValidator(_policy)]
 Canvas = Annotated[CanvasSize, BeforeValidator(_canvas), PlainSerializer(_millimetres)]

@@ -74,14 +74,16 @@ def read_goal(folder: Path) -> dict[str, Any]:
 
 def rests_on(spec: RunSpec, folder: Path) -> dict[str, str]:
     """Hashes of all files that decide how a painting goes on, by what they are. Raises StorageError."""
-    brush = Path(spec.brush)
     files = {
         "goal": folder / GOAL,
         "calibration record": spec.calibration,
         "workspace": spec.workspace,
         **({} if spec.studio_canvas is None else {"studio canvas": spec.studio_canvas}),
-        "brush": brush if brush.suffix else None,
+        "brush": None,
     }
+    for number, name in enumerate(spec.brush_names):
+        if Path(name).suffix:
+            files[f"brush {number + 1}" if number else "brush"] = Path(name)
     return {what: "none" if path is None else content_hash(path) for what, path in files.items()}
 
 

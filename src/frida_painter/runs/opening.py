@@ -17,8 +17,9 @@ from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.palette import Palette
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.plan import WHITE
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.placement import Placement
-from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.planner import FEWEST_FOR_LAYERS, Planner
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.fields import ground_color
 from frida_painter.runs.spec import RunSpec
@@ -77,22 +78,23 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
     Raises CalibrationError where the record is damaged, and WeightsError and ConfigError where there is no such
     brush, or a network that the goal needs is missing.
     """
-    source: str | Path = spec.brush
-    if spec.calibration is not None:
-        known = Calibration.load(spec.calibration)
-        if known.weights is not None and known.brush == spec.brush:
-            source = Path(known.weights.path)
+    known = None if spec.calibration is None else Calibration.load(spec.calibration)
+    usual = spec.brushes is None and spec.strokes < FEWEST_FOR_LAYERS
+    names = spec.brush_names[:1] if usual else spec.brush_names
+    models = {name: cached_table(load_stroke_model(_source(name, known))) for name in names}
     device = planning_device()
     networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures)
     planner = Planner(
         goal,
         spec.canvas,
-        cached_table(load_stroke_model(source)),
+        [models[name] for name in names],
         rows=spec.render_height,
         effort=Effort().scaled(spec.effort),
         seed=spec.seed,
         encoders=networks,
-        layers=spec.layers,
+        layers=spec.layers if spec.brushes is None or len(names) == 1 else len(names),
+        shares=spec.shares if len(names) > 1 else None,
+        new_paints=spec.new_paints and spec.palette is None,
         device=device,
     )
     planner.ground = ground_color(spec.ground) or WHITE
@@ -107,6 +109,15 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
             "leave it out, or give words alone (--text)."
         )
     return planner
+
+
+def _source(brush: str, known: Calibration | None) -> str | Path:
+    """Where the stroke model of a brush comes from."""
+    if known is not None and brush in (known.brush, *known.others):
+        learned = known.of_brush(brush).weights
+        if learned is not None:
+            return Path(learned.path)
+    return brush
 
 
 def replan_policy(spec: RunSpec, layers: tuple[int, ...] = ()) -> ReplanPolicy:
@@ -135,10 +146,12 @@ def open_session(
     mixed: asked what was really mixed, and waits; paint_on: asked where something is on the canvas at first; light,
     placement: what an earlier run learned of the room and of where strokes land.
     """
-    kind = refilled(brush_kind(planner.model.brush), easel.calibration, simulated=easel.simulated)
+    first, *others = (
+        refilled(brush_kind(name), easel.calibration, simulated=easel.simulated) for name in planner.models
+    )
     return PaintingSession(
         planner,
-        Brushwork(easel, kind, placement or Placement.unknown(), drying=60 * spec.drying),
+        Brushwork(easel, first, placement or Placement.unknown(), others=tuple(others), drying=60 * spec.drying),
         CanvasObserver(easel, CanvasStart(planner.ground, spec.on_canvas, paint_on), light),
         replan_policy(spec, planner.layer_sizes(spec.strokes)),
         stop_asked=controls.stop_asked,
@@ -164,7 +177,7 @@ def open_recorder(
         ("Canvas", f"{spec.canvas}, painted on before" if spec.on_canvas else str(spec.canvas)),
         *([("Ground", ground_recipe(planner.ground))] if planner.ground != WHITE else []),
         *([("Fit", _FIT[spec.fit])] if target is not None else []),
-        ("Brush", spec.brush),
+        ("Brush" if len(planner.models) == 1 else "Brushes", ", ".join(planner.models)),
         ("Looks and replans", str(spec.replans)),
         ("Planned at", f"{spec.render_height} rows"),
         ("Seed", str(spec.seed)),
@@ -177,4 +190,4 @@ def open_recorder(
         "remarks": list(encoders.remarks),
         **spec.record(),
     }
-    return Recorder(folder, spec.heading, target, facts, settings, planner.model, spec.film_length, before)
+    return Recorder(folder, spec.heading, target, facts, settings, planner.models, spec.film_length, before)

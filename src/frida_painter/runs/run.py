@@ -209,7 +209,7 @@ class PaintingRun:
         if fresh:
             self._folder = new_folder(self._folder, self.spec.name, _ROOM)
         with _taken_back(self.folder) if fresh else nullcontext():
-            easel = self._process.open(order(self.spec, planner.model.brush, self.folder, self._state))
+            easel = self._process.open(order(self.spec, tuple(planner.models), self.folder, self._state))
             self._easel = self._on_record(easel)
             if hear_signals:
                 self._stack.enter_context(self._process.hearing_signals())
@@ -252,7 +252,7 @@ class PaintingRun:
                 f"Only a new painting on a simulated easel is painted without a folder, and this one is for "
                 f"{self.spec.robot!r}; use start, or resume."
             )
-        opened = (opener or open_easel)(order(self.spec, self.planner.model.brush, None, self._state))
+        opened = (opener or open_easel)(order(self.spec, tuple(self.planner.models), None, self._state))
         try:
             easel = self._on_record(opened.easel)
             easel.robot.connect()

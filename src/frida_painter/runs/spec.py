@@ -15,17 +15,19 @@ from pydantic.fields import FieldInfo
 from frida_painter import storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
-from frida_painter.runs.fields import Canvas, File, Ground, Placement, Policy
+from frida_painter.runs.fields import MOST_LAYERS, Brushes, Canvas, File, Ground, Placement, Policy, brush_shares
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.session.names import HUMAN, SAWYER_SIM, SIMULATED, VIRTUAL
 
 VERSION = 1
-SETTLED = ("strokes", "layers", "colors", "canvas", "brush", "ground")
+SETTLED = ("strokes", "layers", "colors", "canvas", "brushes", "new_paints", "ground")
 """What a painting's plan rests on: it cannot be changed once there is a plan."""
 EASEL = (
     "robot", "camera", "workspace", "calibration", "placement_error", "pace", "arm_meshes", "studio_canvas", "on_canvas"
 )  # fmt: skip
 """What says where a painting is painted rather than what."""
+USUAL_BRUSHES = "broad:50%,medium:50%"
+"""Of a picture in the virtual studio; other goals, and few strokes, have the first one only."""
 _MOST_BYTES = 2**20
 
 
@@ -51,7 +53,8 @@ class RunSpec(BaseModel):
     """One painting, described. Raises ConfigError, naming every fault at once, through `of`, `from_toml` and `read`.
 
     goal, initial: what to paint, and what to begin with; canvas: the size asked for, which `fit` may change;
-    brush: a name or a file of learned weights; clip: a CLIP to see words through, None: what was fetched;
+    brushes: names or files of learned weights, one or a layer each, "broad:60%,fine:40%"; clip: a CLIP to see words
+    through, None: what was fetched;
     pictures: a folder of the person's own pictures, for what words name;
     palette: a file with the paints that were really mixed; timelapse_frames: pictures of the film at the most;
     workspace, calibration: files of a real easel; placement_error: of the virtual studio, like "4mm,2deg";
@@ -68,7 +71,7 @@ class RunSpec(BaseModel):
     layers: int | None = Field(
         None,
         ge=1,
-        le=8,
+        le=MOST_LAYERS,
         description="Number of layers of strokes. Each is painted from light to dark on the dry paint of the one "
         "before, and planned for the canvas as it is then. The first has most of the strokes.",
         json_schema_extra={"default": "2 for a picture, otherwise 1"},
@@ -87,11 +90,21 @@ class RunSpec(BaseModel):
         "keeps its shape; there, canvas means crop.",
         json_schema_extra={"metavar": "canvas|crop|pad"},
     )
-    brush: str = Field(
-        "broad",
+    brushes: Brushes = Field(
+        None,
         min_length=1,
-        description="The brush: fine, medium or broad, or a file of stroke model weights that you trained.",
-        json_schema_extra={"metavar": "NAME"},
+        description="The brush: fine, medium or broad, or a file of stroke model weights that you trained. Several "
+        "paint a layer each, like broad,medium, with shares of the strokes like broad:60%,medium:40%.",
+        json_schema_extra={
+            "metavar": "NAME,...",
+            "names": ["--brushes", "--brush"],
+            "default": "broad:50%,medium:50% for a picture in the studio, otherwise broad",
+        },
+    )
+    new_paints: bool = Field(
+        True,
+        description="Mix new paints for each layer, --colors of them, or keep those of the first. With --palette they "
+        "are kept.",
     )
     render_height: int = Field(
         256, ge=64, le=2048, description="Height of the planning image in pixels. Higher is finer and slower."
@@ -158,6 +171,12 @@ class RunSpec(BaseModel):
         given = self.model_fields_set
         if "colors" in given and self.colors > self.strokes:
             raise ValueError(f"{self.colors} colors for {self.strokes} strokes; give at most as many colors as strokes")
+        if self.layers is not None and len(self.brush_names) > 1 and self.layers != len(self.brush_names):
+            raise ValueError(f"{self.layers} layers and {len(self.brush_names)} brushes; leave out --layers")
+        if self.brushes is not None and len(self.brush_names) > self.strokes:
+            raise ValueError(f"{len(self.brush_names)} layers for {self.strokes} strokes; give at most as many brushes")
+        if "new_paints" in given and self.new_paints and self.palette is not None:
+            raise ValueError("--palette tells of one palette, and --new-paints mixes one for each layer; leave one out")
         if self.layers is not None and self.layers > self.strokes:
             raise ValueError(f"{self.layers} layers for {self.strokes} strokes; give at most as many layers as strokes")
         if "replans" in given and self.replans >= self.strokes:
@@ -180,6 +199,10 @@ class RunSpec(BaseModel):
         That is: the canvas of the workspace file, as many colors as the palette file has, and of few strokes as few
         colors and replans.
         """
+        if "brush" in values:  # one brush has always been said so
+            if "brushes" in values:
+                raise ConfigError("A brush was given, and brushes as well; give --brushes alone.")
+            values["brushes"] = values.pop("brush")
         try:
             chosen = cls(**values)
         except ValidationError as error:
@@ -209,6 +232,8 @@ class RunSpec(BaseModel):
 
     def changed(self, **values: Any) -> Self:
         """The same with other values, checked. Raises ConfigError."""
+        if "brush" in values:
+            values["brushes"] = values.pop("brush")
         kept = {name: getattr(self, name) for name in self.model_fields_set}
         return type(self).of(**{**kept, **values})
 
@@ -250,6 +275,24 @@ class RunSpec(BaseModel):
             *((item.label, item.described) for item in self.goal),
             *((f"Begun with {item.kind}", item.described) for item in self.initial),
         )
+
+    @property
+    def _brushes(self) -> str:
+        """Those asked for, or the usual ones: two where they change by themselves."""
+        if self.brushes is not None:
+            return self.brushes
+        return USUAL_BRUSHES if self.layers is None and self.simulated else "broad"
+
+    @property
+    def brush_names(self) -> tuple[str, ...]:
+        """The brush, or that of each layer: names, or files of learned weights."""
+        return tuple(name for name, _ in brush_shares(self._brushes))
+
+    @property
+    def shares(self) -> tuple[float, ...] | None:
+        """The share of the strokes that each layer gets; None where they are the usual ones."""
+        shares = [share for _, share in brush_shares(self._brushes) if share is not None]
+        return tuple(shares) if len(shares) > 1 else None
 
     @property
     def simulated(self) -> bool:

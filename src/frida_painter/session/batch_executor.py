@@ -18,6 +18,7 @@ from frida_painter.session.events import (
     Dipped,
     Drying,
     GroundWanted,
+    LayerBegun,
     MotionBegan,
     Notify,
     PaintsWanted,
@@ -74,6 +75,25 @@ class BatchExecutor:
         """Tells which paints are wanted, and waits until their wells are filled."""
         self._tell(PaintsWanted(palette))
         self._brushwork.easel.operator.fill_wells(palette)
+
+    def change_brush(self, brush: str) -> bool:
+        """Has the brush of a layer put into the holder where it is not; whether that was needed.
+
+        Raises Interrupted where nobody does it.
+        """
+        hand = self._brushwork
+        if not hand.others or hand.held == brush:
+            return False
+        if hand.load.paint is not None:
+            self.clean()
+        self._interruptions.retry(self.step_aside)
+        hand.change_brush(brush)
+        return True
+
+    def begin_layer(self, begun: LayerBegun) -> None:
+        """Notes and tells that brush and paints of a layer are there."""
+        self._interruptions.retry(partial(self._journal.tell, begun))
+        self._tell(begun)
 
     def let_dry(self) -> None:
         """Cleans the brush, moves the arm aside and waits until the paint on the canvas is dry.

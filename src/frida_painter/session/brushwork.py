@@ -1,18 +1,19 @@
 """The hand of the painter: performs what the choreography sets, and knows what is on its brush."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from frida_painter.brush.dip import Dip
 from frida_painter.brush.endurance import dip_shown
-from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.kinds import BrushKind, brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.calibration import Calibration
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
+from frida_painter.hardware.workspace import Workspace
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
@@ -27,7 +28,8 @@ class Brushwork:
     """Paints plans on an easel, stroke by stroke.
 
     The robot is sent beside where a stroke is meant to be by as much as `placement` says that
-    strokes land beside it. load: what is on the brush; drying: seconds that a layer is let dry before the next one.
+    strokes land beside it. load: what is on the brush; drying: seconds that a layer is let dry before the next one;
+    others: the brushes of later layers; held: the one that is in the holder, None where that is not known.
     """
 
     easel: Easel
@@ -35,10 +37,13 @@ class Brushwork:
     placement: Placement = field(default_factory=Placement.unknown)
     load: BrushLoad = field(default_factory=BrushLoad)
     drying: float = DRYING
+    others: tuple[BrushKind, ...] = ()
+    held: str | None = field(init=False)
     _gateway: RobotGateway = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._gateway = RobotGateway(self.easel)
+        self.held = self.brush.name
 
     @property
     def last_motion(self) -> float:
@@ -84,9 +89,36 @@ class Brushwork:
         self._gateway.perform(self.cleaning())
         self.load = BrushLoad()
 
+    def change_brush(self, name: str) -> None:
+        """Has the brush of a layer put into the holder, unless it is there; the one before is clean and aside.
+
+        Raises Interrupted where nobody does it.
+        """
+        if self.others and name != self.held:
+            self.held = None
+            self.easel.operator.change_brush(name)
+            self.held, self.load = name, BrushLoad()
+
     def _choreography(self) -> Choreography:
-        calibration = self.placement.corrected(self.easel.calibration, self.easel.canvas)
-        return Choreography(Motion(self.easel.workspace, calibration), self.brush)
+        record = self.placement.corrected(self.easel.calibration, self.easel.canvas)
+        return _choreography(self.easel.workspace, record, (self.brush, *self.others))
+
+
+def choreography_at(
+    workspace: Workspace, record: Calibration, brushes: Sequence[str], *, simulated: bool
+) -> Choreography:
+    """What moves these brushes, the first of which is in the holder, at the easel of a record.
+
+    Raises ConfigError where a brush is not known, CalibrationError where the record does not know it.
+    """
+    kinds = [refilled(brush_kind(name), record, simulated=simulated) for name in brushes]
+    return _choreography(workspace, record, kinds)
+
+
+def _choreography(workspace: Workspace, record: Calibration, kinds: Sequence[BrushKind]) -> Choreography:
+    first, *others = kinds
+    later = {kind.name: Choreography(Motion(workspace, record.of_brush(kind.name)), kind) for kind in others}
+    return Choreography(Motion(workspace, record), first, later)
 
 
 STROKES_PER_DIP = 4
@@ -100,6 +132,8 @@ def refilled(kind: BrushKind, record: Calibration, *, simulated: bool) -> BrushK
     strokes, but in the virtual studio what is known of the project's own brushes. Raises LibraryError
     where the library is damaged.
     """
+    if kind.name in record.others:
+        record = record.of_brush(kind.name)
     if record.library is not None and record.brush == kind.name:
         shown = dip_shown(StrokeLibrary.load(Path(record.library.path)), kind.width)
         if shown is not None:

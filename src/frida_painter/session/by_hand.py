@@ -105,6 +105,10 @@ class ByHand(PersonAsOperator):
         """Lets go."""
         self._robot.close()
 
+    def _changing_to(self, brush: str) -> str:
+        self._width = brush_kind(brush).width
+        return f"The next strokes are painted with the {brush} brush: wash the other one, and take this one, clean."
+
     def _asking_for(self, paints: str) -> str:
         return f"Mix these paints, and put them out by their numbers: {paints}. Are all of them there?"
 

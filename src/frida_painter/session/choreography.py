@@ -4,12 +4,14 @@ Nothing in here knows a robot. Whoever wants to know what painting a plan takes,
 time or in paint, asks here; `brushwork` performs it.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Self
 
 import torch
 
-from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.kinds import BrushKind, brush_kind
+from frida_painter.errors import ConfigError
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.plan import Plan
@@ -20,7 +22,7 @@ _WASHINGS = 2  # rinse and wipe, so often, where the colour changes
 
 @dataclass(frozen=True)
 class BrushLoad:
-    """What is on the brush: the number of a paint, None on a clean one, and how much is left of its dip."""
+    """What is on the brush: paint from which well, None on a clean one, and how much is left of its dip."""
 
     paint: int | None = None
     left: float = 0.0
@@ -40,18 +42,39 @@ class Choreography:
     """Sets plans for a brush: refills it before it runs out, and cleans it where the colour changes.
 
     What is left on the brush is reckoned by the area that it has painted since it was dipped, or by its
-    strokes where that is all that is known (paper, "Robot Setup Details").
+    strokes where that is all that is known (paper, "Robot Setup Details"). others: for layers of other brushes, by
+    their names.
     """
 
     motion: Motion
     brush: BrushKind
+    others: "Mapping[str, Choreography]" = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, motion: Motion, brushes: Sequence[str]) -> Self:
+        """For several brushes that move alike. Raises ConfigError where one of them is not known."""
+        first, *others = (brush_kind(name) for name in brushes)
+        return cls(motion, first, {kind.name: cls(motion, kind) for kind in others})
+
+    def with_brush(self, name: str) -> "Choreography":
+        """With the brush of that name. Raises ConfigError where there are several, and it is none of them."""
+        if self.others and name not in (self.brush.name, *self.others):
+            raise ConfigError(
+                f"A layer is for the brush {name!r}; here are {self.brush.name}, {', '.join(self.others)}."
+            )
+        return self.others.get(name, self)
 
     def actions(self, plan: Plan, load: BrushLoad, already_done: int, of: int) -> Iterator[Action]:
-        """All that painting the plan takes with a brush that holds `load`, in order.
+        """All that painting the plan takes with a brush that holds `load`, in order; each further layer begins clean.
 
         Its strokes are numbered from `already_done` + 1, `of` so many. Raises WorkspaceViolation
         where the workspace has no well for a paint.
         """
+        for part in plan.filled_layers():
+            yield from self.with_brush(part.layers[0].brush)._layer(part, load, already_done, of)
+            load, already_done = BrushLoad(), already_done + len(part)
+
+    def _layer(self, plan: Plan, load: BrushLoad, already_done: int, of: int) -> Iterator[Action]:
         strokes = plan.strokes.detach().to(torch.float64)
         dip = self.brush.dip
         used = dip.used_by(self.brush.area(strokes)).tolist()

@@ -17,8 +17,9 @@ from frida_painter.virtual.table import PlacementError
 class EaselOrder:
     """Which easel is wanted, and for what: everything that its process has to know, as plain values.
 
-    robot: by the name of a whole easel or of a real robot; canvas, brush, seed: as
-    the painting's settings say; state: the folder in which stops are latched and robots locked; folder:
+    robot: by the name of a whole easel or of a real robot; canvas, seed: as
+    the painting's settings say; brushes: that it is painted with, the first of them in the holder;
+    state: the folder in which stops are latched and robots locked; folder:
     of the painting, where the stop file is looked for and a virtual studio keeps its diary; pace,
     placement_error, faults: of a virtual studio; canvas_picture: what is on its canvas at first, a file, None where
     that is bare; film: whether a simulated arm is filmed at work, into
@@ -30,7 +31,7 @@ class EaselOrder:
 
     robot: str
     canvas: CanvasSize
-    brush: str
+    brushes: tuple[str, ...]
     seed: int
     state: Path
     folder: Path | None = None

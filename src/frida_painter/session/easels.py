@@ -72,7 +72,7 @@ def _open_real(order: EaselOrder) -> OpenEasel:
         camera=camera_named(order.camera),
         operator=AbsentOperator(),
         workspace=workcell.workspace,
-        calibration=workcell.calibration(order.brush, camera=order.camera),
+        calibration=workcell.calibration(order.brushes[0], camera=order.camera, others=order.brushes[1:]),
         canvas=workcell.canvas,
         reach=workcell.reach,
     )

@@ -36,13 +36,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PlanningStep:
-    """The planner made one iteration of `of`; `phase` is "plan" or "replan"; strokes: as they stood then."""
+    """The planner made one iteration of `of`; `phase` is "plan" or "replan".
+
+    parts: the strokes as they stood then, in painting order: the brush, and what it paints.
+    """
 
     phase: str
     iteration: int
     of: int
     loss: float
-    strokes: Strokes | None = None
+    parts: tuple[tuple[str, Strokes], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,7 @@ class GroundWanted:
 
 @dataclass(frozen=True)
 class PaintsWanted:
-    """The palette is settled; painting begins when its wells are filled."""
+    """The paints of the next strokes are settled; painting goes on when their wells are filled."""
 
     palette: Palette
 
@@ -179,7 +182,7 @@ class MotionBegan:
 
 @dataclass(frozen=True)
 class Dipped:
-    """The brush took paint from a well; `cleaned` says whether it was rinsed and wiped before."""
+    """The brush took paint from well number `paint`, from 0; `cleaned` says whether it was rinsed and wiped before."""
 
     paint: int
     cleaned: bool = False
@@ -207,6 +210,19 @@ class Drying:
     done: int
     seconds: float
     left: float
+
+
+@dataclass(frozen=True)
+class LayerBegun:
+    """After `done` strokes layer number `layer` (from 1) begins or goes on; its brush and paints are there.
+
+    first_paint: the number in the plan's palette, from 0, of the paint in the first well.
+    """
+
+    done: int
+    layer: int
+    brush: str
+    first_paint: int = 0
 
 
 @dataclass(frozen=True)
@@ -285,8 +301,8 @@ class GoalChanged:
 
 
 Written = (
-    PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | Drying | StrokePainted | StrokeLeftOut
-    | Photographed | Paused | Stopped | Failed | Finished | RegionProtected | GoalChanged
+    PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | Drying | LayerBegun | StrokePainted
+    | StrokeLeftOut | Photographed | Paused | Stopped | Failed | Finished | RegionProtected | GoalChanged
     | PageEvent
 )  # fmt: skip
 Moment = PlanningStep | Planned | Scheduled | GroundWanted | PaintsWanted | TimelapseFrame | Looked | Resumed

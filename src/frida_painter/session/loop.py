@@ -5,7 +5,7 @@ Start reading here. This file only says what follows what; who does it:
     look at the bare canvas, have it toned where a ground is wanted, and plan
     while strokes are left:
         paint a batch of strokes                         act      batch_executor.py, brushwork.py
-        let a layer dry that is done
+        let a layer dry that is done, and have brush and paints of the next one there
         look at the canvas, compare with what was meant  observe  execution_monitor.py, canvas_observer.py
         plan the rest again, where replan_policy.py      plan     plan_keeper.py, planning/planner.py
             wants that                                   tell     events.py, journal.py
@@ -31,7 +31,7 @@ from frida_painter.session.batch_executor import BatchExecutor
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
 from frida_painter.session.canvas_start import TOLERANCE
-from frida_painter.session.events import Event, Failed, Finished, Notify, Paused, Resumed, Stopped
+from frida_painter.session.events import Event, Failed, Finished, LayerBegun, Notify, Paused, Resumed, Stopped
 from frida_painter.session.execution_monitor import ExecutionMonitor
 from frida_painter.session.interruptions import Interruptions, StopAsked
 from frida_painter.session.journal import Journal
@@ -110,6 +110,7 @@ class PaintingSession:
                     self._executor.let_dry()
                 if looks and progress.begins_layer and progress.planned_at < progress.painted:
                     break
+                self._equip()
                 self._executor.paint_until(min(end, progress.layer_end))
             seen = self._monitor.observe()
             if seen.left and self.policy.wants_replan(seen):
@@ -162,12 +163,27 @@ class PaintingSession:
         self._progress.canvas.saw(canvas, 0)
         self._began_at = self.brushwork.last_motion
         self._plans.begin(strokes, colors, plan)
-        palette = self.rest.palette
-        self._executor.fill_wells(palette)
-        mixed = self._mixed(palette)
-        if mixed is not None:
-            self._plans.bind_to_palette(mixed)
-            self.brushwork.easel.operator.fill_wells(mixed)
+        self._equip()
+
+    def _equip(self) -> None:
+        """Has brush and paints of the next stroke's layer there, and the strokes in what was really mixed."""
+        progress, rest = self._progress, self.rest
+        if not len(rest):
+            return
+        number = progress.layer_number
+        layer = rest.layers[number]
+        changes = self._executor.change_brush(layer.brush)
+        palette = rest.wells(layer)
+        if progress.wells is None or not torch.equal(palette.color, progress.wells.color):
+            self._executor.fill_wells(palette)
+            progress.wells, changes = palette, True
+            mixed = self._mixed(palette)
+            if mixed is not None:
+                self._plans.bind_to_palette(mixed)
+                self.brushwork.easel.operator.fill_wells(mixed)
+                progress.wells = mixed
+        if len(rest.layers) > 1 and (changes or progress.begins_layer):
+            self._executor.begin_layer(LayerBegun(progress.painted, number + 1, layer.brush, layer.paints[0]))
 
     def _tone(self, ground: tuple[float, float, float]) -> Tensor:
         """Has the canvas toned and returns it as it is then, [3, H, W]; pauses once where it has another colour."""
@@ -188,7 +204,7 @@ class PaintingSession:
         self._tell(Resumed(where.plan, where.painted, self.planner.expected(self.rest, where.now)))
         self._plans.schedule()
         self._executor.clean()
-        self._executor.fill_wells(where.plan.palette)
+        self.brushwork.held = None
 
     def _to_the_end(self, begin: Callable[[], None]) -> Painting:
         stopped = False

@@ -47,11 +47,30 @@ def on_record(easel: Easel, record: Path | None, needed: tuple[str, ...] = NEEDE
                 "without one; calibrate it: frida-painter calibrate all"
             )
         return easel
-    known = Calibration.load(record)
-    require(known, easel.calibration, () if easel.simulated else needed)
+    known = loaded_record(record, easel.calibration, needed, simulated=easel.simulated)
     if "brush" not in known.done:
         known = replace(known, brush=easel.calibration.brush)
     return replace(easel, calibration=known)
+
+
+def loaded_record(
+    record: Path, default: Calibration, needed: tuple[str, ...] = (), *, simulated: bool = False
+) -> Calibration:
+    """The calibration record of a file, the first brush of `default` in the holder; all of its brushes are checked.
+
+    default: the easel's own record, before any procedure; simulated: whether its brushes are as they are delivered
+    where the record does not know them. Raises CalibrationError.
+    """
+    needed = () if simulated else needed
+    known = Calibration.load(record)
+    if default.brush in known.others:
+        known = known.of_brush(default.brush)
+    require(known, default, needed)
+    for brush, delivered in default.others.items():
+        if simulated and brush not in known.others:
+            known = replace(known, others={**known.others, brush: delivered})
+        require(known.of_brush(brush), default.of_brush(brush), needed)
+    return known
 
 
 def open_virtual_easel(brush: str, seed: int) -> Easel:

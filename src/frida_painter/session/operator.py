@@ -21,11 +21,13 @@ class PersonAsOperator:
 
     def __init__(self, answer: Callable[[Question], Answer]) -> None:
         self._answer = answer
+        self._filled = False
 
     def fill_wells(self, palette: Palette) -> None:
         """Returns when the person says that the wells are filled. Raises Interrupted where they will not be."""
+        first, self._filled = ("Empty and wash the wells. " if self._filled else ""), True
         paints = ", ".join(f"{number} {to_hex(color)}" for number, color in enumerate(palette.color, start=1))
-        if self._answer(Confirm(self._asking_for(paints), _swatches(palette))) is not True:
+        if self._answer(Confirm(first + self._asking_for(paints), _swatches(palette))) is not True:
             raise Interrupted("The paints were not there, and nothing was painted; the plan is kept.")
 
     def tone(self, ground: tuple[float, float, float]) -> None:
@@ -37,9 +39,23 @@ class PersonAsOperator:
         if self._answer(Confirm(question, _even(ground))) is not True:
             raise Interrupted("The canvas was not toned, and nothing was painted; resume the painting when it is.")
 
+    def change_brush(self, brush: str) -> None:
+        """Returns when the person says that the brush is in the holder. Raises Interrupted where it will not be."""
+        question = f"{self._changing_to(brush)} Is it done?"
+        if self._answer(Confirm(question)) is not True:
+            raise Interrupted(
+                f"The {brush} brush was not there, and nothing was painted with another; resume when it is."
+            )
+
     def let_dry(self, seconds: float) -> None:
         """Waits."""
         time.sleep(seconds)
+
+    def _changing_to(self, brush: str) -> str:
+        return (
+            f"The next strokes are painted with the {brush} brush: put it, clean, into the robot's holder, as deep as "
+            "it was when it was calibrated."
+        )
 
     def _asking_for(self, paints: str) -> str:
         return f"Mix these paints and fill the wells, the first with paint 1: {paints}. Are all of them filled?"
@@ -61,6 +77,9 @@ class AbsentOperator:
     """Implements hardware.easel.Operator in a process that nobody talks with: the one that talks has the person."""
 
     def fill_wells(self, palette: Palette) -> None:
+        """Leaves it to the other process."""
+
+    def change_brush(self, brush: str) -> None:
         """Leaves it to the other process."""
 
     def tone(self, ground: tuple[float, float, float]) -> None:

@@ -6,6 +6,7 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.errors import PlanError
+from frida_painter.palette import Palette
 from frida_painter.perception.frame_check import Expected
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
@@ -87,8 +88,8 @@ class PaintingProgress:
 
     plan: of all its strokes, painted ones first, None before the first plan is adopted; painted: strokes that are done;
     planned_at: how many were done when it was last decided how the rest is painted; dried_at: how many were done when
-    the paint was last let dry; wet: seconds that it still dries, where it has begun to; canvas: what is remembered of
-    it.
+    the paint was last let dry; wet: seconds that it still dries, where it has begun to; wells: what is in them, None
+    where that is not known; canvas: what is remembered of it.
     """
 
     plan: Plan | None = None
@@ -96,6 +97,7 @@ class PaintingProgress:
     planned_at: int = 0
     dried_at: int = 0
     wet: float | None = None
+    wells: Palette | None = None
     canvas: CanvasMemory = field(default_factory=CanvasMemory)
 
     @property
@@ -119,6 +121,11 @@ class PaintingProgress:
         if self.plan is None or not 0 < self.painted < len(self.plan):
             return False
         return self.plan.layer_end(self.painted - 1) == self.painted
+
+    @property
+    def layer_number(self) -> int:
+        """The number of the next stroke's layer, from 0."""
+        return int(self._known_plan.layer[self.painted])
 
     @property
     def layer_end(self) -> int:

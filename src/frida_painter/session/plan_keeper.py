@@ -133,7 +133,7 @@ class PlanKeeper:
         """Passes planning steps on, and stops the planner when a person has asked for it."""
 
         def tell(step: Step) -> None:
-            self._tell(PlanningStep(phase, step.iteration, step.of, step.loss, step.strokes))
+            self._tell(PlanningStep(phase, step.iteration, step.of, step.loss, step.parts))
             plan = self._progress.plan
             self._interruptions.check()
             if self._progress.plan is not plan:

@@ -39,14 +39,20 @@ def rehearse(
 ) -> Rehearsal:
     """Asks for every motion of a plan on an easel with a canvas of that size.
 
-    reach: of the robot, where its arm does not get everywhere in its workspace.
+    reach: of the robot, where its arm does not get everywhere in its workspace. Raises CalibrationError where the plan
+    has several brushes, and nothing is known of one of them.
     """
-    motion, surface = Motion(workspace, calibration), Surface(canvas, calibration.press_height)
     strokes: dict[int, Fault] = {}
-    for index in range(len(plan)):
-        path = motion.stroke(plan.strokes, index, f"stroke {index + 1}")
-        for fault in limits.faults([path], workspace, surface, reach):
-            strokes[index] = fault
+    before = 0
+    for part in plan.filled_layers():
+        known = calibration.of_brush(part.layers[0].brush) if len(plan.brushes) > 1 else calibration
+        motion, surface = Motion(workspace, known), Surface(canvas, known.press_height)
+        for index in range(len(part)):
+            path = motion.stroke(part.strokes, index, f"stroke {before + index + 1}")
+            for fault in limits.faults([path], workspace, surface, reach):
+                strokes[before + index] = fault
+        before += len(part)
+    motion, surface = Motion(workspace, calibration), Surface(canvas, calibration.press_height)
     others = limits.faults(_around(plan, motion), workspace, surface, reach)
     return Rehearsal(tuple(_mismatches(plan, workspace, canvas)), strokes, tuple(others))
 
@@ -57,16 +63,17 @@ def _mismatches(plan: Plan, workspace: Workspace, canvas: CanvasSize) -> Iterato
             f"the plan is for a canvas of {plan.canvas}, and the easel's is {canvas}; "
             "plan anew with --canvas, or put up the canvas of the plan and make the workspace true"
         )
-    if len(plan.palette) > len(workspace.wells):
+    wells = max(end - first for first, end in (layer.paints for layer in plan.layers))
+    if wells > len(workspace.wells):
         yield (
-            f"the plan has {len(plan.palette)} paints, and the workspace {len(workspace.wells)} wells; "
+            f"the plan has {wells} paints, and the workspace {len(workspace.wells)} wells; "
             "plan anew with fewer --colors, or add wells"
         )
 
 
 def _around(plan: Plan, motion: Motion) -> Iterator[Waypoints]:
     """What is done beside the canvas; wells that are missing are told of on their own."""
-    for paint in sorted(set(plan.paint.tolist())):
+    for paint in sorted(set(plan.well.tolist())):
         if paint < len(motion.workspace.wells):
             yield motion.dip(paint)
     yield motion.rinse()

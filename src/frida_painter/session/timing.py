@@ -3,7 +3,6 @@
 CpuActivity takes time of its own, and so does whoever fills the wells.
 """
 
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -38,37 +37,40 @@ def reckon(
     plan's strokes; timing: how the arm starts and stops, None to reckon with its full speed; drying:
     seconds between two layers. Raises WorkspaceViolation where the workspace has no well for a paint.
     """
-    motion, workspace = choreography.motion, choreography.motion.workspace
-    pace = _Pace(timing)
-    places, lengths = _on_canvas(plan, choreography)
-    painting = _steadily(lengths, motion) if timing is None else _motion_by_motion(plan, motion, pace)
-    x, y, z = workspace.home or (*workspace.rag[:2], workspace.rag[2] + _HOME_RISE)
-    home, dip = np.array([x, y, max(z, motion.travel_height)]), choreography.brush.dip
-    used = dip.used_by(choreography.brush.area(plan.strokes)).tolist()
-    dips = {paint: motion.dip(paint) for paint in sorted(set(plan.paint.tolist()))}
-    washing = choreography.cleaning()
-    hand = _Hand(workspace.travel_speed, tuple(home), pace)
+    motion, pace = choreography.motion, _Pace(timing)
+    x, y, z = motion.workspace.home or (*motion.workspace.rag[:2], motion.workspace.rag[2] + _HOME_RISE)
+    home, washing = np.array([x, y, max(z, motion.travel_height)]), choreography.cleaning()
+    hand = _Hand(motion.workspace.travel_speed, tuple(home), pace)
     table, after = Timetable(), []
-    ends = set(itertools.accumulate(plan.layers)) - {0}
-    for index, (paint, use) in enumerate(zip(plan.paint.tolist(), used, strict=True)):
-        if index in ends:  # the brush is cleaned, and the arm goes aside
-            for wash in washing if load.paint is not None else ():
-                table = replace(table, travel=table.travel + hand.to(wash), washing=table.washing + pace.of(wash))
+
+    def wash(table: Timetable) -> Timetable:
+        for each in washing:
+            table = replace(table, travel=table.travel + hand.to(each), washing=table.washing + pace.of(each))
+        return table
+
+    for number, part in enumerate(plan.filled_layers()):
+        if number:  # the brush is cleaned, and the arm goes aside
+            table = wash(table) if load.paint is not None else table
             load = BrushLoad()
             table = replace(table, travel=table.travel + hand.aside(), drying=table.drying + drying)
-        if paint != load.paint or load.left < use:
-            if load.paint is not None and paint != load.paint:
-                for wash in washing:
-                    table = replace(table, travel=table.travel + hand.to(wash), washing=table.washing + pace.of(wash))
-            dipping = dips[paint]
-            table = replace(table, travel=table.travel + hand.to(dipping), dips=table.dips + pace.of(dipping))
-            load = BrushLoad(paint, dip.holds)
-        load = BrushLoad(paint, load.left - use)
-        way = hand.across(places[index, 0], places[index, 1])
-        table = replace(table, travel=table.travel + way, strokes=table.strokes + painting[index])
-        after.append(table.total)
-        for _ in range(looks(index + 1)):
-            table = replace(table, looks=table.looks + hand.aside() + _PHOTOGRAPH)
+        here = choreography.with_brush(part.layers[0].brush)
+        places, lengths = _on_canvas(part, here)
+        painting = _steadily(lengths, here.motion) if timing is None else _motion_by_motion(part, here.motion, pace)
+        dip, used = here.brush.dip, here.brush.dip.used_by(here.brush.area(part.strokes)).tolist()
+        dips = {paint: motion.dip(paint) for paint in sorted(set(part.paint.tolist()))}
+        for index, (paint, use) in enumerate(zip(part.paint.tolist(), used, strict=True)):
+            if paint != load.paint or load.left < use:
+                if load.paint is not None and paint != load.paint:
+                    table = wash(table)
+                dipping = dips[paint]
+                table = replace(table, travel=table.travel + hand.to(dipping), dips=table.dips + pace.of(dipping))
+                load = BrushLoad(paint, dip.holds)
+            load = BrushLoad(paint, load.left - use)
+            way = hand.across(places[index, 0], places[index, 1])
+            table = replace(table, travel=table.travel + way, strokes=table.strokes + painting[index])
+            after.append(table.total)
+            for _ in range(looks(len(after))):
+                table = replace(table, looks=table.looks + hand.aside() + _PHOTOGRAPH)
     return replace(table, after=tuple(after))
 
 

@@ -29,10 +29,12 @@ PlanarPoint = complex  # metres in the robot's frame from above, x + iy: the dis
 def shorten_travel(plan: Plan, count: int, choreography: Choreography, load: BrushLoad) -> Plan:
     """The plan with its first `count` strokes in an order that is quicker to paint with a brush that holds `load`.
 
-    The picture stays: strokes whose marks may meet keep their order, and so do paints.
+    All of these are of one layer. The picture stays: strokes whose marks may meet keep their order, and so do paints.
     """
     order: list[int] = []
-    numbers = plan.paint[:count].tolist()
+    numbers = plan.well[:count].tolist()
+    if numbers:
+        choreography = choreography.with_brush(plan.layers[int(plan.layer[0])].brush)
     for paint, run in itertools.groupby(range(len(numbers)), numbers.__getitem__):
         if not 0 <= paint < len(choreography.motion.workspace.wells):
             return plan  # there is no such well; whoever sets the motions says so

@@ -56,8 +56,7 @@ class SweepRun:
         chosen = spec.record()
         goal = {part: [_identity(item, hash_of) for item in getattr(spec, part)] for part in ("goal", "initial")}
         files = {name: hash_of(Path(chosen[name])) for name in _FILES if chosen[name] is not None}
-        if Path(spec.brush).suffix:
-            files["brush"] = hash_of(Path(spec.brush))
+        files |= {brush: hash_of(Path(brush)) for brush in spec.brush_names if Path(brush).suffix}
         if plan is not None:
             files[PLAN] = hash_of(Path(plan))
         everything = json.dumps([program, kind, {**chosen, **goal, **files}], sort_keys=True)

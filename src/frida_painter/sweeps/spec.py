@@ -96,7 +96,7 @@ class SweepSpec(BaseModel):
 
     def _require_known_fields(self) -> None:
         """Raises ConfigError for fields that there are not, for a field without a value and for no run at all."""
-        known = {*RunSpec.model_fields, *goal_kinds().by_name, *([PLAN] if self.kind == "evaluation" else [])}
+        known = {*RunSpec.model_fields, "brush", *goal_kinds().by_name, *([PLAN] if self.kind == "evaluation" else [])}
         faults = [
             f"{name[:40]!r} is not a field of a run; there are {', '.join(sorted(known - {'version'}))}"
             for name in sorted({*self.settings, *self.axes} - known)
@@ -131,7 +131,7 @@ def _found(field: str, value: Any, base: Path) -> Any:
         return {name: _found(name, one, base) for name, one in value.items()}
     if isinstance(value, list) and is_path:
         return [path for one in value for path in _each(one, base)]
-    if is_path or (field == "brush" and isinstance(value, str) and Path(value).suffix):
+    if is_path or (field in ("brush", "brushes") and isinstance(value, str) and Path(value).suffix):
         return str(base / value) if isinstance(value, str) and value else value
     return value
 

@@ -83,8 +83,10 @@ def perform(assignment: Assignment) -> dict[str, Any]:
 
 def _of_plan(spec: RunSpec, plan: Plan) -> RunSpec:
     """The description of a painting of a plan as it is, on its own canvas."""
+    wells = max(end - first for first, end in (layer.paints for layer in plan.layers))
+    brushes = ",".join(layer.brush for layer in plan.layers) if len(plan.brushes) > 1 else plan.brushes[0]
     return spec.changed(
-        strokes=len(plan), colors=len(plan.palette), brush=plan.brush, canvas=plan.canvas, fit="crop", replans=0
+        strokes=len(plan), layers=None, colors=wells, brushes=brushes, canvas=plan.canvas, fit="crop", replans=0
     )
 
 

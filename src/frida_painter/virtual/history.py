@@ -52,6 +52,8 @@ def relive(
                 operator.pour(np.array(entry["color"]))
             case "tone":
                 operator.tone(entry["ground"])
+            case "brush":
+                operator.change_brush(entry["name"])
             case "paper":
                 operator.lay_paper()
             case "checker":

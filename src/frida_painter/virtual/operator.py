@@ -1,11 +1,13 @@
 """The studio's operator: fills the wells, lays paper and the colour checker, and never has to be asked twice."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
+from frida_painter.errors import ConfigError
 from frida_painter.palette import Palette
+from frida_painter.virtual.bristles import Tuft
 from frida_painter.virtual.canvas import Canvas
 from frida_painter.virtual.checker import Checker
 from frida_painter.virtual.paint import absorption_and_scattering, to_linear
@@ -14,14 +16,22 @@ from frida_painter.virtual.table import Table
 
 
 class StudioOperator:
-    """Implements hardware.easel.Operator over a table; note: told of everything that is done."""
+    """Implements hardware.easel.Operator over a table.
+
+    tufts: of its brushes, by the names that they are asked for by; note: told of everything that is done.
+    """
 
     def __init__(
-        self, table: Table, checker: Checker, fresh_canvas: Callable[[], Canvas], wait: Callable[[float], None]
+        self,
+        table: Table,
+        checker: Checker,
+        fresh_canvas: Callable[[], Canvas],
+        wait: Callable[[float], None],
+        tufts: Mapping[str, Tuft],
     ) -> None:
         self.checker = checker
         self.note: Note = unnoted
-        self._table, self._fresh_canvas, self._wait = table, fresh_canvas, wait
+        self._table, self._fresh_canvas, self._wait, self._tufts = table, fresh_canvas, wait, tufts
 
     def fill_wells(self, palette: Palette) -> None:
         """Empties all wells and fills well i with paint i."""
@@ -36,6 +46,14 @@ class StudioOperator:
         """Tones the canvas in that colour (sRGB) and lets it dry."""
         self._table.canvas.tone(to_linear(np.array(ground)))
         self.note({"did": "tone", "ground": list(ground)})
+
+    def change_brush(self, brush: str) -> None:
+        """Puts the brush of that name into the holder, where it is not there already. Raises ConfigError."""
+        if brush not in self._tufts:
+            raise ConfigError(f"The studio was opened with {', '.join(self._tufts)}, not with the brush {brush!r}.")
+        if self._table.tuft is not self._tufts[brush]:
+            self._table.tuft = self._tufts[brush]
+            self.note({"did": "brush", "name": brush})
 
     def let_dry(self, seconds: float) -> None:
         """Lets time pass."""

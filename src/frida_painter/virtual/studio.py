@@ -1,6 +1,7 @@
 """Opens a virtual studio: a table, a robot and a camera as one easel, all from one seed."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.calibration import Calibration
+from frida_painter.calibration import BrushRecord, Calibration
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.hardware.easel import Easel
@@ -120,7 +121,7 @@ class VirtualStudio:
     def __init__(
         self,
         canvas: CanvasSize,
-        brush: BristleBrush,
+        brushes: Mapping[str, BristleBrush],
         settings: StudioSettings,
         seed: int,
         log: SimulationLog | None = None,
@@ -128,6 +129,8 @@ class VirtualStudio:
         for_canvas, for_brush, for_hand, for_camera, for_error, for_checker = (
             np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(6)
         )
+        name, *others = brushes
+        brush = brushes[name]
         area = canvas.width * canvas.height * _MM**2
         self.settings, self.brush = settings, brush
         self.clock = Clock()
@@ -137,11 +140,17 @@ class VirtualStudio:
             ground=_first_look(settings, canvas), drying_rate=_FILM / settings.drying_time, random=for_canvas,
         )  # fmt: skip
         self.placement_error = settings.placement_error or PlacementError.drawn_from(for_error)
-        here = _with_arm(settings.arm, canvas, brush, seed)
+        deepest = max(brushes.values(), key=lambda each: each.press_depth)
+        here = _with_arm(settings.arm, canvas, deepest, seed)
         layout = here.layout
         touch_height = layout.workspace.canvas_origin[2]
         self.touch_height = touch_height + settings.rise
         tuft = Tuft(brush, for_brush)
+        # Each of the others has dice of its own, so that the first paints as if it were alone.
+        self.tufts = {name: tuft} | {
+            each: Tuft(brushes[each], np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(6 + number,))))
+            for number, each in enumerate(others)
+        }
         self.table = Table(
             self._fresh_canvas(), tuft, layout.workspace, self.touch_height, self.placement_error,
             settings.noise or here.noise, for_hand,
@@ -150,18 +159,21 @@ class VirtualStudio:
         self.camera = VirtualCamera(settings.camera, self.table, self.clock, for_camera)
         calibration = Calibration(
             easel=f"{_EASELS[settings.arm]} {seed}",
-            brush=brush.name,
+            brush=name,
             corners=self.camera.corners,
             photograph=settings.camera.photograph,
             touch_height=touch_height,
             press_height=touch_height - brush.press_depth / _MM,
+            others={
+                each: BrushRecord(touch_height, touch_height - brushes[each].press_depth / _MM, 0.0) for each in others
+            },
             protrusion=0.0,  # The studio's robot moves the tip itself.
             camera="virtual camera",
             canvas=canvas,
             lens=self.camera.lens,
         )
         checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
-        self._operator = StudioOperator(self.table, checker, self._fresh_canvas, self._wait_for_paint)
+        self._operator = StudioOperator(self.table, checker, self._fresh_canvas, self._wait_for_paint, self.tufts)
         self.easel = Easel(
             self.robot, self.camera, self._operator, layout.workspace, calibration, canvas, here.reach, here.timing,
             simulated=True,
@@ -215,16 +227,16 @@ class VirtualStudio:
 
     def balance(self) -> Balance:
         """Where the paint is that was drawn from the wells."""
-        table = self.table
+        table, brushes = self.table, sum(tuft.volume for tuft in self.tufts.values())
         return Balance(
-            table.drawn, table.tuft.volume, self.canvas.wet_volume, self.canvas.dry_volume, table.in_water,
+            table.drawn, brushes, self.canvas.wet_volume, self.canvas.dry_volume, table.in_water,
             table.on_rag, table.carried_away,
         )  # fmt: skip
 
 
 def open_studio(
     canvas: CanvasSize | str = "14x11in",
-    brush: str = "broad",
+    brush: str | Mapping[str, str] = "broad",
     *,
     seed: int = 0,
     placement_error: PlacementError | None = None,
@@ -234,7 +246,8 @@ def open_studio(
 ) -> VirtualStudio:
     """A studio with a blank canvas of that size and the brush of that name; the same seed gives the same bytes.
 
-    canvas: a size, or a text such as "14x11in"; placement_error and faults, where given, take the place of
+    canvas: a size, or a text such as "14x11in"; brush: or several, the first of them in the holder, each by the name
+    that the easel is to know it by; placement_error and faults, where given, take the place of
     those in `settings`. state: a file in which everything that happens is put down at once; where there
     is one from before, the studio is opened as it was left, with its canvas and wet paint, brush, robot
     and dice. Raises ConfigError; StorageError where that file cannot be written, is damaged, or is of
@@ -245,8 +258,10 @@ def open_studio(
         settings = replace(settings, placement_error=placement_error)
     if faults is not None:
         settings = replace(settings, faults=faults)
-    log = None if state is None else SimulationLog(Path(state), _furnishing(canvas, brush, settings, seed))
-    return VirtualStudio(canvas, brush_named(brush), settings, seed, log)
+    names = {brush: brush} if isinstance(brush, str) else brush
+    furnishing = _furnishing(canvas, ",".join(names.values()), settings, seed)
+    log = None if state is None else SimulationLog(Path(state), furnishing)
+    return VirtualStudio(canvas, {name: brush_named(own) for name, own in names.items()}, settings, seed, log)
 
 
 def _first_look(settings: StudioSettings, canvas: CanvasSize) -> NDArray[np.float64]:

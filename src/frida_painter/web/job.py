@@ -41,7 +41,7 @@ class Job:
             colors=min(request.colors, request.strokes),
             canvas=CanvasSize(request.width / 1000, request.height / 1000),
             fit="crop",  # the page chose a canvas in the picture's proportions, or the person another
-            brush=request.brush,
+            brushes=request.brushes or None,
             replans=min(request.replans, request.strokes - 1),
             ground=request.ground,
             on_canvas=request.on_canvas,

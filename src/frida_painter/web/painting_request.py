@@ -1,13 +1,13 @@
 """The request for a painting from the page: goals with weights and settings, checked before planning begins."""
 
 import json
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.objectives.kind import Gives, goal_kinds
-from frida_painter.runs.fields import Ground
+from frida_painter.runs.fields import Ground, brush_shares
 from frida_painter.runs.spec import RunSpec
 
 Identifier = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
@@ -31,6 +31,16 @@ def _known(kind: str) -> str:
 
 
 Kind = Annotated[str, AfterValidator(_known)]
+
+
+def _shares(text: str) -> str:
+    if text:
+        brush_shares(text)
+    return text
+
+
+_BRUSH = r"(fine|medium|broad)(:\d{1,3}%)?"
+Brushes = Annotated[str, StringConstraints(pattern=rf"^({_BRUSH}(,{_BRUSH}){{0,7}})?$"), AfterValidator(_shares)]
 
 
 class _Checked(BaseModel):
@@ -75,13 +85,23 @@ class PaintingRequest(_Checked):
     colors: int = _as_described("colors")
     width: float = Field(_CANVAS.width * 1000, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
     height: float = Field(_CANVAS.height * 1000, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
-    brush: Literal["fine", "medium", "broad"] = "broad"
+    brushes: Brushes = ""
+    """Of the layers; "" for the usual ones."""
     replans: int = _as_described("replans")
     ground: Ground = "white"
     on_canvas: bool = False
     drying: float = _as_described("drying")
     effort: float = _as_described("effort")
     seed: int = _as_described("seed")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _renewed(cls, given: Any) -> Any:
+        """As requests were kept that knew of one brush only."""
+        if not isinstance(given, dict) or "brush" not in given:
+            return given
+        known = {name: value for name, value in given.items() if name != "brush"}
+        return {"brushes": given["brush"], **known}
 
     @model_validator(mode="after")
     def _is_possible(self) -> Self:

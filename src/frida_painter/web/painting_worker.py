@@ -49,7 +49,7 @@ def _lead(job: Job, run: PaintingRun) -> None:
     planner, spec = run.planner, run.spec
     again = planner.effort.refining + planner.effort.replanning
     forecast = Forecast(spec.strokes, replan_policy(spec), time.monotonic(), planning=0, replanning=again)
-    reporter = Reporter(job.feed, job.folder, planner.model, planner.size, forecast)
+    reporter = Reporter(job.feed, job.folder, planner.models, planner.size, forecast)
     pauses = PauseController(job.folder, job.feed, job.stop, lambda: run.session)
 
     def paint_on(difference: str, photograph: Tensor) -> bool:
@@ -76,6 +76,6 @@ def _conclude(job: Job, run: PaintingRun, outcome: RunOutcome) -> None:
     trouble = outcome.trouble
     if trouble is not None and not (isinstance(trouble, RobotStopped | PaintingPaused) and job.stop.asked):
         raise trouble
-    export(Plan.load(outcome.folder), run.planner.model, outcome.folder)
+    export(Plan.load(outcome.folder), run.planner.models, outcome.folder)
     films = {"film": "film.mp4", "arm": ARM_FILM}
     job.feed.tell(PaintingKept(**{name: (outcome.folder / file).exists() for name, file in films.items()}))

@@ -8,6 +8,7 @@ from frida_painter.session.events import (
     Drying,
     Failed,
     GoalChanged,
+    LayerBegun,
     Paused,
     RegionProtected,
     Stopped,
@@ -64,7 +65,9 @@ class PaintState:
     plan: the number it was painted from; held: whether it waits for a person, also while it does what they asked for
     in the pause; turn: whether it is the person's turn; turns: strokes after which it is, 0 where nobody takes turns;
     region: what is protected; remark: what could not be done as it was asked; wish: as it was changed in the middle;
-    paint: which the brush carries, from 0; dips: into each well so far; since_dip: strokes since the last one;
+    brush: that of the layer, "" where all have the same; first_paint: the plan's number, from 0, of what is in the
+    first well; paint: which the brush carries, from 0; dips: into each paint so far; since_dip: strokes since
+    the last one;
     looks: what was seen, expected and planned again, in order, each with `why`: "region", "only", "freed", "goal" or
     "asked" where a person wanted it, "" for one of the painter's own; film, arm, kept: whether there is a film, one
     of a simulated arm at work, and all else that is kept of a painting.
@@ -79,6 +82,8 @@ class PaintState:
     share: float = 0.0
     photograph: str | None = None
     growing: str | None = None
+    brush: str = ""
+    first_paint: int = 0
     paint: int | None = None
     dips: dict[int, int] = field(default_factory=dict)
     since_dip: int = 0
@@ -214,7 +219,10 @@ def _hear_painting(painting: PaintState, event: Written) -> None:
     match event:
         case TakenUp(done):
             painting.done, painting.film, painting.kept = done, False, False
-        case Dipped(paint):
+        case LayerBegun(brush=brush, first_paint=first):
+            painting.brush, painting.first_paint, painting.paint = brush, first, None
+        case Dipped(well):
+            paint = painting.first_paint + well
             painting.paint, painting.since_dip = paint, 0
             painting.dips[paint] = painting.dips.get(paint, 0) + 1
         case Drying(left=seconds):

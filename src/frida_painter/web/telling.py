@@ -1,6 +1,7 @@
 """What a session's events become on the page: written events in the feed, and pictures beside it."""
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import torch
@@ -16,6 +17,7 @@ from frida_painter.session.events import (
     Dipped,
     Drying,
     Event,
+    LayerBegun,
     Looked,
     PaintsWanted,
     Planned,
@@ -51,7 +53,7 @@ class Reporter:
 
     feed: Feed
     folder: PaintingFolder
-    model: StrokeModel
+    models: Mapping[str, StrokeModel]
     size: CanvasSize
     forecast: Forecast
     _photographs: int = field(default=0, init=False)
@@ -70,15 +72,15 @@ class Reporter:
         self.forecast.hear(event, time.monotonic())
         left = self.forecast.remaining
         match event:
-            case PlanningStep(iteration=iteration, of=of, strokes=strokes):
+            case PlanningStep(iteration=iteration, of=of, parts=parts):
                 self.feed.step(iteration / of, left)
                 if self._growing is not None:
-                    self._growing.hear(strokes)
+                    self._growing.hear(parts)
             case Planned(done=done) if done > 0:
                 self._replanned(event)
             case PaintsWanted():
                 self.feed.tell(Mixing())
-            case Dipped():
+            case Dipped() | LayerBegun():
                 self.feed.tell(event)
             case Drying():
                 self.feed.tell(event)
@@ -115,13 +117,13 @@ class Reporter:
             self.feed.tell(LookShown(look.done, **names))
         self._photograph(look.photograph, look.done)
         self._canvas = look.photograph
-        self._growing = Growing(self.folder.live, look.photograph, self.model, self.size, self._tell_growing)
+        self._growing = Growing(self.folder.live, look.photograph, self.models, self.size, self._tell_growing)
 
     def _replanned(self, planned: Planned) -> None:
         """The plan from here on, with pictures of every stroke, in a folder of the plan's own."""
         self._plans += 1
         try:
-            told = illustrate(planned.plan, self.model, self._canvas, self.folder.live, f"plan-{self._plans}-")
+            told = illustrate(planned.plan, self.models, self._canvas, self.folder.live, f"plan-{self._plans}-")
         except StorageError:
             return
         self.feed.tell(RestReplanned(planned.done, round(planned.gain, 4), **told))

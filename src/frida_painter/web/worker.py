@@ -88,20 +88,20 @@ def make_plan(job: Job, place: PlanFolder) -> None:
         def grown(name: str) -> None:
             feed.tell(PlanPreview(name, place.number))
 
-        growing = Growing(place.path, bare, planner.model, planner.size, grown)
+        growing = Growing(place.path, bare, planner.models, planner.size, grown)
 
         def hear(step: Step) -> None:
             job.stop.heed()
             share = (step.iteration / step.of) ** _GROWING_COST
             feed.step(share, (time.monotonic() - started) * (1 - share) / share, place.number)
-            growing.hear(step.strokes)
+            growing.hear(step.parts)
 
         made = run.plan(hear)
         made.save(place.plan)
-        export(made, planner.model, place.path)
+        export(made, planner.models, place.path)
         expected = planner.expected(made, bare)
         nearer = 1 - planner.validation_loss(expected) / max(planner.validation_loss(bare), 1e-9)
-        told = illustrate(made, planner.model, bare, place.path)
+        told = illustrate(made, planner.models, bare, place.path)
         mixed, took = mixtures(made), round(time.monotonic() - started, 1)
     feed.tell(PlanMade(place.number, round(nearer, 4), took, mixtures=mixed, **told))
 

@@ -1,5 +1,6 @@
 """Stroke models by the name of their brush, ours and those of other packages, and those that a person trained."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from frida_painter import registry
@@ -25,6 +26,11 @@ def load_stroke_model(brush: str | Path) -> StrokeModel:
     """
     registered = registry.parts(registry.STROKE_MODELS).get(str(brush))
     return load_weights(Path(brush)) if registered is None else registered.load(BrushModel).load()
+
+
+def load_stroke_models(brushes: Iterable[str]) -> dict[str, StrokeModel]:
+    """The stroke models of brushes by their names. Raises as `load_stroke_model`."""
+    return {brush: load_stroke_model(brush) for brush in brushes}
 
 
 def load_weights(path: Path) -> StrokeField | Param2Stroke:

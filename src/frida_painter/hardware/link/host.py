@@ -81,6 +81,8 @@ class Host:
             case "operator.tone":
                 red, green, blue = map(float, words["ground"])
                 operator.tone((red, green, blue))
+            case "operator.change_brush":
+                operator.change_brush(str(words["brush"]))
             case "operator.let_dry":
                 operator.let_dry(words["seconds"])
             case "operator.lay_paper":

@@ -172,6 +172,10 @@ class RemoteOperator:
         """Has the canvas toned in that colour (sRGB)."""
         self._link.ask("operator.tone", ground=list(ground))
 
+    def change_brush(self, brush: str) -> None:
+        """Has the brush of that name put into the holder."""
+        self._link.ask("operator.change_brush", brush=brush)
+
     def let_dry(self, seconds: float) -> None:
         """Has the paint dry for so long."""
         self._link.ask("operator.let_dry", seconds=seconds)

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
 
 def _open(order: "EaselOrder") -> OpenEasel:
+    from frida_painter.calibration import BrushRecord
     from frida_painter.hardware.drivers.human import HumanRobot
     from frida_painter.hardware.easel import Easel
     from frida_painter.session.easels import camera_named
@@ -23,7 +24,15 @@ def _open(order: "EaselOrder") -> OpenEasel:
             f"To paint by hand, say which camera looks at the canvas (--camera {'|'.join(camera_forms())})."
         )
     place = FlatbedWorkspace().motion(order.canvas)
-    known = replace(place.calibration, easel="by hand", brush=order.brush, camera=order.camera, canvas=order.canvas)
+    first, *others = order.brushes
+    known = replace(
+        place.calibration,
+        easel="by hand",
+        brush=first,
+        camera=order.camera,
+        canvas=order.canvas,
+        others={name: BrushRecord(place.calibration.touch_height, place.calibration.press_height) for name in others},
+    )
     easel = Easel(
         robot=HumanRobot(place.workspace.home or place.workspace.upper),
         camera=camera_named(order.camera),

@@ -4,6 +4,7 @@ The latter is the paper's Rethink Sawyer, simulated with its weight and its fric
 """
 
 import contextlib
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:  # pages and help know these kinds without what computes them
 
 
 def furnished(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[VirtualStudio, Easel]":
-    """The studio with one of its arms, and its easel, which knows the brush by the name in the order.
+    """The studio with one of its arms, and its easel, which knows its brushes by the names in the order.
 
     furniture: fields of StudioSettings that are otherwise than ordered, or than usual. Raises ConfigError where the
     studio has no such brush, and StorageError.
@@ -28,8 +29,8 @@ def furnished(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[Virtual
     from frida_painter.virtual.kernels import load_kernels
     from frida_painter.virtual.studio import StudioSettings, open_studio
 
-    own = studio_brush(order.brush)
-    load_kernels(own)
+    own = {name: studio_brush(name) for name in order.brushes}
+    load_kernels(own[order.brushes[0]])
     ordered = {
         "arm": arm,
         "placement_error": order.placement_error,
@@ -45,20 +46,20 @@ def furnished(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[Virtual
         settings=settings,
         state=None if order.folder is None else order.folder / DIARY,
     )
-    easel = with_brush(studio.easel, order.brush)
+    easel = studio.easel
     if order.canvas_picture is not None:
         easel = replace(easel, calibration=_having_seen_it_bare(easel.calibration, order, own, settings))
     return studio, easel
 
 
 def _having_seen_it_bare(
-    known: "Calibration", order: "EaselOrder", brush: str, settings: "StudioSettings"
+    known: "Calibration", order: "EaselOrder", brushes: Mapping[str, str], settings: "StudioSettings"
 ) -> "Calibration":
     """The record with what the same camera saw before anything was on the canvas."""
     from frida_painter.perception.margin import bare_canvas
     from frida_painter.virtual.studio import FREE, open_studio
 
-    before = open_studio(order.canvas, brush, seed=order.seed, settings=replace(settings, arm=FREE, picture=None))
+    before = open_studio(order.canvas, brushes, seed=order.seed, settings=replace(settings, arm=FREE, picture=None))
     before.easel.camera.connect()
     photograph = before.easel.camera.capture(0.0).image
     return replace(known, bare=bare_canvas(photograph, known, order.canvas))

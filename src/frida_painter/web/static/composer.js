@@ -11,6 +11,8 @@ const LATER = { text: "text", style: "a style", sketch: "a drawing", semantic: "
 const FIRST = { text: "+ Text", image: "+ Picture", style: "+ Style" };
 const STROKES = [15, 30, 50, 80, 120, 160, 200, 250, 300, 400, 500, 650, 800, 1000];
 const SIZES = [["14 × 11 in", 355.6, 279.4], ["A4", 297, 210], ["A3", 420, 297], ["30 × 30 cm", 300, 300], ["20 × 20 cm", 200, 200]];
+const BRUSHES = [["", "broad, then medium"], ["broad", "broad"], ["medium", "medium"], ["fine", "fine"], ["broad,medium,fine", "broad, medium, fine"]]
+  .map(([value, label]) => ({ value, label }));
 const PRESETS = [
   { label: "Quick study", strokes: 80, colors: 6, replans: 2, effort: 0.5 },
   { label: "Normal", strokes: 300, colors: 12, replans: 4, effort: 1 },
@@ -19,7 +21,7 @@ const PRESETS = [
 
 /** @returns {Wish} */
 export const fresh = () => ({
-  title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brush: "broad", replans: 4, ground: "white", on_canvas: false, drying: 20, effort: 1, seed: 0,
+  title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brushes: "", replans: 4, ground: "white", on_canvas: false, drying: 20, effort: 1, seed: 0,
 });
 
 /**
@@ -126,7 +128,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
         slider({ label: "Strokes", min: 0, max: STROKES.length - 1, value: nearest, words: (index) => String(STROKES[index]), oninput: (index) => set("strokes")(STROKES[index]) }),
         slider({ label: "Paints to mix", min: 1, max: 24, value: wish.colors, oninput: set("colors") }),
         slider({ label: "Replans", min: 0, max: 12, value: wish.replans, words: (looks) => (looks ? `${looks} times it looks at the canvas and replans` : "none"), oninput: set("replans") }),
-        choices({ legend: "Brush", name: "brush", value: wish.brush, options: ["fine", "medium", "broad"].map((brush) => ({ value: brush, label: brush })), onchange: set("brush") }),
+        choices({ legend: "Brush", name: "brushes", value: wish.brushes, options: BRUSHES, onchange: set("brushes") }),
         choices({ legend: "Canvas at the start", name: "ground", value: wish.on_canvas ? "as it is" : wish.ground ?? "white",
           options: [{ value: "white", label: "white" }, { value: "auto", label: "toned", title: "A colour that suits the picture; you tone the canvas, by a recipe" },
             ...(house.simulated ? [] : [{ value: "as it is", label: "as it is", title: "Paint on what is there: a toned ground, an old painting, or what you painted" }])],
@@ -318,4 +320,7 @@ export function steps(current, end) {
 }
 
 /** What was wished, in a line. */
-export const summary = (wish) => `${count(wish.strokes, "stroke", "strokes")}, ${count(Math.min(wish.colors, wish.strokes), "paint", "paints")}, ${wish.brush} brush`;
+/** "fine brush", "broad, then medium brush". @param {string} brushes */
+const brushWords = (brushes) => `${BRUSHES.find(({ value }) => value === brushes)?.label ?? brushes} brush`;
+
+export const summary = (wish) => `${count(wish.strokes, "stroke", "strokes")}, ${count(Math.min(wish.colors, wish.strokes), "paint", "paints")}, ${brushWords(wish.brushes)}`;
