@@ -113,14 +113,18 @@ def comparison(points: list[Point], what: str, options: argparse.Namespace) -> T
             before.append(then)
             gains.append(at(BUDGET, ours) - then)
             shorter.append(needed(then, ours))
-        rows.append((
-            picture, f"{np.nanmean(before):.2f} dB", f"{np.nanmean(gains):+.2f} dB", f"{np.nanmean(shorter):.1f} s",
-        ))  # fmt: skip
+        rows.append((picture, _mean(before, "{:.2f} dB"), _mean(gains, "{:+.2f} dB"), _mean(shorter, "{:.1f} s")))
     return Table(
         f"Paintings expected after {BUDGET:g} CPU seconds; {what}",
         ("picture", "of the other one", "gain", "as good as that after"),
         rows,
     )
+
+
+def _mean(numbers: list[float], shown: str) -> str:
+    """The mean of those that lie inside what was measured."""
+    inside = [number for number in numbers if math.isfinite(number)]
+    return shown.format(statistics.fmean(inside)) if inside else "not reached"
 
 
 def main() -> None:
