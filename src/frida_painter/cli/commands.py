@@ -16,7 +16,7 @@ COMMANDS = (
         "Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix.",
     ),
     Deferred(
-        "render", f"{_CLI}.painting", "Render a plan as a picture of any size, with the stroke model of its brush."
+        "render", f"{_CLI}.painting", "Render a plan as a picture of any size, with the stroke models of its brushes."
     ),
     Deferred("resume", f"{_CLI}.resume", "Continue a painting that was stopped, paused or killed, from its folder."),
     Deferred("export", f"{_CLI}.export", "Export the strokes of a plan as SVG, G-code or CSV, in millimetres."),
