@@ -45,11 +45,11 @@ class World:
     known: dict[bytes, Plan] = field(default_factory=dict)
 
     @classmethod
-    def made(cls) -> "World":
+    def made(cls, seed: int = 0) -> "World":
         torch.set_num_threads(1)
         model = StrokeTable.of(load_stroke_model("fine"), detail=TableDetail((2, 2, 2), 8))
         coffee = torch.from_numpy(data.coffee().copy()).permute(2, 0, 1).float() / 255
-        planner = Planner(Goal((ImageTerm(coffee),)), CANVAS, model, rows=64, effort=Effort().scaled(0.05), seed=0)
+        planner = Planner(Goal((ImageTerm(coffee),)), CANVAS, model, rows=64, effort=Effort().scaled(0.05), seed=seed)
         world = cls(planner)
         plan = planner.plan
 
