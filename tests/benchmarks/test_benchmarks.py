@@ -73,7 +73,7 @@ def test_every_command_but_two_is_tried_with_all_that_it_takes():
     known = {one.path: one for one in program("hostile_commands").commands()}
     assert {("paint",), ("resume",), ("strokes", "train"), ("experiments", "replanning")} <= set(known)
     takes = {one.name: one.takes for one in known["paint",].parameters}
-    assert takes["--brush"] is str and takes["--settings"] is Path and takes["--strokes"] is int and takes[""] is Path
+    assert takes["--brushes"] is str and takes["--settings"] is Path and takes["--strokes"] is int and takes[""] is Path
 
 
 @pytest.mark.slow
