@@ -204,6 +204,11 @@ def mended(path: Path, **changes: object) -> None:
     storage.write_json(path, {**json.loads(path.read_text()), **changes})
 
 
+def another_brush(path: Path) -> None:
+    """A brush that the plan was not made for."""
+    mended(path, layers=[{**layer, "brush": "hairy"} for layer in json.loads(path.read_text())["layers"]])
+
+
 def with_tensors(path: Path, change: Callable[[dict[str, torch.Tensor]], None]) -> None:
     """Changes a plan's tensors and mends every hash there is."""
     beside = next(path.parent.glob("*.safetensors"))
@@ -245,8 +250,8 @@ def another_s(path: Path) -> None:
     [
         (half, "cut off or not JSON"),
         (one_digit, "was changed after it was written"),
-        (lambda path: mended(path, version=3), "of version 3; this program reads versions up to 2"),
-        (lambda path: mended(path, version="1"), "of version '1'; this program reads versions up to 2"),
+        (lambda path: mended(path, version=4), "of version 4; this program reads versions up to 3"),
+        (lambda path: mended(path, version="1"), "of version '1'; this program reads versions up to 3"),
         (lambda path: mended(path, strokes=10_000_000), "at most 100000"),
         (lambda path: half(next(path.parent.glob("*.safetensors"))), "sha256 differs"),
         (another_s, "sha256 differs"),
@@ -256,7 +261,7 @@ def another_s(path: Path) -> None:
         (lambda path: path.write_text("{}"), "it has no checksum"),
         (lambda path: path.write_bytes(b"\x80\x04\x95"), "plan.json"),
         (lambda path: path.unlink(), "does not exist"),
-        (lambda path: mended(path, brush="hairy"), "does not belong to the strokes"),
+        (another_brush, "does not belong to the strokes"),
     ],
 )  # fmt: skip
 def test_plans_that_are_damaged_edited_or_of_the_future(

@@ -161,7 +161,7 @@ def _option(field: FieldInfo) -> Any:
     if field.annotation is float:
         metavar = str(more.get("metavar", "X"))
         return Annotated[float | None, typer.Option(parser=number, metavar=metavar, help=text)]
-    if field.annotation is bool:
+    if field.annotation in (bool, bool | None):
         return Annotated[bool | None, typer.Option(help=field.description)]
     choices, names = "|".join(map(str, get_args(field.annotation))), more.get("names")
     written = [str(name) for name in names] if isinstance(names, list) else []

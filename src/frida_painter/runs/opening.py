@@ -94,7 +94,7 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
         encoders=networks,
         layers=spec.layers if spec.brushes is None or len(names) == 1 else len(names),
         shares=spec.shares if len(names) > 1 else None,
-        new_paints=spec.new_paints and spec.palette is None,
+        new_paints=spec.new_paints is not False and spec.palette is None,
         device=device,
     )
     planner.ground = ground_color(spec.ground) or WHITE

@@ -101,8 +101,8 @@ class RunSpec(BaseModel):
             "default": "broad:50%,medium:50% for a picture in the studio, otherwise broad",
         },
     )
-    new_paints: bool = Field(
-        True,
+    new_paints: bool | None = Field(
+        None,
         description="Mix new paints for each layer, --colors of them, or keep those of the first. With --palette they "
         "are kept.",
     )
@@ -175,7 +175,7 @@ class RunSpec(BaseModel):
             raise ValueError(f"{self.layers} layers and {len(self.brush_names)} brushes; leave out --layers")
         if self.brushes is not None and len(self.brush_names) > self.strokes:
             raise ValueError(f"{len(self.brush_names)} layers for {self.strokes} strokes; give at most as many brushes")
-        if "new_paints" in given and self.new_paints and self.palette is not None:
+        if self.new_paints and self.palette is not None:
             raise ValueError("--palette tells of one palette, and --new-paints mixes one for each layer; leave one out")
         if self.layers is not None and self.layers > self.strokes:
             raise ValueError(f"{self.layers} layers for {self.strokes} strokes; give at most as many layers as strokes")
@@ -369,7 +369,7 @@ def _allowed(field: FieldInfo) -> str:
     if choices:
         return f"one of {', '.join(map(str, choices))}"
     if not bounds:
-        return "true or false" if field.annotation is bool else "a name or a path"
+        return "true or false" if field.annotation in (bool, bool | None) else "a name or a path"
     kind = "a number" if field.annotation is float else "a whole number"
     if "le" not in bounds:
         return f"{kind} of at least {bounds['ge']}"
