@@ -53,7 +53,7 @@ def crossing() -> Plan:
 
 
 def order(folder: Path) -> EaselOrder:
-    return EaselOrder(robot="virtual", canvas=SIZE, brush="fine", seed=3, state=folder)
+    return EaselOrder(robot="virtual", canvas=SIZE, brushes=("fine",), seed=3, state=folder)
 
 
 def painted(easel: Easel, plan: Plan | None = None) -> Tensor:
