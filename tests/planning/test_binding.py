@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from dataclasses import replace
 
 import torch
@@ -17,7 +18,11 @@ SCENE = scene(32)
 def in_paints(ways: list[Scene], steps: list[Step] | None = None) -> tuple[Strokes, Paints]:
     hear = [] if steps is None else steps
     count = StepCount(hear.append, binding_iterations(3, 4, len(ways)))
-    return bound(some_strokes(16), ways, 4, drawing=3, binding=4, seed=0, steps=count)
+
+    def begin(iterations: int) -> Callable[[Step], None]:
+        return count.begin(iterations, "fine")
+
+    return bound(some_strokes(16), ways, 4, drawing=3, binding=4, seed=0, begin=begin)
 
 
 def loss(strokes: Strokes) -> float:
