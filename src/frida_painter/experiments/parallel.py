@@ -43,7 +43,7 @@ def run_in_processes(make: MakeExperiment, keep: Path, notify: Notify, jobs: int
     if min(slots_here(_LIMITS, jobs), len(shares)) > 1:
         total, failures = len(experiment.trials), list[str]()
         left = sum(len(share.numbers) for share in shares)
-        engine = open_engine(_LIMITS, len(shares), jobs=jobs)
+        engine = open_engine(_LIMITS, len(shares), engine="processes", jobs=jobs)  # soon begun, and of this machine
         notify(Progress((total - left) / total, f"{engine.slots} at the same time"))
         for ended in engine.run(measure_share, shares):
             left -= len(ended.task.numbers)
