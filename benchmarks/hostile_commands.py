@@ -265,7 +265,8 @@ def _computed(process: int) -> float:
     """Seconds of computing of a process and those that it waits for."""
     with contextlib.suppress(OSError, IndexError):
         fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-        children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
+        threads = Path(f"/proc/{process}/task").iterdir()
+        children = [child for thread in threads for child in (thread / "children").read_text().split()]
         own = sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
         return own + sum(_computed(int(child)) for child in children)
     return 0.0

@@ -7,6 +7,7 @@ from markupsafe import Markup
 
 from frida_painter import storage
 from frida_painter.report.curve import curve_svg
+from frida_painter.report.palette_sheet import sheet_file
 from frida_painter.report.story import Story
 
 PAGE = "index.html"
@@ -28,7 +29,7 @@ def page(story: Story) -> str:
     """The story as HTML that needs nothing but the files it names."""
     # The curve is our own markup, whose texts are escaped where it is made.
     curve = Markup(curve_svg(story.phases))
-    html = template("page.html").render(story=story, curve=curve)
+    html = template("page.html").render(story=story, curve=curve, sheet_file=sheet_file)
     return html.encode("utf-8", "replace").decode("utf-8")
 
 

@@ -18,7 +18,7 @@ class PaintFacts:
     """One paint to mix: number from 1, hex "#rrggbb", sRGB bytes, Lab, its strokes and what they amount to.
 
     length: of its strokes' marks together, metres; share: of the length that all paints paint, in [0, 1];
-    recipe: how to mix it, in words, "" where nobody has asked.
+    recipe: how to mix it, in words, "" where nobody has asked; layer: the one, from 1, before which its well is filled.
     """
 
     number: int
@@ -29,6 +29,7 @@ class PaintFacts:
     length: float
     share: float
     recipe: str = ""
+    layer: int = 1
 
 
 @dataclass(frozen=True)
@@ -111,10 +112,10 @@ def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[PaintFacts, ...]
     lengths = plan.paint.bincount(plan.strokes.length.double(), minlength=len(plan.palette))  # [k] metres
     shares = lengths / lengths.sum().clamp(min=1e-12)
     colors, lab = plan.palette.color, plan.palette.lab()
-    wells = [well for _, part in plan.by_wells() for well in range(len(part.palette))]
+    wells = [(layer, well) for layer, part in plan.by_wells() for well in range(len(part.palette))]
     return tuple(
         PaintFacts(
-            number=wells[paint] + 1,
+            number=wells[paint][1] + 1,
             hex=to_hex(colors[paint]),
             srgb=tuple((colors[paint] * 255).round().int().tolist()),
             lab=tuple(round(part, 1) + 0.0 for part in lab[paint].tolist()),
@@ -122,6 +123,7 @@ def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[PaintFacts, ...]
             length=float(lengths[paint]),
             share=float(shares[paint]),
             recipe=words[paint] if words else "",
+            layer=wells[paint][0],
         )
         for paint, count in enumerate(counts)
     )

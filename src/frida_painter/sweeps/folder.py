@@ -49,12 +49,7 @@ class RunFolder:
 
     def record(self) -> dict[str, Any] | None:
         """What came out; None where it is not done, or where what is there is damaged."""
-        if not (self.path / "result.json").exists():
-            return None
-        try:
-            return storage.read_json(self.path / "result.json", "the result of a run")
-        except StorageError:
-            return None
+        return self._read("result.json", "the result of a run")
 
     def keep(self, record: Mapping[str, Any]) -> None:
         """Writes what came out, which makes the run done. Raises StorageError."""
@@ -67,10 +62,13 @@ class RunFolder:
 
     def failure(self) -> dict[str, Any] | None:
         """Why it failed last; None where it did not."""
-        if not (self.path / "failure.json").exists():
+        return self._read("failure.json", "why a run failed")
+
+    def _read(self, name: str, what: str) -> dict[str, Any] | None:
+        if not (self.path / name).exists():
             return None
         try:
-            return storage.read_json(self.path / "failure.json", "why a run failed")
+            return storage.read_json(self.path / name, what)
         except StorageError:
             return None
 

@@ -12,7 +12,7 @@ from frida_painter.report.chart import Series, chart
 from frida_painter.report.page import template
 from frida_painter.session.forecast import duration
 from frida_painter.sweeps.run import SweepRun, Value
-from frida_painter.sweeps.statistics import Mean, PairedTest, Result, means, paired_tests
+from frida_painter.sweeps.statistics import FieldEffect, Mean, Result, means, paired_tests
 from frida_painter.sweeps.status import SweepStatus, named, summary
 
 STATUS_PAGE, REPORT_PAGE = "status.html", "index.html"
@@ -71,7 +71,7 @@ def results_of(status: SweepStatus, figure: str) -> list[Result]:
 
 
 def _page(
-    status: SweepStatus, pictures: Sequence[_Picture], charts: Sequence[str], tests: Sequence[PairedTest], figure: str
+    status: SweepStatus, pictures: Sequence[_Picture], charts: Sequence[str], tests: Sequence[FieldEffect], figure: str
 ) -> str:
     progress = status.progress
     failures = [(named(failure), failure["error"]) for failure in status.failures.values()]
@@ -136,7 +136,7 @@ def _series(name: str, points: dict[float, Mean]) -> Series:
     return Series(name, list(points), mean, low, high, band=False)
 
 
-def _row(test: PairedTest) -> tuple[str, ...]:
+def _row(test: FieldEffect) -> tuple[str, ...]:
     change = test.difference
     return (
         test.field,

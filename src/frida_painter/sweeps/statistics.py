@@ -48,7 +48,7 @@ class Mean:
 
 
 @dataclass(frozen=True)
-class PairedTest:
+class FieldEffect:
     """How a figure changes where a field goes from one value to another, all else being equal.
 
     difference: the mean of second - first; t, wilcoxon: p-values of the paired t-test and of Wilcoxon's signed-rank
@@ -77,7 +77,7 @@ def means(results: Iterable[Result], field: str, series: str | None) -> dict[Val
     }
 
 
-def paired_tests(results: Sequence[Result], fields: Iterable[str]) -> tuple[PairedTest, ...]:
+def paired_tests(results: Sequence[Result], fields: Iterable[str]) -> tuple[FieldEffect, ...]:
     """A test for every two values of every field that has three pairs of runs or more."""
     found = [
         test
@@ -100,7 +100,7 @@ def holm(values: Sequence[float]) -> list[float]:
     return adjusted
 
 
-def _test(results: Sequence[Result], field: str, first: Value, second: Value) -> PairedTest | None:
+def _test(results: Sequence[Result], field: str, first: Value, second: Value) -> FieldEffect | None:
     from scipy.stats import ttest_rel, wilcoxon
 
     sides: tuple[dict[object, float], dict[object, float]] = ({}, {})
@@ -119,7 +119,7 @@ def _test(results: Sequence[Result], field: str, first: Value, second: Value) ->
         with warnings.catch_warnings():  # of differences that are all the same
             warnings.simplefilter("ignore", RuntimeWarning)
             p_t, p_wilcoxon = float(ttest_rel(after, before).pvalue), float(wilcoxon(difference).pvalue)
-    return PairedTest(
+    return FieldEffect(
         field, first, second, Mean.of(difference.tolist()), int((difference > 0).sum()),
         0.0 if math.isnan(p_t) else p_t, p_wilcoxon,
     )  # fmt: skip

@@ -6,6 +6,7 @@ The page writes requests, commands and the stop file; the worker everything else
 import os
 import re
 import shutil
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from frida_painter.web.painting_request import PaintingRequest
 
 _SHOWN = re.compile(r"[a-z][a-z0-9-]{0,60}\.(png|jpg|mp4|json|svg|csv|gcode|html)")
 _MOST_PLANS = 24
+_A_MOMENT = 1.0  # seconds
 
 
 @dataclass(frozen=True)
@@ -194,7 +196,16 @@ class WorkerLock:
         self._file = os.open(folder.path / ".worker", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
 
     def take(self) -> bool:
-        """Whether it was free, and is held from now on."""
+        """Whether it was free, and is held from now on; who only looks whether it is free holds it for a moment."""
+        patience = time.monotonic() + _A_MOMENT
+        while not self.try_once():
+            if time.monotonic() > patience:
+                return False
+            time.sleep(0.02)
+        return True
+
+    def try_once(self) -> bool:
+        """The same, without waiting for somebody who only looks."""
         return lock_descriptor(self._file, blocking=False)
 
     def fileno(self) -> int:
@@ -212,6 +223,6 @@ def working(folder: PaintingFolder) -> bool:
         return False
     lock = WorkerLock(folder)
     try:
-        return not lock.take()
+        return not lock.try_once()
     finally:
         lock.release()

@@ -5,13 +5,20 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Literal
 
 from frida_painter.errors import Interrupted, StorageError
-from frida_painter.web.folder import PaintingFolder, PlanFolder, WorkerLock
+from frida_painter.web.folder import PaintingFolder, PlanFolder, WorkerLock, working
 from frida_painter.web.studio_easel import StudioEasel
 
 _MOST = 2
+
+
+@dataclass(frozen=True)
+class _Started:
+    process: "subprocess.Popen[bytes]"
+    folder: PaintingFolder
 
 
 class Workers:
@@ -19,13 +26,14 @@ class Workers:
 
     def __init__(self, easel: StudioEasel) -> None:
         self.easel = easel
-        self._started: list[subprocess.Popen[bytes]] = []
+        self._started: list[_Started] = []
 
     @property
     def busy(self) -> bool:
-        """Whether as many are at work as may be."""
-        self._started = [process for process in self._started if process.poll() is None]
-        return len(self._started) >= _MOST
+        """Whether as many are at work as may be; one that has done its work, and takes its time to end, is not."""
+        self._started = [one for one in self._started if one.process.poll() is None]
+        at_work = {one.folder for one in self._started if working(one.folder)}
+        return len(at_work) >= _MOST
 
     @contextmanager
     def slot_at(self, folder: PaintingFolder) -> Iterator["WorkerSlot"]:
@@ -48,9 +56,7 @@ class Workers:
 class WorkerSlot:
     """A painting that no worker works on: one worker may be started for it."""
 
-    def __init__(
-        self, folder: PaintingFolder, lock: WorkerLock, started: list[subprocess.Popen[bytes]], easel: StudioEasel
-    ) -> None:
+    def __init__(self, folder: PaintingFolder, lock: WorkerLock, started: list[_Started], easel: StudioEasel) -> None:
         self.folder, self._lock, self._started, self._easel = folder, lock, started, easel
 
     def start(self, job: Literal["plan", "paint", "resume", "calibrate"], plan: PlanFolder) -> None:
@@ -59,11 +65,10 @@ class WorkerSlot:
         program += [str(self._lock.fileno()), json.dumps(self._easel.plain())]
         try:
             with (self.folder.path / "worker.log").open("ab") as log:
-                self._started.append(
-                    subprocess.Popen(
-                        program, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
-                        pass_fds=[self._lock.fileno()],
-                    )
+                process = subprocess.Popen(
+                    program, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
+                    pass_fds=[self._lock.fileno()],
                 )  # fmt: skip
         except OSError as error:
             raise StorageError(f"The painter cannot be started ({error.strerror}).") from error
+        self._started.append(_Started(process, self.folder))
