@@ -31,6 +31,8 @@ def test_own_pictures_are_called_by_the_text_beside_them_or_by_their_names(tmp_p
     painted(tmp_path / "IMG_0042.png").with_suffix(".txt").write_text("  my   cat\nmore\n")
     painted(tmp_path / "IMG_0043.png")
     painted(tmp_path / "renard 狐.png")
+    painted(tmp_path / "grey owl.png").with_suffix(".txt").write_text("灰色の梟\n", "utf-8")
+    painted(tmp_path / "狐.png").with_suffix(".txt").write_bytes(b"\xff\xfe\x00")
     painted(tmp_path / ".hidden.png")
     (tmp_path / "notes.pdf").write_text("no picture")
     (tmp_path / "loop").symlink_to(tmp_path, target_is_directory=True)
@@ -38,8 +40,9 @@ def test_own_pictures_are_called_by_the_text_beside_them_or_by_their_names(tmp_p
     said = {Path(one.file).name: one.captions for one in library.captioned()}
     assert said == {
         "red-fox_2.png": ("red fox",), "OldBoat.JPG": ("old boat",), "IMG_0042.png": ("my cat",),
-        "renard 狐.png": ("renard",),
+        "renard 狐.png": ("renard",), "grey owl.png": ("grey owl",),
     }  # fmt: skip
+    assert library.unnamed == 2, "IMG_0043.png and 狐.png"
     (picture,) = library.pictures(str(tmp_path / "red-fox_2.png"))
     assert picture.shape == (4, 40, 40)
 
@@ -49,6 +52,32 @@ def test_a_folder_without_pictures_is_refused(tmp_path: Path) -> None:
         PictureFolder(tmp_path / "missing")
     with pytest.raises(ConfigError, match="holds no picture with a name"):
         PictureFolder(tmp_path).captioned()
+
+
+def test_a_folder_of_too_many_pictures_is_refused_before_their_captions_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("frida_painter.objectives.scenes.libraries._MOST_FILES", 3)
+    for number in range(3):
+        painted(tmp_path / f"fox {'abc'[number]}.png")
+    assert len(PictureFolder(tmp_path).captioned()) == 3
+    painted(tmp_path / "below" / "fox d.png")
+    with pytest.raises(ConfigError, match=r"holds more than 3 pictures.*give a folder with those"):
+        PictureFolder(tmp_path).captioned()
+
+
+def test_a_library_of_which_a_byte_was_lost_is_told(tmp_path: Path) -> None:
+    archive = tmp_path / "pictures.zip"
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
+        packed.write(painted(tmp_path / "fox.png"), "fox.png")
+        packed.writestr("captions.json", json.dumps({"fox.png": ["a fox"], "hen.png": ["a hen"]}))
+    content = bytearray(archive.read_bytes())
+    content[50] ^= 0xFF
+    archive.write_bytes(content)
+    library = PictureArchive("stamps", "somebody", archive)
+    for one in library.captioned():
+        with pytest.raises(WeightsError, match=r"is damaged.*fetch stamps again"):
+            library.pictures(one.file)
 
 
 def test_pictures_that_went_away_or_are_links_to_nothing(tmp_path: Path) -> None:

@@ -90,3 +90,20 @@ def test_things_never_touch_the_edge(shape: tuple[int, int], named: bool, in_the
         assert float(scene.where.max()) == 1 and scene.picture.shape == (3, GRID.rows, GRID.columns)
         edges = torch.cat((scene.where[0], scene.where[-1], scene.where[:, 0], scene.where[:, -1]))
         assert float(edges.max()) < 0.5
+
+
+def test_where_no_place_is_named_there_is_only_a_patch_to_stand_on() -> None:
+    drawing = torch.zeros(4, 30, 40)
+    drawing[3], drawing[0] = 1, 1
+    meadow = next(place for place in PLACES if place.name == "a meadow")
+    standing, flying = (
+        composed([Placed(drawing, 0, 0, 1)], Setting(meadow), GRID, 0, in_the_air=in_the_air)
+        for in_the_air in (False, True)
+    )
+    beside = standing.where < 0.01
+    painted = (standing.picture < 0.99).any(0) & beside
+    assert 0.01 < float(painted.float().mean()) < 0.15, "green below the thing, and paper"
+    assert float(flying.picture[:, flying.where < 0.01].min()) == 1, "nothing stands, so all of it is paper"
+    drawing[:3] = 0.97
+    pale = composed([Placed(drawing, 0, 0, 1)], Setting(meadow), GRID, 0, in_the_air=False)
+    assert float((pale.picture < 0.99).any(0).float().mean()) > 0.9, "what is pale gets all of its place"

@@ -213,7 +213,7 @@ class EncoderRegistry:
 
     def picture_index(self) -> "PictureIndex | None":
         """The pictures of all libraries at hand; None, with a remark on how to get some, where there is none."""
-        from frida_painter.objectives.scenes.libraries import libraries_at_hand
+        from frida_painter.objectives.scenes.libraries import PictureFolder, libraries_at_hand
         from frida_painter.objectives.scenes.retrieval import PictureIndex
 
         if self._pictures is None:
@@ -222,6 +222,12 @@ class EncoderRegistry:
                 self.remark("Better begun from pictures: frida-painter models fetch stamps openclipart openmoji")
                 return None
             self._pictures = PictureIndex(libraries, self.sentences(), self._kept)
+            unnamed = sum(one.unnamed for one in libraries if isinstance(one, PictureFolder))
+            if unnamed:
+                self.remark(
+                    f"{unnamed} of your pictures were left out, of which neither a name nor a text beside them says in "
+                    "Latin letters what they show."
+                )
         return self._pictures
 
     def remark(self, words: str) -> None:

@@ -18,6 +18,7 @@ _AMID = 0.62  # of the height that a single thing fills where its place is shown
 _THIRD = 0.07  # of the width, by which a thing that leaves room is off the middle
 _LIT = 0.55  # how far things take the colour of the light
 _PALE = 12.0  # of Lab, by which things differ from bare paper at the least
+_STANCE = (0.54, 0.075)  # half sides of the patch that things stand on: of their width, and of the canvas's height
 _DIPS = 0.07  # of its height, by which a thing in water is hidden
 
 
@@ -44,14 +45,33 @@ def composed(
     if setting.light != DAY:
         shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
         colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
-    if not setting.is_named and with_contrast(ground, where, colors, _PALE) is not ground:
+    paper = torch.ones_like(ground)
+    if not setting.is_named and with_contrast(paper, where, colors, _PALE) is not paper:
         # Paper costs no strokes; behind a white swan it needs a sky all the same.
         setting = replace(setting, is_named=True)
         ground = setting.ground(grid, seed)
-    if setting.is_named:
+    if not setting.is_named:
+        ground = paper if in_the_air else torch.lerp(paper, ground, _stance(where))
+    else:
         ground = setting.starred(with_contrast(ground, where, colors), seed)
     picture = torch.lerp(ground, colors, where)
     return ComposedScene(setting.fallen(picture, seed).clamp(0, 1), where)
+
+
+def _stance(where: Tensor) -> Tensor:
+    """A patch of ground below things that are where [H, W] says, in [0, 1]: all that is needed where no place is named.
+
+    A whole land would take half of the strokes, and most of the paints.
+    """
+    rows, columns = where.shape
+    seen = where > 0.5
+    across, down = seen.any(0).nonzero().flatten(), seen.any(1).nonzero().flatten()
+    if len(across) == 0:
+        return torch.zeros_like(where)
+    left, right, floor = float(across[0]), float(across[-1]), float(down[-1])
+    x = (torch.arange(columns) - (left + right) / 2) / (_STANCE[0] * (right - left + 1))
+    y = (torch.arange(rows) - floor) / (_STANCE[1] * rows)
+    return ((1.1 - (x.square()[None] + y.square()[:, None]).sqrt()) / 0.2).clamp(0, 1)
 
 
 def _fitted(

@@ -5,6 +5,7 @@ import os
 import re
 import unicodedata
 import zipfile
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -23,8 +24,9 @@ GROUP = "frida_painter.picture_libraries"
 """The group of entry points in which a package names its picture libraries."""
 
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".svg", ".gif", ".bmp", ".tif", ".tiff")
-_MOST_FILES = 1_000_000
+_MOST_FILES = 20_000  # of a person's own: their captions are read in about a minute
 _MOST_CAPTION, _MOST_CAPTIONS = 300, 2**20  # bytes of the first line, and of all
+_LATIN = re.compile("[A-Za-z]{2}")
 _OUTLINES = "line"  # id of the layer of a pictogram that holds them
 _FLAT_ENOUGH = 0.25  # of what is drawn, that must be left without outlines
 
@@ -80,9 +82,8 @@ class PictureArchive:
         return [Captioned(file, tuple(captions), _realism(file)) for file, captions in sorted(known.items())]
 
     def pictures(self, file: str) -> list[Tensor]:
-        """The picture."""
-        with zipfile.ZipFile(self._archive) as opened:
-            return [read_picture(opened.read(file), f"{self.name}: {file}")]
+        """The picture. Raises WeightsError where the archive is damaged, ImageError where the picture is."""
+        return [read_picture(_member(self._archive, file, self.name), f"{self.name}: {file}")]
 
 
 class Pictograms:
@@ -107,8 +108,7 @@ class Pictograms:
 
         Outlines are for small signs, and a brush gives its own edges; but some hold what makes a thing that thing.
         """
-        with zipfile.ZipFile(self._archive) as opened:
-            svg = opened.read(file)
+        svg = _member(self._archive, file, self.name)
         outlined = read_picture(svg, f"openmoji: {file}")
         try:
             plain = read_picture(without_outlines(svg.decode("utf-8"), _OUTLINES).encode(), f"openmoji: {file}")
@@ -121,19 +121,23 @@ class Pictograms:
 class PictureFolder:
     """A person's own pictures, each by a text beside it of the same name (`cat.txt` for `cat.png`), or by its name.
 
-    Folders below are read as well; links to folders are not followed. Raises ConfigError where there is no picture.
+    Folders below are read as well; links to folders are not followed. unnamed: how many of them nothing was found to
+    say of. Raises ConfigError where there is no picture, or too many.
     """
 
     name, credit, is_own = "your pictures", "", True
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        self.unnamed = 0
         if not folder.is_dir():
             raise ConfigError(f"--pictures {folder} is no folder; give a folder with pictures of things.")
 
     def captioned(self) -> Sequence[Captioned]:
         """The pictures that have a name or a caption in words."""
-        found = [Captioned(str(path), (said,), 1.0) for path in self._files() if (said := _said_of(path))]
+        said = {path: _said_of(path) for path in self._files()}
+        found = [Captioned(str(path), (words,), 1.0) for path, words in said.items() if words]
+        self.unnamed = len(said) - len(found)
         if not found:
             raise ConfigError(
                 f"--pictures {self._folder} holds no picture with a name; name PNG, JPEG or SVG files by what they "
@@ -153,8 +157,20 @@ class PictureFolder:
                 if file.lower().endswith(_SUFFIXES) and not file.startswith("."):
                     count += 1
                     if count > _MOST_FILES:
-                        raise ConfigError(f"--pictures {self._folder} holds more than {_MOST_FILES} pictures.")
+                        raise ConfigError(
+                            f"--pictures {self._folder} holds more than {_MOST_FILES} pictures, which would take long "
+                            "to read; give a folder with those of the things that you want to paint."
+                        )
                     yield Path(place) / file
+
+
+def _member(archive: Path, file: str, name: str) -> bytes:
+    """A file of a fetched library. Raises WeightsError where the library is damaged."""
+    try:
+        with zipfile.ZipFile(archive) as opened:
+            return opened.read(file)
+    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, KeyError) as cause:
+        raise WeightsError(f"{archive} is damaged ({cause}); fetch {name} again.") from cause
 
 
 def _realism(file: str) -> float:
@@ -168,10 +184,10 @@ def _said_of(path: Path) -> str:
     if beside.is_file():
         with suppress(ImageError), storage.opened(beside, "a caption", _MOST_CAPTIONS, ImageError) as file:
             said = " ".join(file.readline(_MOST_CAPTION).decode("utf-8", "replace").split())
-    if not said:
+    if not _LATIN.search(said):  # the sentence encoder knows English
         said = " ".join(re.sub(r"[^a-zA-Z]+|(?<=[a-z])(?=[A-Z])", " ", path.stem).split()).lower()
         said = re.sub(r"^(img|dsc|dscn|pict?|image|photo|picture|screenshot|scan|untitled|unnamed|copy of)\b", "", said)
-    return said.strip() if re.search("[A-Za-z]{2}", said) else ""
+    return said.strip() if _LATIN.search(said) else ""
 
 
 def _character(file: str) -> str:
