@@ -1,3 +1,4 @@
+import itertools
 import math
 
 import pytest
@@ -10,7 +11,14 @@ from frida_painter.mixing.finish import Finish
 from frida_painter.mixing.kubelka_munk import mixed
 from frida_painter.mixing.paint import published
 from frida_painter.mixing.paint_inventory import usual_paints
-from frida_painter.mixing.recipe import EASY_PARTS, MOST_PARTS, PARTS_WITH_TRACES, recipes
+from frida_painter.mixing.recipe import (
+    _PER_DOUBLING,
+    _PER_PAINT,
+    EASY_PARTS,
+    MOST_PARTS,
+    PARTS_WITH_TRACES,
+    recipes,
+)
 from frida_painter.mixing.spectrum import color_of
 from frida_painter.palette import from_hex
 from frida_painter.perception.difference import difference
@@ -79,6 +87,21 @@ def test_what_no_paint_can_give_is_out_of_reach() -> None:
     (varnished,) = recipes(torch.tensor([[0.12, 0.11, 0.12]]), SIX, finish=Finish.gloss)
     (matte,) = recipes(torch.tensor([[0.12, 0.11, 0.12]]), SIX)
     assert varnished.difference < matte.difference - 3
+
+
+def test_no_recipe_with_one_part_more_or_less_would_be_better() -> None:
+    (found,) = recipes(from_hex("#7a8f3c")[None], SIX)
+    by_name = {paint.name: count for paint, count in found.parts}
+    here = [by_name.get(paint.name, 0) for paint in SIX]
+
+    def cost(parts: list[int]) -> float:
+        used = sum(count > 0 for count in parts)
+        return (
+            float(difference(mixture(parts), found.target)) + _PER_PAINT * used + _PER_DOUBLING * math.log2(sum(parts))
+        )
+
+    for index, sign in itertools.product((at for at, count in enumerate(here) if count), (-1, 1)):
+        assert cost(here) <= cost([count + sign * (at == index) for at, count in enumerate(here)]) + 1e-6
 
 
 def test_the_same_every_time() -> None:

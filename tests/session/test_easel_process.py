@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import signal
 import time
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 from frida_painter.errors import ConfigError, RobotBusy, RobotDisconnected, StaleFrame, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Waypoints
+from frida_painter.session.easel_launch import EaselLaunch
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.easels import open_easel
@@ -67,11 +69,17 @@ def test_a_killed_painting_goes_on_in_the_next_process(tmp_path: Path) -> None:
 
 
 def test_when_the_painting_process_hangs_up_the_easels_ends_as_well(tmp_path: Path) -> None:
-    with EaselProcess() as process:
+    with EaselLaunch() as launch, EaselProcess(launch) as process:
         process.open(order_in(tmp_path)).robot.connect()
-        pid = process._process.pid
+        pid = launch.process.pid
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
+
+
+def test_a_process_that_was_started_and_taken_over_by_nobody_ends_with_its_block() -> None:
+    with pytest.raises(ConfigError), EaselLaunch() as launch:
+        raise ConfigError("nothing is painted")
+    assert launch.process.poll() == -signal.SIGKILL
 
 
 def test_what_cannot_be_opened_says_so_at_once(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from frida_painter.cli.progress import PaintingLine
 from frida_painter.cli.stop_signal import StopSignal
 from frida_painter.cli.terminal import Terminal
 from frida_painter.cli.wells import Wells
-from frida_painter.errors import ConfigError, Interrupted, RobotStopped
+from frida_painter.errors import Interrupted, RobotStopped
 from frida_painter.runs.folder import NOW, PAUSE_FILE
 from frida_painter.runs.opening import replan_policy
 from frida_painter.runs.run import PaintingRun, RunOutcome
@@ -119,12 +119,6 @@ class Leader:
         if self._repaint is not None or not self._asked:
             return bool(self._repaint)
         return confirm(f"Look at {self._run.folder / 'now.png'}: paint stroke {number} again?", default=False)
-
-
-def require_person(spec: RunSpec, *, asked: bool) -> None:
-    """Raises ConfigError where a person is to paint and not to be `asked` anything."""
-    if spec.by_hand and not asked:
-        raise ConfigError("--yes is for scripts, and a person who paints is asked for every stroke; leave it out.")
 
 
 def say_networks(run: PaintingRun) -> None:

@@ -9,10 +9,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from frida_painter.cli.goal_options import tell_left_out
-from frida_painter.cli.run_options import TAKEN, Photo, painting_options, planning_options, spec_of, taking
+from frida_painter.cli.run_options import (
+    TAKEN,
+    Photo,
+    painting_options,
+    planning_options,
+    require_person,
+    spec_of,
+    taking,
+)
 from frida_painter.cli.wells import AskOption, FilledOption
 from frida_painter.errors import ConfigError
 from frida_painter.options import out_file, whole_number, whole_number_within
+from frida_painter.session.easel_launch import EaselLaunch
 
 if TYPE_CHECKING:  # with them come tensors
     from frida_painter.plan import Plan
@@ -60,23 +69,24 @@ def paint(
     and a page. Ctrl-C stops after the current stroke and keeps the work. A second Ctrl-C stops the robot
     at once. A real robot then stays stopped until you run `frida-painter arm`.
     """
-    from frida_painter.cli.leading import Leader, require_person, say_films, say_networks
-    from frida_painter.cli.stop_signal import stop_on_signals
-    from frida_painter.runs.run import PaintingRun
-    from frida_painter.session.opening import limit_threads
-
     started = time.monotonic()
-    limit_threads()
     spec = spec_of(photo, given)
     require_person(spec, asked=not yes)
     spec, chosen = (spec, None) if candidates == 1 else _best_of(candidates, spec)
-    with stop_on_signals() as stop, PaintingRun(spec, given["out"]) as run:
-        say_films(run.spec)
-        run.load_easel()  # it loads while the planner does
-        say_networks(run)
-        stop.at_once = run.open_easel(hear_signals=True).robot.stop
-        with Leader(run, stop, asked=not yes, asks_for_paints=ask, started=started) as leader:
-            outcome = run.start(chosen)
+    with EaselLaunch() as launch:  # it loads while this process does
+        from frida_painter.cli.leading import Leader, say_films, say_networks
+        from frida_painter.cli.stop_signal import stop_on_signals
+        from frida_painter.runs.run import PaintingRun
+        from frida_painter.session.opening import limit_threads
+
+        limit_threads()
+        with stop_on_signals() as stop, PaintingRun(spec, given["out"]) as run:
+            say_films(run.spec)
+            run.load_easel(launch)
+            say_networks(run)
+            stop.at_once = run.open_easel(hear_signals=True).robot.stop
+            with Leader(run, stop, asked=not yes, asks_for_paints=ask, started=started) as leader:
+                outcome = run.start(chosen)
     leader.conclude(outcome)
 
 

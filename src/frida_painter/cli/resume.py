@@ -45,7 +45,8 @@ def resume(
     Shows the progress, photographs the canvas, asks about a stroke in doubt if there is one, cleans the
     brush and paints the rest. Nothing moves before you confirm, or give --yes.
     """
-    from frida_painter.cli.leading import Leader, confirm, require_person, say, say_networks, tell
+    from frida_painter.cli.leading import Leader, confirm, say, say_networks, tell
+    from frida_painter.cli.run_options import require_person
     from frida_painter.cli.stop_signal import stop_on_signals
     from frida_painter.errors import Interrupted
     from frida_painter.runs.folder import are_there

@@ -11,6 +11,7 @@ from pydantic.fields import FieldInfo
 
 from frida_painter.cli import goal_options
 from frida_painter.cli.wells import PaletteOption
+from frida_painter.errors import ConfigError
 from frida_painter.options import (
     CameraOption,
     PaceOption,
@@ -145,6 +146,12 @@ def spec_of(photo: Path | None, given: Mapping[str, Any]) -> RunSpec:
     if asked["goal"] or given["settings"] is None:
         said |= asked
     return RunSpec.from_toml(given["settings"], **said) if given["settings"] else RunSpec.of(**said)
+
+
+def require_person(spec: RunSpec, *, asked: bool) -> None:
+    """Raises ConfigError where a person is to paint and not to be `asked` anything."""
+    if spec.by_hand and not asked:
+        raise ConfigError("--yes is for scripts, and a person who paints is asked for every stroke; leave it out.")
 
 
 def _keyword(name: str, annotation: Any, default: Any = None) -> Parameter:

@@ -76,56 +76,66 @@ def recipes(colors: Tensor, paints: Sequence[Paint], most: int = 4, finish: Fini
         raise ConfigError(
             f"{len(paints)} paints and at most {most} of them were given; mixing takes 1 or more, and at most 1 to 4."
         )
-    return [_recipe(color.double(), paints, most, finish) for color in colors]
+    mixer = _Mixer(paints, min(most, len(paints)), finish)
+    return [_recipe(color.double(), mixer) for color in colors]
 
 
-def _recipe(color: Tensor, paints: Sequence[Paint], most: int, finish: Finish) -> Recipe:
+def _recipe(color: Tensor, mixer: "_Mixer") -> Recipe:
     """The best in many parts, or the best in few where hardly anybody would see the difference."""
-    best = _Search(color, paints, most, finish, MOST_PARTS).best()
+    best = _Search(color, mixer, MOST_PARTS).best()
     if not best.within_reach:
-        traces = _Search(color, paints, most, finish, PARTS_WITH_TRACES).best()
+        traces = _Search(color, mixer, PARTS_WITH_TRACES).best()
         return traces if traces.within_reach else best
     if best.whole <= EASY_PARTS:
         return best
-    easy = _Search(color, paints, most, finish, EASY_PARTS).best()
+    easy = _Search(color, mixer, EASY_PARTS).best()
     return easy if easy.difference <= max(best.difference + _WORTH_COUNTING, _UNSEEN) else best
 
 
-class _Search:
-    """The search for one colour, in at most so many parts of `most` paints."""
+class _Mixer:
+    """Paints, of which at most `most` go into one mixture; rough: mixtures to begin with, and rough_lab their Lab."""
 
-    def __init__(self, target: Tensor, paints: Sequence[Paint], most: int, finish: Finish, parts: int) -> None:
-        self._finish, self._parts = finish, parts
-        self._target, self._paints, self._most = target, paints, min(most, len(paints))
-        self._lab = to_lab(target)
+    def __init__(self, paints: Sequence[Paint], most: int, finish: Finish) -> None:
+        self.paints, self.most, self._finish = paints, most, finish
         self._absorption = torch.stack([paint.absorption for paint in paints])
         self._scattering = torch.stack([paint.scattering for paint in paints])
+        self.rough = _rough(len(paints), min(most, 3))
+        self.rough_lab = to_lab(self.colors(self.rough))
 
-    def best(self) -> Recipe:
-        seeds = self._nearest(_rough(len(self._paints), min(self._most, 3)))
-        if self._most == 4:
-            extended = torch.cat([seeds, *(self._with_another(seed) for seed in seeds)])
-            seeds = torch.cat((seeds[: _SEEDS // 2], self._nearest(extended)[: _SEEDS // 2]))
-        found = min((self._refined(tuple(map(int, seed.tolist()))) for seed in seeds), key=lambda one: one[1])[0]
-        parts = torch.tensor([found], dtype=torch.float64)
-        color = self._colors(parts)[0]
-        used = sorted(
-            ((paint, count) for paint, count in zip(self._paints, found, strict=True) if count), key=_most_first
-        )
-        return Recipe(self._target, tuple(used), color, float(ciede2000(to_lab(color), self._lab)))
-
-    def _colors(self, parts: Tensor) -> Tensor:
+    def colors(self, parts: Tensor) -> Tensor:
         """sRGB of mixtures [m, n], [m, 3]."""
         return color_of(mixed(parts, self._absorption, self._scattering, self._finish))
 
-    def _cost(self, parts: Tensor) -> Tensor:
-        """The difference, and what a recipe's length and size count against it, [m]."""
-        used, total = (parts > 0).sum(1), parts.sum(1)
-        cost = ciede2000(to_lab(self._colors(parts)), self._lab) + _PER_PAINT * used + _PER_DOUBLING * total.log2()
-        return torch.where((used <= self._most) & (total <= self._parts), cost, torch.inf)
 
-    def _nearest(self, parts: Tensor) -> Tensor:
-        return parts[self._cost(parts).argsort()[:_SEEDS]]
+class _Search:
+    """The search for one colour, in at most so many parts."""
+
+    def __init__(self, target: Tensor, mixer: _Mixer, parts: int) -> None:
+        self._target, self._mixer, self._parts = target, mixer, parts
+        self._lab = to_lab(target)
+
+    def best(self) -> Recipe:
+        mixer = self._mixer
+        seeds = self._nearest(mixer.rough, mixer.rough_lab)
+        if mixer.most == 4:
+            extended = torch.cat([seeds, *(self._with_another(seed) for seed in seeds)])
+            seeds = torch.cat((seeds[: _SEEDS // 2], self._nearest(extended)[: _SEEDS // 2]))
+        found = self._refined([tuple(map(int, seed)) for seed in seeds.tolist()])
+        color = mixer.colors(torch.tensor([found], dtype=torch.float64))[0]
+        used = sorted(
+            ((paint, count) for paint, count in zip(mixer.paints, found, strict=True) if count), key=_most_first
+        )
+        return Recipe(self._target, tuple(used), color, float(ciede2000(to_lab(color), self._lab)))
+
+    def _cost(self, parts: Tensor, lab: Tensor | None = None) -> Tensor:
+        """The difference of mixtures, and what a recipe's length and size count against it, [m]; lab: theirs [m, 3]."""
+        used, total = (parts > 0).sum(1), parts.sum(1)
+        lab = to_lab(self._mixer.colors(parts)) if lab is None else lab
+        cost = ciede2000(lab, self._lab) + _PER_PAINT * used + _PER_DOUBLING * total.log2()
+        return torch.where((used <= self._mixer.most) & (total <= self._parts), cost, torch.inf)
+
+    def _nearest(self, parts: Tensor, lab: Tensor | None = None) -> Tensor:
+        return parts[self._cost(parts, lab).argsort()[:_SEEDS]]
 
     def _with_another(self, seed: Tensor) -> Tensor:
         """The mixture with very little to much of each paint that it has none of."""
@@ -133,16 +143,30 @@ class _Search:
         added = [scale * seed + _only(index, level, seed) for index in unused for scale, level in (*_LITTLE, *_MUCH)]
         return torch.stack(added or [seed])
 
-    def _refined(self, start: tuple[int, ...]) -> tuple[tuple[int, ...], float]:
-        """Whole parts near `start` that cost least, and their cost."""
-        here, cost = start, float(self._cost(torch.tensor([start], dtype=torch.float64)))
-        while True:
-            around = _neighbours(here)
-            costs = self._cost(torch.tensor(around, dtype=torch.float64))
-            best = int(costs.argmin())
-            if not float(costs[best]) < cost - 1e-9:
-                return here, cost
-            here, cost = around[best], float(costs[best])
+    def _refined(self, starts: list[tuple[int, ...]]) -> tuple[int, ...]:
+        """Whole parts near one of `starts` that cost least.
+
+        From each of them, the cheapest neighbour is gone to as long as that costs less: step by step for all of
+        them together. A way that comes to where another has been would go on as that one did, and ends there.
+        """
+        costs = self._cost(torch.tensor(starts, dtype=torch.float64)).tolist()
+        ways = dict(zip(starts, costs, strict=True))
+        been, ends = set(ways), dict[tuple[int, ...], float]()
+        while ways:
+            around = [_neighbours(here) for here in ways]
+            every = self._cost(torch.tensor(list(itertools.chain(*around)), dtype=torch.float64))
+            onwards = {}
+            for (here, cost), there, theirs in zip(
+                ways.items(), around, torch.split(every, [len(some) for some in around]), strict=True
+            ):
+                best = int(theirs.argmin())
+                if not float(theirs[best]) < cost - 1e-9:
+                    ends[here] = cost
+                elif there[best] not in been:
+                    onwards[there[best]] = float(theirs[best])
+                    been.add(there[best])
+            ways = onwards
+        return min(ends, key=ends.__getitem__)
 
 
 def _rough(count: int, most: int) -> Tensor:

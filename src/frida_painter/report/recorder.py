@@ -19,6 +19,7 @@ from frida_painter.export.table import table
 from frida_painter.mixing.amounts import volumes
 from frida_painter.mixing.paint_inventory import usual_paints
 from frida_painter.mixing.recipe import Recipe, recipes
+from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.report.difference import difference
@@ -181,7 +182,7 @@ class Recorder:
         else:
             before, self._plan = self._plan, self._plan.part(slice(event.done)).followed_by(event.plan)
             if not torch.equal(before.palette.color, self._plan.palette.color):  # new paints for the next layer
-                self._keep_recipes(self._plan)
+                self._keep_recipes(self._plan, before.palette)
             if self._seen is not None:
                 self._looks.append(self._keep_look(self._seen, event))
         self._keep_story()
@@ -215,12 +216,19 @@ class Recorder:
     def _runs(self) -> int:
         return 1 if self.before is None else self.before.runs + int(not self.before.finished)
 
-    def _keep_recipes(self, plan: Plan) -> None:
-        """How to mix the palette, for whoever stands before the wells now."""
-        self._recipes = tuple(recipes(plan.palette.color, usual_paints()))
+    def _keep_recipes(self, plan: Plan, before: Palette | None = None) -> None:
+        """How to mix the palette, for whoever stands before the wells now. before: paints whose sheets are there."""
+        there = [] if before is None else before.color.tolist()
+        known = {tuple(recipe.target.tolist()): recipe for recipe in self._recipes}
+        colors = [tuple(color) for color in plan.palette.color.tolist()]
+        unknown = sorted(set(colors) - set(known))
+        known |= dict(zip(unknown, recipes(plan.palette.color.new_tensor(unknown), usual_paints()), strict=True))
+        self._recipes = tuple(known[color] for color in colors)
         mixed = iter(self._recipes)
         for layer, part in plan.by_wells():
             ours, of = [next(mixed) for _ in part.palette.color], "" if layer == 1 else f", layer {layer}"
+            if all(color in there for color in part.palette.color.tolist()):
+                continue
             images.save(palette_sheet(part, f"Palette{of}", ours), self.folder / sheet_file("palette.png", layer))
             sheet = mixing_sheet(ours, volumes(part).tolist(), f"Mixing{of}")
             images.save(sheet, self.folder / sheet_file("mixing.png", layer))

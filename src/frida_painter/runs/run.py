@@ -47,6 +47,7 @@ from frida_painter.runs.reopening import ReopenedPainting, reopen
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import resuming
 from frida_painter.session.easel_kind import OpenEasel
+from frida_painter.session.easel_launch import EaselLaunch
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easel_process import EaselProcess
 from frida_painter.session.easels import open_easel
@@ -217,9 +218,9 @@ class PaintingRun:
             self._easel.camera.connect()
         return self._easel
 
-    def load_easel(self) -> None:
-        """Starts the easel's process, which loads while the planner does."""
-        self._process = self._stack.enter_context(EaselProcess())
+    def load_easel(self, launch: EaselLaunch | None = None) -> None:
+        """Starts the easel's process, which loads while the planner does; or takes over one that was started before."""
+        self._process = self._stack.enter_context(EaselProcess(launch))
 
     def start(self, plan: Plan | None = None) -> RunOutcome:
         """Paints it: plan, paint some strokes, look, plan the rest again.

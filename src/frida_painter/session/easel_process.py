@@ -3,10 +3,7 @@
 import contextlib
 import math
 import signal
-import socket
 import subprocess
-import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import TracebackType
@@ -23,6 +20,7 @@ from frida_painter.hardware.link.watch import Pulse
 from frida_painter.hardware.link.wire import Wire
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
+from frida_painter.session.easel_launch import EaselLaunch
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easels import is_simulated
 
@@ -35,25 +33,13 @@ class EaselProcess:
     """Starts the process, which loads meanwhile; `open` gives the easel; used in a `with` block.
 
     When the block ends the robot is let go of and the process ends; where it is left by an exception
-    likewise, and one that does not end is killed.
+    likewise, and one that does not end is killed. launch: one that was started before, which is taken over.
     """
 
-    def __init__(self) -> None:
-        wire, its_wire = socket.socketpair()
-        line, its_line = socket.socketpair()
-        # What it complains of when it dies, for the message; never on the painter's terminal.
-        self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the process)
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "frida_painter.session.easel_host", str(its_wire.fileno()), str(its_line.fileno())],
-            pass_fds=(its_wire.fileno(), its_line.fileno()),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=self._complaints,
-            start_new_session=True,  # Ctrl-C at the terminal is for the painting process alone
-        )
-        its_wire.close()
-        its_line.close()
-        self._wire, self._pulse = Wire(wire), Pulse(line)
+    def __init__(self, launch: EaselLaunch | None = None) -> None:
+        launched = (launch or EaselLaunch()).take_over()
+        self._process, self._complaints = launched.process, launched.complaints
+        self._wire, self._pulse = Wire(launched.wire), Pulse(launched.line)
         self._link = Link(self._wire, self._pulse)
         self._opened = False
 
