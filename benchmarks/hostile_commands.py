@@ -6,8 +6,8 @@ The lines are made from the commands' own description: every command, every opti
 good, and at least once with what is not: devices, pipes, sockets, links to them, files that are empty, damaged, too
 large or never end, names that no file can have, numbers that are none, too long or too large. Each line runs in a
 process of its own, a copy of one that has loaded everything. None may show a traceback, crash, do nothing for more
-than --seconds, or fill more than 1 GB. A line that makes sense in spite of all goes to work; it is ended after a
-while by SIGTERM and must end in order.
+than --seconds, fill more than 1 GB, or leave a process behind. A line that makes sense in spite of all goes to work;
+it is ended after a while by SIGTERM and must end in order.
 """
 
 import argparse
@@ -195,6 +195,27 @@ def run(place: Path, line: list[str], seconds: float) -> Outcome:
     child = os.fork()
     if child == 0:
         _become(place, line, output)
+    try:
+        _follow(child, outcome, seconds)
+        if not outcome.wrong and not _all_ended(child):
+            outcome.wrong = "it ended, and left processes at work"
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)
+    outcome.said = output.read_text("utf-8", "replace") if output.exists() else ""
+    output.unlink(missing_ok=True)
+    allowed = (0, 2, 3, 130, 143)
+    if line[0] in ("check", "doctor"):  # whose answer may be no
+        allowed = (*allowed, 1)
+    if not outcome.wrong and "Traceback" in outcome.said:
+        outcome.wrong = outcome.said[-1500:].strip()
+    elif not outcome.wrong and outcome.status not in allowed:
+        outcome.wrong = f"exit status {outcome.status}: {outcome.said[-300:].strip()}"
+    return outcome
+
+
+def _follow(child: int, outcome: Outcome, seconds: float) -> None:
+    """Waits until it has ended, or is killed for what is wrong."""
     began, computed, since = time.monotonic(), 0.0, time.monotonic()
     asked = 0.0
     while True:
@@ -202,7 +223,7 @@ def run(place: Path, line: list[str], seconds: float) -> Outcome:
         if ended:
             outcome.status = os.waitstatus_to_exitcode(status)
             outcome.seconds = used.ru_utime + used.ru_stime
-            break
+            return
         now, before = time.monotonic(), computed
         computed, memory = _computed(child), _memory(child)
         outcome.most = max(outcome.most, memory)
@@ -219,18 +240,20 @@ def run(place: Path, line: list[str], seconds: float) -> Outcome:
         if outcome.wrong:
             os.kill(child, signal.SIGKILL)
             os.waitpid(child, 0)
-            break
+            return
         time.sleep(0.01 if now - began < 1 else 0.05)
-    outcome.said = output.read_text("utf-8", "replace") if output.exists() else ""
-    output.unlink(missing_ok=True)
-    allowed = (0, 2, 3, 130, 143)
-    if line[0] in ("check", "doctor"):  # whose answer may be no
-        allowed = (*allowed, 1)
-    if not outcome.wrong and "Traceback" in outcome.said:
-        outcome.wrong = outcome.said[-1500:].strip()
-    elif not outcome.wrong and outcome.status not in allowed:
-        outcome.wrong = f"exit status {outcome.status}: {outcome.said[-300:].strip()}"
-    return outcome
+
+
+def _all_ended(group: int) -> bool:
+    """Whether nothing of a group of processes is left, once it had the time to end."""
+    patience = time.monotonic() + _ENDING
+    while time.monotonic() < patience:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.01)
+    return False
 
 
 def _become(place: Path, line: list[str], output: Path) -> None:

@@ -4,6 +4,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Iterator
+from datetime import datetime, timedelta
 from http.client import HTTPConnection
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -21,7 +22,7 @@ from frida_painter.web.painting_store import PaintingStore
 from served import Served, Work, end_listener, open_studio
 
 pytestmark = [pytest.mark.slow, WITH_CHROMIUM]
-WAIT = 30_000  # ms
+WAIT = 60_000  # ms
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +72,13 @@ def stop(page: Page) -> None:
     page.get_by_role("button", name="Stop", exact=True).click()
 
 
+def require_arrived(page: Page) -> None:
+    """A stop was answered; on a machine that is busy the page may say how late, but not that it did not arrive."""
+    expect(page.locator("button.pressed")).to_have_count(0, timeout=WAIT)
+    alarm = page.locator(".stop-alarm")
+    assert alarm.is_hidden() or "did not arrive" not in alarm.inner_text()
+
+
 def streams(studio: Served) -> int:
     """How many connections lead to the studio."""
     end = f"{int.from_bytes(bytes(map(int, studio.host.split('.')))[::-1], 'big'):08X}:{studio.port:04X}"
@@ -92,15 +100,16 @@ def test_seven_pages_of_one_painting_have_one_stream_and_each_of_them_stops(
     feed.tell(Failed("The second as well"))
     for page in pages:
         expect(page.get_by_text("The second as well")).to_be_visible(timeout=WAIT)
-    time.sleep(11)  # connections that nobody needs are closed
+    patience = time.monotonic() + WAIT / 1000
+    while streams(studio) > 2 and time.monotonic() < patience:  # connections that nobody needs are closed
+        time.sleep(0.5)
     assert streams(studio) <= 2
     stop(pages[0])
-    assert work.told.wait(5)
+    assert work.told.wait(WAIT / 1000)
     pages[6].keyboard.press("Escape")
     pages[6].keyboard.press("Escape")
-    time.sleep(2.5)
     for page in pages:
-        assert page.locator(".stop-alarm").is_hidden()
+        require_arrived(page)
 
 
 def test_where_a_stop_cannot_arrive_the_page_says_so_within_two_seconds(
@@ -108,13 +117,17 @@ def test_where_a_stop_cannot_arrive_the_page_says_so_within_two_seconds(
 ) -> None:
     page = enter(context, studio)
     page.route("**/stop", lambda route: None)  # it is never answered
-    pressed = time.monotonic()
+    page.clock.install()  # the page's own time, whatever else the machine does
+    page.clock.pause_at(datetime.now() + timedelta(hours=1))
     stop(page)
+    page.clock.run_for(1000)
+    assert page.locator(".stop-alarm").is_hidden()
+    page.clock.run_for(1000)
     expect(page.locator(".stop-alarm")).to_contain_text("emergency stop at the robot")
-    assert time.monotonic() - pressed < 2 + 1  # of which the test's own glance is a part
     page.screenshot(path=SCREENSHOTS / "stop-did-not-arrive.png")
     page.unroute("**/stop")
-    assert work.told.wait(15), "it is sent again"
+    page.clock.resume()
+    assert work.told.wait(WAIT / 1000), "it is sent again"
     expect(page.locator(".stop-alarm")).to_contain_text("The stop arrived after", timeout=WAIT)
     page.get_by_role("button", name="I have looked at the robot").click()
     expect(page.locator(".stop-alarm")).to_be_hidden()
@@ -134,9 +147,8 @@ def test_an_old_page_stops_though_the_studio_does_not_know_it_any_more(
         if heard:
             expect(page.get_by_text("open the link that its terminal shows")).to_be_visible(timeout=WAIT)
         stop(page)
-        assert work.told.wait(5)
-        page.wait_for_timeout(2500)
-        assert page.locator(".stop-alarm").is_hidden()
+        assert work.told.wait(WAIT / 1000)
+        require_arrived(page)
     finally:
         again.kill()
 
