@@ -19,7 +19,6 @@ _KEPT = 3.0  # weight of the composition beside the words' own: a picture that w
 _STAGED = 20.0  # the same of a style picture's, which words would soon take apart
 _MATTERS = 8.0  # times as much as its surroundings, where a thing is in a style picture
 _SUBJECT = 4.0  # the same, where things are in a scene
-_BARE = 0.02  # price of all canvas left bare where the scene is no paper, beside the mean squared difference
 
 
 def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
@@ -60,7 +59,7 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
 def _term(scene: ComposedScene, weight: float = 1.0) -> ImageTerm:
     """A scene to come near to: its things matter more than their ground."""
     matters = 1 + (_SUBJECT - 1) * scene.where
-    return ImageTerm(scene.picture, weight, matters / matters.mean(), _BARE)
+    return ImageTerm(scene.picture, weight, matters / matters.mean())
 
 
 @torch.no_grad()

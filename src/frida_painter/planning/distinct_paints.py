@@ -7,34 +7,36 @@ from frida_painter.palette import Palette, to_lab
 from frida_painter.perception.difference import ciede2000
 from frida_painter.planning.variables import Paints
 
-TWINS = 5.0
-"""CIEDE2000 below which two of the paints that are chosen become one."""
-_SAME = 4.0  # CIEDE2000 below which paints that grew alike while they were optimised are one in the end
+HARDLY_APART = 2.5
+"""CIEDE2000 below which two paints are hardly told apart, and become one. Photographs lost 0.1 to 0.2 dB by 5."""
+CLEARLY_APART = 5.0
+"""The same where words say what to paint: no shade is right or wrong there, and wells that differ show more."""
+_GROWN = 0.8  # of that, below which paints that grew alike while they were optimised are one in the end
 
 
-def distinct(palette: Palette, color: Tensor, weight: Tensor) -> Palette:
-    """The palette, lightest first, with no two paints nearer than TWINS; a well that is free gets an accent.
+def distinct(palette: Palette, color: Tensor, weight: Tensor, apart: float) -> Palette:
+    """The palette, lightest first, with no two paints nearer than `apart`; a well that is free gets an accent.
 
     color [n, 3], weight [n]: the colours for which the palette was chosen, and how much each matters. An accent is the
     one that matters most for how far it is from all paints. There are fewer paints where none is far from them.
     """
     paint = palette.nearest(color)
     mass = weight.new_zeros(len(palette)).index_add(0, paint.to(weight.device), weight)
-    paints, _ = _merged(palette.color, mass, TWINS)
+    paints, _ = _merged(palette.color, mass, apart)
     lab = to_lab(color)
     for _ in range(len(palette) - len(paints)):
         gap = ciede2000(lab[:, None], to_lab(paints)[None]).amin(1)
-        worth = torch.where(gap >= TWINS, weight * gap.square(), 0)
+        worth = torch.where(gap >= apart, weight * gap.square(), 0)
         if not float(worth.max()) > 0:
             break
         paints = torch.cat((paints, color[worth.argmax()][None]))
     return Palette.ordered(paints)
 
 
-def without_twins(paints: Paints) -> Paints:
-    """The paints, of which those that have come as near to each other as _SAME are one; strokes keep their order."""
+def without_twins(paints: Paints, apart: float) -> Paints:
+    """The paints; those that came clearly nearer to each other than `apart` are one. Strokes keep their order."""
     strokes = torch.bincount(paints.paint, minlength=len(paints.color)).to(paints.color)
-    colors, number = _merged(paints.color, strokes, _SAME)
+    colors, number = _merged(paints.color, strokes, _GROWN * apart)
     return Paints(colors, number[paints.paint], paints.first)
 
 

@@ -204,7 +204,7 @@ class Planner:
         assert paints is not None
         if isinstance(wells, Palette):
             return self._as_plan(found, wells, paints.paint, brush)
-        return self._as_plan(*as_palette(found, without_twins(paints)), brush)
+        return self._as_plan(*as_palette(found, without_twins(paints, self.scenes.paints_apart)), brush)
 
     def bind_to_palette(
         self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None] | None = None

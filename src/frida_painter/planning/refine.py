@@ -79,7 +79,7 @@ def _cluster(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[Pa
     accents would drown.
     """
     weight = visible_area(strokes, scene).clamp(min=0).pow(0.25)
-    palette = distinct(Palette.cluster(strokes.color, weight, colors, seed), strokes.color, weight)
+    palette = distinct(Palette.cluster(strokes.color, weight, colors, seed), strokes.color, weight, scene.paints_apart)
     return palette, torch.cdist(strokes.color, palette.color).argmin(1)
 
 

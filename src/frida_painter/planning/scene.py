@@ -11,6 +11,7 @@ from frida_painter.brush.spread import CoverageSpread, spread_of
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
 from frida_painter.objectives.objective import Objective
+from frida_painter.planning.distinct_paints import HARDLY_APART
 from frida_painter.render import Moments, composite_moments, render, render_moments
 from frida_painter.strokes import StrokeLimits, Strokes
 
@@ -27,7 +28,8 @@ class Scene:
     validation: says which of several plans is best where the objective cannot: where it looks at a picture
     in another way every time, or could be fooled. importance [H, W]: how much an error matters at each
     place when strokes are placed, 1 in the mean; None: everywhere the same. flow [3, H, W]: which way strokes go where
-    they are placed, as objectives/brushwork.py tells it; None: any way.
+    they are placed, as objectives/brushwork.py tells it; None: any way. paints_apart: CIEDE2000 by which paints
+    that are mixed for it differ at least.
     """
 
     canvas: Tensor
@@ -37,6 +39,7 @@ class Scene:
     validation: Objective | None = None
     importance: Tensor | None = None
     flow: Tensor | None = None
+    paints_apart: float = HARDLY_APART
 
     @property
     def limits(self) -> StrokeLimits:

@@ -51,13 +51,9 @@ class PictureTerm(Term):
 
 @dataclass(frozen=True)
 class ImageTerm(PictureTerm):
-    """Paint this picture. importance [h, w]: how much each of its places matters, 1 in the mean; None: all the same.
-
-    bare: price of canvas that is left bare where the picture is no paper.
-    """
+    """Paint this picture. importance [h, w]: how much each of its places matters, 1 in the mean; None: all the same."""
 
     importance: Tensor | None = None
-    bare: float = 0.0
     initial_order = 0
     is_pixelwise = True
 
@@ -75,13 +71,11 @@ class ImageTerm(PictureTerm):
         return replace(self, image=picture)
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """The mean squared difference to the picture, and the price of what is left bare."""
-        from frida_painter.objectives.replication import bareness, replication, replication_of_variance
+        """The mean squared difference to the picture."""
+        from frida_painter.objectives.replication import replication, replication_of_variance
 
-        squared = replication(self.image, context.grid, self.importance)
-        left = bareness(self.image, context.grid) if self.bare else None
         return ObjectiveTerm(
-            squared if left is None else lambda picture: squared(picture) + self.bare * left(picture),
+            replication(self.image, context.grid, self.importance),
             of_variance=replication_of_variance(context.grid, self.importance),
         )
 

@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.compositing import laid, resized
 from frida_painter.objectives.scenes.arrangement import Placed
 from frida_painter.objectives.scenes.settings import DAY, Setting, with_contrast
+from frida_painter.palette import to_lab
 
 _WIDE, _HIGH = 0.86, 0.80  # of the canvas, that things fill at the most
 _STANDS = 0.55  # of the land below the horizon, on which things stand
@@ -17,7 +19,9 @@ _ALOFT = 0.40  # of the height, where the middle of what hangs in the air is
 _AMID = 0.62  # of the height that a single thing fills where its place is shown too
 _THIRD = 0.07  # of the width, by which a thing that leaves room is off the middle
 _LIT = 0.55  # how far things take the colour of the light
-_PALE = 12.0  # of Lab, by which things differ from bare paper at the least
+_PALE = 12.0  # of Lab, by which colours differ from bare paper that are seen on it
+_LOST = 0.35  # share of a thing's outline, which is that pale, from which it is not seen on paper
+_RIM = 7  # pixels across, of which an outline is made
 _STANCE = (0.54, 0.075)  # half sides of the patch that things stand on: of their width, and of the canvas's height
 _DIPS = 0.07  # of its height, by which a thing in water is hidden
 
@@ -45,17 +49,25 @@ def composed(
     if setting.light != DAY:
         shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
         colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
-    paper = torch.ones_like(ground)
-    if not setting.is_named and with_contrast(paper, where, colors, _PALE) is not paper:
+    if not setting.is_named and _is_lost_on_paper(where, colors):
         # Paper costs no strokes; behind a white swan it needs a sky all the same.
         setting = replace(setting, is_named=True)
         ground = setting.ground(grid, seed)
     if not setting.is_named:
-        ground = paper if in_the_air else torch.lerp(paper, ground, _stance(where))
+        ground = torch.lerp(torch.ones_like(ground), ground, torch.zeros_like(where) if in_the_air else _stance(where))
     else:
         ground = setting.starred(with_contrast(ground, where, colors), seed)
     picture = torch.lerp(ground, colors, where)
     return ComposedScene(setting.fallen(picture, seed).clamp(0, 1), where)
+
+
+def _is_lost_on_paper(where: Tensor, colors: Tensor) -> bool:
+    """Whether too much of the outline of things, where [H, W] they are, in colours [3, H, W], is nearly white."""
+    seen = where > 0.5
+    around = functional.max_pool2d((~seen).float()[None, None], _RIM, 1, _RIM // 2)[0, 0] > 0
+    outline = to_lab(colors.permute(1, 2, 0)[seen & around])
+    white = to_lab(torch.ones(3))
+    return bool(((outline - white).norm(dim=1) < _PALE).float().mean() > _LOST)
 
 
 def _stance(where: Tensor) -> Tensor:
