@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+from torch.nn import functional
 
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.scenes.arrangement import Placed
@@ -106,4 +107,7 @@ def test_where_no_place_is_named_there_is_only_a_patch_to_stand_on() -> None:
     assert float(flying.picture[:, flying.where < 0.01].min()) == 1, "nothing stands, so all of it is paper"
     drawing[:3] = 0.97
     pale = composed([Placed(drawing, 0, 0, 1)], Setting(meadow), GRID, 0, in_the_air=False)
-    assert float((pale.picture < 0.99).any(0).float().mean()) > 0.9, "what is pale gets all of its place"
+    around = functional.max_pool2d(pale.where[None, None], 3, 1, 1)[0, 0] > 0.5
+    rim = pale.picture[:, around & (pale.where < 0.5)]
+    assert float((1 - rim).amax(0).min()) > 0.05, "what is pale is seen against its place"
+    assert float(pale.picture[:, 0].min()) == 1, "and the rest is paper"

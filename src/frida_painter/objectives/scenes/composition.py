@@ -21,6 +21,7 @@ _THIRD = 0.07  # of the width, by which a thing that leaves room is off the midd
 _LIT = 0.55  # how far things take the colour of the light
 _PALE = 12.0  # of Lab, by which colours differ from bare paper that are seen on it
 _LOST = 0.35  # share of a thing's outline, which is that pale, from which it is not seen on paper
+_AROUND = 0.1  # of the canvas's height, of the ground around what would not be seen
 _RIM = 7  # pixels across, of which an outline is made
 _STANCE = (0.54, 0.075)  # half sides of the patch that things stand on: of their width, and of the canvas's height
 _DIPS = 0.07  # of its height, by which a thing in water is hidden
@@ -49,16 +50,23 @@ def composed(
     if setting.light != DAY:
         shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
         colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
-    if not setting.is_named and _is_lost_on_paper(where, colors):
-        # Paper costs no strokes; behind a white swan it needs a sky all the same.
-        setting = replace(setting, is_named=True)
-        ground = setting.ground(grid, seed)
-    if not setting.is_named:
-        ground = torch.lerp(torch.ones_like(ground), ground, torch.zeros_like(where) if in_the_air else _stance(where))
-    else:
+    if setting.is_named:
         ground = setting.starred(with_contrast(ground, where, colors), seed)
+    else:  # paper costs no strokes
+        shown = torch.zeros_like(where) if in_the_air else _stance(where)
+        if _is_lost_on_paper(where, colors):
+            ground = with_contrast(replace(setting, is_named=True).ground(grid, seed), where, colors)
+            shown = torch.maximum(shown, _around(where))
+        ground = torch.lerp(torch.ones_like(ground), ground, shown)
     picture = torch.lerp(ground, colors, where)
     return ComposedScene(setting.fallen(picture, seed).clamp(0, 1), where)
+
+
+def _around(where: Tensor) -> Tensor:
+    """What surrounds things that are where [H, W] says, in [0, 1]: enough to see their outline."""
+    width = 2 * (round(_AROUND * where.shape[0]) // 2) + 1
+    near = functional.max_pool2d(where[None, None], width, 1, width // 2)
+    return functional.avg_pool2d(near, width, 1, width // 2, count_include_pad=False)[0, 0]
 
 
 def _is_lost_on_paper(where: Tensor, colors: Tensor) -> bool:
