@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -91,6 +92,7 @@ class Recorder:
     _recipes: tuple[Recipe, ...] = field(default=(), init=False)
     _left_out: int = field(default=0, init=False)
     _filming: bool = field(default=True, init=False)
+    _in_hand: Future[None] | None = field(default=None, init=False)  # the timelapse frame that is being kept
     _expected_seconds: float | None = field(default=None, init=False)
     _forecasts: list[tuple[int, SimilarityForecast]] = field(default_factory=list, init=False)  # by strokes painted
 
@@ -100,6 +102,7 @@ class Recorder:
         if self.before is not None:
             self._dips, self._cleanings = self.before.dips, self.before.cleanings
             self._started -= self.before.seconds
+        self._thread = ThreadPoolExecutor(1, "film")  # encodes while the robot paints on
         self._film = FilmWriter(self.folder / "film.mp4", self.timelapse_frames)
         if self.target is not None:
             images.save(self.target, self.folder / "target.jpg")
@@ -109,7 +112,7 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            self._film.__exit__(kind, error, trace)
+            self._finish_film()
         except StorageError:
             self._left_out += 1
 
@@ -134,9 +137,10 @@ class Recorder:
             case Dipped(cleaned=cleaned):
                 self._dips += 1
                 self._cleanings += int(cleaned)
-            case TimelapseFrame(photograph=photograph, color=color, done=done):
-                self._sketchbook.keep_timelapse_frame(done, photograph)
-                self._show(photograph, color)
+            case TimelapseFrame():
+                before, self._in_hand = self._in_hand, self._thread.submit(self._keep_timelapse_frame, event)
+                if before is not None:
+                    before.result()
             case Looked():
                 self._seen = event
             case StrokeLeftOut(done=done):
@@ -152,7 +156,7 @@ class Recorder:
         None where the work was stopped before there was a plan: then there is nothing to tell.
         """
         try:
-            self._film.__exit__(None, None, None)
+            self._finish_film()
         except StorageError:
             self._left_out += 1
         if self._plan is None or self._first_expected is None:
@@ -202,6 +206,20 @@ class Recorder:
         for stroke, picture in self._sketchbook.timelapse_frames(event.done):
             red, green, blue = event.plan.strokes.color[stroke - 1].tolist()
             self._show(picture, (red, green, blue))
+
+    def _keep_timelapse_frame(self, frame: TimelapseFrame) -> None:
+        self._sketchbook.keep_timelapse_frame(frame.done, frame.photograph)
+        self._show(frame.photograph, frame.color)
+
+    def _finish_film(self) -> None:
+        """Waits for the frame in hand, and closes the film."""
+        in_hand, self._in_hand = self._in_hand, None
+        try:
+            if in_hand is not None:
+                in_hand.result()
+        finally:
+            self._thread.shutdown()
+            self._film.__exit__(None, None, None)
 
     def _show(self, picture: Tensor, color: tuple[float, float, float]) -> None:
         """Films a picture, unless the film could not be written any more."""

@@ -12,7 +12,7 @@ from frida_painter.errors import StorageError
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
+from frida_painter.session.canvas_observer import CanvasObserver, FrameDeveloper, Timelapse
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import (
     Dipped,
@@ -59,11 +59,12 @@ class BatchExecutor:
         Raises RobotError and its kinds, WorkspaceViolation before anything moves.
         """
         progress = self._progress
-        while progress.plan is not None and progress.painted < min(end, progress.strokes):
-            left = progress.plan.part(slice(progress.painted, end))
-            for action in self._brushwork.prepare(left, progress.painted, progress.strokes):
-                if not self._perform(action, progress.plan) or self._brushwork.load is not action.load:
-                    break
+        with FrameDeveloper(self._observer, self._tell) as frames:
+            while progress.plan is not None and progress.painted < min(end, progress.strokes):
+                left = progress.plan.part(slice(progress.painted, end))
+                for action in self._brushwork.prepare(left, progress.painted, progress.strokes):
+                    if not self._perform(action, progress.plan, frames) or self._brushwork.load is not action.load:
+                        break
 
     def tone(self, ground: tuple[float, float, float]) -> None:
         """Tells which ground is wanted (sRGB), and waits until the canvas has it."""
@@ -139,7 +140,7 @@ class BatchExecutor:
         self._tell(drying)
         return left
 
-    def _perform(self, action: Action, plan: Plan) -> bool:
+    def _perform(self, action: Action, plan: Plan, frames: FrameDeveloper) -> bool:
         """Notes and does it; False where it was not done, because it could not be noted, and there was a pause."""
         try:
             self._journal.begins(action, plan)
@@ -153,13 +154,8 @@ class BatchExecutor:
             self._progress.canvas.left_out.add(done.done - 1)
         if not isinstance(done, Dipped):
             self._progress.painted = done.done
-            self._take_frame(done)
-            self._interruptions.check()
+            if isinstance(done, StrokePainted) and self._timelapse.wants_frame(done.done, done.of):
+                self._interruptions.retry(self.step_aside)
+                frames.take(done, self._brushwork.last_motion)
+            self._interruptions.check(before_pause=frames.wait)  # whoever pauses sees the canvas as it is
         return True
-
-    def _take_frame(self, painted: StrokePainted | StrokeLeftOut) -> None:
-        if isinstance(painted, StrokePainted) and self._timelapse.wants_frame(painted.done, painted.of):
-            self._interruptions.retry(self.step_aside)
-            frame = self._timelapse.frame(painted, self._observer, self._brushwork.last_motion)
-            if frame is not None:
-                self._tell(frame)

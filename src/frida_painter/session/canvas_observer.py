@@ -3,7 +3,10 @@
 import contextlib
 import time
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +22,7 @@ from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify
 from frida_painter.session.canvas_start import CanvasStart
-from frida_painter.session.events import StrokePainted, TimelapseFrame
+from frida_painter.session.events import Notify, StrokePainted, TimelapseFrame
 
 PHOTOGRAPH_ROWS = 864
 """Height in pixels of the canvas in a look by which something is decided."""
@@ -90,12 +93,12 @@ class CanvasObserver:
         """
         return self.see(self.photograph(last_motion).image, rows)
 
-    def film(self, last_motion: float, rows: int) -> Tensor:
-        """A look for the film, by which nothing may be decided: within 1/255 of `look`, in a part of its time.
+    def film(self, photograph: NDArray[np.uint8], rows: int) -> Tensor:
+        """The canvas in a photograph for the film, by which nothing may be decided: within 1/255 of `see`, but sooner.
 
-        Raises CameraError as `look` does.
+        Raises FrameRejected as `see` does.
         """
-        photograph, calibration = self.photograph(last_motion).image, self.easel.calibration
+        calibration = self.easel.calibration
         if self.light is None:  # `see` learns it
             return self.see(photograph, rows)
         grid = PixelGrid.of_height(self.easel.canvas, rows)
@@ -168,9 +171,40 @@ class Timelapse:
         """Whether the film gets a picture after stroke `done` of `of`."""
         return done * self.frames // of > (done - 1) * self.frames // of
 
-    def frame(self, painted: StrokePainted, observer: CanvasObserver, last_motion: float) -> TimelapseFrame | None:
-        """The picture after a stroke, the arm having moved aside by `last_motion`; None where the camera gives none."""
+
+class FrameDeveloper:
+    """Makes timelapse frames of photographs in a thread of its own, while the robot paints on; in a `with` block.
+
+    One photograph is in hand at a time. `notify` hears of its frame, in the thread that takes photographs, when the
+    next one is taken, when it is waited for, or when the block ends.
+    """
+
+    def __init__(self, observer: CanvasObserver, notify: Notify) -> None:
+        self._observer, self._notify = observer, notify
+        self._thread = ThreadPoolExecutor(1, "timelapse")
+        self._in_hand: tuple[StrokePainted, Future[Tensor]] | None = None
+
+    def take(self, painted: StrokePainted, last_motion: float) -> None:
+        """Photographs the canvas after a stroke, the arm having moved aside by `last_motion`, if the camera can."""
         with contextlib.suppress(CameraError):
-            picture = observer.film(last_motion, TIMELAPSE_ROWS)
-            return TimelapseFrame(picture, painted.done, painted.of, painted.color)
-        return None
+            photograph = self._observer.photograph(last_motion).image
+            self.wait()
+            self._in_hand = painted, self._thread.submit(self._observer.film, photograph, TIMELAPSE_ROWS)
+
+    def wait(self) -> None:
+        """Until the frame in hand is made and told of; one in which the canvas is not to be seen is left out."""
+        if self._in_hand is not None:
+            (painted, frame), self._in_hand = self._in_hand, None
+            with contextlib.suppress(CameraError):
+                self._notify(TimelapseFrame(frame.result(), painted.done, painted.of, painted.color))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self.wait()
+        finally:
+            self._thread.shutdown()

@@ -33,12 +33,13 @@ class Interruptions:
         self._stop_asked, self._go_on, self._painted = stop_asked, go_on, painted
         self._stopping = False
 
-    def check(self) -> None:
-        """Raises StopAsked, once, where a person stops the painting; pauses where they want that."""
+    def check(self, before_pause: Callable[[], None] = lambda: None) -> None:
+        """Raises StopAsked, once, where a person stops the painting; where they want a pause, `before_pause` and it."""
         if not self._stopping and self._stop_asked():
             self._stopping = True
             raise StopAsked
         if self.pause_asked():
+            before_pause()
             self.pause("You asked for a pause.")
 
     def retry(self, work: Callable[[], _T]) -> _T:
