@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -34,6 +35,13 @@ def from_lab(lab: Tensor) -> Tensor:
     flat = np.ascontiguousarray(lab.detach().cpu().numpy().reshape(1, -1, 3), dtype=np.float32)
     rgb = np.clip(cv2.cvtColor(flat, cv2.COLOR_Lab2RGB), 0, 1)
     return torch.from_numpy(rgb).reshape(lab.shape).to(lab)
+
+
+def load_clustering() -> Any:
+    """scikit-learn's k-means, which takes a second to load: whoever has to wait for something else has it then."""
+    from sklearn.cluster import KMeans  # whoever only carries a palette does without
+
+    return KMeans
 
 
 def to_hex(color: Tensor) -> str:
@@ -81,14 +89,13 @@ class Palette:
         Lab are settled in sRGB, in which pictures are compared. Where the colours are fewer than
         `count`, the lightest is repeated, so that there are always `count` paints.
         """
-        from sklearn.cluster import KMeans  # slow to load, and whoever only carries a palette does without
-
+        kmeans = load_clustering()
         points, lab = (tensor.detach().cpu().double().numpy() for tensor in (color, to_lab(color)))
         weights = weight.detach().cpu().double().numpy() + 1e-9
         clusters = min(count, len(np.unique(lab, axis=0)))
-        seen = KMeans(n_clusters=clusters, n_init=4, random_state=seed).fit(lab, sample_weight=weights)
+        seen = kmeans(n_clusters=clusters, n_init=4, random_state=seed).fit(lab, sample_weight=weights)
         start = from_lab(torch.from_numpy(seen.cluster_centers_)).double().numpy()
-        settled = KMeans(n_clusters=clusters, init=start, n_init=1).fit(points, sample_weight=weights)
+        settled = kmeans(n_clusters=clusters, init=start, n_init=1).fit(points, sample_weight=weights)
         found = cls.ordered(torch.from_numpy(settled.cluster_centers_).to(color).clamp(0, 1))
         missing = count - len(found)
         return cls(torch.cat([found.color[:1].expand(missing, 3), found.color])) if missing else found

@@ -150,15 +150,16 @@ def require_photograph(photograph: NDArray[np.uint8], calibration: Calibration) 
 
 
 def _without_rim(light: NDArray[np.float32], calibration: Calibration) -> NDArray[np.float32]:
-    """The same, its outermost samples as the next ones further in.
+    """The same array, its outermost samples as the next ones further in: a copy of so many takes a tenth of a second.
 
     They fall into pixels of the photograph that show some of the table, and a painter would take
     that for a dark line along the canvas's edge.
     """
     rows, columns = light.shape[:2]
     across, down = _rim(calibration, rows, columns)
-    inner = light[down : rows - down, across : columns - across]
-    return np.asarray(cv2.copyMakeBorder(inner, down, down, across, across, cv2.BORDER_REPLICATE), np.float32)
+    light[:, :across], light[:, columns - across :] = light[:, across, None], light[:, columns - 1 - across, None]
+    light[:down], light[rows - down :] = light[down], light[rows - 1 - down]
+    return light
 
 
 def _rim(calibration: Calibration, rows: int, columns: int) -> tuple[int, int]:

@@ -30,7 +30,7 @@ from frida_painter.errors import (
 )
 from frida_painter.hardware.easel import Easel
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.palette import Palette, to_hex
+from frida_painter.palette import Palette, load_clustering, to_hex
 from frida_painter.perception.swatches import read_palette
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.ground import proposed_ground
@@ -209,6 +209,7 @@ class PaintingRun:
         fresh = self._reopened is None
         if fresh:
             self._folder = new_folder(self._folder, self.spec.name, _ROOM)
+        load_clustering()  # while the easel's process loads
         with _taken_back(self.folder) if fresh else nullcontext():
             easel = self._process.open(order(self.spec, tuple(planner.models), self.folder, self._state))
             self._easel = self._on_record(easel)
