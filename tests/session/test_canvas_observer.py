@@ -1,11 +1,13 @@
 import math
+import threading
 
 import pytest
 
 from easels import PatientCamera, stub_easel
-from frida_painter.errors import CameraError, RobotDisconnected, StaleFrame
+from frida_painter.errors import CameraError, ConfigError, RobotDisconnected, StaleFrame
 from frida_painter.hardware.camera import Frame
-from frida_painter.session.canvas_observer import CanvasObserver, Photographer
+from frida_painter.session.canvas_observer import TIMELAPSE_ROWS, CanvasObserver, FrameDeveloper, Photographer
+from frida_painter.session.events import Event, StrokePainted, TimelapseFrame
 
 
 def observing(*script: tuple[float, int] | str) -> tuple[CanvasObserver, PatientCamera]:
@@ -50,6 +52,27 @@ def test_a_photograph_that_was_seen_before_is_not_taken_for_a_new_one() -> None:
     repeated.look(3.0, 45)
     with pytest.raises(StaleFrame):
         repeated.look(5.0, 45)
+
+
+def test_frames_are_told_in_order_by_whoever_takes_them_and_none_is_lost_where_painting_breaks_off() -> None:
+    looking, _ = observing((1.0, 1), (2.0, 2), "raise", "raise", "raise", (4.0, 4), (5.0, 5))
+    looking.look(0.0, 45)
+    told: list[tuple[int, int]] = []
+
+    def hear(event: Event) -> None:
+        assert isinstance(event, TimelapseFrame) and event.photograph.shape[1] == TIMELAPSE_ROWS
+        told.append((event.done, threading.get_ident()))
+
+    with pytest.raises(ConfigError), FrameDeveloper(looking, hear) as frames:
+        frames.take(StrokePainted(1, 4, (0.0, 0.0, 0.0)), 1.5)
+        assert not told, "it is made while the robot paints on"
+        frames.take(StrokePainted(2, 4, (0.0, 0.0, 0.0)), 2.5)
+        frames.wait()
+        assert [done for done, _ in told] == [1], "the camera gave none after the second stroke"
+        frames.take(StrokePainted(3, 4, (0.0, 0.0, 0.0)), 3.5)
+        frames.take(StrokePainted(4, 4, (0.0, 0.0, 0.0)), 4.5)
+        raise ConfigError("it breaks off")
+    assert told == [(done, threading.get_ident()) for done in (1, 3, 4)]
 
 
 def test_the_light_of_the_first_look_is_taken_out_of_the_later_ones() -> None:
