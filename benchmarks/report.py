@@ -90,7 +90,8 @@ SECTIONS = (
     Section(
         "replanning",
         "Replanning",
-        "The last k strokes of a plan are replanned on the rendered picture of the strokes before them.",
+        "The last k strokes of a plan are replanned on the rendered picture of the strokes before them. Another goal\n"
+        "is planned for in three rounds, as in the studio; the photograph of the canvas comes before and is not counted.",
     ),
     Section(
         "looks",
