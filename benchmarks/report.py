@@ -91,7 +91,8 @@ SECTIONS = (
         "replanning",
         "Replanning",
         "The last k strokes of a plan are replanned on the rendered picture of the strokes before them. Another goal\n"
-        "is planned for in three rounds, as in the studio; the photograph of the canvas comes before and is not counted.",
+        "is planned for in three rounds, as in the studio; the photograph of the canvas comes before and is not\n"
+        "counted.",
     ),
     Section(
         "looks",
