@@ -11,7 +11,8 @@ from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.objectives.kinds.sketch import SketchTerm
 from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.objectives.kinds.text import TextTerm
-from frida_painter.objectives.scenes.reading import Reading, Thing
+from frida_painter.objectives.scenes.reading import Reading, Relation, Thing
+from frida_painter.objectives.scenes.settings import PAPER, Place
 from networks import NoEncoderRegistry, QuickEncoders, index_of
 from scenes import CANVAS, picture
 
@@ -48,6 +49,25 @@ def test_a_colour_in_the_words_is_that_of_the_thing(encoders: QuickEncoders) -> 
     assert isinstance(begun, ImageTerm)
     red, _, blue = begun.image[:, GRID.rows // 2, GRID.columns // 2].tolist()
     assert blue > 0.6 and red < 0.3
+
+
+@pytest.mark.parametrize(("word", "standing"), [("on", {"umbrella"}), ("beside", {"strawberry", "umbrella"})])
+def test_what_is_carried_says_nothing_of_the_place(
+    word: str, standing: set[str], encoders: QuickEncoders, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    things = (Thing("strawberry", "strawberry"), Thing("umbrella", "umbrella"))
+    reading = Reading(things, (Relation(0, word, 1),))
+    encoders.prompts = lambda: SimpleNamespace(read=lambda prompt: reading)  # type: ignore[method-assign]
+    asked: list[str] = []
+
+    def implied(names: list[str], *rest: object, **more: object) -> Place:
+        asked.extend(names)
+        return PAPER
+
+    monkeypatch.setattr("frida_painter.objectives.scenes.scene.implied_place", implied)
+    monkeypatch.setattr("frida_painter.objectives.scenes.retrieval._FILLED", 2.0)  # these pictograms fill their boxes
+    initial_composition(Goal((TextTerm(f"a strawberry {word} an umbrella"),)), GRID, encoders, 0)
+    assert set(asked) == standing
 
 
 def test_things_matter_more_than_their_ground(encoders: QuickEncoders) -> None:

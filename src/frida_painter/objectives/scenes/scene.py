@@ -34,6 +34,7 @@ _WHOLE = 0.80  # similarity of a caption to two things and what is between them,
 _PART = 0.75  # the same for what a thing has
 _HELD = 0.72  # the same for "a bowl of cherries"
 _BY_THINGS = ("under", "beneath", "underneath", "below", "beside", "next to", "behind", "in front of", "with")
+_CARRIED = ("on", "on top of", "upon", "riding", "in", "inside")  # a duck on a tractor is not on a lake
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity from which a word of a name says where a thing is: a watering can is not in water
 _IMPLIED = 0.42  # similarity to what is found at a place, from which things imply it
@@ -96,7 +97,9 @@ def scene_of(
     things, relations = _found(reading, settled, prompt, index, encoders, seed)
     shown = [one for one in things if one is not None and one.found is not None]
     if setting.place is PAPER:
-        names = [name for one in shown for name in (one.thing.name, one.found.caption if one.found else "")]
+        carried = {id(things[one.subject]) for one in relations if one.word in _CARRIED}
+        standing = [one for one in shown if id(one) not in carried] or shown
+        names = [name for one in standing for name in (one.thing.name, one.found.caption if one.found else "")]
         names = names or [thing.name for thing in reading.things[:1]]
         asked = setting.is_named or not shown
         outside = setting.weather != CLEAR
