@@ -142,5 +142,7 @@ def test_the_shipped_models_are_small(kind, tmp_path):
 
 def test_a_file_of_ones_own_can_be_named_instead(saved):
     assert load_stroke_model(saved).brush == "small"
-    with pytest.raises(WeightsError, match="does not exist"):
+    with pytest.raises(WeightsError, match="broom is no brush; give fine, medium, broad"):
         load_stroke_model("broom")
+    with pytest.raises(WeightsError, match=r"broom.safetensors does not exist"):
+        load_stroke_model("broom.safetensors")

@@ -10,6 +10,7 @@ from frida_painter.cli.wells import Wells
 from frida_painter.errors import ConfigError, FrameRejected, ImageError, Interrupted
 from frida_painter.palette import Palette, from_hex
 from frida_painter.perception.swatches import read_palette
+from plans import made_up_plan
 
 WANTED = Palette(torch.tensor([[0.9, 0.9, 0.8], [0.3, 0.2, 0.2]]))
 MIXED = ["#ddddcc", "#553333"]
@@ -70,6 +71,18 @@ def test_a_person_is_shown_the_sheets_and_waited_for(tmp_path: Path) -> None:
     ask, prompts = typing("")
     assert Wells(None, ask, tmp_path).filled(WANTED) is None
     assert "Fill 2 wells" in prompts[0] and str(tmp_path / "palette.png") in prompts[0]
+
+
+def test_a_later_layer_is_asked_for_by_its_own_sheet(tmp_path: Path) -> None:
+    first, more = made_up_plan(6, 2), made_up_plan(4, 3, seed=1)
+    plan = first.under(more).under(made_up_plan(3, 2, seed=2))
+    plan.save(tmp_path / "plan.json")
+    for name in ("palette.png", "palette-layer-2.png", "palette-layer-3.png"):  # all of them are made at once
+        (tmp_path / name).touch()
+    for layer, sheet in zip(plan.layers, ("palette.png", "palette-layer-2.png", "palette-layer-3.png"), strict=True):
+        ask, prompts = typing("")
+        assert Wells(None, ask, tmp_path).filled(plan.wells(layer)) is None
+        assert str(tmp_path / sheet) in prompts[0] and sheet.replace("palette", "mixing") in prompts[0]
 
 
 def test_who_has_said_that_the_wells_are_filled_is_only_asked_for_what_was_mixed(tmp_path: Path) -> None:

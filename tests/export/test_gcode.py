@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,11 +19,12 @@ from frida_painter.session.flatbed_workspace import FlatbedWorkspace
 from plans import CANVAS, in_layers, made_up_plan
 
 PLAN = made_up_plan(12, 3)
+MORE = made_up_plan(4, 2, seed=1)
 
 
 def actions(plan: Plan = PLAN, flatbed: FlatbedWorkspace | None = None) -> list[Action]:
     motion = (flatbed or FlatbedWorkspace()).motion(plan.canvas)
-    return list(Choreography(motion, MEDIUM).actions(plan, BrushLoad(), 0, len(plan)))
+    return list(Choreography.of(motion, plan.brushes).actions(plan, BrushLoad(), 0, len(plan)))
 
 
 def travelled(program: str) -> list[np.ndarray]:
@@ -126,3 +128,17 @@ def test_between_two_layers_the_machine_waits_for_dry_paint(pauses: bool) -> Non
     strokes = [line for line in lines[:wait] if line.startswith("; stroke")]
     assert len(strokes) == 8
     assert "dry" not in gcode(PLAN, actions(), Gcode(), pauses=pauses)
+
+
+@pytest.mark.parametrize("pauses", [True, False])
+def test_a_person_is_told_the_ground_and_every_brush_before_it_is_needed(pauses: bool) -> None:
+    several = replace(PLAN, ground=(200 / 255, 168 / 255, 120 / 255)).under(
+        replace(MORE, layers=(replace(MORE.layers[0], brush="fine"),))
+    )
+    lines = gcode(several, actions(several), Gcode(), pauses=pauses).splitlines()
+    assert any(line.startswith("; ground #c8a878") for line in lines)
+    taken = [(number, line) for number, line in enumerate(lines) if line.startswith("M0") and "take the " in line]
+    assert ["medium brush" in taken[0][1], "fine brush" in taken[1][1], len(taken)] == [True, True, 2]
+    assert taken[0][0] < lines.index("; stroke 1") < taken[1][0] < lines.index("; stroke 13")
+    alone = gcode(PLAN, actions(), Gcode(), pauses=pauses)
+    assert "take" not in alone and "; ground" not in alone

@@ -52,7 +52,8 @@ def export(
     regroup: Annotated[
         bool,
         typer.Option(
-            help="svg: exactly one layer per paint, even if a paint returns later. Changes which strokes lie on top."
+            help="svg: exactly one layer per paint in each layer of the plan, even if a paint returns later. Changes "
+            "which strokes lie on top."
         ),
     ] = False,
     dips: Annotated[
@@ -81,9 +82,10 @@ def export(
 ) -> None:
     """Export the strokes of a plan as SVG, G-code or CSV, in millimetres.
 
-    SVG has one layer per paint. CSV has one row per stroke. The zero of the G-code is the bottom-left
-    corner of the canvas, and Z0 is the lightest touch. The machine pauses (M0) at every dip of the brush.
-    With --workspace, the zero is that of the workspace, and the machine dips, rinses and wipes by itself.
+    SVG has one layer per paint, and names the brush where there are several. CSV has one row per stroke.
+    The zero of the G-code is the bottom-left corner of the canvas, and Z0 is the lightest touch. The machine
+    pauses (M0) at every dip of the brush. With --workspace, the zero is that of the workspace, and the machine
+    dips, rinses and wipes by itself.
     """
     from frida_painter.cli.plan_export import write_gcode, write_svg, write_table
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frida_painter.errors import FridaError, Interrupted
+from frida_painter.errors import FridaError, Interrupted, PlanError
 
 if TYPE_CHECKING:
     from frida_painter.palette import Palette
@@ -47,7 +47,6 @@ class Wells:
     ask: Callable[[str], str] | None
     folder: Path
     poured: bool = False
-    _times: int = 0
 
     def filled(self, wanted: "Palette") -> "Palette | None":
         """Returns when the wells are filled. Raises Interrupted where the person leaves."""
@@ -55,10 +54,9 @@ class Wells:
 
         if self.ask is None:
             return self.given
-        sheet = "palette.png" if not self._times else max(self.folder.glob("palette*.png"), key=_written).name
-        self._times += 1
         prompt = "Press Enter if they are just these paints, or type the file that tells what you mixed: "
         if not self.poured:
+            sheet = self._sheet(wanted)
             prompt = (
                 f"Fill {len(wanted)} wells as on {self.folder / sheet} ({sheet.replace('palette', 'mixing')} tells how "
                 "to mix them). Press Enter when they are filled, or type the file that tells what you mixed: "
@@ -75,6 +73,16 @@ class Wells:
             except FridaError as error:
                 prompt = f"{error} Enter, or another file: "
 
+    def _sheet(self, wanted: "Palette") -> str:
+        """The name of the sheet that shows these paints; where the plan does not tell, that of the first layer."""
+        import torch
 
-def _written(path: Path) -> float:
-    return path.stat().st_mtime
+        from frida_painter.plan import Plan
+        from frida_painter.report.palette_sheet import sheet_file
+
+        try:
+            fillings = Plan.load(self.folder).by_wells()
+        except PlanError:
+            fillings = []
+        layers = (layer for layer, part in fillings if torch.equal(part.palette.color, wanted.color))
+        return sheet_file("palette.png", next(layers, 1))

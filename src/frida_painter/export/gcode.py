@@ -2,10 +2,12 @@
 
 from collections.abc import Iterable, Iterator
 
+import torch
+
 from frida_painter.hardware.gcode import PREAMBLE, Gcode
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.palette import Palette, to_hex
-from frida_painter.plan import Layer, Plan
+from frida_painter.plan import WHITE, Layer, Plan
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import Dipped, StrokePainted
 from frida_painter.session.timetable import DRYING
@@ -16,15 +18,16 @@ def gcode(
 ) -> str:
     """The plan as a G-code program whose zero, x and y are those of the actions' motions, in millimetres.
 
-    actions: what painting the plan takes. After each layer but the last the machine waits (M0) until a person finds
-    it dry. With `pauses` the machine waits at each dip (M0, travelling
-    height) until a person has put paint on the brush or changed the pen; without, it dips, rinses and
+    actions: what painting the plan takes. A plan of several brushes waits (M0) for the first of them. After each
+    layer but the last the machine waits until a person finds it dry. With `pauses` the machine waits at each dip
+    (travelling height) until a person has put paint on the brush or changed the pen; without, it dips, rinses and
     wipes itself, as the motions say. ending: what it does after the last stroke. Raises ConfigError
     where a servo does not reach a height.
     """
     head = (
         f"; frida-painter: {len(plan)} strokes in {len(plan.palette)} paints on {plan.canvas}",
         f"; plan {plan.digest[:16]}",
+        *_canvas(plan),
         *_paints(plan),
         *PREAMBLE[: 3 if language.flavour == "grbl" else 2],
     )
@@ -33,6 +36,12 @@ def gcode(
     body = _body(plan, todo, language, pauses=pauses)
     last = (line for motion in ending for line in _motion(motion, language))
     return "\n".join((*head, *start, *body, *last, "; the end", ""))
+
+
+def _canvas(plan: Plan) -> Iterator[str]:
+    """On what it is painted, where that is no bare canvas."""
+    if plan.ground != WHITE:
+        yield f"; ground {to_hex(torch.tensor(plan.ground))}: tone the whole canvas in it, and let it dry, before"
 
 
 def _paints(plan: Plan) -> Iterator[str]:
@@ -48,6 +57,8 @@ def _paints(plan: Plan) -> Iterator[str]:
 
 def _body(plan: Plan, actions: Iterable[Action], language: Gcode, *, pauses: bool) -> Iterator[str]:
     numbers, painted = plan.layer.tolist(), 0
+    if len(plan.brushes) > 1 and numbers:
+        yield _wait(f"take the {plan.layers[numbers[0]].brush} brush", language)
     for action in actions:
         if isinstance(action.done, Dipped) and pauses:
             yield _dip(plan.wells(plan.layers[numbers[painted]]), action.done, language)

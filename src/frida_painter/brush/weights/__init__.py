@@ -11,6 +11,7 @@ from frida_painter.brush.model_file import ModelFile
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import WeightsError
+from frida_painter.storage import shown
 
 _KINDS_OF_MODEL: dict[str, type[StrokeField] | type[Param2Stroke]] = {
     field.FORMAT: StrokeField,
@@ -24,7 +25,13 @@ def load_stroke_model(brush: str | Path) -> StrokeModel:
     Raises WeightsError where the file is missing, damaged or holds something else, and PluginError where the
     package that registers the brush is broken.
     """
-    registered = registry.parts(registry.STROKE_MODELS).get(str(brush))
+    brushes = registry.parts(registry.STROKE_MODELS)
+    registered = brushes.get(str(brush))
+    if registered is None and not Path(brush).suffix:  # no file: somebody has misspelt a name
+        raise WeightsError(
+            f"{shown(brush)} is no brush; give {', '.join(brushes)}, or the path of weights (.safetensors) that you "
+            "trained."
+        )
     return load_weights(Path(brush)) if registered is None else registered.load(BrushModel).load()
 
 
