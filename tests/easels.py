@@ -65,7 +65,8 @@ class NotingRobot:
         return MotionReport(waypoints.label, started, self.now, reached)
 
     def labels(self) -> list[str]:
-        return [motion.label for motion in self.motions]
+        """Of all motions but the ways through the air before and after a stroke."""
+        return [motion.label for motion in self.motions if not motion.label.startswith(("above ", "up from "))]
 
 
 @dataclass

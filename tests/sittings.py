@@ -40,6 +40,7 @@ class NotingPlanner:
     canvases: list[Tensor] = field(default_factory=list)
     located: list[int] = field(default_factory=list)
     placements: list[Placement] = field(default_factory=list)
+    left_out: list[int] = field(default_factory=list)
 
     def plan(self, canvas: Tensor, strokes: int, colors: int, notify: Callable[[Step], None]) -> Plan:
         notify(Step(1, 2, 0.5))
@@ -57,6 +58,10 @@ class NotingPlanner:
         notify(Step(1, 1, 0.35))
         paint = palette.nearest(plan.strokes.color)
         return Plan.of(plan.strokes, palette, paint, canvas=CANVAS, brush="small", limits=SMALL.limits)
+
+    def without_weakest(self, plan: Plan, canvas: Tensor, count: int) -> Plan:
+        self.left_out.append(count)
+        return plan.part(slice(len(plan) - count))
 
     def replan(
         self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None], rounds: int = 1, *, fresh: bool = False
@@ -104,6 +109,7 @@ class Evening:
     camera: PatientCamera = field(default_factory=PatientCamera)
     planner: NotingPlanner = field(default_factory=NotingPlanner)
     heard: list[Event] = field(default_factory=list)
+    budget: float | None = None
     stopping: bool = False
     pausing: bool = False
 
@@ -129,6 +135,7 @@ class Evening:
             go_on=self._answer,
             mixed=self.mixed,
             timelapse=Timelapse(self.timelapse_frames),
+            budget=self.budget,
         )
 
     def run(self) -> Painting:

@@ -1,7 +1,7 @@
 """Paintings of twelve strokes in a small virtual studio, kept in a folder, with all that resuming them takes."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ import torch
 from skimage import data
 from torch import Tensor
 
+from frida_painter.brush.dip import Dip
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.brush.weights import load_stroke_model
@@ -77,7 +78,8 @@ class World:
         easel.robot.connect()
         easel.camera.connect()
         kept = history and resuming.kept_plan(folder, history)
-        brushwork = Brushwork(easel, brush_kind("fine"))
+        # Short dips, so that it matters little that a brush was cleaned and dipped anew after a crash.
+        brushwork = Brushwork(easel, replace(brush_kind("fine"), known_dip=Dip(2.6e-4)))
         if kept:
             brushwork.placement = kept.planning.placement
         session = PaintingSession(

@@ -16,7 +16,8 @@ def test_a_dip_is_used_up_by_area_or_by_strokes() -> None:
 
 
 def test_what_is_known_of_a_brush_goes_before_what_is_usual() -> None:
-    assert MEDIUM.dip.holds == pytest.approx(0.6 * 0.060 * 0.017)
+    assert replace(MEDIUM, known_dip=None).dip.holds == pytest.approx(0.6 * 0.060 * 0.017)
+    assert MEDIUM.dip == Dip(13e-4)
     assert replace(MEDIUM, known_dip=Dip(1e-4)).dip == Dip(1e-4)
 
 

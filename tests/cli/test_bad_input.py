@@ -141,6 +141,8 @@ def test_wishes_that_cannot_be_fulfilled(
         (("--robot", "human", "--studio-canvas", "photo.png"), "--studio-canvas is for simulated robots"),
         (("--drying", "0"), "--drying was given 0.0; it is a number from 1 to 1440"),
         (("--drying", "nan"), "--drying was given nan; it is a number from 1 to 1440"),
+        (("--minutes", "0"), "--minutes was given 0.0; it is a number from 1 to 10000"),
+        (("--minutes", "soon"), "--minutes"),
         (("--drying", "-3"), "--drying was given -3.0; it is a number from 1 to 1440"),
         (("--camera", "folder:/nowhere"), "--camera is for real robots, and --robot virtual is a simulated one"),
         (("--camera", "opencv:0", "--workspace", "w.toml"), "--camera and --workspace are for real robots"),

@@ -42,6 +42,23 @@ def test_a_stroke_goes_down_along_its_path_and_up():
     assert waypoints.speed == WORKSPACE.painting_speed
 
 
+def test_a_swift_stroke_makes_the_same_mark_and_only_its_last_bit_down_and_up_is_slow():
+    slow = MOTION.stroke(stroke(bend=0.01, angle=0.7), 0)
+    above, swift, up = MOTION.swift_stroke(stroke(bend=0.01, angle=0.7), 0, "stroke 3")
+    assert [above.label, swift.label, up.label] == ["above stroke 3", "stroke 3", "up from stroke 3"]
+    assert np.array_equal(above.position[0], slow.position[0]) and np.array_equal(up.position[0], slow.position[-1])
+    assert np.array_equal(swift.position[1:-1], slow.position[1:-1]) and swift.speed == WORKSPACE.painting_speed
+    assert np.array_equal(swift.position[[0, -1], :2], slow.position[[0, -1], :2])
+    assert swift.position[[0, -1], 2] == pytest.approx(CALIBRATION.touch_height + 0.005)
+    assert above.speed == up.speed == WORKSPACE.travel_speed
+
+
+def test_where_the_brush_hovers_low_it_goes_down_from_there():
+    low = Motion(replace(WORKSPACE, hover=0.003), CALIBRATION)
+    above, swift, up = low.swift_stroke(stroke(), 0, "stroke 1")
+    assert np.array_equal(above.position[0], swift.position[0]) and np.array_equal(up.position[0], swift.position[-1])
+
+
 def test_the_path_bends_to_the_left_of_its_heading():
     path = on_canvas(MOTION.stroke(stroke(bend=0.012), 0).position)
     assert path[:, 1].max() == pytest.approx(0.02 + 0.75 * 0.012, abs=1e-5)

@@ -13,7 +13,8 @@ from frida_painter.planning.effort import Effort
 from frida_painter.planning.forecast import SimilarityForecast, forecast
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.scene import Scene, stacked_moments
+from frida_painter.planning.scene import Scene
+from frida_painter.planning.stack import stacked_moments
 from frida_painter.render import composite
 from scenes import CANVAS, goal, scene, small_table, some_strokes, target
 

@@ -90,9 +90,9 @@ def test_where_moving_strokes_does_not_help_they_are_settled_where_they_are(plan
         return strokes.with_groups(position=strokes.position.flip(0)).project(plan.layers[0].limits, CANVAS), paints
 
     monkeypatch.setattr("frida_painter.planning.planner.relocate", thrown_about)
-    by, rest = planner(), plan.part(slice(14, None))
+    by, rest = planner(), plan.part(slice(10, None))
     steps = []
-    canvas = by.expected(plan.part(slice(0, 14))) * 0.9
+    canvas = by.expected(plan.part(slice(0, 10))) * 0.9
     again = by.replan(rest, canvas, steps.append)
     assert by.validation_loss(by.expected(again, canvas)) < by.validation_loss(by.expected(rest, canvas))
     assert [step.iteration for step in steps][-1] == steps[-1].of

@@ -138,7 +138,7 @@ def test_the_time_of_the_last_motion_is_the_robot_s() -> None:
     brushwork.step_aside()
     assert brushwork.last_motion == 101.0
     painted(brushwork, plan([0]))
-    assert brushwork.last_motion == 103.0
+    assert brushwork.last_motion == 105.0, "a dip, above the stroke, the stroke, and up"
 
 
 def test_a_batch_that_the_simulated_sawyer_does_not_reach_is_refused_before_anything_moves() -> None:

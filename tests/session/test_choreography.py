@@ -63,5 +63,6 @@ def test_every_action_tells_what_it_leaves_on_the_brush() -> None:
 
 def test_a_brush_that_holds_the_paint_needs_no_dip() -> None:
     held = BrushLoad(1, 0.6 * LARGEST)
-    assert [len(action.motions) for action in CHOREOGRAPHY.actions(plan([1], 0.01, 0.0), held, 0, 1)] == [1]
+    # above its start, the stroke, and up
+    assert [len(action.motions) for action in CHOREOGRAPHY.actions(plan([1], 0.01, 0.0), held, 0, 1)] == [3]
     assert len(list(CHOREOGRAPHY.actions(plan([1], 0.01, 0.0), BrushLoad(1, 0.0), 0, 1))) == 2

@@ -54,7 +54,7 @@ def test_every_motion_is_noted_with_who_and_when(tmp_path: Path) -> None:
     evening.run()
     records = EventLog.read(tmp_path / "journal")
     told = [label for record in records if record["kind"] == "motion_began" for label in record["what"]]
-    assert told == evening.robot.labels()
+    assert told == [motion.label for motion in evening.robot.motions]
     assert records[0]["by"] and records[0]["process"] and records[0]["program"]
     times = [record["at"] for record in records]
     assert times == sorted(times) and all(time.endswith("+00:00") for time in times)

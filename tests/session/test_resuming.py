@@ -101,7 +101,7 @@ def test_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_brush(
     records = EventLog.read(tmp_path / "journal")
     after = records[next(number for number, one in enumerate(records) if one["kind"] == "session_resumed") :]
     told = [label for record in after if record["kind"] == "motion_began" for label in record["what"]]
-    assert told[:4] == 2 * ["rinse", "wipe"] and told[4].startswith("dip") and told[5] == "stroke 6"
+    assert told[:4] == 2 * ["rinse", "wipe"] and told[4].startswith("dip") and told[6] == "stroke 6"
 
 
 @pytest.mark.parametrize("repaint", [False, True])

@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,13 +9,15 @@ from hypothesis import strategies as st
 
 from easels import CALIBRATION, WORKSPACE
 from frida_painter.brush.bezier import BezierStroke, RibbonShape
+from frida_painter.brush.dip import Dip
 from frida_painter.brush.kinds import FINE, MEDIUM, BrushKind
 from frida_painter.hardware.motion import Motion
 from frida_painter.plan import Plan
 from frida_painter.render import render
 from frida_painter.session.choreography import BrushLoad, Choreography
-from frida_painter.session.travel import marks_may_meet, shorten_travel
-from plans import CANVAS, made_up_plan, made_up_strokes
+from frida_painter.session.events import Dipped
+from frida_painter.session.travel import shorten_travel
+from plans import CANVAS, made_up_plan
 
 
 def choreography(brush: BrushKind = FINE) -> Choreography:
@@ -29,6 +32,10 @@ def travel(plan: Plan, by: Choreography) -> float:
         float(np.linalg.norm(one.position[-1] - other.position[0])) for one, other in itertools.pairwise(motions)
     )
     return between + sum(motion.length for motion in motions)
+
+
+def dips(plan: Plan, by: Choreography) -> int:
+    return sum(isinstance(action.done, Dipped) for action in by.actions(plan, BrushLoad(), 0, len(plan)))
 
 
 def places(before: Plan, after: Plan) -> list[int]:
@@ -47,17 +54,13 @@ plans = st.builds(
 
 @settings(max_examples=25)
 @given(plans, st.integers(0, 45))
-def test_strokes_that_may_meet_and_paints_and_what_comes_later_keep_their_order(plan: Plan, count: int) -> None:
+def test_paints_and_what_comes_later_keep_their_order(plan: Plan, count: int) -> None:
     count = min(count, len(plan))
     after = shorten_travel(plan, count, choreography(), BrushLoad())
     where = places(plan, after)
     assert sorted(where) == list(range(len(plan)))
     assert where[count:] == list(range(count, len(plan)))
     assert after.paint.tolist() == plan.paint.tolist()
-    meets = marks_may_meet(plan.strokes, FINE.width)
-    for one, other in itertools.combinations(range(len(plan)), 2):
-        if meets[one, other]:
-            assert where[one] < where[other]
 
 
 @settings(max_examples=15)
@@ -86,17 +89,17 @@ def test_a_fifth_of_the_way_is_saved_where_strokes_are_short() -> None:
     assert travel(after, by) < 0.8 * travel(plan, by)
 
 
-def test_marks_that_meet_are_never_overlooked() -> None:
-    strokes = made_up_strokes(60, seed=5)
-    model = BezierStroke("fine", FINE.frame, FINE.limits, RibbonShape.typical(FINE.width))
-    bare = torch.ones(3, 200, 300)
-    black = strokes.with_groups(color=torch.zeros(60, 3))
-    with torch.no_grad():
-        marks = torch.stack([render(black[index : index + 1], model, bare, CANVAS)[0] < 0.99 for index in range(60)])
-    really = (marks.flatten(1).float() @ marks.flatten(1).float().T > 0).numpy()
-    meets = marks_may_meet(strokes, FINE.width)
-    assert not (really & ~meets).any()
-    assert 0.02 < meets[~np.eye(60, dtype=bool)].mean() < 0.5, "and yet most may change places"
+def test_dips_are_used_up() -> None:
+    """Strokes that take two fifths and three fifths of a dip: pairs of them need half as many dips as strokes."""
+    plan = made_up_plan(24, 1, seed=4)
+    length = torch.tensor([0.016, 0.024]).repeat_interleave(12)
+    even = plan.strokes.with_groups(length=length, thickness=torch.ones(24), bend=torch.zeros(24))
+    plan = replace(plan, strokes=even.project(plan.layers[0].limits, CANVAS))
+    brush = replace(FINE, known_dip=Dip(0.0402 * FINE.width))
+    by = choreography(brush)
+    after = shorten_travel(plan, 24, by, BrushLoad())
+    assert dips(plan, by) == 18
+    assert dips(after, by) == 12
 
 
 def test_a_paint_without_a_well_is_left_for_others_to_refuse() -> None:

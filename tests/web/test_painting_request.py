@@ -53,6 +53,8 @@ def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
         ({"strokes": 0}, "greater"),
         ({"strokes": 20_001}, "less"),
         ({"width": float("inf")}, "finite"),
+        ({"minutes": 0}, "greater"),
+        ({"minutes": float("nan")}, "finite"),
         ({"width": 1900, "height": 70}, "too narrow"),
         ({"brush": "/dev/sda"}, "fine"),
         ({"title": "a\nb"}, "cannot be printed"),

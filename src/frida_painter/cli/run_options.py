@@ -38,7 +38,7 @@ _PLAN = (
     *("strokes", "layers", "colors", "canvas", "fit", "ground", "brushes", "new_paints"),
     *("render_height", "effort", "seed"),
 )
-_PAINT = ("replans", "replan_policy", "drying", "timelapse_frames")
+_PAINT = ("minutes", "replans", "replan_policy", "drying", "timelapse_frames")
 
 Photo = Annotated[
     Path | None,
@@ -165,7 +165,7 @@ def _option(field: FieldInfo) -> Any:
     text = f"{field.description} [dim]{default}[/]"
     if field.annotation in (int, int | None):
         return Annotated[int | None, typer.Option(parser=whole_number, metavar="N", help=text)]
-    if field.annotation is float:
+    if field.annotation in (float, float | None):
         metavar = str(more.get("metavar", "X"))
         return Annotated[float | None, typer.Option(parser=number, metavar=metavar, help=text)]
     if field.annotation in (bool, bool | None):

@@ -19,6 +19,7 @@ from frida_painter.strokes import Strokes
 STIR_RADIUS = 0.008
 """How far around the middle of a well or of the water the tip goes, metres."""
 _STEP = 0.001
+_CLEARANCE = 0.005
 _STIRS = 3
 
 
@@ -43,6 +44,28 @@ class Motion:
         above[:, 2] = self.travel_height
         position = np.concatenate([above[:1], path, above[1:]])
         return Waypoints(name or f"stroke {index}", position, self.workspace.painting_speed)
+
+    def swift_stroke(self, strokes: Strokes, index: int, name: str) -> tuple[Waypoints, Waypoints, Waypoints]:
+        """The same stroke, but through the air at the speed of travel: to above its start, the stroke, and up again.
+
+        A robot goes to the first waypoint of a motion at the speed of travel; so the stroke begins and ends a little
+        above the canvas, and only the last bit is gone at the speed of painting.
+        """
+        slow = self.stroke(strokes, index, name)
+        above, low = slow.position[[0, -1]], slow.position[[0, -1]]
+        low[:, 2] = self.clearance_height
+        position = np.concatenate([low[:1], slow.position[1:-1], low[1:]])
+        speed = self.workspace.travel_speed
+        return (
+            Waypoints(f"above {name}", above[:1], speed),
+            Waypoints(name, position, slow.speed),
+            Waypoints(f"up from {name}", above[1:], speed),
+        )
+
+    @property
+    def clearance_height(self) -> float:
+        """Robot z from which the tip goes down to the canvas at the speed of painting."""
+        return min(self.travel_height, self.calibration.touch_height + _CLEARANCE)
 
     def dip(self, well: int) -> Waypoints:
         """Into paint well `well`, a small stir, and out. Raises WorkspaceViolation where there is no such well."""

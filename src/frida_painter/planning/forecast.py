@@ -18,7 +18,8 @@ from frida_painter import images
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.planning.placement import Placement, moved
-from frida_painter.planning.scene import Scene, stacked_moments
+from frida_painter.planning.scene import Scene
+from frida_painter.planning.stack import stacked_moments
 from frida_painter.strokes import Strokes
 
 _LIKELY = 2.0  # standard deviations

@@ -13,6 +13,9 @@ from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import ConfigError
 
+LAYERS = 2
+"""Of a plan towards a picture, where nothing else is said."""
+FEWEST_FOR_LAYERS = 100  # strokes
 RESERVE = 0.4
 """Share of the strokes that later layers get together, where nothing else is said."""
 
@@ -28,6 +31,11 @@ def stroke_models(given: StrokeModel | str | Sequence[StrokeModel | str]) -> tup
     if len({id(one) for one in models}) > len({one.brush for one in models}):
         raise ConfigError("Two stroke models of one brush were given; all layers of a brush have the same one.")
     return models
+
+
+def usual_layers(strokes: int, brushes: int) -> int:
+    """How many layers so many strokes towards a picture have, where nothing else is said."""
+    return max(LAYERS, brushes) if strokes >= FEWEST_FOR_LAYERS else 1
 
 
 def usual_shares(layers: int) -> tuple[float, ...]:

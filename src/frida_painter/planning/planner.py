@@ -20,22 +20,20 @@ from frida_painter.planning.distinct_paints import without_twins
 from frida_painter.planning.effort import Effort as Effort
 from frida_painter.planning.forecast import SimilarityForecast, forecast
 from frida_painter.planning.free_strokes import MOVED, PROPOSALS, free_strokes
-from frida_painter.planning.layers import layer_sizes, stroke_models, usual_shares
+from frida_painter.planning.layers import layer_sizes, stroke_models, usual_layers, usual_shares
 from frida_painter.planning.memory import is_lack_of_memory
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement, locate
 from frida_painter.planning.refine import relocate
 from frida_painter.planning.region import Region
-from frida_painter.planning.scene import is_bare, on_device, stacked_moments
+from frida_painter.planning.scene import is_bare, on_device
 from frida_painter.planning.scenes import Scenes
+from frida_painter.planning.stack import stacked_loss, stacked_worth
 from frida_painter.planning.step_count import StepCount, at_the_end, part_of, unheard
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
 
 _POLISHING_PACE = 0.5
-LAYERS = 2
-"""Of a plan towards a picture, where nothing else is said."""
-FEWEST_FOR_LAYERS = 100  # strokes
 
 
 class Planner:
@@ -206,6 +204,13 @@ class Planner:
             return self._as_plan(found, wells, paints.paint, brush)
         return self._as_plan(*as_palette(found, without_twins(paints, self.scenes.paints_apart)), brush)
 
+    def without_weakest(self, plan: Plan, canvas: Tensor, count: int) -> Plan:
+        """The plan without the `count` strokes that would be missed least on a picture [3, H, W] of the canvas."""
+        strokes, scenes = self.scenes.stack(plan, canvas, self.coarse)
+        missed = stacked_worth(strokes, scenes, self.scenes.guide(scenes[0]), self.seed)
+        kept = torch.argsort(missed.cpu(), descending=True)[: len(plan) - count]
+        return plan.part(kept.sort().values.tolist())
+
     def bind_to_palette(
         self, plan: Plan, canvas: Tensor, palette: Palette, notify: Callable[[Step], None] | None = None
     ) -> Plan:
@@ -268,14 +273,14 @@ class Planner:
         now, later = rest.part(slice(end)), rest.part(slice(end, None))
         for sparing in (False, True):
             try:
-                loss = self.expected_loss(now, canvas)
+                cost = self.expected_loss(now, canvas, priced=True)
                 for moving in (True, False):
                     again = now
                     for number in range(rounds):
                         told = part_of(hear, number, rounds) if moving else at_the_end(hear)
                         starts = fresh and number == 0
                         again = self._again(again, canvas, told, moving=moving, sparing=sparing, fresh=starts)
-                    if self.expected_loss(again, canvas) < loss:
+                    if self.expected_loss(again, canvas, priced=True) < cost:
                         return again.followed_by(later)
                 return rest
             except PlanningDiverged:
@@ -388,14 +393,10 @@ class Planner:
                 picture = self.scenes.of(picture, self.fine, brush).render(strokes.to(self.device))
         return images.fit(picture, self.fine.rows, self.fine.columns).cpu()
 
-    def expected_loss(self, plan: Plan, canvas: Tensor) -> float:
-        """The distance to the goal that paintings of the plan on a canvas [3, H, W] have on average."""
-        strokes, scenes = self.scenes.stack(plan, canvas, self.fine)
+    def expected_loss(self, plan: Plan, canvas: Tensor, *, priced: bool = False) -> float:
+        """The distance to the goal that paintings of the plan on a canvas [3, H, W] have on average, or their cost."""
         with torch.no_grad():
-            if len(scenes) == 1:
-                return float(scenes[0].expected_loss(strokes[0], scenes[0].validation))
-            judge = scenes[0].validation or scenes[0].objective
-            return float(judge(*stacked_moments(strokes, scenes)))
+            return float(stacked_loss(*self.scenes.stack(plan, canvas, self.fine), priced=priced))
 
     def forecast(
         self, plan: Plan, canvas: Tensor, placement: Placement | None = None, unseen: int = 0
@@ -427,7 +428,7 @@ class Planner:
         layers = self.layers
         if layers is None:
             pictures = any(term.guide is not None for term in self.goal.initial_terms)
-            layers = max(LAYERS, len(self.brushes)) if pictures and strokes >= FEWEST_FOR_LAYERS else 1
+            layers = usual_layers(strokes, len(self.brushes)) if pictures else 1
         shares = self.shares if self.shares is not None and len(self.shares) == layers else usual_shares(layers)
         return layer_sizes(strokes, shares)
 

@@ -46,6 +46,16 @@ def loss_without(strokes: Strokes, scene: Scene, target: Tensor, generator: torc
     return 2 * along((matters * (target - picture)).detach()) + squared
 
 
+def worth(strokes: Strokes, scene: Scene, target: Tensor | None, seed: int) -> Tensor:
+    """How much each of n strokes would be missed, [n].
+
+    By the error to target [3, H, W]; where there is no target, by the area in which their colour is seen.
+    """
+    if target is None:
+        return visible_area(strokes, scene)
+    return loss_without(strokes, scene, target, torch.Generator().manual_seed(seed))
+
+
 def visible_area(strokes: Strokes, scene: Scene) -> Tensor:
     """How much of the picture each stroke's colour makes up, in pixels, [n]."""
     color = strokes.color.detach().clone().requires_grad_()

@@ -1,23 +1,25 @@
 """What the planner plans on: a canvas as it is now, a brush, and what the picture shall become."""
 
 import copy
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
 
+from frida_painter.brush.dip import painted_area
 from frida_painter.brush.spread import CoverageSpread, spread_of
 from frida_painter.brush.stroke_model import StrokeModel
-from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
+from frida_painter.frames import CanvasSize
 from frida_painter.objectives.objective import Objective
 from frida_painter.planning.distinct_paints import HARDLY_APART
-from frida_painter.render import Moments, composite_moments, render, render_moments
+from frida_painter.render import Moments, render, render_moments
 from frida_painter.strokes import StrokeLimits, Strokes
 
 # Marks vary more in a painting than in a stroke library: paint lies on paint that may be wet, the brush is not always
 # full, and of all strokes those are chosen for which the model is wrong in their favour. Measured on three photographs.
 _IN_A_PAINTING = 1.5
+PAINT_PRICE = 0.0003
+"""Of strokes towards a photograph, as a share of the loss for as much paint as the brush's largest mark takes."""
 _NOISE = 0.03  # of sRGB, by which a photograph of a bare canvas may differ from it
 
 
@@ -29,7 +31,8 @@ class Scene:
     in another way every time, or could be fooled. importance [H, W]: how much an error matters at each
     place when strokes are placed, 1 in the mean; None: everywhere the same. flow [3, H, W]: which way strokes go where
     they are placed, as objectives/brushwork.py tells it; None: any way. paints_apart: CIEDE2000 by which paints
-    that are mixed for it differ at least.
+    that are mixed for it differ at least. paint_price: by which share the loss would have to fall for as much more
+    paint as the brush's largest mark takes.
     """
 
     canvas: Tensor
@@ -40,6 +43,7 @@ class Scene:
     importance: Tensor | None = None
     flow: Tensor | None = None
     paints_apart: float = HARDLY_APART
+    paint_price: float = 0.0
 
     @property
     def limits(self) -> StrokeLimits:
@@ -66,42 +70,23 @@ class Scene:
             return judge(self.render(strokes))
         return judge(*self.moments(strokes))
 
+    def cost(self, strokes: Strokes, objective: Objective | None = None) -> Tensor:
+        """The expected loss, and what the paint costs: every dip takes time, and paint that is hardly seen wins little.
+
+        The price is a share of the loss, for a decibel is worth as much in a dark picture as in a light one.
+        """
+        loss = self.expected_loss(strokes, objective)
+        return loss if self.paint_price == 0 else loss * (1 + self.paint_cost(strokes))
+
+    def paint_cost(self, strokes: Strokes) -> Tensor:
+        """What the paint of strokes costs, as a share of the loss."""
+        longest = self.model.limits.length[1]
+        return self.paint_price * painted_area(strokes.length / longest, strokes.thickness, 1.0).sum()
+
 
 def is_bare(canvas: Tensor, ground: tuple[float, float, float]) -> bool:
     """Whether a canvas picture [3, H, W] shows nothing but its ground (sRGB) and the noise of a camera."""
     return bool((canvas - torch.tensor(ground).to(canvas)[:, None, None]).abs().amax() <= _NOISE)
-
-
-def stacked_moments(
-    strokes: Sequence[Strokes], scenes: Sequence[Scene], magnitudes: Sequence[Tensor] | None = None
-) -> Moments:
-    """Mean and variance of the picture [3, H, W] after strokes of several brushes, each laid over what came before.
-
-    scenes: one for each part, with its brush, on the canvas of the first; magnitudes: the maps [n, h, w] of each
-    part's strokes, to differentiate in, by default what its stroke model says. What lies below varies as well, and
-    shows through as much as the second moment of what the strokes above let through.
-    """
-    below = scenes[0].canvas
-    mean, variance = below, torch.zeros_like(below)
-    for number, (part, scene) in enumerate(zip(strokes, scenes, strict=True)):
-        if len(part) == 0:
-            continue
-        model = scene.model
-        affine = pixel_to_map(part.position, part.angle, PixelGrid(scene.size, *below.shape[1:]), model.frame)
-        magnitude = model(part.thickness, part.length, part.bend) if magnitudes is None else magnitudes[number]
-        over = magnitude, affine
-
-        def laid(color: Tensor, canvas: Tensor, over: tuple[Tensor, Tensor] = over, scene: Scene = scene) -> Moments:
-            return composite_moments(*over, color, canvas, scene.spread, bare_cells_answer=False)
-
-        above = laid(part.color, mean)
-        if number:
-            through = laid(torch.zeros_like(part.color), torch.ones_like(mean))
-            variance = variance * (through.variance + through.mean.square()) + above.variance
-        else:
-            variance = above.variance
-        mean = above.mean
-    return Moments(mean, variance)
 
 
 def on_device(model: StrokeModel, device: torch.device) -> StrokeModel:

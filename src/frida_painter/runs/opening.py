@@ -18,8 +18,9 @@ from frida_painter.palette import Palette
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.plan import WHITE
 from frida_painter.planning.effort import Effort
+from frida_painter.planning.layers import FEWEST_FOR_LAYERS
 from frida_painter.planning.placement import Placement
-from frida_painter.planning.planner import FEWEST_FOR_LAYERS, Planner
+from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.fields import ground_color
 from frida_painter.runs.spec import RunSpec
@@ -79,9 +80,10 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
     brush, or a network that the goal needs is missing.
     """
     known = None if spec.calibration is None else Calibration.load(spec.calibration)
-    usual = spec.brushes is None and spec.strokes < FEWEST_FOR_LAYERS
+    usual = spec.brushes is None and (spec.strokes < FEWEST_FOR_LAYERS or spec.is_short)
     names = spec.brush_names[:1] if usual else spec.brush_names
     models = {name: cached_table(load_stroke_model(_source(name, known))) for name in names}
+    layers = spec.layers if spec.brushes is None or len(names) == 1 else len(names)
     device = planning_device()
     networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures)
     planner = Planner(
@@ -92,7 +94,7 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
         effort=Effort().scaled(spec.effort),
         seed=spec.seed,
         encoders=networks,
-        layers=spec.layers if spec.brushes is None or len(names) == 1 else len(names),
+        layers=1 if layers is None and spec.is_short else layers,
         shares=spec.shares if len(names) > 1 else None,
         new_paints=spec.new_paints is not False and spec.palette is None,
         device=device,
@@ -161,6 +163,7 @@ def open_session(
         go_on=controls.go_on,
         mixed=mixed,
         timelapse=Timelapse(spec.film_length),
+        budget=None if spec.minutes is None else 60 * spec.minutes,
     )
 
 

@@ -67,14 +67,30 @@ class RunSpec(BaseModel):
     title: str = Field("", max_length=80)
     goal: Items = ()
     initial: InitialItems = ()
-    strokes: int = Field(300, ge=1, le=20_000, description="Number of brush strokes. Exactly this number is painted.")
+    strokes: int = Field(
+        300,
+        ge=1,
+        le=20_000,
+        description="Number of brush strokes. Exactly this number is painted, unless --minutes has fewer.",
+    )
+    minutes: float | None = Field(
+        None,
+        ge=1,
+        le=10_000,
+        allow_inf_nan=False,
+        description="Minutes that the robot may take, with dips, looks, film and drying. The strokes that would be "
+        "missed least are left out until the painting fits.",
+        json_schema_extra={"metavar": "X", "default": "as many as it takes"},
+    )
     layers: int | None = Field(
         None,
         ge=1,
         le=MOST_LAYERS,
         description="Number of layers of strokes. Each is painted from light to dark on the dry paint of the one "
         "before, and planned for the canvas as it is then. The first has most of the strokes.",
-        json_schema_extra={"default": "2 for a picture, otherwise 1"},
+        json_schema_extra={
+            "default": "2 for a picture, otherwise 1, and 1 where drying would take a third of --minutes"
+        },
     )
     colors: int = Field(12, ge=1, le=24, description="Number of paints to mix.")
     canvas: Canvas = Field(
@@ -188,6 +204,8 @@ class RunSpec(BaseModel):
             raise ValueError(
                 f"--on-canvas paints on what is there, and --ground {self.ground} tones a bare canvas; leave out one"
             )
+        if self.minutes is not None and self.by_hand:
+            raise ValueError(f"--minutes is the robot's time, and with --robot {HUMAN} a person paints; leave it out")
         if self.arm_meshes is not None and self.robot != SAWYER_SIM:
             raise ValueError(f"--arm-meshes is for the film of --robot {SAWYER_SIM}; leave it out")
         return self
@@ -305,6 +323,11 @@ class RunSpec(BaseModel):
         return self.robot == HUMAN
 
     @property
+    def is_short(self) -> bool:
+        """Whether drying once would take more than a third of the time that the robot has."""
+        return self.minutes is not None and self.minutes < 3 * self.drying
+
+    @property
     def films_arm(self) -> bool:
         """Whether a simulated arm is filmed at work."""
         return self.film and self.robot == SAWYER_SIM
@@ -370,7 +393,7 @@ def _allowed(field: FieldInfo) -> str:
         return f"one of {', '.join(map(str, choices))}"
     if not bounds:
         return "true or false" if field.annotation in (bool, bool | None) else "a name or a path"
-    kind = "a number" if field.annotation is float else "a whole number"
+    kind = "a number" if field.annotation in (float, float | None) else "a whole number"
     if "le" not in bounds:
         return f"{kind} of at least {bounds['ge']}"
     return f"{kind} from {bounds['ge']} to {bounds['le']}"

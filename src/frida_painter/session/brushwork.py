@@ -54,9 +54,12 @@ class Brushwork:
         """The plan with its first `count` strokes in an order that is quicker to paint and gives the same picture."""
         return shorten_travel(plan, count, self._choreography(), self.load)
 
-    def timetable(self, plan: Plan, looks: Callable[[int], int]) -> Timetable:
-        """How long painting the plan takes, `looks(k)` looks coming after its stroke k."""
-        return reckon(plan, self._choreography(), self.load, looks, self.easel.timing, self.drying)
+    def timetable(self, plan: Plan, looks: Callable[[int], int], load: BrushLoad | None = None) -> Timetable:
+        """How long painting the plan takes, `looks(k)` looks coming after its stroke k.
+
+        load: what is on the brush then, None for what is on it now.
+        """
+        return reckon(plan, self._choreography(), load or self.load, looks, self.easel.timing, self.drying)
 
     def prepare(self, plan: Plan, already_done: int, of: int) -> list[Action]:
         """Everything that painting the plan takes, checked as a whole by the gateway, and foretold.

@@ -61,7 +61,7 @@ class ByHand(PersonAsOperator):
 
     def foretell(self, motions: Sequence[Waypoints]) -> None:
         """Hears what will be asked for next."""
-        self._coming = motions
+        self._coming = [motion for motion in motions if len(motion.position) > 1]
 
     def connect(self) -> None:
         """Nothing but the camera moves."""
@@ -82,6 +82,8 @@ class ByHand(PersonAsOperator):
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Asks for a stroke, and for what the brush needs before; takes note when it is done or left out."""
+        if len(waypoints.position) == 1:  # a way through the air, which nobody has to be told of
+            return self._robot.follow(waypoints)
         self._pass(waypoints)
         self._aside = left_out = False
         well = self._well(waypoints)

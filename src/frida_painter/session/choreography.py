@@ -87,8 +87,8 @@ class Choreography:
             load = BrushLoad(paint, load.left - use)
             number = already_done + index + 1
             red, green, blue = strokes.color[index].tolist()
-            waypoints = self.motion.stroke(strokes, index, f"stroke {number}")
-            yield Action((waypoints,), StrokePainted(number, of, (red, green, blue)), load)
+            motions = self.motion.swift_stroke(strokes, index, f"stroke {number}")
+            yield Action(motions, StrokePainted(number, of, (red, green, blue)), load)
 
     def cleaning(self) -> tuple[Waypoints, ...]:
         """Rinses and wipes, before another paint is taken."""

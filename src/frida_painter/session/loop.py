@@ -49,6 +49,7 @@ class PaintingSession:
     palette is settled, and answers with what was really mixed, or None for just that. Raises
     PaintingPaused where `go_on` answers no, and RobotError, PlanError and their kinds; what is on the
     canvas stays, and in the journal.
+    budget: seconds of the robot's clock that the painting may take; strokes that would be missed least are left out.
     Before it answers, `go_on` may have the session `look_again`, or `paint_instead`, or give it another `planner`.
     """
 
@@ -66,6 +67,7 @@ class PaintingSession:
         go_on: Callable[[Paused], bool] = lambda paused: False,
         mixed: Callable[[Palette], Palette | None] = lambda wanted: None,
         timelapse: Timelapse | None = None,
+        budget: float | None = None,
     ) -> None:
         self.brushwork: Final = brushwork
         self.observer: Final = observer
@@ -82,16 +84,16 @@ class PaintingSession:
         )
         frames = timelapse or Timelapse()
         shared = (self.journal, self.interruptions, self._progress, self._tell)
-        self._plans = PlanKeeper(planner, brushwork, policy, frames, *shared)
+        self._plans = PlanKeeper(planner, brushwork, policy, frames, *shared, budget)
         self._executor = BatchExecutor(brushwork, observer, frames, *shared)
         self._monitor = ExecutionMonitor(self._plans, self._executor, brushwork, observer, *shared)
         self._mixed, self._notify = mixed, notify
         self._began_at = 0.0  # s of the robot's clock
 
     def run(self, strokes: int, colors: int, plan: Plan | None = None) -> Painting:
-        """Paints exactly `strokes` strokes in `colors` paints on a bare canvas, unless a person stops it.
+        """Paints `strokes` strokes, or as many as the budget allows, in `colors` paints on a bare canvas.
 
-        plan: one of so many strokes that was made before, and is painted instead of a new one.
+        A person may stop it. plan: one of so many strokes that was made before, and is painted instead of a new one.
         """
         return self._to_the_end(lambda: self._begin(strokes, colors, plan))
 

@@ -4,10 +4,12 @@ A plan is adopted in one order: it is on the disk first, painting goes by it fro
 with how long the robot will take.
 """
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 
+from frida_painter.errors import ConfigError
 from frida_painter.palette import Palette
 from frida_painter.perception.margin import is_evenly
 from frida_painter.plan import Plan
@@ -16,6 +18,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import Timelapse
 from frida_painter.session.canvas_start import TOLERANCE
+from frida_painter.session.choreography import BrushLoad
 from frida_painter.session.events import Notify, Planned, PlanningStep, Scheduled
 from frida_painter.session.interruptions import Interruptions
 from frida_painter.session.journal import Journal
@@ -26,6 +29,7 @@ from frida_painter.session.replan_policy import ReplanPolicy
 class PlanKeeper:
     """Plans through `planner`, which may be another one after a pause, and keeps the plan in `progress`.
 
+    budget: seconds of the robot's clock that the whole painting may take, None for any number.
     A person may stop or pause at every planning step. In a pause they may have something else adopted than
     what is being planned: then what is being planned is given up.
     """
@@ -40,18 +44,22 @@ class PlanKeeper:
         interruptions: Interruptions,
         progress: PaintingProgress,
         tell: Notify,
+        budget: float | None = None,
     ) -> None:
-        self.planner = planner
+        self.planner, self._budget = planner, budget
         self._brushwork, self._policy, self._timelapse = brushwork, policy, timelapse
         self._journal, self._interruptions = journal, interruptions
         self._progress, self._tell = progress, tell
 
     def begin(self, strokes: int, colors: int, made: Plan | None = None) -> None:
-        """Adopts a plan of so many strokes: the one that was made for such a canvas, or a new one for what is seen."""
+        """Adopts a plan of so many strokes: the one that was made for such a canvas, or a new one for what is seen.
+
+        Raises ConfigError where the painting cannot be had within the budget.
+        """
         canvas = self._progress.canvas.last_seen
         made = made if made is not None and is_evenly(canvas, made.ground, TOLERANCE) else None
         plan = made or self._arranged(self.planner.plan(canvas, strokes, colors, self._checking_interrupts("plan")))
-        self._adopt(plan, self.planner.validation_loss(canvas))
+        self._adopt(self._within_budget(plan), self.planner.validation_loss(canvas))
 
     def bind_to_palette(self, mixed: Palette) -> None:
         """Adopts what is left in the paints that a person has really mixed."""
@@ -60,8 +68,9 @@ class PlanKeeper:
             rest, canvas = self._progress.rest, self._progress.canvas.last_seen
             before = self._loss()
             with suppress(_Overtaken):
-                bound = self.planner.bind_to_palette(rest, canvas, mixed, self._checking_interrupts("plan"))
-        self._adopt(self._arranged(bound), before)
+                again = self.planner.bind_to_palette(rest, canvas, mixed, self._checking_interrupts("plan"))
+                bound = self._within_budget(self._arranged(again))
+        self._adopt(bound, before)
 
     def replan(self, rounds: int = 1) -> None:
         """Plans what is left again, in so many rounds, for the canvas as it was last seen, and adopts that."""
@@ -69,7 +78,7 @@ class PlanKeeper:
         with suppress(_Overtaken):
             hear = self._checking_interrupts("replan")
             again = self.planner.replan(rest, canvas, hear, rounds, fresh=self._progress.begins_layer)
-            self._adopt(self._arranged(again), before)
+            self._adopt(self._within_budget(self._arranged(again)), before)
 
     def replace(self, rest: Plan) -> None:
         """Adopts another rest than what was planned, in the same paints."""
@@ -89,16 +98,53 @@ class PlanKeeper:
     def schedule(self) -> None:
         """Tells how long the robot will take for what is left, with all looks on the way."""
         done, of, rest = self._progress.painted, self._progress.strokes, self._progress.rest
+        table = self._brushwork.timetable(rest, self._looks(done, of))
+        if self._progress.must_dry:
+            table = table.after_drying(self._progress.wet_for(self._brushwork.drying))
+        self._tell(Scheduled(table, done))
+
+    def _looks(self, done: int, of: int) -> Callable[[int], int]:
+        """How often the painter looks after it has painted so many of the strokes that come after stroke `done`."""
 
         def after(painted: int) -> int:
             number = done + painted
             looks = self._policy.next_look(number - 1, of) == number
             return int(self._timelapse.wants_frame(number, of)) + int(looks)
 
-        table = self._brushwork.timetable(rest, after)
-        if self._progress.must_dry:
-            table = table.after_drying(self._progress.wet_for(self._brushwork.drying))
-        self._tell(Scheduled(table, done))
+        return after
+
+    def _within_budget(self, rest: Plan) -> Plan:
+        """The arranged plan of what is left, without as many strokes as it takes for all to be painted in the budget.
+
+        What is left then is settled anew. Raises ConfigError where not a stroke is painted yet, and none could be.
+        """
+        fitting = self._fitting(rest)
+        if len(fitting) == len(rest):
+            return rest
+        canvas, hear = self._progress.canvas.last_seen, self._checking_interrupts("plan")
+        settled = self.planner.replan(fitting, canvas, hear)
+        return self._fitting(self._arranged(settled))
+
+    def _fitting(self, rest: Plan) -> Plan:
+        """The arranged plan without the strokes that would be missed least, until there is time enough for the rest."""
+        canvas = self._progress.canvas.last_seen
+        while self._budget is not None and len(rest) and (seconds := self._seconds(rest)) > self._budget:
+            if len(rest) == 1 and self._progress.painted:
+                break
+            if len(rest) == 1:
+                raise ConfigError(
+                    f"--minutes was given {self._budget / 60:g}, and with all looks and layers a painting of a single "
+                    f"stroke takes {math.ceil(seconds / 6) / 10:g} minutes; give more minutes."
+                )
+            share = min(0.5, 1 - self._budget / seconds)
+            count = min(max(1, math.floor(share * len(rest))), len(rest) - 1)
+            rest = self._arranged(self.planner.without_weakest(rest, canvas, count))
+        return rest
+
+    def _seconds(self, rest: Plan) -> float:
+        """How long the robot takes for what was painted and this, as it is told before it begins."""
+        plan = self._progress.followed_by(rest)
+        return self._brushwork.timetable(plan, self._looks(0, len(plan)), BrushLoad()).total
 
     def _adopt(self, rest: Plan, before: float) -> None:
         """From now on, and whatever happens, what is left is painted by this plan, made for the canvas as it is.

@@ -82,13 +82,13 @@ class _Pace:
 
     def of(self, motion: Waypoints) -> float:
         """Seconds from the first waypoint to the last."""
-        return self.along(motion.position, motion.speed)
+        return self.along(motion.position, np.full(len(motion.position) - 1, motion.speed))
 
-    def along(self, path: NDArray[np.float64], speed: float) -> float:
-        """Seconds through points [k, 3] at a speed of so many m/s."""
+    def along(self, path: NDArray[np.float64], speeds: NDArray[np.float64]) -> float:
+        """Seconds through points [k, 3], the pieces between them at speeds of [k - 1] m/s."""
         if self.timing is None:
-            return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) / speed
-        return self.timing.seconds(path, np.full(len(path) - 1, speed))
+            return float((np.linalg.norm(np.diff(path, axis=0), axis=1) / speeds).sum())
+        return self.timing.seconds(path, speeds)
 
 
 class _Hand:
@@ -102,9 +102,15 @@ class _Hand:
         """Seconds to where a motion begins; afterwards the tip is where it ends."""
         return self.across(motion.position[0], motion.position[-1])
 
+    def through(self, motion: Waypoints) -> float:
+        """Seconds to where a motion begins and through it, without a stop in between."""
+        path = np.concatenate([self._here[None], motion.position])
+        self._here = motion.position[-1]
+        return self._pace.along(path, np.r_[self._speed, np.full(len(path) - 2, motion.speed)])
+
     def across(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> float:
         """Seconds to `start`; afterwards the tip is at `end`."""
-        seconds = self._pace.along(np.stack([self._here, start]), self._speed)
+        seconds = self._pace.along(np.stack([self._here, start]), np.array([self._speed]))
         self._here = end
         return seconds
 
@@ -113,7 +119,7 @@ class _Hand:
         above = np.array([*self._here[:2], max(self._here[2], self._home[2])])
         path = np.stack([self._here, above, self._home])
         self._here = self._home
-        return self._pace.along(path, self._speed)
+        return self._pace.along(path, np.full(2, self._speed))
 
 
 def _on_canvas(plan: Plan, choreography: Choreography) -> tuple[NDArray[np.float64], list[float]]:
@@ -128,11 +134,18 @@ def _on_canvas(plan: Plan, choreography: Choreography) -> tuple[NDArray[np.float
 
 def _steadily(lengths: list[float], motion: Motion) -> list[float]:
     """Seconds of each stroke by the length of its path alone, down and up included."""
-    drop = motion.travel_height - float(motion.calibration.height(np.array([END_THICKNESS]))[0])
-    return [(length + 2 * drop) / motion.workspace.painting_speed for length in lengths]
+    low = motion.clearance_height
+    drop = low - float(motion.calibration.height(np.array([END_THICKNESS]))[0])
+    air = 2 * (motion.travel_height - low) / motion.workspace.travel_speed
+    return [(length + 2 * drop) / motion.workspace.painting_speed + air for length in lengths]
 
 
 def _motion_by_motion(plan: Plan, motion: Motion, pace: _Pace) -> list[float]:
     """Seconds of each stroke as its motion goes, which slows down in bends."""
     strokes = plan.strokes.detach().to(torch.float64)
-    return [pace.of(motion.stroke(strokes, index)) for index in range(len(plan))]
+    seconds = []
+    for index in range(len(plan)):
+        above, stroke, up = motion.swift_stroke(strokes, index, "stroke")
+        hand = _Hand(up.speed, tuple(above.position[0]), pace)
+        seconds.append(hand.through(stroke) + hand.to(up))
+    return seconds

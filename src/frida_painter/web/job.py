@@ -46,6 +46,7 @@ class Job:
             ground=request.ground,
             on_canvas=request.on_canvas,
             drying=request.drying,
+            minutes=request.minutes,
             effort=request.effort,
             seed=request.seed,
             **self._easel_fields,

@@ -91,6 +91,7 @@ class PaintingRequest(_Checked):
     ground: Ground = "white"
     on_canvas: bool = False
     drying: float = _as_described("drying")
+    minutes: float | None = _as_described("minutes")
     effort: float = _as_described("effort")
     seed: int = _as_described("seed")
 

@@ -10,6 +10,7 @@ import { pad } from "./pad.js";
 const LATER = { text: "text", style: "a style", sketch: "a drawing", semantic: "the content of a picture" }; // what may need a network first
 const FIRST = { text: "+ Text", image: "+ Picture", style: "+ Style" };
 const STROKES = [15, 30, 50, 80, 120, 160, 200, 250, 300, 400, 500, 650, 800, 1000];
+const MINUTES = [null, 10, 15, 20, 30, 45, 60, 90, 120, 180, 240]; // of the robot
 const SIZES = [["14 × 11 in", 355.6, 279.4], ["A4", 297, 210], ["A3", 420, 297], ["30 × 30 cm", 300, 300], ["20 × 20 cm", 200, 200]];
 const BRUSHES = [["", "broad, then medium"], ["broad", "broad"], ["medium", "medium"], ["fine", "fine"], ["broad,medium,fine", "broad, medium, fine"]]
   .map(([value, label]) => ({ value, label }));
@@ -21,7 +22,7 @@ const PRESETS = [
 
 /** @returns {Wish} */
 export const fresh = () => ({
-  title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brushes: "", replans: 4, ground: "white", on_canvas: false, drying: 20, effort: 1, seed: 0,
+  title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brushes: "", replans: 4, ground: "white", on_canvas: false, drying: 20, minutes: null, effort: 1, seed: 0,
 });
 
 /**
@@ -134,6 +135,8 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
             ...(house.simulated ? [] : [{ value: "as it is", label: "as it is", title: "Paint on what is there: a toned ground, an old painting, or what you painted" }])],
           onchange: (value) => { wish.on_canvas = value === "as it is"; wish.ground = value === "auto" ? "auto" : "white"; changed(); } }),
         house.simulated ? null : slider({ label: "Drying", min: 5, max: 60, value: wish.drying ?? 20, words: (minutes) => `${minutes} minutes between two layers`, oninput: set("drying") }),
+        house.robot === "human" ? null : slider({ label: "Robot's time", min: 0, max: MINUTES.length - 1, value: Math.max(0, MINUTES.indexOf(wish.minutes ?? null)),
+          words: (index) => (MINUTES[index] ? `at most ${MINUTES[index]} minutes` : "as long as it takes"), oninput: (index) => set("minutes")(MINUTES[index]) }),
         h("div", { class: "field" }, h("span", {}, "Start from another picture or text"), first,
           h("div", { class: "adders", role: "group", "aria-label": "Start from" }, Object.entries(FIRST).map(([kind, label]) => adder(kind, wish.initial, label)))),
         h("label", { class: "field" }, h("span", {}, "Canvas"), house.canvas ? h("span", {}, `${Math.round(wish.width)} × ${Math.round(wish.height)} mm, from the workspace file of the robot`) : canvasChoice()),
