@@ -129,7 +129,8 @@ PaceOption = Annotated[
         "--pace",
         parser=number,
         metavar="X",
-        help="Speed of the virtual robot. 1 is real time, 2 is twice as fast, 0 is as fast as possible.",
+        help="Seconds that a second of the virtual robot takes. 1 is real time, 0.1 ten times as fast, 0 as fast as "
+        "possible.",
     ),
 ]
 PlacementErrorOption = Annotated[
