@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from frida_painter.errors import ConfigError
+from frida_painter.runs.spec import FILES
 from frida_painter.sweeps.run import SweepRun, label
 from frida_painter.sweeps.spec import SweepSpec, run_spec
 
@@ -57,6 +58,13 @@ def test_what_decides_the_outcome_decides_the_key() -> None:
     assert len({SweepRun.of("plan", *both, hash_of=by_content).key for both in fields}) == 1
 
 
+def test_the_content_of_every_file_decides_the_key() -> None:
+    for name in set(FILES) - {"arm_meshes"}:  # those are for the film of another robot
+        fields = {"image": "a.jpg", "colors": 4, name: "kept.file"}
+        keys = [SweepRun.of("plan", {}, fields, hash_of=lambda path, n=n: f"{path.name} {n}").key for n in (1, 1, 2)]
+        assert keys[0] == keys[1] != keys[2], name
+
+
 def test_settings_make_the_same_description_again() -> None:
     goal = [{"image": "a.jpg", "weight": 2}, {"text": "a lemon"}]
     fields = {"goal": goal, "strokes": 7, "canvas": "20x10cm", "initial": [{"style": "c.jpg"}]}
@@ -90,15 +98,17 @@ def test_a_file_names_others_beside_it(tmp_path: Path) -> None:
         ("[grid]\nseeds = [0]", "'seeds' is not a field of a run; there are arm_meshes, brush"),
         ("[settings]\nplan = 'a.json'", "'plan' is not a field of a run"),
         ("[grid]\nseed = []", "seed has no values; give at least one"),
-        ("[grid]\nimage = ['nothing/*.jpg']", "image has no values"),
+        ("[grid]\nimage = ['nothing/*.jpg']", "No file is called nothing/*.jpg (in "),
         ("runs = []", "there are no runs"),
         ("[grid]\nseed = [0]\n[[runs]]\nseed = 1", "seed stands in the grid and in"),
         ("tries = nan", "tries was given nan"),
-        ("time_limit = nan", "time_limit was given nan"),
+        ("time_limit = nan", "time_limit was given nan; it is a number of seconds above 0, at most 2592000."),
         ("time_limit = -1", "time_limit was given -1"),
         ("threads = 0", "threads was given 0"),
         ("threads = 2.5", "threads was given 2.5"),
-        ("grid = 3", "grid was given 3"),
+        ("grid = 3", "grid was given 3; it is a section of fields with lists of values, [grid]."),
+        ("grid.seed = 3", "grid.seed was given 3; it is a list of values, such as [1, 2]."),
+        ("runs = [3]", "runs.0 was given 3; it is a list of sections, [[runs]]."),
         ("sweeps = 3", "'sweeps' is unknown; there are version, title"),
         ("kind = 'dance'", "kind was given 'dance'"),
         ("= 3", "is not TOML"),

@@ -26,6 +26,8 @@ EASEL = (
     "robot", "camera", "workspace", "calibration", "placement_error", "pace", "arm_meshes", "studio_canvas", "on_canvas"
 )  # fmt: skip
 """What says where a painting is painted rather than what."""
+FILES = ("palette", "pictures", "workspace", "calibration", "arm_meshes", "studio_canvas")
+"""Fields that name files other than those of the goal."""
 USUAL_BRUSHES = "broad:50%,medium:50%"
 """Of a picture in the virtual studio; other goals, and few strokes, have the first one only."""
 _MOST_BYTES = 2**20
@@ -243,7 +245,7 @@ class RunSpec(BaseModel):
     def from_toml(cls, path: Path, **overrides: Any) -> Self:
         """A description from a TOML file, with `overrides` on top; files in it are named relative to it."""
         values = storage.read_toml(path, "a settings file (TOML)", _MOST_BYTES, "write lines such as: strokes = 300")
-        for name in ("palette", "pictures", "workspace", "calibration", "arm_meshes", "studio_canvas"):
+        for name in FILES:
             if isinstance(values.get(name), str):
                 values[name] = path.parent / values[name]
         return cls.of(**{**values, **overrides})

@@ -11,11 +11,10 @@ from typing import Any
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.kind import goal_kinds
 from frida_painter.runs.goal_item import GoalItem
-from frida_painter.runs.spec import RunSpec
+from frida_painter.runs.spec import FILES, RunSpec
 from frida_painter.sweeps.spec import PLAN, Fields, run_spec
 
 _KEY = 20  # hexadecimal digits: two of a billion runs have one key with a chance of 1 in 10^6
-_FILES = ("palette", "pictures", "calibration", "workspace", "arm_meshes")
 
 Value = str | int | float | bool | None
 ContentHash = Callable[[Path], str]
@@ -55,7 +54,7 @@ class SweepRun:
         program = version("frida-painter")
         chosen = spec.record()
         goal = {part: [_identity(item, hash_of) for item in getattr(spec, part)] for part in ("goal", "initial")}
-        files = {name: hash_of(Path(chosen[name])) for name in _FILES if chosen[name] is not None}
+        files = {name: hash_of(Path(chosen[name])) for name in FILES if chosen[name] is not None}
         files |= {brush: hash_of(Path(brush)) for brush in spec.brush_names if Path(brush).suffix}
         if plan is not None:
             files[PLAN] = hash_of(Path(plan))

@@ -15,14 +15,26 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from frida_painter import storage
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.kind import Gives, goal_kinds
-from frida_painter.runs.spec import RunSpec
+from frida_painter.runs.spec import FILES, RunSpec
 
 KINDS = ("plan", "painting", "evaluation")
 PLAN = "plan"
 """The field that only an evaluation has: the file of the plan that is painted."""
 _MOST_BYTES = 2**22
 _EXAMPLE = 'write lines such as kind = "plan", and under [grid] lines such as seed = [0, 1, 2]'
-_PATHS = ("palette", "pictures", "calibration", "arm_meshes", "workspace")
+_SECONDS, _CORES, _MEMORY, _TRIES = 30 * 86400, 256, 2**20, 20  # the most of each
+_ALLOWED = {
+    "version": "1",
+    "title": "text of at most 80 characters",
+    "kind": f"one of {', '.join(KINDS)}",
+    "settings": "a section of fields, [settings]",
+    "grid": "a section of fields with lists of values, [grid]",
+    "runs": "a list of sections, [[runs]]",
+    "time_limit": f"a number of seconds above 0, at most {_SECONDS}",
+    "threads": f"a whole number of cores from 1 to {_CORES}",
+    "memory": f"a whole number of MB from 100 to {_MEMORY}",
+    "tries": f"a whole number from 1 to {_TRIES}",
+}
 
 EngineName = Literal["ray", "processes"]
 Fields = Mapping[str, Any]
@@ -46,10 +58,10 @@ class SweepSpec(BaseModel):
     settings: dict[str, Any] = {}
     grid: dict[str, list[Any]] = {}
     runs: list[dict[str, Any]] = [{}]
-    time_limit: float = Field(3600.0, gt=0, le=30 * 86400, allow_inf_nan=False)
-    threads: int = Field(1, ge=1, le=256)
-    memory: int = Field(1000, ge=100, le=2**20)
-    tries: int = Field(3, ge=1, le=20)
+    time_limit: float = Field(3600.0, gt=0, le=_SECONDS, allow_inf_nan=False)
+    threads: int = Field(1, ge=1, le=_CORES)
+    memory: int = Field(1000, ge=100, le=_MEMORY)
+    tries: int = Field(3, ge=1, le=_TRIES)
 
     @classmethod
     def of(cls, **values: Any) -> Self:
@@ -124,7 +136,7 @@ def run_spec(fields: Fields) -> RunSpec:
 def _found(field: str, value: Any, base: Path) -> Any:
     """A field with the paths in it relative to the sweep's folder; "*" in the name of a picture stands for many."""
     known = goal_kinds().by_name
-    is_path = field in (*_PATHS, PLAN) or (field in known and known[field].gives is Gives.PICTURE)
+    is_path = field in (*FILES, PLAN) or (field in known and known[field].gives is Gives.PICTURE)
     if isinstance(value, list) and field in ("goal", "initial"):
         return [_found(field, one, base) for one in value]
     if isinstance(value, dict):
@@ -137,20 +149,24 @@ def _found(field: str, value: Any, base: Path) -> Any:
 
 
 def _each(value: Any, base: Path) -> list[Any]:
-    """The files that a pattern means, sorted; what is no pattern, as one."""
+    """The files that a pattern means, sorted; what is no pattern, as one. Raises ConfigError where there is none."""
     if not isinstance(value, str):
         return [value]
     if "*" not in value:
         return [str(base / value)]
     path = Path(value)
-    folder = base / path.parent
-    return sorted(str(one) for one in folder.glob(path.name))
+    found = sorted(str(one) for one in (base / path.parent).glob(path.name))
+    if not found:
+        raise ConfigError(f"No file is called {value[:80]} (in {storage.shown(base)}); the sweep has nothing to paint.")
+    return found
 
 
 def _sentence(fault: Any) -> str:
     """One fault of pydantic's in plain words."""
-    name = ".".join(map(str, fault["loc"]))
+    entry, *within = map(str, fault["loc"])
+    name = ".".join((entry, *within))[:60]
     if fault["type"] == "extra_forbidden":
         return f"{name[:40]!r} is unknown; there are {', '.join(SweepSpec.model_fields)}"
     given = repr(fault["input"])
-    return f"{name} was given {given if len(given) <= 40 else f'{given[:37]}...'}; {fault['msg']}"
+    allowed = "a list of values, such as [1, 2]" if within and entry == "grid" else _ALLOWED[entry]
+    return f"{name} was given {given if len(given) <= 40 else f'{given[:37]}...'}; it is {allowed}"
