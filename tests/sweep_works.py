@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import time
 from pathlib import Path
 
@@ -14,6 +15,10 @@ def square(number: int) -> int:
 
 def process(number: int) -> int:
     return os.getpid()
+
+
+def is_loaded(name: str) -> bool:
+    return name in sys.modules
 
 
 def threads(number: int) -> int:

@@ -30,7 +30,7 @@ Work = Callable[[Any], Any]
 _STARTING = 300.0  # seconds until a process has loaded, on a machine that is busy
 _STARTS = 4
 _GRACE = 20.0  # seconds after the alarm
-_PRELOADED = [
+PRELOADED = [
     "frida_painter.sweeps.worker",
     "frida_painter.brush.table_kernels",
     "frida_painter.render.moment_scanline",
@@ -114,7 +114,7 @@ class LocalEngine:
     def __init__(self, limits: TaskLimits, slots: int) -> None:
         self._limits, self.slots = limits, slots
         self._context = multiprocessing.get_context("forkserver")
-        self._context.set_forkserver_preload(_PRELOADED)
+        self._context.set_forkserver_preload(PRELOADED)
         self._stopping = threading.Event()
         self._workers = [_Worker(self._context) for _ in range(slots)]
 
