@@ -146,7 +146,7 @@ def survive(folder: Path, given: argparse.Namespace) -> tuple[dict[str, str], bo
     watch, spending, started = Watch(out), Spending(), time.monotonic()
     workers = drivers = calls = 0
     used = killed_at = 0.0
-    while watch.look() < given.runs and calls <= given.driver_kills + 3:
+    while watch.look() < given.runs and calls <= given.driver_kills + 3 and time.monotonic() - started < _LONGEST:
         calls += 1
         driver = begun(file, out, given.engine)
         while driver.poll() is None and time.monotonic() - started < _LONGEST:
