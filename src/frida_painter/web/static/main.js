@@ -27,9 +27,14 @@ let noticeTimer = 0;
 
 /** Shows a sentence for a while, and what can be done about it. */
 function notice(sentence, label = "Close", work = () => {}) {
-  show(noticeBoard, h("p", {}, sentence), h("button", { type: "button", class: "quiet", onclick: () => { show(noticeBoard); work(); } }, label));
-  clearTimeout(noticeTimer);
+  refuse(sentence, label, work);
   noticeTimer = setTimeout(() => show(noticeBoard), 20000);
+}
+
+/** Says why what a person wanted was not done, until it is closed: whoever looked away still learns of it. */
+function refuse(sentence, label = "Close", work = () => {}) {
+  clearTimeout(noticeTimer);
+  show(noticeBoard, h("p", {}, sentence), h("button", { type: "button", class: "quiet", onclick: () => { show(noticeBoard); work(); } }, label));
 }
 
 /** From now on this page has the robot do things. */
@@ -44,8 +49,8 @@ async function attempt(work) {
     show(noticeBoard);
     return done;
   } catch (/** @type {any} */ error) {
-    if (error.led) notice(error.message, "Take control", lead);
-    else notice(error.message);
+    if (error.led) refuse(error.message, "Take control", lead);
+    else refuse(error.message);
     return undefined;
   }
 }
