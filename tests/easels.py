@@ -129,4 +129,5 @@ class NotingAttendant:
 
 
 def stub_easel(robot: NotingRobot | None = None, camera: PatientCamera | None = None) -> Easel:
-    return Easel(robot or NotingRobot(), camera or PatientCamera(), NotingAttendant(), WORKSPACE, CALIBRATION, CANVAS)
+    robot, camera = robot or NotingRobot(), camera or PatientCamera()
+    return Easel(robot, camera, NotingAttendant(), WORKSPACE, CALIBRATION, CANVAS, pace=0.0)

@@ -16,6 +16,7 @@ LAYERS = (
         "event_log",
         "extras",
         "storage",
+        "quantities",
         "tensor_file",
         "picture_file",
         "images",

@@ -19,7 +19,8 @@ from frida_painter.lens import Lens
 VERSION = 2
 PROCEDURES = ("canvas", "robot", "color", "brush", "strokes")
 """What calibrates an easel, in the order in which it is done."""
-_OF_A_BRUSH = ("brush", "strokes")
+OF_A_BRUSH = ("brush", "strokes")
+"""Those that look at the brush in the holder."""
 _FORMAT = "frida-painter calibration"
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _REPEAT_ALL = "repeat all procedures: frida-painter calibrate all"
@@ -176,8 +177,7 @@ class Calibration:
 
     def _holding(self, brush: str, chosen: BrushRecord) -> Self:
         """The record with that brush in the holder, and the one that was there among the others."""
-        mine = {name: done for name, done in self.done.items() if name in _OF_A_BRUSH}
-        left = BrushRecord(self.touch_height, self.press_height, self.protrusion, self.library, self.weights, done=mine)
+        left = self._of_holder
         return replace(
             self,
             brush=brush,
@@ -186,9 +186,29 @@ class Calibration:
             protrusion=chosen.protrusion,
             library=chosen.library,
             weights=chosen.weights,
-            done={**{name: done for name, done in self.done.items() if name not in mine}, **chosen.done},
+            done={**{name: done for name, done in self.done.items() if name not in left.done}, **chosen.done},
             others={**{name: one for name, one in self.others.items() if name != brush}, self.brush: left},
         )
+
+    @property
+    def _of_holder(self) -> BrushRecord:
+        """What is known of the brush in the holder."""
+        mine = {name: done for name, done in self.done.items() if name in OF_A_BRUSH}
+        return BrushRecord(self.touch_height, self.press_height, self.protrusion, self.library, self.weights, done=mine)
+
+    def begun_anew(self, default: Self) -> Self:
+        """The easel's default record, to calibrate all of it again; what this one knows of other brushes stays.
+
+        When procedures were done stays as well: what is done anew is newer than all that was.
+        """
+        others, done = dict(self.others), dict(self.done)
+        if self.brush != default.brush:
+            done = {name: one for name, one in done.items() if name not in OF_A_BRUSH}
+            if "brush" in self.done:
+                others[self.brush] = self._of_holder
+            if default.brush in others:
+                done |= others.pop(default.brush).done
+        return replace(default, done=done, others=others)
 
     def with_canvas(
         self,

@@ -39,14 +39,16 @@ def number(text: str) -> float:
         raise typer.BadParameter(f"{str(text)[:40]!r} is not a number, like 0.5") from error
 
 
-def count_of(number: int, what: str) -> str:
-    """ "1 stroke", "2 strokes"."""
-    return f"{number} {what}{'' if number == 1 else 's'}"
+def number_within(least: float, most: float) -> Callable[[str], float]:
+    """Reads numbers from `least` to `most`. What it makes raises typer.BadParameter."""
 
+    def read(text: str) -> float:
+        value = number(text)
+        if not least <= value <= most:
+            raise typer.BadParameter(f"{text[:40]} is not from {least:g} to {most:g}")
+        return value
 
-def megabytes(size: int) -> str:
-    """Bytes as "12 MB"."""
-    return f"{size / 1e6:.0f} MB"
+    return read
 
 
 def out_file(text: str | Path) -> Path:

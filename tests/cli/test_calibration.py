@@ -8,7 +8,7 @@ from PIL import Image
 
 from frida_painter import cli
 from frida_painter.brush.weights import load_stroke_model
-from frida_painter.calibration import Calibration
+from frida_painter.calibration import OF_A_BRUSH, Calibration
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.objectives.kinds.image import ImageTerm
@@ -79,7 +79,7 @@ def test_all_five_are_done_in_order(run: Run, tmp_path: Path) -> None:
     assert (planner.models["fine"](*shape) - learned(*shape)).abs().mean() < 0.01
     assert (planner.models["fine"](*shape) - load_stroke_model("fine")(*shape)).abs().mean() > 1e-4
     for name in known.done:
-        assert f"{name}: " in out and (tmp_path / f"cal-{name}.png").exists()
+        assert f"{name}: " in out and (tmp_path / f"cal-{name}{'-fine' if name in OF_A_BRUSH else ''}.png").exists()
     status, out, _ = run("doctor", "--brush", "fine", "--record", "cal.json")
     assert status == 0 and out.count("good") == 5
 

@@ -29,6 +29,15 @@ def test_a_plan_is_told_with_amounts_and_as_a_sheet(monkeypatch, capsys) -> None
     assert run(monkeypatch, "mix", ".", "--out", "again.jpg") == 0 and Path("again.jpg").exists()
 
 
+def test_each_filling_of_the_wells_is_told_on_its_own(monkeypatch, capsys) -> None:
+    made_up_plan(40, 3).under(made_up_plan(20, 2, seed=5)).save(Path("plan.json"))
+    assert run(monkeypatch, "mix", "plan.json") == 0
+    first, second = capsys.readouterr().out.split("Fill the wells anew before layer 2:")
+    assert (first.count("#"), second.count("#")) == (3, 2)
+    assert "The sheet: mixing.png" in first and "The sheet: mixing-layer-2.png" in second
+    assert Path("mixing-layer-2.png").exists()
+
+
 def test_a_palette_and_one_s_own_paints(monkeypatch, capsys) -> None:
     Path("mixed.json").write_text(json.dumps({"paints": ["#c9ab8a", "#000000"]}))
     Path("mine.toml").write_text("[[paint]]\nname='titanium white'\n[[paint]]\nname='brown'\ncolor='#8a5a2b'\n")

@@ -130,6 +130,13 @@ def test_between_two_layers_the_machine_waits_for_dry_paint(pauses: bool) -> Non
     assert "dry" not in gcode(PLAN, actions(), Gcode(), pauses=pauses)
 
 
+@pytest.mark.parametrize(("seconds", "says"), [(2700.0, "for 45 minutes"), (60.0, "for 1 minute before"), (0.0, None)])
+def test_it_waits_as_long_as_paint_is_said_to_dry(seconds: float, says: str | None) -> None:
+    layered = in_layers(PLAN, 8, 4)
+    program = gcode(layered, actions(layered), Gcode(), pauses=True, drying=seconds)
+    assert "clean the brush" in program and ("dry" not in program if says is None else says in program)
+
+
 @pytest.mark.parametrize("pauses", [True, False])
 def test_a_person_is_told_the_ground_and_every_brush_before_it_is_needed(pauses: bool) -> None:
     several = replace(PLAN, ground=(200 / 255, 168 / 255, 120 / 255)).under(

@@ -119,6 +119,7 @@ def test_everything_that_was_promised_is_in_the_folder_and_the_page_names_only_w
     names = named(page.read_text())
     assert names <= there and {"painting.png", "target.jpg", "film.mp4", "palette.png", *looks} <= names
     assert set(result["files"]) == there  # type: ignore[call-overload]
+    assert "12 strokes in 3 paints" in page.read_text() and "1 look in between" in page.read_text()
     assert "A cup &lt;of&gt; coffee" in page.read_text() and "300 x 200 mm" in page.read_text()
     assert all(path.stat().st_size > 50 for path in tmp_path.iterdir() if path.name != "plan.json")
 

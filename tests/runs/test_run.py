@@ -19,7 +19,8 @@ from frida_painter.runs.opening import Controls
 from frida_painter.runs.reopening import history_of
 from frida_painter.runs.run import PaintingRun, paint
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import Event, GroundWanted, Planned, StrokePainted
+from frida_painter.session.events import Event, GroundWanted, Planned, Stopped, StrokePainted
+from frida_painter.session.page_events import Finishing
 from marks import coarse_table
 
 SMALL = {"canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}
@@ -130,6 +131,15 @@ def test_a_stopped_painting_is_gone_on_with_to_its_last_stroke(stopped: Path) ->
     assert outcome.painting is not None and outcome.painting.painted == 6
     result = json.loads((stopped / "result.json").read_text())
     assert result["strokes_painted"] == 6 and result["sittings"] == 2 and history_of(stopped).finished
+
+
+def test_stopped_before_there_is_a_plan_nothing_is_left_to_finish(photo: Path, tmp_path: Path) -> None:
+    heard: list[Event] = []
+    spec = RunSpec.of(goal=[{"image": str(photo)}], strokes=6, **SMALL)
+    with PaintingRun(spec, tmp_path / "painting", listeners=[heard.append], controls=Controls(lambda: True)) as run:
+        outcome = run.start()
+    assert outcome.page is None and any(isinstance(event, Stopped) for event in heard)
+    assert not any(isinstance(event, Finishing) for event in heard)
 
 
 def test_a_painting_without_a_goal_is_refused(tmp_path: Path) -> None:

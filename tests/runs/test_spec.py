@@ -21,6 +21,11 @@ def test_without_a_wish_everything_has_its_default() -> None:
     assert str(chosen.canvas) == "356 x 279 mm"
 
 
+def test_a_brush_gets_a_stroke_or_is_refused_and_paint_may_dry_at_once() -> None:
+    assert RunSpec.of(brushes="broad:90%,fine:10%", strokes=6).shares == (0.9, 0.1)
+    assert RunSpec.of(strokes=1).drying == 20 and RunSpec.of(drying=0.0).drying == 0
+
+
 def test_few_strokes_bring_their_own_colors_and_replans() -> None:
     assert RunSpec.of(strokes=3).colors == 3
     assert [RunSpec.of(strokes=count).replans for count in (1, 2, 5, 300)] == [0, 1, 4, 4]
@@ -54,7 +59,7 @@ def test_few_strokes_bring_their_own_colors_and_replans() -> None:
         ({"brushes": ",".join(["fine"] * 9)}, "9 brushes were given; there are at most 8 layers"),
         ({"brushes": 3}, "--brushes was given 3; it is a name or a path"),
         ({"brushes": "broad,fine", "layers": 3}, "3 layers and 2 brushes; leave out --layers"),
-        ({"brushes": "broad,fine", "strokes": 1}, "2 layers for 1 strokes; give at most as many brushes"),
+        ({"brushes": "broad,fine", "strokes": 1}, "2 layers for 1 stroke; give at most as many brushes"),
         ({"brushes": "broad", "brush": "fine"}, "give --brushes alone"),
         (
             {"colour": 3},
@@ -62,9 +67,12 @@ def test_few_strokes_bring_their_own_colors_and_replans() -> None:
         ),
         ({"strokes": 5, "layers": 6}, "6 layers for 5 strokes; give at most as many layers as strokes"),
         ({"layers": 0}, "--layers was given 0; it is a whole number from 1 to 8"),
-        ({"drying": 0.0}, "--drying was given 0.0; it is a number from 1 to 1440"),
-        ({"drying": -5.0}, "--drying was given -5.0; it is a number from 1 to 1440"),
-        ({"drying": float("nan")}, "--drying was given nan; it is a number from 1 to 1440"),
+        (
+            {"brushes": "broad:99%,fine:1%", "strokes": 6},
+            "fine gets 1 % of 6 strokes, which is not one stroke; give it",
+        ),
+        ({"drying": -5.0}, "--drying was given -5.0; it is a number from 0 to 1440"),
+        ({"drying": float("nan")}, "--drying was given nan; it is a number from 0 to 1440"),
         ({"ground": "blurple"}, "--ground: 'blurple' is not a ground; give auto, white, or a colour such as #c8a878"),
         ({"ground": "#12345"}, "'#12345' is not a ground"),
         ({"ground": "auto", "on_canvas": True}, "--on-canvas paints on what is there, and --ground auto tones"),

@@ -1,4 +1,3 @@
-import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -169,13 +168,6 @@ def test_after_a_stop_nothing_more_is_taken_note_of(easel: Easel) -> None:
     with pytest.raises(RobotStopped):
         brushwork.step_aside()
     hand.close()
-
-
-@pytest.mark.parametrize("operator", [PersonAsOperator(lambda question: False), AbsentOperator()])
-def test_real_paint_takes_its_time_to_dry_and_nobody_is_asked(operator: PersonAsOperator | AbsentOperator) -> None:
-    before = time.monotonic()
-    operator.let_dry(0.05)
-    assert time.monotonic() - before >= 0.05
 
 
 def test_a_person_is_told_how_to_mix_the_ground_and_may_leave() -> None:

@@ -1,4 +1,6 @@
 import math
+import threading
+import time
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
@@ -383,6 +385,30 @@ def test_a_stop_and_a_pause_are_heard_while_paint_dries(tmp_path: Path) -> None:
     assert last is not None and history.wet() == DRYING - 120
     assert history.wet(last + timedelta(minutes=5)) == pytest.approx(DRYING - 420, abs=1)
     assert history.wet(last + timedelta(hours=5)) == 0
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_a_stop_while_paint_dries_is_heeded_at_once(simulated: bool) -> None:
+    evening = layered(replans=0, layers=(2, 2))
+    evening.brushwork.easel = replace(evening.easel, pace=1.0, simulated=simulated)
+    threading.Timer(0.3, lambda: setattr(evening, "stopping", True)).start()
+    before = time.monotonic()
+    assert evening.run().painted == 2 and time.monotonic() - before < 5
+
+
+def test_paint_dries_at_the_easel_s_pace() -> None:
+    evening = layered(replans=0, layers=(2, 2))
+    evening.brushwork.easel = replace(evening.easel, pace=0.01, simulated=True)
+    evening.brushwork.drying = 40.0
+    before = time.monotonic()
+    assert evening.run().painted == 4 and time.monotonic() - before >= 0.4
+
+
+def test_paint_that_dries_at_once_is_not_waited_for() -> None:
+    evening = layered(replans=1, layers=(2, 2))
+    evening.brushwork.drying = 0.0
+    assert evening.run().painted == 4 and evening.easel.operator.dried == []
+    assert [event.left for event in evening.heard if isinstance(event, Drying)] == [0.0]
 
 
 def test_a_look_that_fails_when_the_paint_is_dry_pauses_and_nothing_is_painted_before_it(tmp_path: Path) -> None:

@@ -2,11 +2,13 @@ from pathlib import Path
 
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.web.exports import export
-from plans import made_up_plan
+from plans import in_layers, made_up_plan
 
 
 def test_a_plan_is_written_for_plotters_and_machines(tmp_path: Path) -> None:
-    export(made_up_plan(6, 2), {"medium": load_stroke_model("broad")}, tmp_path)
+    plan = in_layers(made_up_plan(6, 2), 4, 2)
+    export(plan, {"medium": load_stroke_model("broad")}, tmp_path, drying=45)
     assert (tmp_path / "strokes.svg").read_text().startswith("<?xml")
-    assert "M0" in (tmp_path / "strokes.gcode").read_text()
+    program = (tmp_path / "strokes.gcode").read_text()
+    assert "M0" in program and "dry for 45 minutes" in program
     assert (tmp_path / "strokes.csv").stat().st_size > 100

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from frida_painter import images
 from frida_painter.cli.terminal import Terminal
-from frida_painter.runs.calibrating import CalibrationSetup, begin_procedure, beside, learn_from, record_to_renew
+from frida_painter.runs.calibrating import CalibrationSetup, begin_procedure, learn_from, record_to_renew
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.procedures.calibration_status import require_basis
 from frida_painter.session.procedures.dialogue import Answer, Finding, Question, lead
@@ -39,7 +39,7 @@ def lead_all(names: Sequence[str], setup: "CalibrationSetup", *, anew: bool, ask
                 if isinstance(finding, StrokesFinding):
                     known = learn_from(finding, current, known)
             known.save(path)
-            _tell(name, finding, path)
+            _tell(name, finding, setup)
     finally:
         here.camera.close()
         here.robot.close()
@@ -61,10 +61,10 @@ def easel_spec(
     return RunSpec.of(robot=robot, camera=camera, brush=brush, seed=seed, **said)
 
 
-def _tell(name: str, finding: Finding, record: Path) -> None:
+def _tell(name: str, finding: Finding, setup: CalibrationSetup) -> None:
     print(f"{name}: {finding.sentence}")
     if finding.picture is not None:
-        picture = beside(record, f"{name}.png")
+        picture = setup.beside(name, "png")
         images.save(finding.picture, picture)
         print(f"  {picture}")
 

@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from frida_painter.errors import ConfigError
-from frida_painter.options import count_of, out_file
+from frida_painter.options import out_file
+from frida_painter.quantities import count_of
 
 PictureOut = Annotated[Path, typer.Option(parser=out_file, metavar="FILE", help="The picture to write, .png or .jpg.")]
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from frida_painter.errors import ConfigError
-from frida_painter.options import number, out_file
+from frida_painter.options import number, number_within, out_file
 
 
 class ExportFormat(StrEnum):
@@ -79,6 +79,14 @@ def export(
     calibration: Annotated[
         Path | None, typer.Option(metavar="FILE", help="gcode, with --workspace: the easel's calibration record.")
     ] = None,
+    drying: Annotated[
+        float | None,
+        typer.Option(
+            parser=number_within(0, 1440),
+            metavar="MINUTES",
+            help="gcode: how long a layer dries before the next one. [dim]as the painting's settings say, else 20[/]",
+        ),
+    ] = None,
 ) -> None:
     """Export the strokes of a plan as SVG, G-code or CSV, in millimetres.
 
@@ -94,13 +102,13 @@ def export(
         raise ConfigError(f"--out was given {str(path)!r}; with --to {to.value} the file ends in .{to.value}.")
     _refuse_strangers(to, {"svg": {"--regroup": regroup, "--dips": dips}, "gcode": {"--flavour": flavour is not None,
                       "--press": press is not None, "--lift": lift is not None, "--workspace": workspace is not None,
-                      "--calibration": calibration is not None}})  # fmt: skip
+                      "--calibration": calibration is not None, "--drying": drying is not None}})  # fmt: skip
     match to:
         case ExportFormat.svg:
             written = write_svg(plan, path, keep_order=not regroup, dips=dips)
         case ExportFormat.gcode:
             dialect = (flavour or Flavour.grbl).value
-            written = write_gcode(plan, path, dialect, press, lift, workspace, calibration)
+            written = write_gcode(plan, path, dialect, press, lift, workspace, calibration, drying)
         case ExportFormat.csv:
             written = write_table(plan, path)
     typer.echo(f"{len(written)} strokes in {len(written.palette)} paints: {path}")

@@ -6,7 +6,7 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeR
 
 from frida_painter import weights
 from frida_painter.cli.progress import Line
-from frida_painter.options import megabytes
+from frida_painter.quantities import megabytes
 
 
 class FetchProgress(Line):

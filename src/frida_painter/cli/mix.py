@@ -48,7 +48,8 @@ def mix(
 ) -> None:
     """Give a recipe for each colour of a palette, from the paints that you own, with the predicted error.
 
-    For a plan it also gives the amount of each paint. Colours that your paints cannot reach are marked.
+    For a plan it also gives the amount of each paint, and the paints of each filling of the wells on their
+    own, with a sheet each (mixing-layer-2.png). Colours that your paints cannot reach are marked.
     The recipes are also written as a sheet to print. docs/mixing.md explains the file of your own paints.
     """
     if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
@@ -57,27 +58,34 @@ def mix(
     from frida_painter.mixing.paint_inventory import read_paints, usual_paints
     from frida_painter.mixing.recipe import recipes
     from frida_painter.report.mixing_sheet import mixing_sheet
+    from frida_painter.report.palette_sheet import sheet_file
     from frida_painter.session.opening import limit_threads
 
     limit_threads()
     owned = read_paints(paints) if paints else usual_paints()
-    palette, wanted = _wanted(what)
-    found = recipes(palette.color, owned, most, finish)
-    images.save(mixing_sheet(found, wanted, "Mixing"), out)
-    _show(found, wanted)
-    print(f"The sheet: {out}")
+    for layer, palette, wanted in _wanted(what):
+        of, sheet = ("", out) if layer == 1 else (f", layer {layer}", out.with_name(sheet_file(out.name, layer)))
+        found = recipes(palette.color, owned, most, finish)
+        images.save(mixing_sheet(found, wanted, f"Mixing{of}"), sheet)
+        if of:
+            print(f"\nFill the wells anew before layer {layer}:")
+        _show(found, wanted)
+        print(f"The sheet: {sheet}")
 
 
-def _wanted(path: Path) -> tuple["Palette", list[float] | None]:
-    """The palette to mix, and millilitres of each paint where a plan says what they are for."""
+def _wanted(path: Path) -> list[tuple[int, "Palette", list[float] | None]]:
+    """For each time that the wells are filled: before which layer, from 1, with which paints, and how much of each.
+
+    That is in millilitres, None where no plan says what the paints are for.
+    """
     from frida_painter.mixing.amounts import volumes
     from frida_painter.palette import Palette
     from frida_painter.plan import Plan
 
     if path.is_dir() or _is_plan(path):
         plan = Plan.load(path)
-        return plan.palette, volumes(plan).tolist()
-    return Palette.load(path), None
+        return [(layer, part.palette, volumes(part).tolist()) for layer, part in plan.by_wells()]
+    return [(1, Palette.load(path), None)]
 
 
 def _is_plan(path: Path) -> bool:

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from frida_painter.errors import ConfigError, WeightsError
 from frida_painter.model_folder import VARIABLE
-from frida_painter.options import megabytes
+from frida_painter.quantities import megabytes
 
 Cache = Annotated[
     Path | None,

@@ -12,10 +12,11 @@ from frida_painter.hardware.reach import Reach
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.hardware.workspace import Workspace
-from frida_painter.options import count_of
 from frida_painter.plan import Plan
+from frida_painter.quantities import count_of
 from frida_painter.render.plan_picture import render_plan
 from frida_painter.report.offending_strokes import offending_strokes
+from frida_painter.runs.folder import drying_of
 from frida_painter.session.brushwork import choreography_at
 from frida_painter.session.choreography import BrushLoad
 from frida_painter.session.easel_order import EaselOrder
@@ -47,7 +48,7 @@ def check_plan(plan: Path, robot: str | None, workspace: Path | None, calibratio
             f"{count_of(len(loaded), 'stroke')} in {count_of(len(loaded.palette), 'paint')}: all of it can be painted."
         )
         choreography = choreography_at(place, known, loaded.brushes, simulated=there.simulated)
-        _tell_time(reckon(loaded, choreography, BrushLoad(), lambda painted: 0, there.timing))
+        _tell_time(reckon(loaded, choreography, BrushLoad(), lambda painted: 0, there.timing, drying_of(plan)))
         for name in loaded.brushes:
             print(f"The {name} brush is dipped again after {choreography.with_brush(name).brush.dip}.")
         return True

@@ -14,6 +14,7 @@ from frida_painter.export.table import table
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.plan import Plan
+from frida_painter.runs.folder import drying_of
 from frida_painter.session.brushwork import choreography_at
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
 from frida_painter.session.events import Dipped, StrokePainted
@@ -39,22 +40,26 @@ def write_gcode(
     lift: float | None,
     workspace: Path | None,
     calibration: Path | None,
+    drying: float | None,
 ) -> Plan:
-    """The plan as a program in that dialect of G-code. press, lift: millimetres, only without a workspace.
+    """The plan as a program in that dialect of G-code. press, lift: millimetres, only without a workspace;
+    drying: minutes for which a layer dries, None for as long as the painting says.
 
     Raises ConfigError, and WorkspaceViolation where the plan cannot be painted in that workspace.
     """
     loaded = Plan.load(plan)
+    dries = drying_of(plan) if drying is None else 60 * drying
     if workspace is None and calibration is None:
         flatbed = FlatbedWorkspace(
             FlatbedWorkspace.press if press is None else press / 1000,
             FlatbedWorkspace.lift if lift is None else lift / 1000,
         )
-        program = gcode(loaded, _actions(loaded, flatbed), Gcode(dialect, flatbed.travel_speed), pauses=True)
+        language = Gcode(dialect, flatbed.travel_speed)
+        program = gcode(loaded, _actions(loaded, flatbed), language, pauses=True, drying=dries)
     else:
         if press is not None or lift is not None:
             raise ConfigError("--press and --lift are the workspace's to say; leave them out with --workspace.")
-        program = _program(loaded, workspace, calibration, dialect)
+        program = _program(loaded, workspace, calibration, dialect, dries)
     storage.write_text(out, program)
     return loaded
 
@@ -66,7 +71,7 @@ def write_table(plan: Path, out: Path) -> Plan:
     return loaded
 
 
-def _program(plan: Plan, workspace: Path | None, calibration: Path | None, dialect: str) -> str:
+def _program(plan: Plan, workspace: Path | None, calibration: Path | None, dialect: str, drying: float) -> str:
     """All of a painting for a machine with wells. Raises WorkspaceViolation, where any of it cannot be done there."""
     if workspace is None:
         raise ConfigError("--calibration was given without --workspace; say where the wells stand as well.")
@@ -84,7 +89,7 @@ def _program(plan: Plan, workspace: Path | None, calibration: Path | None, diale
     choreography = choreography_at(workcell.workspace, known, plan.brushes, simulated=False)
     actions = choreography.actions(plan, BrushLoad(), 0, len(plan))
     language = Gcode(dialect, workcell.workspace.travel_speed)
-    return gcode(plan, actions, language, pauses=False, ending=choreography.cleaning())
+    return gcode(plan, actions, language, pauses=False, ending=choreography.cleaning(), drying=drying)
 
 
 def _actions(plan: Plan, flatbed: FlatbedWorkspace) -> list[Action]:

@@ -9,7 +9,8 @@ import typer
 from typer.core import TyperGroup
 
 from frida_painter.errors import Interrupted, TryFailed
-from frida_painter.options import count_of, out_folder, whole_number_within
+from frida_painter.options import out_folder, whole_number_within
+from frida_painter.quantities import count_of
 from frida_painter.sweeps.spec import EngineName
 
 SweepFile = Annotated[

@@ -14,15 +14,21 @@ from frida_painter.session.timetable import DRYING
 
 
 def gcode(
-    plan: Plan, actions: Iterable[Action], language: Gcode, *, pauses: bool, ending: Iterable[Waypoints] = ()
+    plan: Plan,
+    actions: Iterable[Action],
+    language: Gcode,
+    *,
+    pauses: bool,
+    ending: Iterable[Waypoints] = (),
+    drying: float = DRYING,
 ) -> str:
     """The plan as a G-code program whose zero, x and y are those of the actions' motions, in millimetres.
 
     actions: what painting the plan takes. A plan of several brushes waits (M0) for the first of them. After each
     layer but the last the machine waits until a person finds it dry. With `pauses` the machine waits at each dip
     (travelling height) until a person has put paint on the brush or changed the pen; without, it dips, rinses and
-    wipes itself, as the motions say. ending: what it does after the last stroke. Raises ConfigError
-    where a servo does not reach a height.
+    wipes itself, as the motions say. ending: what it does after the last stroke; drying: seconds that a layer is let
+    dry. Raises ConfigError where a servo does not reach a height.
     """
     head = (
         f"; frida-painter: {len(plan)} strokes in {len(plan.palette)} paints on {plan.canvas}",
@@ -33,7 +39,7 @@ def gcode(
     )
     todo = list(actions)
     start = language.rise(float(todo[0].motions[0].position[0, 2])) if todo else ()
-    body = _body(plan, todo, language, pauses=pauses)
+    body = _body(plan, todo, language, pauses=pauses, drying=drying)
     last = (line for motion in ending for line in _motion(motion, language))
     return "\n".join((*head, *start, *body, *last, "; the end", ""))
 
@@ -55,7 +61,7 @@ def _paints(plan: Plan) -> Iterator[str]:
         before = layer
 
 
-def _body(plan: Plan, actions: Iterable[Action], language: Gcode, *, pauses: bool) -> Iterator[str]:
+def _body(plan: Plan, actions: Iterable[Action], language: Gcode, *, pauses: bool, drying: float) -> Iterator[str]:
     numbers, painted = plan.layer.tolist(), 0
     if len(plan.brushes) > 1 and numbers:
         yield _wait(f"take the {plan.layers[numbers[0]].brush} brush", language)
@@ -71,11 +77,11 @@ def _body(plan: Plan, actions: Iterable[Action], language: Gcode, *, pauses: boo
             and numbers[painted - 1] != numbers[painted]
             and isinstance(action.done, StrokePainted)
         ):
-            yield _wait(_between(plan, painted), language)
+            yield _wait(_between(plan, painted, drying), language)
 
 
-def _between(plan: Plan, done: int) -> str:
-    """What a person does before the next layer begins, `done` strokes being painted."""
+def _between(plan: Plan, done: int, drying: float) -> str:
+    """What a person does before the next layer begins, `done` strokes being painted; drying: seconds."""
     numbers = plan.layer
     before, after = plan.layers[int(numbers[done - 1])], plan.layers[int(numbers[done])]
     todo = ["clean the brush"]
@@ -83,7 +89,9 @@ def _between(plan: Plan, done: int) -> str:
         todo.append(f"take the {after.brush} brush")
     if after.paints != before.paints:
         todo.append(f"fill the wells with the paints of layer {int(numbers[done]) + 1}")
-    return f"{', '.join(todo)}, and let this layer dry for {DRYING / 60:.0f} minutes before the next one"
+    minutes = f"{drying / 60:g} minute{'' if drying == 60 else 's'}"
+    dry = f", and let this layer dry for {minutes} before the next one" if drying else ""
+    return f"{', '.join(todo)}{dry}"
 
 
 def _motion(motion: Waypoints, language: Gcode) -> Iterator[str]:

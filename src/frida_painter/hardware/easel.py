@@ -27,7 +27,7 @@ class Operator(Protocol):
         """Returns when the brush of that name, clean, is in the robot's holder, or in the hand."""
 
     def let_dry(self, seconds: float) -> None:
-        """Returns when the paint on the canvas has dried for so many seconds."""
+        """The paint on the canvas has dried for so many seconds more, which were waited for at the easel's pace."""
 
     def lay_paper(self) -> bool:
         """Whether a fresh, bare canvas lies on the easel now; False where a person is to be asked for one."""
@@ -49,8 +49,9 @@ class Easel:
 
     reach: where the robot's arm gets, None where it gets everywhere in its workspace; timing: how it
     starts and stops, None where it is not known and its full speed is reckoned with; simulated: no real
-    robot is moved; foretell: hears what the robot will be sent next, in that order, for a person who paints
-    by hand and wants to see more than one stroke.
+    robot is moved; pace: seconds that a second of its clock takes, 0 where it is as fast as can be computed;
+    foretell: hears what the robot will be sent next, in that order, for a person who paints by hand and wants
+    to see more than one stroke.
     """
 
     robot: Robot
@@ -62,4 +63,5 @@ class Easel:
     reach: Reach | None = None
     timing: Timing | None = None
     simulated: bool = False
+    pace: float = 1.0
     foretell: Callable[[Sequence[Waypoints]], None] = _unheard

@@ -23,6 +23,7 @@ from frida_painter.mixing.recipe import Recipe, recipes
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.forecast import SimilarityForecast
+from frida_painter.quantities import count_of
 from frida_painter.report.difference import difference
 from frida_painter.report.film import FilmWriter
 from frida_painter.report.mixing_sheet import mixing_sheet
@@ -265,9 +266,9 @@ class Recorder:
             names[name] = f"look-{number}-{name}.jpg"
             images.save(picture, self.folder / names[name])
         text = (
-            f"After {seen.done} strokes the painter looked, and planned the {len(planned.plan)} that were left again: "
-            f"the finished painting should come {100 * planned.gain:.0f} % nearer to the goal than if it had gone on "
-            "blindly."
+            f"After {count_of(seen.done, 'stroke')} the painter looked, and planned the {len(planned.plan)} that were "
+            f"left again: the finished painting should come {100 * planned.gain:.0f} % nearer to the goal than if it "
+            "had gone on blindly."
         )
         if planned.forecast is not None:
             text += f" Its similarity to the photograph (PSNR): {planned.forecast}."
@@ -292,21 +293,21 @@ class Recorder:
     def _story(self, plan: Plan, painting: Painting, comparisons: tuple[Comparison, ...]) -> Story:
         painted = painting.painted
         of = len(plan)
-        count = f"{of} strokes" if painted == of else f"{painted} of {of} strokes"
-        looked = f", {len(self._looks)} looks in between" if self._looks else ""
+        count = count_of(of, "stroke") if painted == of else f"{painted} of {count_of(of, 'stroke')}"
+        looked = f", {count_of(len(self._looks), 'look')} in between" if self._looks else ""
         facts = (
             *self.facts,
             ("Strokes", f"{painted} of {of}"),
             *[(_forecast_by(done), str(one)) for done, one in self._forecasts[:1]],
             ("Dips into paint", str(self._dips)),
-            ("Brush cleaned", f"{self._cleanings} times"),
+            ("Brush cleaned", count_of(self._cleanings, "time")),
             ("Made in", f"{time.monotonic() - self._started:.0f} s"),
             *self._mishaps(),
             *([("Robot's clock", self._clock(painting))] if self._expected_seconds else []),
         )
         return Story(
             title=self.title,
-            summary=f"{count} in {len(plan.palette)} paints on a canvas of {plan.canvas}{looked}.",
+            summary=f"{count} in {count_of(len(plan.palette), 'paint')} on a canvas of {plan.canvas}{looked}.",
             target=None if self.target is None else "target.jpg",
             plan="plan.png",
             painting="painting.png",

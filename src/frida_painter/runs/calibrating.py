@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from frida_painter.brush.kinds import BrushKind
 from frida_painter.brush.learn import learn
 from frida_painter.brush.limits import DEFAULT_MODEL
 from frida_painter.brush.training import TrainingProgress
-from frida_painter.calibration import Calibration, LearnedFile
+from frida_painter.calibration import OF_A_BRUSH, Calibration, LearnedFile
 from frida_painter.errors import CalibrationError
 from frida_painter.hardware.easel import Easel
 from frida_painter.runs.easel import order
@@ -69,9 +69,10 @@ class CalibrationSetup:
     say: Callable[[str], None]
     refill_every: int = 1
 
-    def beside(self, ending: str) -> Path:
-        """A file that belongs to the record."""
-        return beside(self.record, ending)
+    def beside(self, name: str, ending: str) -> Path:
+        """The file of a procedure that belongs to the record, and, where a brush was looked at, to that brush."""
+        of = f"-{self.brush.name}" if name in OF_A_BRUSH else ""
+        return self.record.with_name(f"{self.record.stem}-{name}{of}.{ending}")
 
 
 def begin_procedure(name: str, setup: CalibrationSetup) -> Procedure[Any]:
@@ -90,7 +91,7 @@ def begin_procedure(name: str, setup: CalibrationSetup) -> Procedure[Any]:
         case "brush":
             return brush_procedure(setup.easel, name=setup.brush.name)
         case _:
-            library = setup.beside("strokes.npz")
+            library = setup.beside("strokes", "npz")
             return strokes_procedure(
                 setup.easel,
                 setup.brush,
@@ -112,7 +113,7 @@ def learn_from(finding: StrokesFinding, setup: CalibrationSetup, record: Calibra
         setup.say(f"strokes: learning from them, {progress.epoch} of {progress.epochs}")
 
     learned = learn(DEFAULT_MODEL, finding.library, setup.brush, seed=setup.seed, notify=hear)
-    path = setup.beside("weights.safetensors")
+    path = setup.beside("strokes", "safetensors")
     weights = LearnedFile(str(path), learned.model.save(path))
     assert record.library is not None  # the finding has just entered it
     return record.with_strokes(record.library, weights, residual=learned.report.validation_error)
@@ -121,6 +122,7 @@ def learn_from(finding: StrokesFinding, setup: CalibrationSetup, record: Calibra
 def record_to_renew(path: Path, default: Calibration, *, anew: bool) -> Calibration:
     """The record to go on with: the one in the file, or the easel's default for a first one and for all `anew`.
 
+    It has the brush of `default` in the holder, where it knows that one; what it knows of others stays.
     Raises CalibrationError where the one in the file is damaged, unless all is done anew.
     """
     if not path.exists():
@@ -132,10 +134,5 @@ def record_to_renew(path: Path, default: Calibration, *, anew: bool) -> Calibrat
             return default
         raise
     if anew and known.easel == default.easel:
-        return replace(default, done=known.done)  # what is done anew is newer than all that was
-    return known
-
-
-def beside(record: Path, ending: str) -> Path:
-    """A file beside a record that belongs to it: "calibration.json" and "robot.png" make "calibration-robot.png"."""
-    return record.with_name(f"{record.stem}-{ending}")
+        return known.begun_anew(default)
+    return known.of_brush(default.brush) if default.brush in known.others else known

@@ -20,10 +20,11 @@ from pathlib import Path
 from typing import Any
 
 from frida_painter import storage
-from frida_painter.errors import StorageError
+from frida_painter.errors import ConfigError, StorageError
 from frida_painter.report.sketchbook import SKETCHBOOK
 from frida_painter.runs.goal_item import read_goal_file
 from frida_painter.runs.spec import RunSpec
+from frida_painter.session.timetable import DRYING
 
 SETTINGS = "settings.json"
 GOAL = "goal"
@@ -51,6 +52,17 @@ def keep_spec(spec: RunSpec, folder: Path) -> None:
 def read_spec(folder: Path) -> RunSpec:
     """The description as it lies in the folder, whoever has changed it in the meantime. Raises ConfigError."""
     return RunSpec.read(folder / SETTINGS)
+
+
+def drying_of(plan: Path) -> float:
+    """Seconds for which each layer dries of the painting that a plan, or the folder of it, belongs to.
+
+    Where the plan lies on its own, or the painting's settings cannot be read, it is the usual time.
+    """
+    try:
+        return 60 * read_spec(plan if plan.is_dir() else plan.parent).drying
+    except ConfigError:
+        return DRYING
 
 
 def keep_goal(spec: RunSpec, folder: Path) -> None:

@@ -365,8 +365,9 @@ class PaintingRun:
                 painting = replace(painting, photograph=painting.photograph if self._seen is None else self._seen)
                 for hear in (recorder.hear, *self.listeners):
                     hear(Stopped(painting.painted))
-        for listener in self.listeners:
-            listener(Finishing())
+        if painting is not None and painting.rest is not None:  # else there is no plan, and nothing to finish
+            for listener in self.listeners:
+                listener(Finishing())
         with suppress(FridaError):  # whatever is wrong with it was told before
             session.brushwork.easel.robot.close()  # a film of it ends here
         page = None

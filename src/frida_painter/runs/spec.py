@@ -15,6 +15,7 @@ from pydantic.fields import FieldInfo
 from frida_painter import storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
+from frida_painter.quantities import count_of
 from frida_painter.runs.fields import MOST_LAYERS, Brushes, Canvas, File, Ground, Placement, Policy, brush_shares
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.session.names import HUMAN, SAWYER_SIM, SIMULATED, VIRTUAL
@@ -91,7 +92,7 @@ class RunSpec(BaseModel):
         description="Number of layers of strokes. Each is painted from light to dark on the dry paint of the one "
         "before, and planned for the canvas as it is then. The first has most of the strokes.",
         json_schema_extra={
-            "default": "2 for a picture, otherwise 1, and 1 where drying would take a third of --minutes"
+            "default": "2 for a picture of 100 strokes or more, otherwise 1; 1 where drying takes a third of --minutes"
         },
     )
     colors: int = Field(12, ge=1, le=24, description="Number of paints to mix.")
@@ -116,7 +117,7 @@ class RunSpec(BaseModel):
         json_schema_extra={
             "metavar": "NAME,...",
             "names": ["--brushes", "--brush"],
-            "default": "broad:50%,medium:50% for a picture in the studio, otherwise broad",
+            "default": "broad:50%,medium:50% for a picture of 100 strokes or more in the studio, otherwise broad",
         },
     )
     new_paints: bool | None = Field(
@@ -149,11 +150,11 @@ class RunSpec(BaseModel):
     )
     drying: float = Field(
         20.0,
-        ge=1,
+        ge=0,
         le=1440,
         allow_inf_nan=False,
         description="Minutes that a layer dries before the next one is painted on it. Thin acrylic paint needs 10 to "
-        "30. The virtual studio does not wait, unless --pace says so.",
+        "30; 0 is for what dries at once, such as pens. The virtual studio does not wait, unless --pace says so.",
         json_schema_extra={"metavar": "MINUTES"},
     )
     effort: float = Field(
@@ -192,7 +193,15 @@ class RunSpec(BaseModel):
         if self.layers is not None and len(self.brush_names) > 1 and self.layers != len(self.brush_names):
             raise ValueError(f"{self.layers} layers and {len(self.brush_names)} brushes; leave out --layers")
         if self.brushes is not None and len(self.brush_names) > self.strokes:
-            raise ValueError(f"{len(self.brush_names)} layers for {self.strokes} strokes; give at most as many brushes")
+            raise ValueError(
+                f"{len(self.brush_names)} layers for {count_of(self.strokes, 'stroke')}; give at most as many brushes"
+            )
+        for name, share in zip(self.brush_names, self.shares or (), strict=False):
+            if self.brushes is not None and round(self.strokes * share) == 0:
+                raise ValueError(
+                    f"{name} gets {100 * share:g} % of {count_of(self.strokes, 'stroke')}, which is not one stroke; "
+                    "give it a larger share, or leave it out"
+                )
         if self.new_paints and self.palette is not None:
             raise ValueError("--palette tells of one palette, and --new-paints mixes one for each layer; leave one out")
         if self.layers is not None and self.layers > self.strokes:

@@ -29,7 +29,8 @@ from frida_painter.session.interruptions import Interruptions
 from frida_painter.session.journal import Journal
 from frida_painter.session.painting import PaintingProgress
 
-_STEP, _SIMULATED_STEP = 1.0, 10.0  # seconds of drying after which is looked whether somebody wants a pause
+_STEP = 10.0  # seconds of drying that a simulated easel lets pass at a time
+_GLANCE = 0.1  # seconds of waiting after which is looked whether somebody stops it or wants a pause
 _BETWEEN_WORDS = 60.0
 
 
@@ -115,12 +116,20 @@ class BatchExecutor:
             self._interruptions.check()
             if left == 0:
                 break
-            step = min(left, _SIMULATED_STEP if easel.simulated else _STEP)
+            step = min(left, _STEP)
+            self._wait(step * easel.pace)
             easel.operator.let_dry(step)
             left -= step
             if not easel.simulated:
                 left = max(0.0, min(left, dry_at - time.monotonic()))
         progress.dried_at, progress.wet = progress.painted, None
+
+    def _wait(self, seconds: float) -> None:
+        """Waits; a person may stop or pause at any moment of it."""
+        until = time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0:
+            time.sleep(min(left, _GLANCE))
+            self._interruptions.check()
 
     def clean(self) -> None:
         """Rinses and wipes the brush."""

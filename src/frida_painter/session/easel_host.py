@@ -129,6 +129,7 @@ def _about(easel: Easel) -> dict[str, Any]:
         "calibration": TypeAdapter(Calibration).dump_python(easel.calibration, mode="json"),
         "canvas": TypeAdapter(CanvasSize).dump_python(easel.canvas, mode="json"),
         "knows_reach": easel.reach is not None,
+        "pace": easel.pace,
         "timing": TypeAdapter(Timing | None).dump_python(easel.timing, mode="json"),
     }
 

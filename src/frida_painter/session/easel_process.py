@@ -120,4 +120,5 @@ def _easel(about: dict[str, Any], link: Link) -> Easel:
         reach=RemoteReach(link) if about["knows_reach"] else None,
         timing=TypeAdapter(Timing | None).validate_python(about["timing"]),
         simulated=about["simulated"],
+        pace=about["pace"],
     )

@@ -1,6 +1,5 @@
 """Who prepares what is needed at a real easel: a person, who is asked."""
 
-import time
 from collections.abc import Callable
 
 import torch
@@ -48,8 +47,7 @@ class PersonAsOperator:
             )
 
     def let_dry(self, seconds: float) -> None:
-        """Waits."""
-        time.sleep(seconds)
+        """Real paint dries by itself."""
 
     def _changing_to(self, brush: str) -> str:
         return (
@@ -86,8 +84,7 @@ class AbsentOperator:
         """Leaves it to the other process."""
 
     def let_dry(self, seconds: float) -> None:
-        """Waits."""
-        time.sleep(seconds)
+        """Real paint dries by itself."""
 
     def lay_paper(self) -> bool:
         """False: a person is to be asked."""

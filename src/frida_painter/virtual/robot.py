@@ -109,10 +109,6 @@ class VirtualRobot:
         reached = waypoints.position[-1] if number in self.faults.lying_motions else self._tip
         return MotionReport(waypoints.label, started, self._clock.now, reached.copy())
 
-    def rest(self, seconds: float) -> None:
-        """Does nothing for so long at its pace, or until it is stopped."""
-        self._stopped.wait(seconds * self._pace)
-
     def stop(self) -> None:
         """Stops, and stays stopped until `rearm`."""
         self._stopped.set()

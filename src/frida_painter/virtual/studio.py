@@ -173,10 +173,10 @@ class VirtualStudio:
             lens=self.camera.lens,
         )
         checker = Checker.drawn_from(for_checker, self.canvas.width, self.canvas.height)
-        self._operator = StudioOperator(self.table, checker, self._fresh_canvas, self._wait_for_paint, self.tufts)
+        self._operator = StudioOperator(self.table, checker, self._fresh_canvas, self.wait, self.tufts)
         self.easel = Easel(
             self.robot, self.camera, self._operator, layout.workspace, calibration, canvas, here.reach, here.timing,
-            simulated=True,
+            simulated=True, pace=settings.pace,
         )  # fmt: skip
         self._log, self._note = log, unnoted
         if log is not None:
@@ -211,11 +211,6 @@ class VirtualStudio:
         self.clock.now += seconds
         self.canvas.dry_until(self.clock.now)
         self._note({"did": "wait", "now": self.clock.now})
-
-    def _wait_for_paint(self, seconds: float) -> None:
-        """The same at the robot's pace."""
-        self.robot.rest(seconds)
-        self.wait(seconds)
 
     def truth(self, rows: int) -> Tensor:
         """The canvas as it is, seen straight on in even light: sRGB [3, rows, columns]. Never for the painter."""

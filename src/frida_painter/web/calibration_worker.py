@@ -11,7 +11,6 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.runs.calibrating import (
     CalibrationSetup,
     begin_procedure,
-    beside,
     easel_of,
     learn_from,
     record_to_renew,
@@ -63,7 +62,7 @@ def _lead_all(job: Job, request: CalibrationRequest, here: Easel) -> None:
         if isinstance(finding, StrokesFinding):
             known = learn_from(finding, setup, known)
         known.save(path)
-        feed.tell(ProcedureFound(name, _sentence(finding), _shown(name, finding, job)))
+        feed.tell(ProcedureFound(name, _sentence(finding), _shown(name, finding, setup, job)))
         _tell_status(feed, known, here.calibration)
 
 
@@ -73,11 +72,11 @@ def _sentence(finding: Finding) -> str:
     return finding.sentence if file is None else finding.sentence.replace(f": {file.path}", "")
 
 
-def _shown(name: str, finding: Finding, job: Job) -> str | None:
+def _shown(name: str, finding: Finding, setup: CalibrationSetup, job: Job) -> str | None:
     """The finding's picture, beside the record for good and where the page sees it."""
     if finding.picture is None:
         return None
-    images.save(finding.picture, beside(job.easel.record, f"{name}.png"))
+    images.save(finding.picture, setup.beside(name, "png"))
     for before in job.folder.live.glob(f"found-{name}-*.png"):
         before.unlink()
     shown = f"found-{name}-{secrets.token_hex(12)}.png"  # whoever knows its name may see it: it is not to be guessed

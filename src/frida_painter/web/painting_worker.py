@@ -10,6 +10,7 @@ from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 from frida_painter.runs.opening import Controls, replan_policy
 from frida_painter.runs.run import PaintingRun, RunOutcome
+from frida_painter.session.events import Stopped
 from frida_painter.session.forecast import Forecast
 from frida_painter.session.names import ARM_FILM
 from frida_painter.session.page_events import PaintingKept, TakenUp
@@ -76,6 +77,9 @@ def _conclude(job: Job, run: PaintingRun, outcome: RunOutcome) -> None:
     trouble = outcome.trouble
     if trouble is not None and not (isinstance(trouble, RobotStopped | PaintingPaused) and job.stop.asked):
         raise trouble
-    export(Plan.load(outcome.folder), run.planner.models, outcome.folder)
+    if outcome.page is None:  # it was stopped before there was a plan
+        job.feed.tell(Stopped())
+        return
+    export(Plan.load(outcome.folder), run.planner.models, outcome.folder, run.spec.drying)
     films = {"film": "film.mp4", "arm": ARM_FILM}
     job.feed.tell(PaintingKept(**{name: (outcome.folder / file).exists() for name, file in films.items()}))

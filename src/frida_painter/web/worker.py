@@ -98,7 +98,7 @@ def make_plan(job: Job, place: PlanFolder) -> None:
 
         made = run.plan(hear)
         made.save(place.plan)
-        export(made, planner.models, place.path)
+        export(made, planner.models, place.path, run.spec.drying)
         expected = planner.expected(made, bare)
         nearer = 1 - planner.validation_loss(expected) / max(planner.validation_loss(bare), 1e-9)
         told = illustrate(made, planner.models, bare, place.path)
