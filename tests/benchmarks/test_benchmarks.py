@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from PIL import Image
 
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.frames import CanvasSize
@@ -60,6 +61,17 @@ def test_a_quick_run_prints_and_writes_tables(name, tmp_path):
     record = json.loads(figures.read_text())
     assert record["figures"] and record["tables"]
     assert all(len(row) == len(table["columns"]) for table in record["tables"] for row in table["rows"])
+
+
+@pytest.mark.slow
+def test_paintings_of_two_checkouts_lie_side_by_side_on_a_sheet(tmp_path):
+    command = [sys.executable, str(BENCHMARKS / "side_by_side.py"), "--quick", "--against", str(BENCHMARKS.parent)]
+    command += ["--folder", str(tmp_path), "--json", str(tmp_path / "figures.json")]
+    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    before, after = json.loads((tmp_path / "figures.json").read_text())["figures"]
+    assert before["decibels"] == after["decibels"] > 5  # one code, one seed: one painting
+    with Image.open(tmp_path / "coffee-0.jpg") as sheet:
+        assert sheet.width > 4 * 384
 
 
 @pytest.mark.slow
