@@ -17,6 +17,7 @@ from frida_painter.cli.stop_signal import StopSignal
 from frida_painter.cli.terminal import Terminal
 from frida_painter.cli.wells import Wells
 from frida_painter.errors import Interrupted, RobotStopped
+from frida_painter.runs.fields import AUTO
 from frida_painter.runs.folder import NOW, PAUSE_FILE
 from frida_painter.runs.opening import replan_policy
 from frida_painter.runs.run import PaintingRun, RunOutcome
@@ -123,7 +124,9 @@ class Leader:
 
 def say_networks(run: PaintingRun) -> None:
     """Says what a person should know of how the goal was understood, and through which networks it is seen."""
-    if run.spec.ground == "auto":
+    if run.spec.brushes == AUTO:
+        print("Choosing the brushes, by a quick plan with each of some.", file=sys.stderr)
+    if run.spec.ground == AUTO:
         print("Choosing the ground, by a quick plan on each of four.", file=sys.stderr)
     encoders = run.planner.encoders
     for choice in encoders.choices:

@@ -12,6 +12,8 @@ from frida_painter.errors import ConfigError
 from frida_painter.session.replan_policy import replan_policy_named
 
 MOST_LAYERS = 8
+AUTO = "auto"
+"""Leaves a ground or brushes to the planner."""
 _FURTHEST, _MOST_TURNED = 0.05, 15.0
 
 
@@ -69,7 +71,7 @@ def _placement(text: str | None) -> str | None:
 
 def ground_color(ground: str) -> tuple[float, float, float] | None:
     """The colour of "white" or "#c8a878", sRGB in [0, 1]; None for "auto"."""
-    if ground == "auto":
+    if ground == AUTO:
         return None
     red, green, blue = (
         (int(ground[at : at + 2], 16) / 255 for at in (1, 3, 5)) if ground != "white" else (1.0, 1.0, 1.0)
@@ -79,7 +81,7 @@ def ground_color(ground: str) -> tuple[float, float, float] | None:
 
 def _ground(text: str) -> str:
     ground = text.strip().lower()
-    if ground not in ("auto", "white") and re.fullmatch("#[0-9a-f]{6}", ground) is None:
+    if ground not in (AUTO, "white") and re.fullmatch("#[0-9a-f]{6}", ground) is None:
         raise ValueError(f"{text[:40]!r} is not a ground; give auto, white, or a colour such as #c8a878")
     return ground
 
@@ -126,7 +128,11 @@ def _brushes(value: Any) -> Any:
     if isinstance(value, list | tuple) and all(isinstance(part, str) for part in value):
         value = ",".join(value)
     if isinstance(value, str) and value:
-        brush_shares(value)
+        names = [name for name, _ in brush_shares(value)]
+        if AUTO in names and value.strip() != AUTO:
+            raise ValueError(
+                f"{value[:60]!r} names brushes and leaves them to the planner; write {AUTO}, or names alone"
+            )
     return value
 
 

@@ -37,7 +37,9 @@ from frida_painter.planning.ground import proposed_ground
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Recorder
+from frida_painter.runs.brush_choice import suited_brushes
 from frida_painter.runs.easel import needed_calibrations, order, require_sensible, with_operator
+from frida_painter.runs.fields import AUTO
 from frida_painter.runs.fitting import fitted
 from frida_painter.runs.folder import CALIBRATION, NOW, keep_goal, keep_spec, new_folder
 from frida_painter.runs.folder import rests_on as hashes
@@ -169,12 +171,20 @@ class PaintingRun:
     def planner(self) -> Planner:
         """The planner, opened when it is first asked for. Raises WeightsError where a network is missing."""
         if self._planner is None:
+            if self.spec.brushes == AUTO:
+                self._choose_brushes()
             self._planner = open_planner(self.spec, self.goal, self._encoders)
-            if self.spec.ground == "auto":
+            if self.spec.ground == AUTO:
                 self._choose_ground(self._planner)
             if self._reopened is not None:
                 self._planner.region = resuming.region(self.folder, self._reopened.history)
         return self._planner
+
+    def _choose_brushes(self) -> None:
+        """Settles the brushes that the description leaves to the planner; a painting keeps them from then on."""
+        brushes = suited_brushes(self.spec, self.goal, self._encoders)
+        self.spec = self.spec.model_copy(update={"brushes": brushes})
+        self.remarks.append(f"The brushes that suit this picture best: {brushes}.")
 
     def _choose_ground(self, planner: Planner) -> None:
         """Settles the ground that the description leaves to the planner; a painting keeps it from then on."""

@@ -16,7 +16,7 @@ from frida_painter import storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.quantities import count_of
-from frida_painter.runs.fields import MOST_LAYERS, Brushes, Canvas, File, Ground, Placement, Policy, brush_shares
+from frida_painter.runs.fields import AUTO, MOST_LAYERS, Brushes, Canvas, File, Ground, Placement, Policy, brush_shares
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.session.names import HUMAN, SAWYER_SIM, SIMULATED, VIRTUAL
 
@@ -56,8 +56,8 @@ class RunSpec(BaseModel):
     """One painting, described. Raises ConfigError, naming every fault at once, through `of`, `from_toml` and `read`.
 
     goal, initial: what to paint, and what to begin with; canvas: the size asked for, which `fit` may change;
-    brushes: names or files of learned weights, one or a layer each, "broad:60%,fine:40%"; clip: a CLIP to see words
-    through, None: what was fetched;
+    brushes: names or files of learned weights, one or a layer each, "broad:60%,fine:40%", or "auto";
+    clip: a CLIP to see words through, None: what was fetched;
     pictures: a folder of the person's own pictures, for what words name;
     palette: a file with the paints that were really mixed; timelapse_frames: pictures of the film at the most;
     workspace, calibration: files of a real easel; placement_error: of the virtual studio, like "4mm,2deg";
@@ -113,9 +113,10 @@ class RunSpec(BaseModel):
         None,
         min_length=1,
         description="The brush: fine, medium or broad, or a file of stroke model weights that you trained. Several "
-        "paint a layer each, like broad,medium, with shares of the strokes like broad:60%,medium:40%.",
+        "paint a layer each, like broad,medium, with shares of the strokes like broad:60%,medium:40%. auto tries some "
+        "with quick plans, and takes what suits the picture best.",
         json_schema_extra={
-            "metavar": "NAME,...",
+            "metavar": "NAME,...|auto",
             "names": ["--brushes", "--brush"],
             "default": "broad:50%,medium:50% for a picture of 100 strokes or more in the studio, otherwise broad",
         },
@@ -192,12 +193,15 @@ class RunSpec(BaseModel):
             raise ValueError(f"{self.colors} colors for {self.strokes} strokes; give at most as many colors as strokes")
         if self.layers is not None and len(self.brush_names) > 1 and self.layers != len(self.brush_names):
             raise ValueError(f"{self.layers} layers and {len(self.brush_names)} brushes; leave out --layers")
-        if self.brushes is not None and len(self.brush_names) > self.strokes:
+        if self.brushes == AUTO and self.layers is not None:
+            raise ValueError(f"--brushes {AUTO} says how many layers there are, and --layers too; leave out one")
+        named = self.brushes not in (None, AUTO)
+        if named and len(self.brush_names) > self.strokes:
             raise ValueError(
                 f"{len(self.brush_names)} layers for {count_of(self.strokes, 'stroke')}; give at most as many brushes"
             )
         for name, share in zip(self.brush_names, self.shares or (), strict=False):
-            if self.brushes is not None and round(self.strokes * share) == 0:
+            if named and round(self.strokes * share) == 0:
                 raise ValueError(
                     f"{name} gets {100 * share:g} % of {count_of(self.strokes, 'stroke')}, which is not one stroke; "
                     "give it a larger share, or leave it out"
@@ -308,7 +312,7 @@ class RunSpec(BaseModel):
     @property
     def _brushes(self) -> str:
         """Those asked for, or the usual ones: two where they change by themselves."""
-        if self.brushes is not None:
+        if self.brushes not in (None, AUTO):
             return self.brushes
         return USUAL_BRUSHES if self.layers is None and self.simulated else "broad"
 

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstra
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.objectives.kind import Gives, goal_kinds
-from frida_painter.runs.fields import Ground, brush_shares
+from frida_painter.runs.fields import AUTO, Ground, brush_shares
 from frida_painter.runs.spec import RunSpec
 
 Identifier = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
@@ -40,7 +40,7 @@ def _shares(text: str) -> str:
 
 
 _BRUSH = r"(fine|medium|broad)(:\d{1,3}%)?"
-Brushes = Annotated[str, StringConstraints(pattern=rf"^({_BRUSH}(,{_BRUSH}){{0,7}})?$"), AfterValidator(_shares)]
+Brushes = Annotated[str, StringConstraints(pattern=rf"^({AUTO}|{_BRUSH}(,{_BRUSH}){{0,7}})?$"), AfterValidator(_shares)]
 
 
 class _Checked(BaseModel):
