@@ -133,6 +133,23 @@ def test_where_a_stop_cannot_arrive_the_page_says_so_within_two_seconds(
     expect(page.locator(".stop-alarm")).to_be_hidden()
 
 
+def test_an_alarm_that_nobody_confirmed_ends_when_nobody_is_at_work_any_more(
+    context: BrowserContext, studio: Served
+) -> None:
+    working = Work(PaintingStore(studio.folder))
+    page = enter(context, studio)
+    page.route("**/stop", lambda route: route.fulfill(json={"stopped": 1, "heard": 0}))
+    stop(page)
+    alarm = page.locator(".stop-alarm")
+    expect(alarm).to_contain_text("has not confirmed it")
+    with page.expect_response("**/api/work"), page.expect_response("**/api/work"):
+        pass
+    expect(alarm).to_contain_text("has not confirmed it")
+    working.lock.release()
+    expect(page.get_by_text("Everything has stopped.")).to_be_visible(timeout=WAIT)
+    expect(alarm).to_be_hidden()
+
+
 @pytest.mark.parametrize("heard", [True, False], ids=["connected", "connecting"])
 def test_an_old_page_stops_though_the_studio_does_not_know_it_any_more(
     context: BrowserContext, studio: Served, work: Work, heard: bool

@@ -100,7 +100,10 @@ async function route() {
   first = false;
 }
 
-armStop(stopButton, notice);
+armStop(stopButton, notice, async () => {
+  const now = await api.get("/api/work").catch(() => null);
+  return studio?.simulated === true && now !== null && now.working.length === 0;
+});
 
 document.querySelector(".bar nav")?.append(shortcuts());
 

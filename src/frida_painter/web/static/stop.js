@@ -41,8 +41,14 @@ function send(signal) {
   return Promise.any(ways);
 }
 
-/** Has the button and the keyboard stop everything; `said(sentence)` shows what is of interest and no alarm. */
-export function armStop(button, said) {
+/**
+ * Has the button and the keyboard stop everything.
+ * @param {HTMLElement} button
+ * @param {(sentence: string) => void} said shows what is of interest and no alarm
+ * @param {() => Promise<boolean>} harmless whether nobody is at work and no machine could be moving: then an alarm that
+ *   the painter has not confirmed ends by itself
+ */
+export function armStop(button, said, harmless) {
   const alarm = document.createElement("div");
   alarm.className = "stop-alarm";
   alarm.setAttribute("role", "alert");
@@ -61,6 +67,14 @@ export function armStop(button, said) {
     alarm.hidden = false;
   }
 
+  async function warnUntilHarmless() {
+    warn(UNHEARD);
+    while (!alarm.hidden && words.textContent === UNHEARD) {
+      await new Promise((resolve) => setTimeout(resolve, AGAIN));
+      if (await harmless() && words.textContent === UNHEARD) { alarm.hidden = true; said("Everything has stopped."); }
+    }
+  }
+
   async function press() {
     pressing += 1;
     const number = pressing;
@@ -77,7 +91,7 @@ export function armStop(button, said) {
         clearTimeout(doubt);
         alarm.hidden = true;
         const late = (performance.now() - pressed) / 1000;
-        if (done.heard < done.stopped) warn(UNHEARD);
+        if (done.heard < done.stopped) warnUntilHarmless();
         else if (late > UNTIL_DOUBT / 1000) warn(`The stop arrived after ${late.toFixed(1)} s. Look at the robot.`);
         else if (done.stopped === 0) said("Nothing is running.");
         break;
