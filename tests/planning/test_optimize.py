@@ -6,6 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from frida_painter.brush.dip import painted_area
 from frida_painter.brush.spread import CoverageSpread
 from frida_painter.brush.table import StrokeTable
 from frida_painter.errors import PlanningDiverged
@@ -45,6 +46,34 @@ def test_strokes_get_better_and_stay_inside_their_limits() -> None:
     found.check(SCENE.limits, CANVAS)
     lightness = to_lab(found.color)[:, 0]
     assert bool((lightness.diff() <= 1e-4).all())
+
+
+def area(strokes: Strokes) -> float:
+    return float(painted_area(strokes.length, strokes.thickness, 1.0).sum())
+
+
+def test_where_paint_has_a_price_less_of_it_makes_nearly_the_same_picture() -> None:
+    strokes = some_strokes(30)
+    free, _ = optimize(strokes, SCENE, iterations=40)
+    priced, _ = optimize(strokes, replace(SCENE, paint_price=0.005), iterations=40)
+    assert area(priced) < 0.95 * area(free)
+    assert judged(priced) < 1.15 * judged(free) < 0.6 * judged(strokes)
+
+
+def test_the_price_of_paint_is_a_share_of_the_loss_whatever_its_size() -> None:
+    strokes = some_strokes(5)
+    darker = replace(SCENE, objective=lambda picture: 0.01 * SCENE.objective(picture))
+    for on in (SCENE, darker):
+        with torch.no_grad():
+            once, loss = on.cost(strokes), on.expected_loss(strokes)
+            priced = replace(on, paint_price=0.2).cost(strokes)
+            twice = replace(on, paint_price=0.4).cost(strokes)
+        assert once == loss < priced
+        assert float((twice - loss) / (priced - loss)) == pytest.approx(2.0, rel=1e-4)
+        assert float(priced / loss) == pytest.approx(
+            float(replace(SCENE, paint_price=0.2).cost(strokes).detach() / SCENE.expected_loss(strokes).detach()),
+            rel=1e-4,
+        )
 
 
 @pytest.mark.parametrize("pace", [1.0, 50.0])

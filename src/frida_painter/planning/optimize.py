@@ -71,13 +71,13 @@ def optimize(
     failures = 0
     for iteration in range(iterations + 1):
         current = variables.strokes(variables.order())
-        loss = scene.expected_loss(current)
+        loss = scene.cost(current)
         value = loss.item()
         if scene.validation is None:
             best.consider(value, variables)
         elif iteration % _BETWEEN_VALIDATIONS == 0 or iteration == iterations:
             with torch.no_grad():
-                best.consider(scene.expected_loss(current, scene.validation).item(), variables)
+                best.consider(scene.cost(current, scene.validation).item(), variables)
         if iteration == iterations:
             break
         adam.forget_gradients()

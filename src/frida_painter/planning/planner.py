@@ -273,14 +273,14 @@ class Planner:
         now, later = rest.part(slice(end)), rest.part(slice(end, None))
         for sparing in (False, True):
             try:
-                before = self.expected_loss(now, canvas)
+                cost = self.expected_loss(now, canvas, priced=True)
                 for moving in (True, False):
                     again = now
                     for number in range(rounds):
                         told = part_of(hear, number, rounds) if moving else at_the_end(hear)
                         starts = fresh and number == 0
                         again = self._again(again, canvas, told, moving=moving, sparing=sparing, fresh=starts)
-                    if self.expected_loss(again, canvas) < before:
+                    if self.expected_loss(again, canvas, priced=True) < cost:
                         return again.followed_by(later)
                 return rest
             except PlanningDiverged:
@@ -393,10 +393,10 @@ class Planner:
                 picture = self.scenes.of(picture, self.fine, brush).render(strokes.to(self.device))
         return images.fit(picture, self.fine.rows, self.fine.columns).cpu()
 
-    def expected_loss(self, plan: Plan, canvas: Tensor) -> float:
-        """The distance to the goal that paintings of the plan on a canvas [3, H, W] have on average."""
+    def expected_loss(self, plan: Plan, canvas: Tensor, *, priced: bool = False) -> float:
+        """The distance to the goal that paintings of the plan on a canvas [3, H, W] have on average, or their cost."""
         with torch.no_grad():
-            return float(stacked_loss(*self.scenes.stack(plan, canvas, self.fine)))
+            return float(stacked_loss(*self.scenes.stack(plan, canvas, self.fine), priced=priced))
 
     def forecast(
         self, plan: Plan, canvas: Tensor, placement: Placement | None = None, unseen: int = 0

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from frida_painter.brush.dip import painted_area
 from frida_painter.brush.spread import CoverageSpread, spread_of
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.frames import CanvasSize
@@ -17,6 +18,8 @@ from frida_painter.strokes import StrokeLimits, Strokes
 # Marks vary more in a painting than in a stroke library: paint lies on paint that may be wet, the brush is not always
 # full, and of all strokes those are chosen for which the model is wrong in their favour. Measured on three photographs.
 _IN_A_PAINTING = 1.5
+PAINT_PRICE = 0.0003
+"""Of strokes towards a photograph, as a share of the loss for as much paint as the brush's largest mark takes."""
 _NOISE = 0.03  # of sRGB, by which a photograph of a bare canvas may differ from it
 
 
@@ -28,7 +31,8 @@ class Scene:
     in another way every time, or could be fooled. importance [H, W]: how much an error matters at each
     place when strokes are placed, 1 in the mean; None: everywhere the same. flow [3, H, W]: which way strokes go where
     they are placed, as objectives/brushwork.py tells it; None: any way. paints_apart: CIEDE2000 by which paints
-    that are mixed for it differ at least.
+    that are mixed for it differ at least. paint_price: by which share the loss would have to fall for as much more
+    paint as the brush's largest mark takes.
     """
 
     canvas: Tensor
@@ -39,6 +43,7 @@ class Scene:
     importance: Tensor | None = None
     flow: Tensor | None = None
     paints_apart: float = HARDLY_APART
+    paint_price: float = 0.0
 
     @property
     def limits(self) -> StrokeLimits:
@@ -64,6 +69,19 @@ class Scene:
         if self.spread.share == 0:
             return judge(self.render(strokes))
         return judge(*self.moments(strokes))
+
+    def cost(self, strokes: Strokes, objective: Objective | None = None) -> Tensor:
+        """The expected loss, and what the paint costs: every dip takes time, and paint that is hardly seen wins little.
+
+        The price is a share of the loss, for a decibel is worth as much in a dark picture as in a light one.
+        """
+        loss = self.expected_loss(strokes, objective)
+        return loss if self.paint_price == 0 else loss * (1 + self.paint_cost(strokes))
+
+    def paint_cost(self, strokes: Strokes) -> Tensor:
+        """What the paint of strokes costs, as a share of the loss."""
+        longest = self.model.limits.length[1]
+        return self.paint_price * painted_area(strokes.length / longest, strokes.thickness, 1.0).sum()
 
 
 def is_bare(canvas: Tensor, ground: tuple[float, float, float]) -> bool:

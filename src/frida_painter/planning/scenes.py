@@ -17,7 +17,7 @@ from frida_painter.objectives.replication import spread
 from frida_painter.plan import Plan
 from frida_painter.planning.distinct_paints import CLEARLY_APART, HARDLY_APART
 from frida_painter.planning.region import Region
-from frida_painter.planning.scene import Scene
+from frida_painter.planning.scene import PAINT_PRICE, Scene
 from frida_painter.strokes import Strokes
 
 
@@ -45,7 +45,9 @@ class Scenes:
         objective, model = objective or self.objectives[grid], self.models[brush]
         picture = images.fit(canvas.to(self.device), grid.rows, grid.columns)
         matters, way = self._importance(grid), flow_of(self.goal, grid)
-        scene = Scene(picture, self.size, model, objective, objective.validation, matters, way, self.paints_apart)
+        price = PAINT_PRICE if all(term.is_pixelwise for term in self.goal.terms) else 0.0
+        judge, apart = objective.validation, self.paints_apart
+        scene = Scene(picture, self.size, model, objective, judge, matters, way, apart, price)
         return scene if self.region is None else self.region.guarded(scene)
 
     @property

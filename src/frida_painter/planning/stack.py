@@ -48,11 +48,17 @@ def stacked_moments(
     return Moments(mean, variance)
 
 
-def stacked_loss(strokes: Sequence[Strokes], scenes: Sequence[Scene]) -> Tensor:
-    """The distance to the goal that paintings of the strokes have on average, by its validation objective if any."""
+def stacked_loss(strokes: Sequence[Strokes], scenes: Sequence[Scene], *, priced: bool = False) -> Tensor:
+    """The distance to the goal that paintings of the strokes have on average, by its validation objective if any.
+
+    priced: with what the paint costs.
+    """
     judge = scenes[0].validation or scenes[0].objective
     several = len(scenes) > 1
-    return judge(*stacked_moments(strokes, scenes)) if several else scenes[0].expected_loss(strokes[0], judge)
+    loss = judge(*stacked_moments(strokes, scenes)) if several else scenes[0].expected_loss(strokes[0], judge)
+    if priced:
+        loss = loss * (1 + sum(scene.paint_cost(part) for part, scene in zip(strokes, scenes, strict=True)))
+    return loss
 
 
 def stacked_worth(strokes: Sequence[Strokes], scenes: Sequence[Scene], target: Tensor | None, seed: int) -> Tensor:
