@@ -7,7 +7,7 @@ PHOTO ?= examples/photographs/coffee.jpg
 PINS := pyproject.toml constraints.txt
 ADD := $(BIN)/python tools/install.py
 
-.PHONY: paint studio test quick lint docs benchmarks install browser clean
+.PHONY: paint studio test quick lint docs benchmarks benchmarks-gpu install browser clean
 
 install: $(VENV)/dev
 
@@ -66,6 +66,9 @@ quick: install
 
 benchmarks: install
 	$(BIN)/python benchmarks/report.py
+
+benchmarks-gpu: install
+	$(BIN)/python benchmarks/report.py --only gpu
 
 clean:
 	rm -rf $(VENV) build site *.egg-info

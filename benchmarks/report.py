@@ -3,11 +3,13 @@
     python benchmarks/report.py [--only iteration planning ...] [--keep]
 
 Every benchmark leaves its figures in .benchmarks/NAME.json; those that are not run are taken from
-there. --keep runs none. Leave the machine alone meanwhile: wall time suffers from everything else.
+there, and where there are none their part of the page stays as it is. --keep runs none. What needs a
+GPU is run where it is named. Leave the machine alone meanwhile: wall time suffers from everything else.
 """
 
 import argparse
 import json
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -28,12 +30,16 @@ tables. CPU time is that of one thread unless the table says otherwise.
 
 @dataclass(frozen=True)
 class Section:
-    """A benchmark, and what its part of the page says beside the tables."""
+    """A benchmark, and what its part of the page says beside the tables.
+
+    elsewhere: whether it needs another machine than the others, which its part names.
+    """
 
     name: str
     heading: str
     text: str
     options: tuple[str, ...] = ()
+    elsewhere: bool = False
 
     @property
     def command(self) -> str:
@@ -52,6 +58,8 @@ class Section:
         if not self.file.exists():
             return f"{head}\n*Not measured yet.*\n"
         record = json.loads(self.file.read_text())
+        if self.elsewhere:
+            head += f"\nMeasured on: {measured_on(record)}.\n"
         tables = [Table(**table) for table in record["tables"]] if "tables" in record else [rendering(record)]
         return "\n".join([head, *(f"{table.markdown()}\n" for table in tables)])
 
@@ -104,6 +112,15 @@ SECTIONS = (
         ("--seeds", "11"),
     ),
     Section(
+        "gpu",
+        "On a GPU",
+        "`make benchmarks-gpu` measures this on a machine with an NVIDIA GPU, and writes this section alone. First\n"
+        "the renderer of the device is compared with the reference, picture and gradients. Then the planner is\n"
+        "timed. A wait is a synchronisation, as PyTorch counts them (`set_sync_debug_mode`).\n"
+        "[Renderer](renderer.md#tiles) and [planner](planner.md#on-a-gpu) explain how it works there.",
+        elsewhere=True,
+    ),
+    Section(
         "goals",
         "Goals that networks judge",
         "Each plan has 100 strokes of the broad brush; the planning image is 256 pixels high. The time includes\n"
@@ -146,24 +163,49 @@ def rendering(record: dict[str, Any]) -> Table:
     )
 
 
+def measured_on(record: dict[str, Any]) -> str:
+    """The machine and the versions of a record, in one line."""
+    libraries = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
+    return f"{record['hardware']}; {libraries}"
+
+
 def machines() -> str:
-    """What the figures were measured on: one line for each machine and set of versions."""
+    """What the figures were measured on: one line for each machine and set of versions; "" where none were."""
     found: dict[str, list[str]] = {}
     for section in SECTIONS:
-        if section.file.exists():
+        if section.file.exists() and not section.elsewhere:
             record = json.loads(section.file.read_text())
             if "hardware" in record:
-                libraries = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
-                found.setdefault(f"{record['hardware']}; {libraries}", []).append(section.name)
+                found.setdefault(measured_on(record), []).append(section.name)
     if len(found) == 1:
         return f"Measured on: {next(iter(found))}.\n"
-    return "\n".join(f"- {', '.join(names)}: {machine}." for machine, names in found.items()) + "\n"
+    return "".join(f"- {', '.join(names)}: {machine}.\n" for machine, names in found.items())
+
+
+def renewed(page: str) -> str:
+    """The page with the parts of what was measured; all others stay, also those that nothing here writes."""
+    opening, *parts = re.split(r"^(?=## )", page, flags=re.MULTILINE)
+    headings = [part.partition("\n")[0].removeprefix("## ") for part in parts]
+    at = 0
+    for section in SECTIONS:
+        if section.heading in headings:
+            at = headings.index(section.heading)
+            if section.file.exists():
+                parts[at] = section.markdown()
+        else:
+            at += bool(parts)
+            parts.insert(at, section.markdown())
+            headings.insert(at, section.heading)
+    known = machines()
+    parts.insert(0, f"{OPENING}\n{known}" if known or not opening else opening)
+    return "\n".join(part.strip("\n") + "\n" for part in parts)
 
 
 def main() -> None:
     names = [section.name for section in SECTIONS]
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", nargs="+", choices=names, default=names, help="benchmarks that are to be run")
+    usual = [section.name for section in SECTIONS if not section.elsewhere]
+    parser.add_argument("--only", nargs="+", choices=names, default=usual, help="benchmarks that are to be run")
     parser.add_argument("--keep", action="store_true", help="run nothing; write the page from what was found before")
     parser.add_argument("--page", type=Path, default=PAGE, help="where to write the page")
     options = parser.parse_args()
@@ -171,8 +213,11 @@ def main() -> None:
     for section in SECTIONS:
         if section.name in options.only and not options.keep:
             print(f"== {section.command}", flush=True)
-            section.run()
-    options.page.write_text("\n".join([OPENING, machines(), *(section.markdown() for section in SECTIONS)]))
+            try:
+                section.run()
+            except subprocess.CalledProcessError as error:  # it has said why
+                sys.exit(error.returncode)
+    options.page.write_text(renewed(PAGE.read_text() if PAGE.exists() else ""))
     print(f"Written: {options.page}")
 
 

@@ -28,6 +28,8 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["OMP_NUM_THREADS"] = "1"  # of processes that are started from here, xdist's workers too
     # Under nohup a program ignores that its terminal was closed; the tests ask what it does where it does not.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    if not torch.cuda.is_available():
+        os.environ["TRITON_INTERPRET"] = "1"  # read when Triton is imported, by whatever imports it first
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
 

@@ -2,6 +2,8 @@
 
 Operations on tensors of two devices, and NumPy's on a device's memory, are what fails on a machine with a GPU and
 nowhere else. Here they fail too. The device is called "meta", whose name every build of PyTorch knows.
+
+Where the CPU would wait for a real device, and that would stand still meanwhile, `waits` notes it.
 """
 
 from collections.abc import Iterator
@@ -17,6 +19,9 @@ ELSEWHERE = torch.device("meta")
 _aten = torch.ops.aten
 _ACROSS = {_aten.copy_.default, _aten._to_copy.default}  # operations whose business are two devices
 _INDEXED = {_aten.index.Tensor, _aten.index_put_.default, _aten.index_put.default}  # by indices of either
+# How many numbers come of these, or which, only the device knows.
+_ANSWERS = {"_local_scalar_dense", "nonzero", "masked_select", "_unique2", "unique_dim", "unique_consecutive", "equal"}
+_noted: list[list[str]] = []
 
 
 class _There(Tensor):
@@ -39,10 +44,12 @@ class _There(Tensor):
 
     def tolist(self) -> Any:
         """As of a real device, whose numbers are fetched; subclasses have no `tolist` of their own."""
+        _note("tolist")
         return self.held.tolist()
 
     def new_tensor(self, data: Any, **how: Any) -> Tensor:
         """As of a real device; on "meta" PyTorch would leave the numbers out."""
+        _note("new_tensor")
         return _There(self.held.new_tensor(data, **how))
 
     def __getitem__(self, index: Any) -> Any:
@@ -76,6 +83,44 @@ def elsewhere() -> Iterator[torch.device]:
         yield ELSEWHERE
 
 
+@contextmanager
+def waits() -> Iterator[list[str]]:
+    """The operations, by name, for which the CPU would wait."""
+    noted: list[str] = []
+    _noted.append(noted)
+    try:
+        yield noted
+    finally:
+        _noted.remove(noted)
+
+
+def _note(operation: str) -> None:
+    for noted in _noted:
+        noted.append(operation)
+
+
+def _waits(func: Any, given: list[Tensor], there: bool, args: Any, kwargs: dict[str, Any]) -> bool:
+    """Whether the CPU waits for the device there."""
+    if func in _ACROSS:
+        lands = _to(func, args, kwargs, there)
+        leaves = isinstance(args[1 if func is _aten.copy_.default else 0], _There)
+        kept = kwargs.get("non_blocking", len(args) > 2 and args[2])
+        return (leaves and not lands) or (lands and not leaves and not kept)
+    if not there:
+        return False
+    masks = func in _INDEXED and any(one.dtype in (torch.bool, torch.uint8) for one in given[1:])
+    sends = func in _INDEXED and any(not isinstance(one, _There) for one in given[1:])
+    return masks or sends or func._schema.name.partition("::")[2] in _ANSWERS
+
+
+def _to(func: Any, args: Any, kwargs: dict[str, Any], there: bool) -> bool:
+    """Whether what comes of an operation lies on the device."""
+    if func is _aten.copy_.default:
+        return isinstance(args[0], _There)
+    wanted = kwargs.get("device")
+    return there if wanted is None else torch.device(wanted) == ELSEWHERE
+
+
 def _compute(func: Any, args: Any, kwargs: dict[str, Any]) -> Any:
     given = [one for one in tree_flatten((args, kwargs))[0] if isinstance(one, Tensor)]
     there = {id(one.held): one for one in given if isinstance(one, _There)}
@@ -89,11 +134,10 @@ def _compute(func: Any, args: Any, kwargs: dict[str, Any]) -> Any:
             raise RuntimeError(f"{func}: expected all tensors on one device, found some of shape {shapes} on the CPU")
     if there and func in _INDEXED and not isinstance(args[0], _There):
         raise RuntimeError(f"{func}: a tensor on the CPU was given indices of another device")
-    wanted = kwargs.get("device")
-    lands = bool(there) if wanted is None else torch.device(wanted) == ELSEWHERE
-    if func is _aten.copy_.default:
-        lands = isinstance(args[0], _There)
-    if wanted is not None:
+    lands = _to(func, args, kwargs, bool(there))
+    if _noted and _waits(func, given, bool(there), args, kwargs):
+        _note(str(func))
+    if kwargs.get("device") is not None:
         kwargs = {**kwargs, "device": torch.device("cpu")}
     plain = tree_map(lambda one: one.held if isinstance(one, _There) else one, (args, kwargs))
     found = func(*plain[0], **plain[1])

@@ -128,11 +128,11 @@ def _direction(word: str) -> torch.Tensor:
     return torch.randn(256, generator=torch.Generator().manual_seed(zlib.crc32(word.encode())))
 
 
-def random_reader() -> ConSE:
-    """ConSE with a random classifier."""
+def random_reader(classifier: EfficientNetLite | None = None) -> ConSE:
+    """ConSE with a random classifier, by default of its own."""
     names = class_names()
     meanings = WordBag().embed([name for some in names for name in some])
-    return ConSE(EfficientNetLite(random_lite_tensors()), names, meanings, WordBag(), "a random network")
+    return ConSE(classifier or EfficientNetLite(random_lite_tensors()), names, meanings, WordBag(), "a random network")
 
 
 class QuickEncoders(EncoderRegistry):

@@ -12,6 +12,7 @@ ROOT = Path(frida_painter.__file__).parent
 LAYERS = (
     (
         "errors",
+        "devices",
         "registry",
         "event_log",
         "extras",

@@ -19,13 +19,26 @@ _PALETTE_FILE = 'a palette is a JSON file like {"paints": ["#f2e9dc", "#3b2f2a"]
 
 
 def to_lab(color: Tensor) -> Tensor:
-    """sRGB [..., 3] in [0, 1] to CIE L*a*b* (D65), L in [0, 100]. Not differentiable."""
+    """sRGB [..., 3] in [0, 1] to CIE L*a*b* (D65), L in [0, 100], on the device of the colours. Not differentiable."""
+    if color.device.type != "cpu":
+        return _to_lab_there(color.detach())
     import cv2  # whoever only carries a palette does without
 
     flat = np.ascontiguousarray(color.detach().cpu().numpy().reshape(1, -1, 3), dtype=np.float32)
     if flat.size == 0:
         return color.detach().clone()
     return torch.from_numpy(cv2.cvtColor(flat, cv2.COLOR_RGB2Lab)).reshape(color.shape).to(color)
+
+
+def _to_lab_there(color: Tensor) -> Tensor:
+    """`to_lab` on any device, which is not waited for."""
+    red, green, blue = torch.where(color > 0.04045, ((color + 0.055) / 1.055) ** 2.4, color / 12.92).unbind(-1)
+    x = (0.412453 * red + 0.357580 * green + 0.180423 * blue) / 0.950456
+    y = 0.212671 * red + 0.715160 * green + 0.072169 * blue
+    z = (0.019334 * red + 0.119193 * green + 0.950227 * blue) / 1.088754
+    at = torch.stack((x, y, z), -1)
+    x, y, z = torch.where(at > 0.008856, at.clamp(min=1e-9) ** (1 / 3), 7.787 * at + 16 / 116).unbind(-1)
+    return torch.stack((116 * y - 16, 500 * (x - y), 200 * (y - z)), -1)
 
 
 def from_lab(lab: Tensor) -> Tensor:

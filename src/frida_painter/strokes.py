@@ -116,8 +116,8 @@ class Strokes:
         straight = aside.abs() < 1e-12
         turn = 0.5 + along / (2 * torch.where(straight, torch.ones_like(aside), aside))
         turn = torch.where(straight, torch.zeros_like(turn), turn).clamp(0, 1)
-        ends = turn.new_tensor([0.0, 1.0]).expand(len(self), 2)
-        return self._points(torch.cat((ends, turn), 1))
+        start = turn.new_zeros(len(self), 1)  # filled where the strokes are, not sent there
+        return self._points(torch.cat((start, start + 1, turn), 1))
 
     def project(self, limits: StrokeLimits, size: CanvasSize) -> Self:
         """The nearest strokes that a machine may paint.
@@ -136,8 +136,8 @@ class Strokes:
         )
         extent = inside.extremes()  # [n, 4, 2]
         least, most = extent.amin(1), extent.amax(1)
-        corner = extent.new_tensor([size.width, size.height])
-        moved = (-least).clamp(min=0) - (most - corner).clamp(min=0)
+        beyond = torch.stack((most[:, 0] - size.width, most[:, 1] - size.height), -1)
+        moved = (-least).clamp(min=0) - beyond.clamp(min=0)
         return replace(inside, position=inside.position + moved)
 
     def check(self, limits: StrokeLimits, size: CanvasSize) -> None:

@@ -53,10 +53,11 @@ def test_an_iteration_of_the_comparator_lowers_the_loss():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["iteration", "planning", "quality", "replanning", "looks", "goals", "sweep"])
+@pytest.mark.parametrize("name", ["iteration", "planning", "quality", "replanning", "looks", "goals", "sweep", "gpu"])
 def test_a_quick_run_prints_and_writes_tables(name, tmp_path):
     figures = tmp_path / "figures.json"
     command = [sys.executable, str(BENCHMARKS / f"{name}.py"), "--quick", "--json", str(figures)]
+    command += ["--device", "cpu"] if name == "gpu" else []
     subprocess.run(command, check=True, capture_output=True, timeout=300)
     record = json.loads(figures.read_text())
     assert record["figures"] and record["tables"]
@@ -92,3 +93,26 @@ def test_every_command_but_two_is_tried_with_all_that_it_takes():
 def test_a_painting_that_is_killed_while_it_finishes_is_resumed_whole(tmp_path):
     (kill,) = program("kills").killed(tmp_path, 4, [0.85])
     assert (kill.wrong, kill.painted) == ("", 4)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU here")
+def test_without_a_gpu_its_benchmark_says_what_to_do():
+    done = subprocess.run([sys.executable, str(BENCHMARKS / "gpu.py")], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.startswith("There is no CUDA device here") and "--device cpu" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_only_what_was_measured_is_renewed_on_the_page(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    report = program("report")
+    monkeypatch.setattr(report, "FIGURES", tmp_path)
+    page = report.PAGE.read_text()
+    assert report.renewed(page) == page
+    record = {"hardware": "another machine", "versions": {"torch": "9"}, "tables": [], "figures": {}}
+    (tmp_path / "gpu.json").write_text(json.dumps(record))
+    renewed = report.renewed(page)
+    assert renewed.count("Measured on: another machine; torch 9.") == 1
+    before, after = (set(text.split("\n## ")) for text in (page, renewed))
+    assert {part.partition("\n")[0] for part in before ^ after} == {"On a GPU"}
+    assert "*Not measured yet.*" in report.renewed("")

@@ -1,17 +1,27 @@
 """Planning on another device than the CPU: one that is pretended, so that it needs no GPU."""
 
 import importlib.util
+import math
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 import torch
+from skimage import color as skimage_color
 
-from elsewhere import elsewhere
-from frida_painter.goal import Goal
+from elsewhere import elsewhere, waits
+from frida_painter.devices import half_precision
+from frida_painter.errors import PlanningDiverged
+from frida_painter.frames import PixelGrid
+from frida_painter.goal import Goal, Term
+from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.clip_resnet import ClipResNet
+from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.hed import Hed
 from frida_painter.objectives.encoders.vgg import Vgg16
-from frida_painter.objectives.interpretation import WeightedObjective
+from frida_painter.objectives.interpretation import WeightedObjective, prepare
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.objectives.kinds.semantic import SemanticTerm
 from frida_painter.objectives.kinds.sketch import SketchTerm
@@ -19,14 +29,16 @@ from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.objectives.objective import ObjectiveTerm
 from frida_painter.objectives.text import distance_to
-from frida_painter.palette import Palette
+from frida_painter.palette import Palette, to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
-from frida_painter.planning.initialize import Growth
+from frida_painter.planning.initialize import Growth, uniform
+from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.region import Region
-from networks import QuickEncoders, random_hed_tensors, random_reader, random_vgg_tensors
+from frida_painter.render import reference
+from networks import QuickEncoders, random_hed_tensors, random_lite_tensors, random_reader, random_vgg_tensors
 from scenes import CANVAS, goal, picture, small_table
 from tiny_clip import resnet_tensors, write_clip
 
@@ -133,3 +145,151 @@ def test_a_tensor_left_behind_would_be_found() -> None:
         )
         with pytest.raises(RuntimeError, match="one device"):
             by.plan(BARE, 4, 2, unheard)
+
+
+@pytest.fixture
+def laid_without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The readable renderer in the place of the GPU's, which needs one: neither asks the device for anything."""
+    monkeypatch.setattr("frida_painter.render.slices.composite", without_answers(reference.composite))
+    monkeypatch.setattr(
+        "frida_painter.render.moment_slices.composite_moments", without_answers(reference.composite_moments)
+    )
+
+
+def without_answers(composite: Callable[..., object]) -> Callable[..., object]:
+    return lambda *tensors, **how: composite(*tensors)
+
+
+class ThereEncoders(QuickEncoders):
+    """Networks of random weights that lie on the device, as fetched ones do."""
+
+    def style(self) -> Vgg16:
+        return Vgg16.of_torchvision(on(self.device, random_vgg_tensors()))
+
+    shapes = style
+
+    def meaning(self) -> EfficientNetLite:
+        return EfficientNetLite(on(self.device, random_lite_tensors()))
+
+    def edges(self) -> Hed:
+        return Hed(on(self.device, random_hed_tensors()))
+
+    def readers(self) -> tuple[Reader, ...]:
+        return (random_reader(self.meaning()),)
+
+
+def on(device: torch.device, tensors: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    return {name: tensor.to(device) for name, tensor in tensors.items()}
+
+
+def waited_for(by: Planner, iterations: int) -> list[str]:
+    """Where the CPU would wait while so many iterations are made."""
+    scene = by.scenes.of(BARE, by.coarse, by.brushes[0])
+    strokes = uniform(4, scene.limits, CANVAS, torch.Generator().manual_seed(0)).to(by.device)
+    with waits() as noted:
+        optimize(strokes, scene, iterations=iterations)
+    return noted
+
+
+def test_no_iteration_waits_for_the_device(laid_without_waiting) -> None:
+    with elsewhere() as device:
+        by = planner(goal(), device)
+        few, more = waited_for(by, 8), waited_for(by, 24)
+    assert Counter(more) - Counter(few) == {"tolist": 2}  # of eight iterations each
+
+
+@pytest.mark.parametrize(
+    "term",
+    [StyleTerm(1 - picture()), SemanticTerm(picture()), SketchTerm(LINES), TextTerm("a lemon", 0.5)],
+    ids=lambda term: type(term).__name__,
+)
+def test_no_objective_waits_for_the_device(term: Term) -> None:
+    with elsewhere() as device:
+        grid = PixelGrid.of_height(CANVAS, 64)
+        objective = prepare(Goal((term.to(device),)), grid, ThereEncoders(device=device))
+        seen = picture(64, 85).to(device).requires_grad_()
+        torch.autograd.backward(objective(seen))  # what never changes is sent once
+        with waits() as noted:
+            torch.autograd.backward(objective(seen))
+    assert Counter(noted) == {}
+
+
+def test_a_wait_would_be_found() -> None:
+    with elsewhere() as device, waits() as noted:
+        there = torch.rand(3).to(device, non_blocking=True)
+        assert noted == []
+        there.cpu()
+        float(there.sum())
+        there[there > 0.5]
+        there[torch.tensor([0, 1])]
+        torch.rand(3).to(device)
+        there.new_tensor([1.0])
+    assert len(noted) == 6
+
+
+def test_colours_are_as_light_on_the_device() -> None:
+    colors = torch.rand(200, 3, generator=torch.Generator().manual_seed(0))
+    colors[:3] = torch.tensor([[0.0, 0, 0], [1, 1, 1], [0.01, 0.02, 0.03]])
+    with elsewhere() as device:
+        there = to_lab(colors.to(device))
+    exact = torch.from_numpy(skimage_color.rgb2lab(colors.numpy()))
+    torch.testing.assert_close(there.held, exact, rtol=0, atol=0.01)
+
+
+@pytest.mark.parametrize("failing", [{5}, {5, 6}, {5, 12, 20}])
+def test_losses_that_are_not_finite_are_noticed_late_on_a_device_and_do_no_harm(
+    failing: set[int], laid_without_waiting
+) -> None:
+    """Fault F29: values that are not finite while planning. Eight iterations are read together."""
+    calls = 0
+
+    def turning(picture: torch.Tensor) -> torch.Tensor:
+        nonlocal calls
+        calls += 1
+        return picture.square().mean() * (torch.nan if calls - 1 in failing else 1)
+
+    heard: list[Step] = []
+    with elsewhere() as device:
+        by = planner(goal(), device)
+        scene = by.scenes.of(BARE, by.coarse, by.brushes[0])
+        dark = replace(scene, objective=turning)
+        strokes = uniform(4, scene.limits, CANVAS, torch.Generator().manual_seed(0)).to(device)
+        if len(failing) == 3:
+            with pytest.raises(PlanningDiverged, match=r"iteration 20, for the 3\. time \(the loss was nan\)"):
+                optimize(strokes, dark, iterations=24, notify=heard.append)
+        else:
+            found, _ = optimize(strokes, dark, iterations=24, notify=heard.append)
+            found.to("cpu").check(scene.limits, CANVAS)
+            assert bool(scene.render(found).to("cpu").isfinite().all())
+    assert [step.iteration for step in heard][:5] == [1, 2, 3, 4, 5]
+    assert all(step.iteration not in (6, 7, 8) and math.isfinite(step.loss) for step in heard)
+
+
+@torch.no_grad()
+def test_networks_in_half_precision_see_nearly_the_same_in_full_precision(tmp_path, monkeypatch) -> None:
+    clip, tower = Clip.load(write_clip(tmp_path)), ClipResNet(resnet_tensors())
+    vgg, lite = Vgg16.of_torchvision(random_vgg_tensors()), random_reader()
+    looks = (
+        lambda views: vgg.features(views[0], ["conv3_1"])[0],
+        lite.embed_pictures,
+        tower.embed_pictures,
+        clip.embed_pictures,
+        lambda views: clip.features(views)[0],
+    )
+    views = picture(64, 64)[None]
+    whole = [look(views) for look in looks]
+    for module in ("vgg", "clip", "clip_resnet", "efficientnet"):
+        monkeypatch.setattr(
+            f"frida_painter.objectives.encoders.{module}.half_precision",
+            lambda device: torch.autocast("cpu", dtype=torch.bfloat16),
+        )
+    for look, expected in zip(looks, whole, strict=True):
+        seen = look(views)
+        assert seen.dtype == torch.float32
+        assert not torch.equal(seen, expected), "it was not computed in half precision"
+        assert float((seen - expected).norm() / expected.norm()) < 0.06
+
+
+def test_the_cpu_computes_in_full_precision() -> None:
+    with half_precision(torch.device("cpu")):
+        assert (torch.ones(2, 2) @ torch.ones(2, 2)).dtype == torch.float32

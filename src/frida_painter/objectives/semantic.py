@@ -4,6 +4,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from frida_painter.devices import sent
 from frida_painter.images import sized
 from frida_painter.objectives.augment import Views
 from frida_painter.objectives.encoders.base import Seer
@@ -51,7 +52,7 @@ class Semantic:
     def _distance(self, picture: Tensor, which: Tensor) -> Tensor:
         total = picture.new_zeros(())
         for seen, targets in zip(self._seer.features(self._views.of(picture, which)), self._targets, strict=True):
-            total = total + _apart(seen, targets[which])
+            total = total + _apart(seen, targets[sent(which, targets.device)])
         if self._trunk is None:
             return _BALANCE * total
         for shapes, wanted in zip(self._trunk.features(sized(picture, _PIXELS), _LAYERS), self._shapes, strict=True):

@@ -48,7 +48,7 @@ class Sketch:
 def _blurred(edges: Tensor, spread: float) -> Tensor:
     """Edges [h, w] blurred by a Gaussian of `spread` pixels."""
     reach = max(1, round(2.5 * spread))
-    along = torch.arange(-reach, reach + 1).to(edges)
+    along = torch.arange(-reach, reach + 1, dtype=edges.dtype, device=edges.device)
     kernel = torch.exp(-along.square() / (2 * spread**2))
     kernel = kernel / kernel.sum()
     rows = functional.conv2d(edges[None, None], kernel[None, None, :, None], padding=(reach, 0))

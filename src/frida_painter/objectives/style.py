@@ -3,6 +3,7 @@
 import torch
 from torch import Tensor
 
+from frida_painter.devices import Constant, sent
 from frida_painter.images import sized
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.transport import cosine_cost, euclidean_cost, moment_distance, relaxed_emd
@@ -25,6 +26,7 @@ class Style:
     def __init__(self, style: Tensor, vgg: Vgg16, seed: int) -> None:
         self._vgg = vgg
         self._seed = seed
+        self._decorrelate = Constant(torch.tensor(_DECORRELATE))
         with torch.no_grad():
             self._clouds = self._see(style)
 
@@ -42,7 +44,7 @@ class Style:
         small = sized(picture, _PIXELS)
         maps = [small, *self._vgg.features(small, LAYERS)]
         clouds = [_sampled(one, self._seed) for one in maps]
-        clouds[0] = clouds[0] @ clouds[0].new_tensor(_DECORRELATE).T
+        clouds[0] = clouds[0] @ self._decorrelate.like(clouds[0]).T
         # Features of one layer are brought to one size: their own units mean nothing.
         return [clouds[0], *(cloud / (cloud.detach().square().mean().sqrt() + 1e-6) for cloud in clouds[1:])]
 
@@ -53,4 +55,4 @@ def _sampled(features: Tensor, seed: int) -> Tensor:
     if len(rows) <= _SAMPLES:
         return rows
     places = torch.randperm(len(rows), generator=torch.Generator().manual_seed(seed))[:_SAMPLES]
-    return rows[places.to(rows.device)]
+    return rows[sent(places, rows.device)]

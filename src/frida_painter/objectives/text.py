@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from frida_painter.devices import Constant, sent
 from frida_painter.objectives.augment import Views
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.conse import ConSE
@@ -38,7 +39,7 @@ class Text:
         seen = self._views[reader].of(_square(picture, float(torch.rand((), generator=self._generator))), which)
         if torch.rand((), generator=self._generator) < 0.5:
             seen = functional.avg_pool2d(seen, 3, 1, 1, count_include_pad=False)
-        noise = torch.randn(seen.shape, generator=self._generator).to(seen)
+        noise = sent(torch.randn(seen.shape, generator=self._generator).to(seen.dtype), seen.device)
         return _BALANCE * self._distances[reader](seen + _NOISE * noise).mean()
 
     def validation(self, picture: Tensor) -> Tensor:
@@ -73,9 +74,9 @@ def distance_to(prompt: str, reader: Reader) -> Callable[[Tensor], Tensor]:
     """
     if isinstance(reader, ConSE):
         return reader.distance_to(prompt)
-    meaning = reader.embed_text(prompt)
+    meaning = Constant(reader.embed_text(prompt))
 
     def apart(pictures: Tensor) -> Tensor:
-        return 1 - reader.embed_pictures(pictures) @ meaning.to(pictures)
+        return 1 - reader.embed_pictures(pictures) @ meaning.like(pictures)
 
     return apart

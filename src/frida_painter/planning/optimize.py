@@ -18,6 +18,7 @@ _MOST_FAILURES = 3
 _WARMING = 6
 _BETAS = (0.9, 0.98)
 _BETWEEN_VALIDATIONS = 10  # iterations
+_READ_TOGETHER = 8  # iterations of a GPU, which would stand still at each reading
 
 
 @dataclass(frozen=True)
@@ -61,41 +62,45 @@ def optimize(
     strokes seen are returned, never worse than those given: by the objective or, where the scene has
     one, by its validation objective, asked every ten iterations. A step that is not finite is
     discarded, and steps are halved from then on; the third raises PlanningDiverged, and so does a
-    loss that was never finite.
+    loss that was never finite. On a GPU `notify` hears of several steps at once, and so late a step is discarded.
     """
     if len(strokes) == 0:
         return strokes, paints
     variables = Variables(strokes, paints, vary_colors=vary_colors, light_to_dark=light_to_dark)
     adam = Adam(variables.leaves, _BETAS)
-    best = _Best()
+    best = _Best(variables)
+    readings = _Readings(1 if strokes.angle.device.type == "cpu" else _READ_TOGETHER)
     failures = 0
     for iteration in range(iterations + 1):
         current = variables.strokes(variables.order())
         loss = scene.cost(current)
-        value = loss.item()
         if scene.validation is None:
-            best.consider(value, variables)
+            best.consider(loss, variables)
         elif iteration % _BETWEEN_VALIDATIONS == 0 or iteration == iterations:
             with torch.no_grad():
-                best.consider(scene.cost(current, scene.validation).item(), variables)
+                best.consider(scene.cost(current, scene.validation), variables)
         if iteration == iterations:
             break
         adam.forget_gradients()
         torch.autograd.backward(loss)
-        if not math.isfinite(value) or not _finite(variables.leaves):
-            failures += 1
-            if failures == _MOST_FAILURES or best.shape is None:
-                raise PlanningDiverged(
-                    f"The loss or its slope was not finite in iteration {iteration}, for the {failures}. time "
-                    f"(the loss was {value:g}); try another seed (--seed), or another picture."
-                )
-            best.restore(variables)
-            adam = Adam(variables.leaves, _BETAS)
-            continue
+        readings.add(_Reading(iteration, loss.detach(), _made_sound(loss, variables.leaves), current.detach()))
         adam.step(pace * 0.5**failures * _rhythm(iteration, iterations))
         with torch.no_grad():
             variables.set_(variables.strokes().project(scene.limits, scene.size))
-        notify(Step(iteration + 1, iterations, value, current.detach()))
+        if not readings.full and iteration + 1 < iterations:
+            continue
+        heard, failed, least = readings.read(best.loss)
+        for step in heard:
+            notify(Step(step.iteration + 1, iterations, step.value, step.strokes))
+        if failed is not None:
+            failures += 1
+            if failures == _MOST_FAILURES or not math.isfinite(least):
+                raise PlanningDiverged(
+                    f"The loss or its slope was not finite in iteration {failed.iteration}, for the {failures}. time "
+                    f"(the loss was {failed.value:g}); try another seed (--seed), or another picture."
+                )
+            best.restore(variables)
+            adam = Adam(variables.leaves, _BETAS)
     best.restore(variables)
     order = variables.order()
     found = variables.paints()
@@ -114,27 +119,74 @@ def _rhythm(iteration: int, iterations: int) -> float:
     return warm * (0.1 + 0.45 * (1 + math.cos(math.pi * iteration / iterations)))
 
 
-def _finite(leaves: list[Tensor]) -> bool:
-    return all(leaf.grad is not None and bool(torch.isfinite(leaf.grad).all()) for leaf in leaves)
+def _made_sound(loss: Tensor, leaves: list[Tensor]) -> Tensor:
+    """Whether the loss and its slope are finite, one bool on their device; where they are not, the slope becomes 0."""
+    if any(leaf.grad is None for leaf in leaves):
+        return torch.zeros_like(loss, dtype=torch.bool)
+    slopes = [leaf.grad for leaf in leaves if leaf.grad is not None]
+    sound = torch.stack([part.isfinite().all() for part in (loss, *slopes)]).all()
+    for leaf, slope in zip(leaves, slopes, strict=True):
+        leaf.grad = torch.where(sound, slope, 0)
+    return sound
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """An iteration: its loss and whether it was sound, on the device, its strokes; value: the loss, once read."""
+
+    iteration: int
+    loss: Tensor
+    sound: Tensor
+    strokes: Strokes
+    value: float = math.nan
+
+
+class _Readings:
+    """Iterations whose losses are still on the device; as many are read together as are given."""
+
+    def __init__(self, together: int) -> None:
+        self._together = together
+        self._waiting: list[_Reading] = []
+
+    @property
+    def full(self) -> bool:
+        """Whether it is time to read."""
+        return len(self._waiting) >= self._together
+
+    def add(self, reading: _Reading) -> None:
+        """One more that waits."""
+        self._waiting.append(reading)
+
+    def read(self, least: Tensor) -> tuple[list[_Reading], _Reading | None, float]:
+        """Those that waited up to the first that was not sound, that one, and the least loss: in one transfer."""
+        waiting, self._waiting = self._waiting, []
+        numbers = [part.to(least) for one in waiting for part in (one.loss, one.sound)]
+        found, *values = torch.stack([least, *numbers]).tolist()
+        heard: list[_Reading] = []
+        for reading, value, sound in zip(waiting, values[::2], values[1::2], strict=True):
+            if not sound:
+                return heard, replace(reading, value=value), found
+            heard.append(replace(reading, value=value))
+        return heard, None, found
 
 
 class _Best:
-    """The best variables seen, kept to be returned whatever happens later."""
+    """The best variables seen, kept on their device to be returned whatever happens later."""
 
-    def __init__(self) -> None:
-        self.loss = math.inf
-        self.shape: Tensor | None = None
-        self.color: Tensor | None = None
+    def __init__(self, variables: Variables) -> None:
+        self.loss = variables.shape.new_full((), math.inf)
+        self._shape, self._color = variables.shape.detach().clone(), variables.color.detach().clone()
 
-    def consider(self, loss: float, variables: Variables) -> None:
-        if loss < self.loss:
-            self.loss = loss
-            self.shape = variables.shape.detach().clone()
-            self.color = variables.color.detach().clone()
+    def consider(self, loss: Tensor, variables: Variables) -> None:
+        """Keeps the variables where the loss is less than any before."""
+        loss = loss.detach().to(self.loss)
+        better = loss < self.loss
+        self.loss = torch.where(better, loss, self.loss)
+        self._shape = torch.where(better, variables.shape.detach(), self._shape)
+        self._color = torch.where(better, variables.color.detach(), self._color)
 
     def restore(self, variables: Variables) -> None:
-        if self.shape is None or self.color is None:
-            return
+        """Sets the variables to the best."""
         with torch.no_grad():
-            variables.shape.copy_(self.shape)
-            variables.color.copy_(self.color)
+            variables.shape.copy_(self._shape)
+            variables.color.copy_(self._color)

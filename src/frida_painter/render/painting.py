@@ -26,17 +26,26 @@ def composite(
                no use for the gradient to them; the compiled path then leaves part of it out
     returns    the picture [3, H, W]; differentiable in all four.
 
-    Tensors on the CPU go to compiled scanlines if numba is installed; all others go to plain
-    PyTorch, on their own device. Both equal `reference.composite`.
+    Tensors on the CPU go to compiled scanlines if numba is installed, those on a GPU to compiled tiles
+    if Triton is; all others go to plain PyTorch, on their own device. All equal `reference.composite`.
     """
     if canvas.device.type == "cpu" and find_spec("numba") is not None:
         # Imported here because loading the compiler takes a second that a CUDA user need not pay.
         from frida_painter.render import scanline
 
         return scanline.composite(magnitude, affine, color, canvas, bare_cells_answer=bare_cells_answer)
+    if _in_tiles(canvas):
+        from frida_painter.render import tiles
+
+        return tiles.composite(magnitude, affine, color, canvas, bare_cells_answer=bare_cells_answer)
     from frida_painter.render import slices
 
     return slices.composite(magnitude, affine, color, canvas)
+
+
+def _in_tiles(canvas: Tensor) -> bool:
+    """Whether strokes are laid by tile_kernels.py."""
+    return canvas.device.type == "cuda" and find_spec("triton") is not None
 
 
 def render(strokes: Strokes, stroke_model: StrokeModel, canvas: Tensor, size: CanvasSize) -> Tensor:
@@ -80,6 +89,11 @@ def composite_moments(
 
         tensors = magnitude, affine, color, canvas
         return Moments(*moment_scanline.composite_moments(*tensors, spread, bare_cells_answer=bare_cells_answer))
+    if _in_tiles(canvas):
+        from frida_painter.render import tiles
+
+        tensors = magnitude, affine, color, canvas
+        return Moments(*tiles.composite_moments(*tensors, spread, bare_cells_answer=bare_cells_answer))
     from frida_painter.render import moment_slices
 
     return Moments(*moment_slices.composite_moments(magnitude, affine, color, canvas, spread))

@@ -14,7 +14,8 @@ BATCH_PIXELS = 2**17
 def whole_maps(magnitude: Tensor) -> Tensor:
     """The box of all cells of each map, [n, 4] (top, bottom, left, right)."""
     n, h, w = magnitude.shape
-    return magnitude.new_tensor([0, h, 0, w], dtype=torch.float64).expand(n, 4)
+    none = magnitude.new_zeros((), dtype=torch.float64)  # filled where the maps are, not sent there
+    return torch.stack((none, none + h, none, none + w)).expand(n, 4)
 
 
 def painted_boxes(magnitude: Tensor) -> Tensor:
@@ -28,7 +29,12 @@ def painted_boxes(magnitude: Tensor) -> Tensor:
 
 
 def pixel_boxes(affine: Tensor, cells: Tensor, canvas: Tensor) -> list[Box]:
-    """For each stroke the pixels whose samples can touch its box of cells [n, 4]; (0, 0, 0, 0) if none can."""
+    """`pixel_extents` as numbers of the host, which waits for the device."""
+    return [(box[0], box[1], box[2], box[3]) for box in pixel_extents(affine, cells, canvas).tolist()]
+
+
+def pixel_extents(affine: Tensor, cells: Tensor, canvas: Tensor) -> Tensor:
+    """For each stroke the pixels whose samples can touch its box of cells [n, 4], [n, 4]; (0, 0, 0, 0) if none can."""
     _, height, width = canvas.shape
     place = affine.detach().double()
     a, b, c, d, e, f = place.flatten(1).unbind(1)
@@ -51,7 +57,7 @@ def pixel_boxes(affine: Tensor, cells: Tensor, canvas: Tensor) -> list[Box]:
     first_row, past_row = extent(-d / determinant, a / determinant, height)
     visible = (first_row < past_row) & (first_column < past_column) & slack.isfinite() & ~cells.isnan().any(1)
     boxes = torch.stack((first_row, past_row, first_column, past_column), 1)
-    return [(box[0], box[1], box[2], box[3]) for box in torch.where(visible[:, None], boxes, 0).long().tolist()]
+    return torch.where(visible[:, None], boxes, 0).long()
 
 
 class Batch:

@@ -9,6 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from frida_painter import extras, storage
+from frida_painter.devices import Constant, half_precision
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.clip_resnet import MEAN, SPREAD
 from frida_painter.weights.sources import Hub
@@ -36,7 +37,7 @@ class Clip:
         self._tokenizer = tokenizer
         self.name = name
         self.side = int(model.config.vision_config.image_size)
-        self._mean, self._spread = torch.tensor(mean)[:, None, None], torch.tensor(spread)[:, None, None]
+        self._mean, self._spread = (Constant(torch.tensor(part)[:, None, None]) for part in (mean, spread))
 
     @classmethod
     def load(cls, source: str | Path, name: str | None = None) -> Self:
@@ -84,7 +85,8 @@ class Clip:
 
     def embed_pictures(self, pictures: Tensor) -> Tensor:
         """What pictures [n, 3, h, w], sRGB in [0, 1], show: [n, d], each of unit length; differentiable."""
-        found = self._model.get_image_features(self._as_input(pictures))
+        with half_precision(pictures.device):
+            found = self._model.get_image_features(self._as_input(pictures))
         return functional.normalize(found.pooler_output.to(pictures), dim=1)
 
     def features(self, views: Tensor) -> tuple[Tensor]:
@@ -92,7 +94,9 @@ class Clip:
 
         Differentiable. g = 7 for ViT-B/32.
         """
-        seen = self._model.vision_model(self._as_input(views)).last_hidden_state[:, 1:]  # the first one is the summary
+        with half_precision(views.device):
+            every = self._model.vision_model(self._as_input(views)).last_hidden_state
+        seen = every[:, 1:]  # the first one is the summary
         cells = round(seen.shape[1] ** 0.5)
         return (seen.transpose(1, 2).reshape(len(seen), -1, cells, cells).to(views),)
 
@@ -110,7 +114,7 @@ class Clip:
         top, left = (size[0] - self.side) // 2, (size[1] - self.side) // 2
         middle = pictures[:, :, top : top + self.side, left : left + self.side]
         self._model.to(middle.device)
-        return ((middle - self._mean.to(middle)) / self._spread.to(middle)).to(self._model.dtype)
+        return ((middle - self._mean.like(middle)) / self._spread.like(middle)).to(self._model.dtype)
 
 
 def _is_here(name: str) -> bool:

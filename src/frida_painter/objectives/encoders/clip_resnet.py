@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from frida_painter.devices import Constant, half_precision
 from frida_painter.errors import WeightsError
 
 MEAN, SPREAD = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)
@@ -59,6 +60,7 @@ class ClipResNet:
 
     def __init__(self, tensors: Mapping[str, Tensor], name: str = "CLIP ResNet") -> None:
         self.name = name
+        self._statistics = Constant(torch.tensor((MEAN, SPREAD))[..., None, None])
         mine = {key.removeprefix(_PREFIX): tensor.float() for key, tensor in tensors.items() if key.startswith(_PREFIX)}
         try:
             self._stem = [_folded(mine, f"conv{number}", f"bn{number}") for number in (1, 2, 3)]
@@ -83,17 +85,18 @@ class ClipResNet:
 
         [n, c / 2, h / 16, w / 16] and [n, c, h / 32, w / 32]; differentiable.
         """
-        mean, spread = (views.new_tensor(values)[:, None, None] for values in (MEAN, SPREAD))
+        mean, spread = self._statistics.like(views)
         x = (views - mean) / spread
-        for number, convolution in enumerate(self._stem):
-            x = functional.relu(convolution(x, stride=1 if number else 2))
-        x = _pooled(x, 2)
-        seen = []
-        for stage in self._stages:
-            for block in stage:
-                x = block(x)
-            seen.append(x)
-        return seen[2], seen[3]
+        with half_precision(views.device):
+            for number, convolution in enumerate(self._stem):
+                x = functional.relu(convolution(x, stride=1 if number else 2))
+            x = _pooled(x, 2)
+            seen = []
+            for stage in self._stages:
+                for block in stage:
+                    x = block(x)
+                seen.append(x)
+        return seen[2].to(views), seen[3].to(views)
 
     def embed_pictures(self, pictures: Tensor) -> Tensor:
         """What pictures [n, 3, h, w], sRGB in [0, 1], show: [n, d], each of unit length; differentiable."""

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from frida_painter.devices import Constant
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
@@ -41,7 +42,8 @@ class ConSE:
         self._meanings = meanings
         self._owner = torch.repeat_interleave(torch.tensor([len(some) for some in names]))  # [m]
         whole = torch.zeros(len(names), meanings.shape[1]).index_add_(0, self._owner, meanings)
-        self._classes = functional.normalize(whole, dim=1)  # [classes, d]
+        self._count = len(names)
+        self._classes = Constant(functional.normalize(whole, dim=1))  # [classes, d]
         self.title = title
 
     @property
@@ -67,7 +69,7 @@ class ConSE:
         A class is as near to the words as the nearest of its names.
         """
         similarity = self._meanings @ self.embed_text(prompt)  # [m]
-        nearest = torch.full((len(self._classes),), -1.0).scatter_reduce(0, self._owner, similarity, "amax")
+        nearest = torch.full((self._count,), -1.0).scatter_reduce(0, self._owner, similarity, "amax")
         return (nearest / _SHARPNESS).softmax(0)
 
     def distance_to(self, prompt: str) -> Callable[[Tensor], Tensor]:
@@ -77,12 +79,12 @@ class ConSE:
         cross-entropy against the classes that are wanted over that of a picture that shows nothing
         (the logarithm of their number), still falls.
         """
-        meaning, wanted = self.embed_text(prompt), self.wanted(prompt)
+        meaning, wanted = Constant(self.embed_text(prompt)), Constant(self.wanted(prompt))
 
         def apart(pictures: Tensor) -> Tensor:
             seen = self._seen(pictures)
-            surprise = -(seen @ wanted.to(seen)) / math.log(len(wanted))
-            return (1 - self._mixture(seen) @ meaning.to(seen) + surprise) / 2
+            surprise = -(seen @ wanted.like(seen)) / math.log(self._count)
+            return (1 - self._mixture(seen) @ meaning.like(seen) + surprise) / 2
 
         return apart
 
@@ -92,7 +94,7 @@ class ConSE:
         return self._classifier.logits(pictures.contiguous(memory_format=torch.channels_last)).log_softmax(1)
 
     def _mixture(self, seen: Tensor) -> Tensor:
-        return functional.normalize(seen.exp() @ self._classes.to(seen), dim=1)
+        return functional.normalize(seen.exp() @ self._classes.like(seen), dim=1)
 
 
 FILE = "class_names.txt"

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from frida_painter.devices import half_precision
 from frida_painter.errors import WeightsError
 
 _STRIDES = (1, 2, 2, 2, 1, 2, 1)  # of the first block in each of the seven stages
@@ -72,14 +73,15 @@ class EfficientNetLite:
 
         Of stage five [n, c, h / 16, w / 16], parts of things, and of the last layer [n, 1280, h / 32, w / 32].
         """
-        x = functional.relu6(self._stem((views - _MEAN) / _SPREAD))
-        parts = x
-        for number, stage in enumerate(self._stages, 1):
-            for block in stage:
-                x = block(x)
-            if number == 5:
-                parts = x
-        return parts, functional.relu6(self._head(x))
+        with half_precision(views.device):
+            x = functional.relu6(self._stem((views - _MEAN) / _SPREAD))
+            parts = x
+            for number, stage in enumerate(self._stages, 1):
+                for block in stage:
+                    x = block(x)
+                if number == 5:
+                    parts = x
+            return parts.to(views), functional.relu6(self._head(x)).to(views)
 
     def logits(self, views: Tensor) -> Tensor:
         """Views [n, 3, h, w], sRGB in [0, 1], to scores of ImageNet's thousand classes [n, 1000]."""

@@ -60,7 +60,7 @@ class EncoderRegistry:
         pictures: Path | None = None,
     ) -> None:
         self._cache = cache
-        self._device = device or torch.device("cpu")
+        self.device = device or torch.device("cpu")
         self._clip_source = clip
         self._picture_folder = pictures
         self._clip: Encoder | None = None
@@ -120,7 +120,7 @@ class EncoderRegistry:
 
         if self._clip is None:
             if self._clip_source is not None:
-                self._clip = _given_clip(self._clip_source, self._device)
+                self._clip = _given_clip(self._clip_source, self.device)
             elif (folder := weights.find(_CLIP, self._cache)) is not None:
                 self._clip = Clip.load(folder, "CLIP ViT-B/32")
         return self._clip
@@ -249,7 +249,7 @@ class EncoderRegistry:
         return weights.find(name, self._cache) is not None
 
     def _tensors(self, name: str) -> dict[str, Tensor]:
-        return {part: tensor.to(self._device) for part, tensor in weights.tensors(name, self._cache).items()}
+        return {part: tensor.to(self.device) for part, tensor in weights.tensors(name, self._cache).items()}
 
     def _conse(self, number: int) -> "ConSE":
         from frida_painter.objectives.encoders.conse import ConSE, class_names

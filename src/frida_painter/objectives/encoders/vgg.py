@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from frida_painter.devices import Constant, half_precision
 from frida_painter.errors import WeightsError
 
 _BLOCKS = (2, 2, 3, 3, 3)  # convolutions in each; between blocks the picture is halved
@@ -31,8 +32,8 @@ class Vgg16:
         if [tuple(weight.shape) for weight, _ in convolutions] != expected:
             raise WeightsError("The convolutions given are not those of VGG16; fetch its weights again.")
         self._convolutions = [(weight.detach(), bias.detach()) for weight, bias in convolutions]
-        self._mean = torch.tensor(mean)[:, None, None]
-        self._spread = torch.tensor(spread)[:, None, None]
+        self._mean = Constant(torch.tensor(mean)[:, None, None])
+        self._spread = Constant(torch.tensor(spread)[:, None, None])
 
     @classmethod
     def of_hed(cls, tensors: Mapping[str, Tensor]) -> Self:
@@ -54,15 +55,16 @@ class Vgg16:
         if unknown:
             raise ValueError(f"{sorted(unknown)} are no layers; there are {', '.join(_NAMES)}")
         found: dict[str, Tensor] = {}
-        x = ((picture - self._mean.to(picture)) / self._spread.to(picture))[None]
-        for name, (weight, bias) in zip(_NAMES, self._convolutions, strict=True):
-            if name.endswith("_1") and name != _NAMES[0]:
-                x = functional.max_pool2d(x, 2, ceil_mode=True)
-            x = functional.relu(functional.conv2d(x, weight.to(x), bias.to(x), padding=1))
-            if name in layers:
-                found[name] = x[0]
-            if len(found) == len(set(layers)):
-                break
+        x = ((picture - self._mean.like(picture)) / self._spread.like(picture))[None]
+        with half_precision(picture.device):
+            for name, (weight, bias) in zip(_NAMES, self._convolutions, strict=True):
+                if name.endswith("_1") and name != _NAMES[0]:
+                    x = functional.max_pool2d(x, 2, ceil_mode=True)
+                x = functional.relu(functional.conv2d(x, weight.to(x), bias.to(x), padding=1))
+                if name in layers:
+                    found[name] = x[0].to(picture)
+                if len(found) == len(set(layers)):
+                    break
         return [found[name] for name in layers]
 
 

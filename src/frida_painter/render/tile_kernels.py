@@ -1,0 +1,229 @@
+"""The inner loops that lay strokes on a GPU: one program paints one tile of the canvas, stroke after stroke.
+
+Compiled by Triton, which comes with PyTorch for CUDA. Tensors are contiguous, in one precision; pixels of a picture
+[3, H, W] lie H * W apart from channel to channel. numbers [2] are those of `CoverageSpread`. The recurrences and
+their derivation are in docs/renderer.md, and the same in moment_kernels.py.
+
+What many tiles add to is added in whole numbers, of which every order has the same sum.
+"""
+
+import triton
+import triton.language as tl
+
+
+@triton.jit
+def _touches(boxes, stroke, top, left, ROWS: tl.constexpr, COLUMNS: tl.constexpr):
+    """Whether the stroke's box of pixels [top, bottom) x [left, right) meets the tile."""
+    box = boxes + 4 * stroke
+    below = (tl.load(box) < top + ROWS) & (tl.load(box + 1) > top)
+    return below & (tl.load(box + 2) < left + COLUMNS) & (tl.load(box + 3) > left)
+
+
+@triton.jit
+def _cells(maps, affine, stroke, x, y, inside, rows, columns):
+    """Where pixels lie on the stroke's map: the cell's offset, shares to the right and below, and four cells' values.
+
+    Cells beyond the map are zero; the last four values say which of them are on it.
+    """
+    place = affine + 6 * stroke
+    column = tl.load(place) * x + tl.load(place + 1) * y + tl.load(place + 2)
+    row = tl.load(place + 3) * x + tl.load(place + 4) * y + tl.load(place + 5)
+    column = tl.minimum(tl.maximum(column, -2), columns + 1)  # farther off it is as bare
+    row = tl.minimum(tl.maximum(row, -2), rows + 1)
+    left, above = tl.floor(column), tl.floor(row)
+    right_share, below_share = column - left, row - above
+    at_column, at_row = left.to(tl.int32), above.to(tl.int32)
+    here, beside = (at_column >= 0) & (at_column < columns), (at_column >= -1) & (at_column < columns - 1)
+    level, under = (at_row >= 0) & (at_row < rows), (at_row >= -1) & (at_row < rows - 1)
+    on_0, on_1 = inside & level & here, inside & level & beside
+    on_2, on_3 = inside & under & here, inside & under & beside
+    offset = tl.full((), 1, tl.int64) * rows * columns * stroke + at_row * columns + at_column
+    value_0, value_1 = tl.load(maps + offset, on_0, 0), tl.load(maps + offset + 1, on_1, 0)
+    value_2 = tl.load(maps + offset + columns, on_2, 0)
+    value_3 = tl.load(maps + offset + columns + 1, on_3, 0)
+    return offset, right_share, below_share, value_0, value_1, value_2, value_3, on_0, on_1, on_2, on_3
+
+
+@triton.jit
+def _cover(right_share, below_share, value_0, value_1, value_2, value_3):
+    """The map's bilinear value."""
+    upper = value_0 * (1 - right_share) + value_1 * right_share
+    lower = value_2 * (1 - right_share) + value_3 * right_share
+    return upper * (1 - below_share) + lower * below_share
+
+
+@triton.jit
+def _laid(mean, variance, paint, cover, share, full):
+    """One channel's moments after a stroke of that mean coverage."""
+    away, keeps = mean - paint, 1 - cover
+    doubt = share * cover * tl.maximum(full - cover, 0)
+    return mean - cover * away, (keeps * keeps + doubt) * variance + doubt * away * away
+
+
+@triton.jit
+def _store(planes, at, plane, inside, red, green, blue, red_varies, green_varies, blue_varies):
+    """Writes the moments of three channels as six planes."""
+    tl.store(planes + at, red, inside)
+    tl.store(planes + at + plane, green, inside)
+    tl.store(planes + at + 2 * plane, blue, inside)
+    tl.store(planes + at + 3 * plane, red_varies, inside)
+    tl.store(planes + at + 4 * plane, green_varies, inside)
+    tl.store(planes + at + 5 * plane, blue_varies, inside)
+
+
+@triton.jit
+def _load(planes, at, plane, inside):
+    """Reads what `_store` wrote."""
+    return (
+        tl.load(planes + at, inside, 0),
+        tl.load(planes + at + plane, inside, 0),
+        tl.load(planes + at + 2 * plane, inside, 0),
+        tl.load(planes + at + 3 * plane, inside, 0),
+        tl.load(planes + at + 4 * plane, inside, 0),
+        tl.load(planes + at + 5 * plane, inside, 0),
+    )
+
+
+@triton.jit
+def lay(
+    maps, affine, color, boxes, numbers, canvas, moments, kept,
+    strokes, height, width, rows, columns, segment,
+    KEEP: tl.constexpr, ROWS: tl.constexpr, COLUMNS: tl.constexpr,
+):  # fmt: skip
+    """Mean and variance [6, H, W] of the canvas [3, H, W] after all strokes.
+
+    KEEP: whether those under every stroke whose number divides by `segment` go to kept [segments, 6, H, W].
+    """
+    top, left = tl.program_id(1) * ROWS, tl.program_id(0) * COLUMNS
+    y, x = top + tl.arange(0, ROWS)[:, None], left + tl.arange(0, COLUMNS)[None, :]
+    inside = (y < height) & (x < width)
+    plane = height * width
+    leap = tl.full((), 6, tl.int64) * plane  # from the moments of one picture to those of the next
+    at = y * width + x
+    share, full = tl.load(numbers), tl.load(numbers + 1)
+    red = tl.load(canvas + at, inside, 0)
+    green, blue = tl.load(canvas + at + plane, inside, 0), tl.load(canvas + at + 2 * plane, inside, 0)
+    red_varies, green_varies, blue_varies = tl.zeros_like(red), tl.zeros_like(red), tl.zeros_like(red)
+    for stroke in range(strokes):
+        if KEEP:  # noqa: SIM102 - what is not kept is not compiled
+            if stroke % segment == 0:
+                begun = kept + (stroke // segment) * leap
+                _store(begun, at, plane, inside, red, green, blue, red_varies, green_varies, blue_varies)
+        if _touches(boxes, stroke, top, left, ROWS, COLUMNS):
+            _, right, below, v_0, v_1, v_2, v_3, _, _, _, _ = _cells(maps, affine, stroke, x, y, inside, rows, columns)
+            cover = _cover(right, below, v_0, v_1, v_2, v_3)
+            paint = color + 3 * stroke
+            red, red_varies = _laid(red, red_varies, tl.load(paint), cover, share, full)
+            green, green_varies = _laid(green, green_varies, tl.load(paint + 1), cover, share, full)
+            blue, blue_varies = _laid(blue, blue_varies, tl.load(paint + 2), cover, share, full)
+    _store(moments, at, plane, inside, red, green, blue, red_varies, green_varies, blue_varies)
+
+
+@triton.jit
+def _pulled(mean, variance, paint, cover, share, full, to_mean, to_variance):
+    """One channel of the way back through a stroke over these moments: gradients to coverage and paint, and onwards."""
+    away, keeps = mean - paint, 1 - cover
+    bare = tl.maximum(full - cover, 0)
+    doubt = share * cover * bare
+    rising = tl.where(bare > 0, share * (bare - cover), 0)
+    to_cover = to_variance * (rising * (variance + away * away) - 2 * keeps * variance) - to_mean * away
+    crossed = 2 * doubt * away * to_variance
+    return to_cover, cover * to_mean - crossed, keeps * to_mean + crossed, (keeps * keeps + doubt) * to_variance
+
+
+@triton.jit
+def _whole(values):
+    """As whole numbers, of which there is none for what is no number."""
+    return tl.where(values == values, values, 0).to(tl.int64)
+
+
+@triton.jit
+def _add(sums, index, values, scale):
+    """Adds the sum of the values to a sum, in whole numbers."""
+    tl.atomic_add(sums + index, _whole(tl.sum(tl.sum(values, 1), 0) * scale), sem="relaxed")
+
+
+@triton.jit
+def pull(
+    maps, affine, color, boxes, numbers, kept, states, gradients, scale, to_maps, to_strokes, to_canvas,
+    strokes, height, width, rows, columns, segment, segments,
+    BARE_ANSWERS: tl.constexpr, ROWS: tl.constexpr, COLUMNS: tl.constexpr,
+):  # fmt: skip
+    """The gradients, from those to the moments, gradients [6, H, W], to all that `lay` was given.
+
+    kept: as `lay` left it; states [segment, 6, H, W]: memory for the moments under the strokes of one segment;
+    scale [1]: whole numbers to 1; to_maps [n, rows, columns], to_strokes [n, 9] (six of the place, three of the
+    colour): int64, of zeros; to_canvas [3, H, W]. BARE_ANSWERS: whether cells are wanted around which nothing is.
+    """
+    top, left = tl.program_id(1) * ROWS, tl.program_id(0) * COLUMNS
+    y, x = top + tl.arange(0, ROWS)[:, None], left + tl.arange(0, COLUMNS)[None, :]
+    inside = (y < height) & (x < width)
+    plane = height * width
+    leap = tl.full((), 6, tl.int64) * plane  # from the moments of one picture to those of the next
+    at = y * width + x
+    share, full, unit = tl.load(numbers), tl.load(numbers + 1), tl.load(scale)
+    to_red, to_green, to_blue, by_red, by_green, by_blue = _load(gradients, at, plane, inside)
+    for back in range(segments):
+        number = segments - 1 - back
+        first = number * segment
+        count = tl.minimum(segment, strokes - first)
+        red, green, blue, red_varies, green_varies, blue_varies = _load(kept + number * leap, at, plane, inside)
+        for index in range(count):  # the moments under each stroke, found anew
+            stroke = first + index
+            if _touches(boxes, stroke, top, left, ROWS, COLUMNS):
+                state = states + index * leap
+                _store(state, at, plane, inside, red, green, blue, red_varies, green_varies, blue_varies)
+                _, right, below, v_0, v_1, v_2, v_3, _, _, _, _ = _cells(
+                    maps, affine, stroke, x, y, inside, rows, columns
+                )
+                cover = _cover(right, below, v_0, v_1, v_2, v_3)
+                paint = color + 3 * stroke
+                red, red_varies = _laid(red, red_varies, tl.load(paint), cover, share, full)
+                green, green_varies = _laid(green, green_varies, tl.load(paint + 1), cover, share, full)
+                blue, blue_varies = _laid(blue, blue_varies, tl.load(paint + 2), cover, share, full)
+        tl.debug_barrier()  # what one thread of the program wrote, another may read
+        for index in range(count):
+            stroke = first + count - 1 - index
+            if _touches(boxes, stroke, top, left, ROWS, COLUMNS):
+                state = states + (count - 1 - index) * leap
+                red, green, blue, red_varies, green_varies, blue_varies = _load(state, at, plane, inside)
+                cell, right, below, v_0, v_1, v_2, v_3, on_0, on_1, on_2, on_3 = _cells(
+                    maps, affine, stroke, x, y, inside, rows, columns
+                )
+                cover = _cover(right, below, v_0, v_1, v_2, v_3)
+                paint, sums = color + 3 * stroke, to_strokes + 9 * stroke
+                slope, mixed, to_red, by_red = _pulled(
+                    red, red_varies, tl.load(paint), cover, share, full, to_red, by_red
+                )
+                _add(sums, 6, mixed, unit)
+                more, mixed, to_green, by_green = _pulled(
+                    green, green_varies, tl.load(paint + 1), cover, share, full, to_green, by_green
+                )
+                slope += more
+                _add(sums, 7, mixed, unit)
+                more, mixed, to_blue, by_blue = _pulled(
+                    blue, blue_varies, tl.load(paint + 2), cover, share, full, to_blue, by_blue
+                )
+                slope = tl.where(inside, slope + more, 0)
+                _add(sums, 8, mixed, unit)
+                by_column = slope * ((v_1 - v_0) * (1 - below) + (v_3 - v_2) * below)
+                by_row = slope * ((v_2 - v_0) * (1 - right) + (v_3 - v_1) * right)
+                _add(sums, 0, by_column * x, unit)
+                _add(sums, 1, by_column * y, unit)
+                _add(sums, 2, by_column, unit)
+                _add(sums, 3, by_row * x, unit)
+                _add(sums, 4, by_row * y, unit)
+                _add(sums, 5, by_row, unit)
+                if not BARE_ANSWERS:
+                    painted = (v_0 != 0) | (v_1 != 0) | (v_2 != 0) | (v_3 != 0)
+                    on_0, on_1, on_2, on_3 = on_0 & painted, on_1 & painted, on_2 & painted, on_3 & painted
+                upper, lower = slope * (1 - below) * unit, slope * below * unit
+                corner = to_maps + cell
+                tl.atomic_add(corner, _whole(upper * (1 - right)), on_0, sem="relaxed")
+                tl.atomic_add(corner + 1, _whole(upper * right), on_1, sem="relaxed")
+                tl.atomic_add(corner + columns, _whole(lower * (1 - right)), on_2, sem="relaxed")
+                tl.atomic_add(corner + columns + 1, _whole(lower * right), on_3, sem="relaxed")
+        tl.debug_barrier()  # before the next segment's moments take their place
+    tl.store(to_canvas + at, to_red, inside)
+    tl.store(to_canvas + at + plane, to_green, inside)
+    tl.store(to_canvas + at + 2 * plane, to_blue, inside)

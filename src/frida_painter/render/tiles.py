@@ -1,0 +1,157 @@
+"""The renderer for a GPU: every tile of the canvas is painted by a program of its own, through all strokes in order.
+
+Equals `reference.composite` and `reference.composite_moments`. Nothing is asked of the device on the way: how many
+pixels a stroke covers is known there and nowhere else. The kernels are in tile_kernels.py, and need Triton, which comes
+with PyTorch for CUDA. See docs/renderer.md.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.autograd.function import once_differentiable
+
+from frida_painter.brush.spread import CERTAIN, CoverageSpread
+from frida_painter.render import tile_kernels
+from frida_painter.render.sampling import painted_boxes, pixel_extents, whole_maps
+
+TILE = 16
+"""Rows and columns of a tile, in pixels."""
+_MARGIN = 2.0**61  # the largest whole number that gradients add up to
+
+
+def composite(
+    magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, *, bare_cells_answer: bool = True
+) -> Tensor:
+    """Lays strokes over a canvas in order; signature and meaning of `render.composite`."""
+    tensors = magnitude, affine, color, canvas
+    return composite_moments(*tensors, CERTAIN, bare_cells_answer=bare_cells_answer)[0]
+
+
+def composite_moments(
+    magnitude: Tensor,
+    affine: Tensor,
+    color: Tensor,
+    canvas: Tensor,
+    spread: CoverageSpread,
+    *,
+    bare_cells_answer: bool = True,
+) -> tuple[Tensor, Tensor]:
+    """Lays strokes of mean coverage `magnitude` over a canvas in order; as `reference.composite_moments`.
+
+    Tensors as in `slices.composite`; differentiable (once) in all four. Gradients are sums of whole numbers, so that
+    they are the same bits every time.
+    """
+    magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
+    tensors = magnitude.contiguous(), affine.contiguous(), color.contiguous(), canvas.contiguous()
+    if len(magnitude) == 0:
+        return canvas.clone(), torch.zeros_like(canvas)
+    if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors):
+        apply: Callable[..., tuple[Tensor, Tensor]] = _Tiles.apply
+        return apply(*tensors, spread, bare_cells_answer)
+    return _lay(*tensors, _boxes(*tensors, bare=False), spread, kept=None)
+
+
+class _Tiles(torch.autograd.Function):
+    """`composite_moments` with its gradients; of the moments on the way, those under every sqrt(n)-th stroke stay."""
+
+    @staticmethod
+    def forward(
+        ctx: Any,
+        magnitude: Tensor,
+        affine: Tensor,
+        color: Tensor,
+        canvas: Tensor,
+        spread: CoverageSpread,
+        bare_cells_answer: bool,
+    ) -> tuple[Tensor, Tensor]:
+        tensors = magnitude, affine, color, canvas
+        ctx.spread, ctx.bare = spread, bare_cells_answer and ctx.needs_input_grad[0]
+        boxes = _boxes(*tensors, bare=ctx.bare)
+        segments = -(-len(magnitude) // _segment(len(magnitude)))
+        kept = canvas.new_empty(segments, 6, *canvas.shape[1:])
+        ctx.save_for_backward(*tensors, boxes, kept)
+        return _lay(*tensors, boxes, spread, kept)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, of_mean: Tensor, of_variance: Tensor) -> tuple[Tensor | None, ...]:
+        magnitude, affine, color, canvas, boxes, kept = ctx.saved_tensors
+        n, rows, columns = magnitude.shape
+        _, height, width = canvas.shape
+        gradients = torch.cat((of_mean, of_variance)).contiguous()
+        scale = _scale(magnitude, affine, color, canvas, gradients)
+        to_maps = torch.zeros_like(magnitude, dtype=torch.int64)
+        to_strokes = torch.zeros(n, 9, dtype=torch.int64, device=canvas.device)
+        to_canvas = torch.empty_like(canvas)
+        states = canvas.new_empty(_segment(n), 6, height, width)
+        tile_kernels.pull[_grid(canvas)](
+            magnitude, affine, color, boxes, _numbers(ctx.spread, canvas), kept, states, gradients, scale,
+            to_maps, to_strokes, to_canvas,
+            n, height, width, rows, columns, _segment(n), len(kept),
+            BARE_ANSWERS=ctx.bare, ROWS=TILE, COLUMNS=TILE,
+        )  # fmt: skip
+        summed = to_strokes.to(canvas.dtype) / scale
+        every = to_maps.to(canvas.dtype) / scale, summed[:, :6].reshape(n, 2, 3), summed[:, 6:], to_canvas
+        wanted = (part if wants else None for part, wants in zip(every, ctx.needs_input_grad, strict=False))
+        return *wanted, None, None
+
+
+def _lay(
+    magnitude: Tensor,
+    affine: Tensor,
+    color: Tensor,
+    canvas: Tensor,
+    boxes: Tensor,
+    spread: CoverageSpread,
+    kept: Tensor | None,
+) -> tuple[Tensor, Tensor]:
+    """The moments; kept [segments, 6, H, W] is filled with those under the first stroke of every segment."""
+    n, rows, columns = magnitude.shape
+    _, height, width = canvas.shape
+    moments = canvas.new_empty(6, height, width)
+    tile_kernels.lay[_grid(canvas)](
+        magnitude, affine, color, boxes, _numbers(spread, canvas), canvas, moments, moments if kept is None else kept,
+        n, height, width, rows, columns, _segment(n),
+        KEEP=kept is not None, ROWS=TILE, COLUMNS=TILE,
+    )  # fmt: skip
+    # The reference lays 0 times the paint everywhere, so what is not finite spoils the whole picture.
+    sound = affine.isfinite().all() & color.isfinite().all()
+    moments = torch.where(sound, moments, torch.nan)
+    return moments[:3], moments[3:]
+
+
+def _boxes(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, *, bare: bool) -> Tensor:
+    """The pixels whose samples can touch each stroke's painted cells, or all of its cells, int32 [n, 4]."""
+    cells = whole_maps(magnitude) if bare else painted_boxes(magnitude)
+    return pixel_extents(affine, cells, canvas).int()
+
+
+def _scale(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, gradients: Tensor) -> Tensor:
+    """Whole numbers to 1, [1], such that no sum of gradients is too large; NaN where something given is not finite.
+
+    By bounds of all that one can come to: those of the colours and of the mean are sums over the pixels of what reaches
+    the canvas, which no stroke makes larger; a place's are that much for each row or column.
+    """
+    apart = 2 * torch.maximum(canvas.abs().amax(), color.abs().amax()).clamp(min=0.5)
+    strongest = magnitude.abs().amax().clamp(min=1)
+    of_mean, of_variance = gradients.abs().sum((1, 2)).view(2, 3).sum(1).unbind()
+    most = (apart * of_mean + 6 * apart.square() * of_variance) * strongest * max(canvas.shape)
+    return (_MARGIN / most.clamp(min=1e-9) + 0 * affine.sum()).reshape(1)
+
+
+def _numbers(spread: CoverageSpread, like: Tensor) -> Tensor:
+    """Share and full as the kernels take them, [2]: filled on the device, not sent to it."""
+    return torch.stack((like.new_full((), spread.share), like.new_full((), spread.full)))
+
+
+def _segment(strokes: int) -> int:
+    """How many strokes there are to a segment: as many as there are segments, about, so that both need least memory."""
+    return max(1, math.isqrt(strokes))
+
+
+def _grid(canvas: Tensor) -> tuple[int, int]:
+    _, height, width = canvas.shape
+    return -(-width // TILE), -(-height // TILE)
