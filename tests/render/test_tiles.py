@@ -1,5 +1,6 @@
 """The GPU's renderer equals the reference: interpreted on the CPU by Triton, or on a GPU where there is one."""
 
+import copy
 import os
 import subprocess
 import sys
@@ -110,7 +111,7 @@ class Unwrapped:
 
 def darkened(device: torch.device) -> planning.Scene:
     """A canvas on which strokes whose coverage varies are to be as dark as can be."""
-    model = small_table()
+    model = copy.deepcopy(small_table())
     model.spread = CoverageSpread(0.3, 0.95)
 
     def dark(picture: Tensor, variance: Tensor | None = None) -> Tensor:
