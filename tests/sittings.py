@@ -9,6 +9,7 @@ from torch import Tensor
 from easels import NotingRobot, PatientCamera, stub_easel
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.calibration import BrushRecord
+from frida_painter.hardware.workspace import BrushRack
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.forecast import SimilarityForecast
@@ -110,6 +111,7 @@ class Evening:
     planner: NotingPlanner = field(default_factory=NotingPlanner)
     heard: list[Event] = field(default_factory=list)
     budget: float | None = None
+    rack: BrushRack | None = None
     stopping: bool = False
     pausing: bool = False
 
@@ -118,7 +120,11 @@ class Evening:
         others = [name for name in dict.fromkeys(self.planner.brushes) if name != BRUSH.name]
         record = self.easel.calibration
         heights = BrushRecord(record.touch_height, record.press_height)
-        self.easel = replace(self.easel, calibration=replace(record, others=dict.fromkeys(others, heights)))
+        self.easel = replace(
+            self.easel,
+            calibration=replace(record, others=dict.fromkeys(others, heights)),
+            workspace=replace(self.easel.workspace, rack=self.rack),
+        )
         self.observer = CanvasObserver(self.easel)
         self.brushwork = Brushwork(
             self.easel, BRUSH, others=tuple(BrushKind(name, SMALL.limits, SMALL.width) for name in others)

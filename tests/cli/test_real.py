@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,12 +15,14 @@ from PIL import Image
 from skimage import data
 
 from frida_painter import cli
+from frida_painter.calibration import Calibration
 from frida_painter.event_log import EventLog
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easels import open_easel
 from frida_painter.session.history import History
+from killing import kill_when
 from machines.fake_grbl import FakeGrbl
 
 SIZE = (120, 160)  # rows, columns of a photograph
@@ -150,3 +153,81 @@ def test_a_painting_on_a_real_easel_waits_for_the_wells_and_is_resumed_on_the_sa
     pressed = [place for place in grbl.moved if place[0] > 300 and place[2] < 120.5]
     assert pressed, "it painted on the canvas"
     assert min(place[2] for place in grbl.moved) >= 107.9
+
+
+RACK = """
+[rack]
+places = { fine = [0.12, 0.26, 0.118], medium = [0.20, 0.26, 0.118] }
+slide = [0.0, -0.05]
+lift = 0.04
+"""
+TWO = ("--brushes", "fine:50%,medium:50%", "--no-new-paints", "--drying", 0, "--no-film")
+
+
+@pytest.fixture
+def racked(easel: Path) -> Path:
+    """The same easel with a rack of two brushes, both of which are calibrated."""
+    (easel / "easel.toml").write_text((easel / "easel.toml").read_text() + RACK)
+    record = Calibration.load(easel / "cal.json")
+    record = record.with_brush("medium", record.touch_height, record.press_height, protrusion=None, residual=0.0002)
+    record.save(easel / "cal.json")
+    return easel
+
+
+def held(folder: Path) -> list[str | None]:
+    return [one["brush"] for one in EventLog.read(folder / "journal") if one["kind"] == "brush_in_hand"]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("coarse_brush")
+def test_a_robot_with_a_rack_changes_its_brush_by_itself(run: Run, racked: Path) -> None:
+    with FakeGrbl(pace=400) as grbl:
+        grbl.place = np.array([100.0, -250.0, 250.0])
+        status, said = run("paint", "coffee.png", *SMALL, *TWO, *on(grbl.name), "--out", "it", typing=["y"])
+        assert status == 0, said
+    assert held(racked / "it") == [None, "fine", None, "", None, "medium", None, ""]
+    assert told(racked / "it").finished and "put it, clean" not in said
+    low = [tuple(place[:2]) for place in grbl.moved if abs(place[2] - 118) < 0.01]
+    assert low.count((120.0, 260.0)) == 2 == low.count((200.0, 260.0)), "each was taken and put back"
+    assert low.count((120.0, 210.0)) == 2 == low.count((200.0, 210.0)), "through the open side of its fork"
+    status, said = run("check", "it", "--workspace", "easel.toml")
+    assert status == 0 and "changing brushes" in said
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("coarse_brush")
+def test_killed_while_it_changes_brushes_a_person_is_asked_which_is_in_the_hand(
+    run: Run, racked: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fault F1: the painting process is killed."""
+    with FakeGrbl(pace=400) as grbl:
+        grbl.place = np.array([100.0, -250.0, 250.0])
+        words = ("paint", "coffee.png", *SMALL, *TWO, *on(grbl.name), "--out", racked / "it", "--yes")
+
+        def back(record: dict[str, Any]) -> bool:
+            return record["kind"] == "motion_began" and record["what"] == ["put the fine brush back"]
+
+        kill_when(racked / "it" / "journal", back, lambda: run(*words))
+        assert told(racked / "it").held is None
+        moved = len(grbl.moved)
+        status, said = run("resume", "it", "--yes")
+        assert status == 2 and "which brush is in its hand" in " ".join(said.split()), said
+        assert len(grbl.moved) == moved, "nothing moved"
+        monkeypatch.setattr("frida_painter.cli.leading.confirm", lambda *_, **__: True)  # the arm may lift
+        in_hand, wells = "y", "y"
+        status, said = run("resume", "it", typing=[in_hand, wells])
+        assert status == 0, said
+    assert "Is the fine brush in the robot's hand?" in " ".join(said.split())
+    assert held(racked / "it") == [None, "fine", None, None, "", None, "medium", None, ""]
+    assert told(racked / "it").finished and told(racked / "it").painted == 4
+
+
+@pytest.mark.usefixtures("coarse_brush")
+def test_a_brush_that_is_not_in_the_rack_is_refused_before_anything_moves(run: Run, racked: Path) -> None:
+    text = (racked / "easel.toml").read_text().replace("fine = [", "broad = [")
+    (racked / "easel.toml").write_text(text)
+    with FakeGrbl(pace=400) as grbl:
+        grbl.place = np.array([100.0, -250.0, 250.0])
+        status, said = run("paint", "coffee.png", *SMALL, *on(grbl.name), "--no-film", "--out", "it", "--yes")
+        assert status == 2 and "holds broad, medium, and this painting needs fine" in " ".join(said.split())
+        assert grbl.moved == []

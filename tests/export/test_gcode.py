@@ -11,6 +11,7 @@ from frida_painter.export.bezier import control_points
 from frida_painter.export.gcode import gcode
 from frida_painter.hardware.gcode import Gcode, Servo
 from frida_painter.hardware.motion import Motion
+from frida_painter.hardware.robot import Waypoints
 from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
@@ -149,3 +150,19 @@ def test_a_person_is_told_the_ground_and_every_brush_before_it_is_needed(pauses:
     assert taken[0][0] < lines.index("; stroke 1") < taken[1][0] < lines.index("; stroke 13")
     alone = gcode(PLAN, actions(), Gcode(), pauses=pauses)
     assert "take" not in alone and "; ground" not in alone
+
+
+def test_a_machine_with_a_rack_changes_its_brush_and_waits_for_dry_paint_only() -> None:
+    several = PLAN.under(replace(MORE, layers=(replace(MORE.layers[0], brush="fine"),)))
+    changes: list[tuple[str, str]] = []
+
+    def change(held: str, brush: str) -> list[Waypoints]:
+        changes.append((held, brush))
+        return [Waypoints(f"change to {brush}", np.array([[0.0, 0.0, 0.1]]), 0.1)]
+
+    lines = gcode(several, actions(several), Gcode(), pauses=False, change=change).splitlines()
+    assert changes == [("", "medium"), ("medium", "fine")]
+    (wait,) = (line for line in lines if line.startswith("M0"))
+    assert "take" not in wait and "clean" not in wait and "let this layer dry for 20 minutes" in wait
+    assert lines.index("; change to medium") < lines.index("; stroke 1") < lines.index("; stroke 12")
+    assert lines.index("; stroke 12") < lines.index("; change to fine") < lines.index("; stroke 13")

@@ -33,6 +33,50 @@ def test_the_example_is_a_whole_workspace() -> None:
     assert made.reach is not None and made.reach.farthest == 0.78
 
 
+RACK = """
+[rack]
+places = { fine = [0.12, 0.26, 0.118], medium = [0.20, 0.26, 0.118], broad = [0.28, 0.26, 0.118] }
+slide = [0.0, -0.05]
+lift = 0.04
+"""
+
+
+def test_the_example_tells_how_a_rack_is_written() -> None:
+    lines = example().replace("\n#[rack]", "\n[rack]").replace("\n#places", "\nplaces").replace("\n#slide", "\nslide")
+    made = WorkcellConfig.of(tomllib.loads(lines.replace("\n#lift", "\nlift")), "my.toml").workspace
+    assert made == WorkcellConfig.of(tomllib.loads(example() + RACK), "my.toml").workspace
+    assert made.rack is not None and list(made.rack.places) == ["fine", "medium", "broad"]
+    assert made.rack.front("fine") == pytest.approx((0.12, 0.21, 0.118))
+    assert made.top == pytest.approx(0.158) and workcell().workspace.rack is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("lift = 0.04", "", "rack.lift is missing"),
+        ("lift = 0.04", "lift = 0.9", "rack.lift is 0.9; allowed is from 0.005 to 0.5 metres"),
+        ("lift = 0.04", "lift = 0.16", "above the highest thing is at 0.308 m, above the upper bound (0.3 m)"),
+        ("slide = [0.0, -0.05]", "slide = [0.0]", "rack.slide[1] is missing; a way is [x, y]"),
+        ("slide = [0.0, -0.05]", "slide = [0.0, 1, 2]", "rack.slide has more than 2 numbers; a way is [x, y]"),
+        ("slide = [0.0, -0.05]", "slide = [0.0, -0.01]", "rack.slide is 10 mm long; a brush is clear of its"),
+        ("slide = [0.0, -0.05]", "slide = [0.0, 0.05]", "drawn out of its fork, is outside the bounds in y (0.31 m"),
+        ("slide = [0.0, -0.05]", "slide = [0.08, 0.0]", "the fine brush is drawn out of its fork against the medium"),
+        ("[0.12, 0.26, 0.118]", "[0.12, 0.29, 0.118]", "the fine brush in the rack is outside the bounds in y (0.29 m"),
+        ("[0.12, 0.26, 0.118]", "[0.19, 0.26, 0.118]", "the fine and the medium brush stand in one place: they"),
+        ("[0.12, 0.26, 0.118]", "[0.28, 0.00, 0.118]", "the fine brush in the rack stands where other brushes are"),
+        ("[0.12, 0.26, 0.118]", "[0.12, 0.26]", "rack.places.fine[2] is missing; a place is [x, y, z]"),
+        ("{ fine = [0.12, 0.26, 0.118],", "{ fine = 3,", "rack.places.fine is 3"),
+        (RACK[RACK.index("{") : RACK.index("}") + 1], "{ }", "rack.places is empty; name at least one place"),
+        (RACK[RACK.index("{") : RACK.index("}") + 1], "[[0, 0, 0]]", "it names brushes with their places"),
+    ],
+)  # fmt: skip
+def test_a_rack_that_cannot_be_is_refused(old: str, new: str, says: str) -> None:
+    assert old in RACK
+    with pytest.raises(ConfigError) as refused:
+        WorkcellConfig.of(tomllib.loads(example() + RACK.replace(old, new)), "my.toml")
+    assert says in str(refused.value)
+
+
 def test_the_turn_is_in_degrees_and_home_and_arm_may_be_left_out() -> None:
     text = example()
     made = workcell(
@@ -69,7 +113,7 @@ def test_its_first_record_has_the_heights_of_the_workspace() -> None:
         ("painting_speed = 0.06", "painting_speed = 0", "motion.painting_speed is 0; allowed is above 0 to 1 m/s"),
         ("rag_width = 0.08", "rag_width = -0.08", "paint.rag_width is -0.08"),
         ("water = [0.22, -0.20, 0.110]", "water = [0.22, -0.20]", "paint.water[2] is missing; a place is [x, y, z]"),
-        ("water = [0.22,", "water = [0.22, 0.1,", "paint.water has more than three numbers"),
+        ("water = [0.22,", "water = [0.22, 0.1,", "paint.water has more than 3 numbers"),
         ("water = [0.22,", "water = [220,", "paint.water[0] is 220; allowed is from -10 to 10 metres"),
         ("[0.22, 0.00, 0.118]", "[0.22, nan, 0.118]", "paint.wells[2][1] is nan"),
         ("farthest = 0.78", "farthest = 0.1", "arm.nearest (0.15 m) is not below arm.farthest (0.1 m)"),

@@ -15,6 +15,7 @@ from frida_painter.errors import CalibrationError, Interrupted, PaintingPaused, 
 from frida_painter.palette import Palette
 from frida_painter.session.canvas_observer import Timelapse
 from frida_painter.session.events import (
+    BrushInHand,
     Dipped,
     Drying,
     LayerBegun,
@@ -65,7 +66,7 @@ def test_exactly_so_many_strokes_are_painted(strokes: int, replans: int) -> None
 def test_events_come_in_the_order_in_which_things_happen() -> None:
     evening = Evening(4, replans=1, colors=2)
     evening.run()
-    assert evening.kinds(PlanningStep, Dipped, Scheduled) == [
+    assert evening.kinds(PlanningStep, BrushInHand, Dipped, Scheduled) == [
         *("Planned", "PaintsWanted", "StrokePainted", "StrokePainted", "Looked", "Planned"),
         *("StrokePainted", "StrokePainted", "Looked"),
     ]
@@ -130,7 +131,7 @@ def test_what_was_really_mixed_is_planned_with_before_the_first_stroke() -> None
     assert torch.equal(plans[1].palette.color, wanted[0].color.flip(0) * 0.9)
     assert all(torch.equal(plan.palette.color, plans[1].palette.color) for plan in plans[1:])
     assert torch.equal(evening.easel.operator.palettes[-1].color, plans[1].palette.color)
-    kinds = evening.kinds(Scheduled, Dipped)
+    kinds = evening.kinds(BrushInHand, Scheduled, Dipped)
     assert kinds[:7] == [
         "PlanningStep",
         "PlanningStep",
@@ -253,7 +254,7 @@ def layered(replans: int, layers: tuple[int, ...] = (4, 2, 2), **rest: object) -
 def test_between_layers_paint_dries_and_then_the_next_one_is_planned_anew_on_what_is_seen() -> None:
     evening = layered(replans=1)
     evening.run()
-    kinds = evening.kinds(PlanningStep, Dipped, Scheduled, Drying)
+    kinds = evening.kinds(PlanningStep, BrushInHand, Dipped, Scheduled, Drying)
     strokes = ["StrokePainted"] * 2
     layer = ["Looked", "Planned", "LayerBegun", *strokes]
     assert kinds == ["Planned", "PaintsWanted", "LayerBegun", *strokes, *strokes, *layer, *layer, "Looked"]
@@ -301,7 +302,7 @@ def test_each_layer_is_painted_with_its_brush_which_is_asked_for_when_it_changes
     assert begun == [
         LayerBegun(0, 1, "small"), LayerBegun(2, 2, "large"), LayerBegun(4, 3, "large"), LayerBegun(6, 4, "small")
     ]  # fmt: skip
-    kinds = evening.kinds(PlanningStep, Dipped, Scheduled)
+    kinds = evening.kinds(PlanningStep, BrushInHand, Dipped, Scheduled)
     assert kinds.index("Drying") < kinds.index("LayerBegun", 4) < kinds.index("StrokePainted", 6)
     assert len(evening.easel.operator.palettes) == 1, "all layers have the same paints"
     assert evening.painted() == list(range(1, 9))
@@ -347,7 +348,7 @@ def test_resumed_where_a_layer_begins_it_dries_first_and_looks() -> None:
     plan = evening.planner.plan(torch.ones(3, 8, 8), 8, 2, lambda step: None)
     bare = torch.ones(3, 48, 64)
     evening.resume(ResumeState(plan, 6, 4, bare, bare))
-    assert evening.kinds(PlanningStep, Dipped, Scheduled, Drying)[:5] == [
+    assert evening.kinds(PlanningStep, BrushInHand, Dipped, Scheduled, Drying)[:5] == [
         "Resumed", "Looked", "Planned", "PaintsWanted", "LayerBegun"
     ]  # fmt: skip
     assert evening.planner.fresh == [True] and sum(evening.easel.operator.dried) == DRYING

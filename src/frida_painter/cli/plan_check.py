@@ -114,6 +114,8 @@ def _tell(found: Rehearsal, strokes: int) -> None:
 
 def _tell_time(table: Timetable) -> None:
     parts = {"strokes": table.strokes, "dips": table.dips, "washing": table.washing, "travel": table.travel}
+    if table.changes:
+        parts["changing brushes"] = table.changes
     if table.drying:
         parts["drying"] = table.drying
     spent = ", ".join(f"{name} {duration(seconds)}" for name, seconds in parts.items())

@@ -12,6 +12,7 @@ from frida_painter.export.gcode import gcode
 from frida_painter.export.svg import svg
 from frida_painter.export.table import table
 from frida_painter.hardware.gcode import Gcode
+from frida_painter.hardware.robot import Waypoints
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.plan import Plan
 from frida_painter.runs.folder import drying_of
@@ -89,7 +90,16 @@ def _program(plan: Plan, workspace: Path | None, calibration: Path | None, diale
     choreography = choreography_at(workcell.workspace, known, plan.brushes, simulated=False)
     actions = choreography.actions(plan, BrushLoad(), 0, len(plan))
     language = Gcode(dialect, workcell.workspace.travel_speed)
-    return gcode(plan, actions, language, pauses=False, ending=choreography.cleaning(), drying=drying)
+    motion, cleaning = choreography.motion, choreography.cleaning()
+    if workcell.workspace.rack is None:
+        return gcode(plan, actions, language, pauses=False, ending=cleaning, drying=drying)
+
+    def change(held: str, brush: str) -> tuple[Waypoints, ...]:
+        return (*(cleaning if held else ()), *motion.change(held, brush))
+
+    last = plan.filled_layers()[-1].layers[0].brush if len(plan) else first
+    ending = (*cleaning, motion.put_back(last))
+    return gcode(plan, actions, language, pauses=False, ending=ending, drying=drying, change=change)
 
 
 def _actions(plan: Plan, flatbed: FlatbedWorkspace) -> list[Action]:

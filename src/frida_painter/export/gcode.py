@@ -1,6 +1,6 @@
 """A plan as a G-code file, for machines that take one: strokes in order, and every dip a pause or a motion."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import torch
 
@@ -21,6 +21,7 @@ def gcode(
     pauses: bool,
     ending: Iterable[Waypoints] = (),
     drying: float = DRYING,
+    change: Callable[[str, str], Iterable[Waypoints]] | None = None,
 ) -> str:
     """The plan as a G-code program whose zero, x and y are those of the actions' motions, in millimetres.
 
@@ -28,7 +29,8 @@ def gcode(
     layer but the last the machine waits until a person finds it dry. With `pauses` the machine waits at each dip
     (travelling height) until a person has put paint on the brush or changed the pen; without, it dips, rinses and
     wipes itself, as the motions say. ending: what it does after the last stroke; drying: seconds that a layer is let
-    dry. Raises ConfigError where a servo does not reach a height.
+    dry; change: what the machine does to put back one brush ("" for none) and take another, None where a person does.
+    Raises ConfigError where a servo does not reach a height.
     """
     head = (
         f"; frida-painter: {len(plan)} strokes in {len(plan.palette)} paints on {plan.canvas}",
@@ -39,8 +41,8 @@ def gcode(
     )
     todo = list(actions)
     start = language.rise(float(todo[0].motions[0].position[0, 2])) if todo else ()
-    body = _body(plan, todo, language, pauses=pauses, drying=drying)
-    last = (line for motion in ending for line in _motion(motion, language))
+    body = _body(plan, todo, language, pauses, drying, change)
+    last = _motions(ending, language)
     return "\n".join((*head, *start, *body, *last, "; the end", ""))
 
 
@@ -61,37 +63,57 @@ def _paints(plan: Plan) -> Iterator[str]:
         before = layer
 
 
-def _body(plan: Plan, actions: Iterable[Action], language: Gcode, *, pauses: bool, drying: float) -> Iterator[str]:
+def _body(
+    plan: Plan,
+    actions: Iterable[Action],
+    language: Gcode,
+    pauses: bool,
+    drying: float,
+    change: Callable[[str, str], Iterable[Waypoints]] | None,
+) -> Iterator[str]:
     numbers, painted = plan.layer.tolist(), 0
-    if len(plan.brushes) > 1 and numbers:
+    if change is not None and numbers:
+        yield from _motions(change("", plan.layers[numbers[0]].brush), language)
+    elif len(plan.brushes) > 1 and numbers:
         yield _wait(f"take the {plan.layers[numbers[0]].brush} brush", language)
     for action in actions:
         if isinstance(action.done, Dipped) and pauses:
             yield _dip(plan.wells(plan.layers[numbers[painted]]), action.done, language)
             continue
-        for motion in action.motions:
-            yield from _motion(motion, language)
+        yield from _motions(action.motions, language)
         painted += isinstance(action.done, StrokePainted)
         if (
             0 < painted < len(plan)
             and numbers[painted - 1] != numbers[painted]
             and isinstance(action.done, StrokePainted)
         ):
-            yield _wait(_between(plan, painted, drying), language)
+            before, after = (plan.layers[numbers[index]].brush for index in (painted - 1, painted))
+            changed = change is not None and before != after
+            if change is not None and changed:
+                yield from _motions(change(before, after), language)
+            if todo := _between(plan, painted, drying, changed):
+                yield _wait(todo, language)
 
 
-def _between(plan: Plan, done: int, drying: float) -> str:
-    """What a person does before the next layer begins, `done` strokes being painted; drying: seconds."""
+def _between(plan: Plan, done: int, drying: float, changed: bool) -> str:
+    """What a person does before the next layer begins, `done` strokes being painted, "" for nothing.
+
+    drying: seconds; changed: whether the machine has cleaned the brush and taken the next one by itself.
+    """
     numbers = plan.layer
     before, after = plan.layers[int(numbers[done - 1])], plan.layers[int(numbers[done])]
-    todo = ["clean the brush"]
-    if after.brush != before.brush:
+    todo = [] if changed else ["clean the brush"]
+    if after.brush != before.brush and not changed:
         todo.append(f"take the {after.brush} brush")
     if after.paints != before.paints:
         todo.append(f"fill the wells with the paints of layer {int(numbers[done]) + 1}")
     minutes = f"{drying / 60:g} minute{'' if drying == 60 else 's'}"
-    dry = f", and let this layer dry for {minutes} before the next one" if drying else ""
+    dry = f"{', and ' if todo else ''}let this layer dry for {minutes} before the next one" if drying else ""
     return f"{', '.join(todo)}{dry}"
+
+
+def _motions(motions: Iterable[Waypoints], language: Gcode) -> Iterator[str]:
+    return (line for motion in motions for line in _motion(motion, language))
 
 
 def _motion(motion: Waypoints, language: Gcode) -> Iterator[str]:

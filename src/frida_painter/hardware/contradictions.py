@@ -4,13 +4,15 @@ import itertools
 import math
 from collections.abc import Iterator
 
+import cv2
 import numpy as np
 
 from frida_painter.hardware.motion import STIR_RADIUS
-from frida_painter.hardware.sections import Bounds, BrushHeights, CanvasPlace, PaintPlaces, Travel
-from frida_painter.hardware.workspace import Point
+from frida_painter.hardware.sections import Bounds, BrushHeights, CanvasPlace, PaintPlaces, RackPlaces, Travel
+from frida_painter.hardware.workspace import BrushRack, Point
 
 _DEEPEST = 0.05  # metres from the lightest touch to the hardest press: no brush bends further
+_BRUSH_ROOM = 0.02  # metres that everything keeps from a brush in the rack: what is carried there has a width too
 _UNEVEN = 0.03  # metres that the lightest touch may lie from where the canvas is said to be
 
 
@@ -20,6 +22,7 @@ def contradictions(
     brush: BrushHeights | None,
     paint: PaintPlaces | None,
     motion: Travel | None,
+    rack: RackPlaces | None = None,
 ) -> list[str]:
     """A sentence for each contradiction between the sections that could be read; None for one that could not."""
     found: list[str] = []
@@ -29,11 +32,13 @@ def contradictions(
             for axis, low, high in zip("xyz", bounds.lower, bounds.upper, strict=True)
             if not low < high
         ]
-        found += upside_down or _outside(bounds, canvas, brush, paint, motion)
+        found += upside_down or [*_outside(bounds, canvas, brush, paint, motion, rack)]
     if brush:
         found += _heights(brush, canvas)
     if paint:
         found += _too_near(paint, canvas)
+    if rack:
+        found += _in_the_rack(rack) or _in_the_way(rack, canvas, paint, motion)
     if motion and motion.painting_speed > motion.travel_speed:
         found.append(
             f"motion.painting_speed ({motion.painting_speed:g} m/s) is above motion.travel_speed "
@@ -48,6 +53,7 @@ def _outside(
     brush: BrushHeights | None,
     paint: PaintPlaces | None,
     motion: Travel | None,
+    rack: RackPlaces | None,
 ) -> Iterator[str]:
     """What lies outside the bounds."""
     if canvas:
@@ -61,10 +67,15 @@ def _outside(
         for name, height in (("touch_height", brush.touch_height), ("press_height", brush.press_height)):
             if not bounds.lower[2] <= height <= bounds.upper[2]:
                 yield f"brush.{name} ({height:g} m) is outside the bounds in z ({_span(bounds, 2)})"
+    if rack:
+        for name, place in rack.places.items():
+            yield from _beyond(bounds, f"the {name} brush in the rack", place)
+            yield from _beyond(bounds, f"the {name} brush, drawn out of its fork,", _front(rack, name))
     if motion:
         tops = [place[2] for place in _places(paint).values()] if paint else []
         tops += [canvas.corner[2]] if canvas else []
         tops += [brush.touch_height] if brush else []
+        tops += [place[2] + rack.lift for place in rack.places.values()] if rack else []
         travel = max(tops, default=bounds.lower[2]) + motion.hover
         if not travel <= bounds.upper[2]:
             yield (
@@ -111,6 +122,58 @@ def _too_near(paint: PaintPlaces, canvas: CanvasPlace | None) -> Iterator[str]:
             room = paint.rag_width / 2 if name == "the rag" else STIR_RADIUS
             if _on_canvas(place, canvas, room):
                 yield f"{name} overlaps the canvas"
+
+
+def _in_the_rack(rack: RackPlaces) -> list[str]:
+    """Brushes that overlap, or one that another is drawn against."""
+    way = math.hypot(*rack.slide)
+    if not way >= _BRUSH_ROOM:
+        return [
+            f"rack.slide is {way * 1000:.0f} mm long; a brush is clear of its fork {_BRUSH_ROOM * 1000:g} mm from its "
+            "place or farther"
+        ]
+    found: list[str] = []
+    for one, other in itertools.permutations(rack.places, 2):
+        here, there = (np.array(rack.places[name][:2]) for name in (one, other))
+        apart = float(np.linalg.norm(there - here))
+        if not apart >= _BRUSH_ROOM:
+            if f"the {other} and" not in " ".join(found):
+                found.append(
+                    f"the {one} and the {other} brush stand in one place: they are {apart * 1000:.0f} mm apart, and a "
+                    f"brush needs {_BRUSH_ROOM * 1000:g} mm"
+                )
+            continue
+        along = np.array(rack.slide)
+        share = np.clip((there - here) @ along / way**2, 0, 1)
+        if not np.linalg.norm(there - here - share * along) >= _BRUSH_ROOM:
+            found.append(f"the {one} brush is drawn out of its fork against the {other} brush; turn rack.slide")
+    return found
+
+
+def _in_the_way(
+    rack: RackPlaces, canvas: CanvasPlace | None, paint: PaintPlaces | None, motion: Travel | None
+) -> Iterator[str]:
+    """Brushes in the rack that stand where the hand carries another one: between any two things."""
+    things = [_front(rack, name) for name in rack.places]
+    things += _corners(canvas).values() if canvas else []
+    if paint:
+        x, y, z = paint.rag
+        half = paint.rag_width / 2
+        things += [*paint.wells, paint.water, (x - half, y, z), (x + half, y, z)]
+    things += [motion.home] if motion and motion.home else []
+    hull = cv2.convexHull(np.array([thing[:2] for thing in things], np.float32))
+    for name, place in rack.places.items():
+        inside = cv2.pointPolygonTest(hull, (float(place[0]), float(place[1])), True)
+        if not inside <= -_BRUSH_ROOM + 1e-6:
+            yield (
+                f"the {name} brush in the rack stands where other brushes are carried past, or less than "
+                f"{_BRUSH_ROOM * 1000:g} mm beside it; put the rack at the edge of the table, its forks open to the "
+                "things (rack.slide)"
+            )
+
+
+def _front(rack: RackPlaces, brush: str) -> Point:
+    return BrushRack(rack.places, rack.slide, rack.lift).front(brush)
 
 
 def _places(paint: PaintPlaces) -> dict[str, Point]:

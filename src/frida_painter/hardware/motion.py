@@ -1,4 +1,4 @@
-"""From painting to moving: strokes, dips, rinses and wipes as waypoints of the brush's tip.
+"""From painting to moving: strokes, dips, rinses, wipes and changes of brushes as waypoints of the brush's tip.
 
 Every motion begins and ends at one height, above everything that stands there, so that any of
 them may follow any other.
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from frida_painter.brush.trajectory import stroke_path
 from frida_painter.calibration import Calibration
-from frida_painter.errors import WorkspaceViolation
+from frida_painter.errors import ConfigError, WorkspaceViolation
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.hardware.workspace import Point, Workspace
+from frida_painter.hardware.workspace import BrushRack, Point, Workspace
 from frida_painter.strokes import Strokes
 
 STIR_RADIUS = 0.008
@@ -87,6 +87,41 @@ class Motion:
         across = np.array([(x - half, y, z), (x + half, y, z)])
         position = np.concatenate([across, across[::-1], across])
         return self._from_above("wipe", position)
+
+    def take(self, brush: str) -> Waypoints:
+        """With the empty hand down onto a brush in its fork, out of the fork, and up with it.
+
+        The workspace has a rack that holds it.
+        """
+        rack = self._rack
+        place, front = rack.places[brush], rack.front(brush)
+        return self._way(f"take the {brush} brush", self._above(place), self._clear_of(place), place, front)
+
+    def put_back(self, brush: str) -> Waypoints:
+        """The brush in the hand down before its fork, into it, and up without it; the same way back as `take`."""
+        there = self.take(brush)
+        return Waypoints(f"put the {brush} brush back", there.position[::-1].copy(), there.speed)
+
+    def change(self, held: str | None, brush: str) -> tuple[Waypoints, ...]:
+        """What it takes to have another brush in the hand; held: the one that is there, "" or None for none."""
+        return (*((self.put_back(held),) if held else ()), self.take(brush))
+
+    @property
+    def _rack(self) -> BrushRack:
+        if self.workspace.rack is None:
+            raise ConfigError("The workspace has no rack; write one ([rack]), or change the brush by hand.")
+        return self.workspace.rack
+
+    def _above(self, place: Point) -> Point:
+        return place[0], place[1], self.travel_height
+
+    def _clear_of(self, place: Point) -> Point:
+        return place[0], place[1], place[2] + self._rack.lift
+
+    def _way(self, label: str, *places: Point) -> Waypoints:
+        """From place to place at the speed of painting, and up at the end."""
+        position = np.array([*places, self._above(places[-1])], np.float64)
+        return Waypoints(label, position, self.workspace.painting_speed)
 
     def _circle(self, label: str, center: Point, turns: int) -> Waypoints:
         angle = np.linspace(0, 2 * np.pi * turns, 12 * turns + 1)

@@ -8,6 +8,8 @@ from frida_painter.frames import LARGEST_CANVAS, SMALLEST_CANVAS
 from frida_painter.hardware.limits import FASTEST
 from frida_painter.palette import MOST_COLORS
 
+MOST_BRUSHES = 16
+"""In a rack."""
 FARTHEST = 10.0
 """Metres: what is more is a slip of the unit."""
 
@@ -53,6 +55,14 @@ class PaintPlaces(Section):
     water: Position
     rag: Position
     rag_width: Annotated[float, Field(ge=0.01, le=1, allow_inf_nan=False)]
+
+
+class RackPlaces(Section):
+    """Forks in which brushes stand, by the names of the brushes; left out where a person changes the brush."""
+
+    places: Annotated[dict[str, Position], Field(min_length=1, max_length=MOST_BRUSHES)]
+    slide: Annotated[tuple[Metre, Metre], Field(strict=False)]
+    lift: Annotated[float, Field(ge=0.005, le=0.5, allow_inf_nan=False)]
 
 
 class Travel(Section):

@@ -22,11 +22,11 @@ from frida_painter.hardware.sections import (
     BrushHeights,
     CanvasPlace,
     PaintPlaces,
+    RackPlaces,
     Section,
     Travel,
 )
-from frida_painter.hardware.workspace import Workspace
-from frida_painter.palette import MOST_COLORS
+from frida_painter.hardware.workspace import BrushRack, Workspace
 
 _MOST_BYTES = 2**18
 _ADVICE = "`frida-painter workspace example` prints a whole one with comments"
@@ -36,10 +36,11 @@ _SECTIONS: dict[str, type[Section]] = {
     "canvas": CanvasPlace,
     "brush": BrushHeights,
     "paint": PaintPlaces,
+    "rack": RackPlaces,
     "motion": Travel,
     "arm": ArmReach,
 }
-_OPTIONAL = ("arm",)
+_OPTIONAL = ("rack", "arm")
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,9 @@ class WorkcellConfig:
                 faults += [_sentence(section, model, fault) for fault in error.errors()]
             if section not in values and section not in _OPTIONAL:
                 faults.append(f"[{section}] is missing, with {', '.join(_wanted(model))}")
-        faults += contradictions(read["bounds"], read["canvas"], read["brush"], read["paint"], read["motion"])
+        faults += contradictions(
+            read["bounds"], read["canvas"], read["brush"], read["paint"], read["motion"], read["rack"]
+        )
         arm = read["arm"]
         if arm and not arm.nearest < arm.farthest:
             faults.append(f"arm.nearest ({arm.nearest:g} m) is not below arm.farthest ({arm.farthest:g} m)")
@@ -127,6 +130,7 @@ class WorkcellConfig:
         canvas: CanvasPlace,
         brush: BrushHeights,
         paint: PaintPlaces,
+        rack: RackPlaces | None,
         motion: Travel,
         arm: ArmReach | None,
     ) -> Self:
@@ -143,6 +147,7 @@ class WorkcellConfig:
             painting_speed=motion.painting_speed,
             travel_speed=motion.travel_speed,
             home=motion.home,
+            rack=BrushRack(rack.places, rack.slide, rack.lift) if rack else None,
         )
         size = CanvasSize(canvas.width, canvas.height)
         reach = ArmLength(arm.shoulder, arm.nearest, arm.farthest) if arm else None
@@ -163,16 +168,18 @@ def _sentence(section: str, model: type[Section], fault: Any) -> str:
     where = section + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"])
     match fault["type"]:
         case "missing" if isinstance(fault["loc"][-1], int):
-            return f"{where} is missing; a place is [x, y, z]"
+            return f"{where} is missing; {_form(fault)}"
         case "missing":
             return f"{where} is missing"
         case "extra_forbidden":
             known = ", ".join(model.model_fields)
             return f"{where[:60]} is not known; [{section}] has {known}"
-        case "too_long" if fault["ctx"]["max_length"] == 3:
-            return f"{where} has more than three numbers; a place is [x, y, z]"
+        case "too_long" if fault["ctx"]["max_length"] <= 3:
+            return f"{where} has more than {fault['ctx']['max_length']} numbers; {_form(fault)}"
         case "too_long":
-            return f"{where} has more than {MOST_COLORS} places"
+            return f"{where} has more than {fault['ctx']['max_length']} places"
+        case "dict_type":
+            return f"{where} is {_shortly(fault['input'])}; it names brushes with their places, {{broad = [x, y, z]}}"
         case "too_short":
             return f"{where} is empty; name at least one place"
         case "finite_number" | "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
@@ -183,6 +190,10 @@ def _sentence(section: str, model: type[Section], fault: Any) -> str:
             return f"{section} is {_shortly(fault['input'])}; write it as a section, [{section}]"
         case _:
             return f"{where} is {_shortly(fault['input'])}; it is a number, {_range(model, fault['loc'])}"
+
+
+def _form(fault: Any) -> str:
+    return "a way is [x, y]" if fault["loc"][0] == "slide" else "a place is [x, y, z]"
 
 
 def _range(model: type[Section], place: tuple[Any, ...]) -> str:

@@ -1,11 +1,30 @@
 """Where things stand around the robot, in metres of its frame: canvas, paint wells, water, rag, and the bounds."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class BrushRack:
+    """Forks in which brushes stand, each open to one side; the robot's hand holds a brush less firmly than its fork.
+
+    places: where the tip is of each brush that stands in its fork, by the brush's name; slide: x and y, metres,
+    from there to where the brush is clear of its fork; lift: metres that the hand rises to be clear of a brush.
+    """
+
+    places: Mapping[str, Point]
+    slide: tuple[float, float]
+    lift: float
+
+    def front(self, brush: str) -> Point:
+        """Where the tip of a brush is when it is clear of its fork, and still as low."""
+        x, y, z = self.places[brush]
+        return x + self.slide[0], y + self.slide[1], z
 
 
 @dataclass(frozen=True)
@@ -17,7 +36,7 @@ class Workspace:
     lower edge; wells: the tip's place in each paint well; water, rag: likewise; rag_width: how far
     one wipes along x; hover: height of the tip above things while it travels; painting_speed,
     travel_speed: m/s; home: where the tip waits while the camera looks, None where the robot knows
-    a home of its own.
+    a home of its own; rack: where the robot finds its brushes, None where a person changes them.
     """
 
     lower: Point
@@ -32,11 +51,15 @@ class Workspace:
     painting_speed: float
     travel_speed: float
     home: Point | None = None
+    rack: BrushRack | None = None
 
     @property
     def top(self) -> float:
         """Robot z of the highest thing that stands there, metres."""
-        return max(place[2] for place in (self.canvas_origin, *self.wells, self.water, self.rag))
+        things = [self.canvas_origin[2], self.water[2], self.rag[2], *(well[2] for well in self.wells)]
+        if self.rack is not None:  # over a brush in its fork the empty hand passes free of it
+            things += [place[2] + self.rack.lift for place in self.rack.places.values()]
+        return max(things)
 
     def to_robot(self, position: NDArray[np.float64], height: NDArray[np.float64]) -> NDArray[np.float64]:
         """Canvas metres [k, 2] and robot heights [k] to the robot's frame [k, 3]."""

@@ -8,13 +8,14 @@ from torch import Tensor
 
 from frida_painter.frames import CanvasSize
 from frida_painter.hardware.motion import STIR_RADIUS
-from frida_painter.hardware.workspace import Point, Workspace
+from frida_painter.hardware.workspace import BrushRack, Point, Workspace
 from frida_painter.sheet import INK, PAPER, SOFT, Sheet
 
 _LONGEST = 1100  # pixels of the longer side of the bounds
 _MARGIN, _HEAD, _FOOT = 90, 110, 110
 _TABLE, _EDGE = (243, 239, 231), (160, 154, 144)
 _WATER, _RAG, _WELL, _HOME = (187, 213, 224), (226, 214, 190), (250, 247, 240), (178, 58, 44)
+_BRUSH = (96, 84, 66)
 
 
 def workspace_plan(workspace: Workspace, canvas: CanvasSize, title: str) -> Tensor:
@@ -35,6 +36,8 @@ class _Drawing:
         self._lower = lower
         self._text(_MARGIN, 34, title, 36, INK, "la")
         note = "The table from above; metres in the robot's frame. Dashed: how far the brush stirs."
+        if workspace.rack:
+            note += " Brown: brushes in the rack, and how they are drawn out."
         self._text(_MARGIN, self.sheet.image.height - 34, note, 19, SOFT, "ls")
         self._draw.rectangle((*self._at(lower[0], upper[1]), *self._at(upper[0], lower[1])), fill=_TABLE, outline=_EDGE)
         self._rule(upper)
@@ -43,6 +46,8 @@ class _Drawing:
         self._round(workspace.water, "water", _WATER)
         for number, well in enumerate(workspace.wells, 1):
             self._round(well, str(number), _WELL)
+        if workspace.rack:
+            self._rack(workspace.rack)
         if workspace.home:
             self._home(workspace.home)
 
@@ -71,6 +76,16 @@ class _Drawing:
         for start in range(0, 360, 30):
             self._draw.arc((x - stirred, y - stirred, x + stirred, y + stirred), start, start + 15, fill=_EDGE, width=2)
         self._text(x, y, name, 19, INK, "mm")
+
+    def _rack(self, rack: BrushRack) -> None:
+        """Each brush in its fork, and the way on which it is drawn out."""
+        radius = STIR_RADIUS * self._scale
+        for brush, (x, y, _) in rack.places.items():
+            column, row = self._at(x, y)
+            self._draw.line((column, row, *self._at(*rack.front(brush)[:2])), fill=_BRUSH, width=3)
+            self._draw.ellipse((column - radius, row - radius, column + radius, row + radius), fill=_BRUSH)
+            away = 1 if rack.slide[1] > 0 else -1  # the name is on the side of the fork that is closed
+            self._text(column, row + away * (radius + 12), brush, 19, INK, "mm")
 
     def _home(self, place: Point) -> None:
         x, y = self._at(*place[:2])

@@ -15,6 +15,7 @@ from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver, FrameDeveloper, Timelapse
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import (
+    BrushInHand,
     Dipped,
     Drying,
     GroundWanted,
@@ -53,6 +54,7 @@ class BatchExecutor:
         self._brushwork, self._observer, self._timelapse = brushwork, observer, timelapse
         self._journal, self._interruptions = journal, interruptions
         self._progress, self._tell = progress, tell
+        self._told: str | None = None  # the brush in the hand, as listeners know it
 
     def paint_until(self, end: int) -> None:
         """Paints until `end` strokes are done. After a pause the brush is clean, and the batch is prepared anew.
@@ -81,16 +83,39 @@ class BatchExecutor:
     def change_brush(self, brush: str) -> bool:
         """Has the brush of a layer put into the holder where it is not; whether that was needed.
 
-        Raises Interrupted where nobody does it.
+        A robot with a rack does it, else a person; raises Interrupted where nobody does.
         """
         hand = self._brushwork
-        if not hand.others or hand.held == brush:
-            return False
-        if hand.load.paint is not None:
+        changes = hand.held != brush and (hand.has_rack or bool(hand.others))
+        if changes:
+            if hand.load.paint is not None:
+                self.clean()
+            if hand.has_rack:
+                self._change_in_rack(brush)
+            else:
+                self._interruptions.retry(self.step_aside)
+                hand.change_brush(brush)
+        if self._told != brush:
+            self._told = brush
+            self._tell(BrushInHand(brush))
+        return changes
+
+    def put_brush_back(self) -> None:
+        """Leaves the hand of a robot with a rack empty, and the brush clean."""
+        if self._brushwork.load.paint is not None:
             self.clean()
-        self._interruptions.retry(self.step_aside)
-        hand.change_brush(brush)
-        return True
+        if self._brushwork.has_rack:
+            self._change_in_rack("", stoppable=False)
+
+    def _change_in_rack(self, brush: str, *, stoppable: bool = True) -> None:
+        """Each motion is in the journal before the robot is told of it, and what it holds when it is done."""
+        for motion, held in self._brushwork.changing(brush):
+            for noted in (BrushInHand(None), MotionBegan((motion.label,))):
+                self._interruptions.retry(partial(self._journal.tell, noted))
+            self._brushwork.move_brush(motion, held)
+            self._interruptions.retry(partial(self._journal.tell, BrushInHand(held)))
+            if stoppable:
+                self._interruptions.check()
 
     def begin_layer(self, begun: LayerBegun) -> None:
         """Notes and tells that brush and paints of a layer are there."""

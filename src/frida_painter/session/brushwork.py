@@ -9,6 +9,7 @@ from frida_painter.brush.endurance import dip_shown
 from frida_painter.brush.kinds import BrushKind, brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.calibration import Calibration
+from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.motion import Motion
@@ -29,7 +30,8 @@ class Brushwork:
 
     The robot is sent beside where a stroke is meant to be by as much as `placement` says that
     strokes land beside it. load: what is on the brush; drying: seconds that a layer is let dry before the next one;
-    others: the brushes of later layers; held: the one that is in the holder, None where that is not known.
+    others: the brushes of later layers; held: the one that is in the holder, "" for none, None where that is not known.
+    Where the workspace has a rack, all of them are in it at first.
     """
 
     easel: Easel
@@ -43,7 +45,7 @@ class Brushwork:
 
     def __post_init__(self) -> None:
         self._gateway = RobotGateway(self.easel)
-        self.held = self.brush.name
+        self.held = self.brush.name if self.easel.workspace.rack is None else ""
 
     @property
     def last_motion(self) -> float:
@@ -59,7 +61,7 @@ class Brushwork:
 
         load: what is on the brush then, None for what is on it now.
         """
-        return reckon(plan, self._choreography(), load or self.load, looks, self.easel.timing, self.drying)
+        return reckon(plan, self._choreography(), load or self.load, looks, self.easel.timing, self.drying, self.held)
 
     def prepare(self, plan: Plan, already_done: int, of: int) -> list[Action]:
         """Everything that painting the plan takes, checked as a whole by the gateway, and foretold.
@@ -92,15 +94,54 @@ class Brushwork:
         self._gateway.perform(self.cleaning())
         self.load = BrushLoad()
 
+    @property
+    def has_rack(self) -> bool:
+        """Whether the robot takes its brushes from a rack by itself."""
+        return self.easel.workspace.rack is not None
+
+    def require_rack(self) -> None:
+        """Where there is a rack, it holds all brushes, and the robot gets to them.
+
+        Raises ConfigError and WorkspaceViolation, before anything moves.
+        """
+        rack = self.easel.workspace.rack
+        if rack is None:
+            return
+        names = [kind.name for kind in (self.brush, *self.others)]
+        missing = [name for name in names if name not in rack.places]
+        if missing:
+            raise ConfigError(
+                f"The rack of the workspace holds {', '.join(rack.places)}, and this painting needs "
+                f"{' and '.join(missing)}; paint with those that are there (--brushes), or give "
+                f"{'it' if len(missing) == 1 else 'them'} a place ([rack] places)."
+            )
+        motion = self._choreography().motion
+        self._gateway.check(each for name in names for each in motion.change(name, name))
+
+    def changing(self, brush: str) -> list[tuple[Waypoints, str]]:
+        """How the robot has a brush of the rack in its hand, "" for none: motions, and what it holds after each."""
+        motion = self._choreography().motion
+        steps: list[tuple[Waypoints, str]] = []
+        if self.held and self.held != brush:
+            steps.append((motion.put_back(self.held), ""))
+        if brush and self.held != brush:
+            steps.append((motion.take(brush), brush))
+        return steps
+
+    def move_brush(self, motion: Waypoints, held: str) -> None:
+        """Puts a clean brush into the rack or takes one from it, after which the robot holds the brush `held`."""
+        self.held = None
+        self._gateway.perform((motion,))
+        self.held, self.load = held, BrushLoad()
+
     def change_brush(self, name: str) -> None:
-        """Has the brush of a layer put into the holder, unless it is there; the one before is clean and aside.
+        """Has a person put the brush of a layer into the holder; the one before is clean and aside.
 
         Raises Interrupted where nobody does it.
         """
-        if self.others and name != self.held:
-            self.held = None
-            self.easel.operator.change_brush(name)
-            self.held, self.load = name, BrushLoad()
+        self.held = None
+        self.easel.operator.change_brush(name)
+        self.held, self.load = name, BrushLoad()
 
     def _choreography(self) -> Choreography:
         record = self.placement.corrected(self.easel.calibration, self.easel.canvas)

@@ -226,6 +226,13 @@ class LayerBegun:
 
 
 @dataclass(frozen=True)
+class BrushInHand:
+    """The brush that the robot holds from now on: "" for none, None while it puts one back or takes one."""
+
+    brush: str | None
+
+
+@dataclass(frozen=True)
 class StrokeLeftOut:
     """Whoever paints by hand left stroke number `done` (from 1) of `of` out; it counts, and is not on the canvas."""
 
@@ -301,9 +308,9 @@ class GoalChanged:
 
 
 Written = (
-    PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | Drying | LayerBegun | StrokePainted
-    | StrokeLeftOut | Photographed | Paused | Stopped | Failed | Finished | RegionProtected | GoalChanged
-    | PageEvent
+    PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | Drying | LayerBegun | BrushInHand
+    | StrokePainted | StrokeLeftOut | Photographed | Paused | Stopped | Failed | Finished | RegionProtected
+    | GoalChanged | PageEvent
 )  # fmt: skip
 Moment = PlanningStep | Planned | Scheduled | GroundWanted | PaintsWanted | TimelapseFrame | Looked | Resumed
 Event = Moment | Written

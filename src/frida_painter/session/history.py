@@ -9,6 +9,7 @@ from typing import Any
 from frida_painter.errors import StorageError
 from frida_painter.planning.placement import Placement
 from frida_painter.session.events import (
+    BrushInHand,
     Dipped,
     Drying,
     Finished,
@@ -48,7 +49,8 @@ class History:
     settings, rests_on: as it was begun; plannings: the plans that were adopted or kept, in order; painted: strokes
     that are done or were given up; in_doubt: the number of the stroke that was begun and not ended;
     drying: the last word of a layer that dries on the canvas, and when it was written; light: of the last look,
-    [3, terms]; looks, dips, cleanings, runs: how many there were; given_up:
+    [3, terms]; held: the brush that a robot with a rack holds, "" for none, None where it broke off while it changed
+    it; looks, dips, cleanings, runs: how many there were; given_up:
     numbers of strokes in doubt that were skipped, and of those that a person left out; region: the file of
     what a person drew over the canvas, and whether only there it may be painted, None where nothing is
     protected; goal: the folder of the goal that it is painted towards since it was changed, "" before;
@@ -64,6 +66,7 @@ class History:
     in_doubt: int | None = None
     drying: tuple[Drying, datetime] | None = None
     light: list[list[float]] | None = None
+    held: str | None = ""
     looks: int = 0
     last_photograph: str | None = None
     region: tuple[str, bool] | None = None
@@ -128,6 +131,8 @@ class History:
                 self.given_up.append(done)
             case Drying():
                 self.drying = event, at
+            case BrushInHand(brush):
+                self.held = brush
             case Dipped(cleaned=cleaned):
                 self.dips += 1
                 self.cleanings += int(cleaned)

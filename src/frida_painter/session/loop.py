@@ -205,13 +205,18 @@ class PaintingSession:
         self._began_at = self.brushwork.last_motion
         self._tell(Resumed(where.plan, where.painted, self.planner.expected(self.rest, where.now)))
         self._plans.schedule()
-        self._executor.clean()
-        self.brushwork.held = None
+        if self.brushwork.has_rack:
+            if self.brushwork.held:
+                self._executor.clean()
+        else:
+            self._executor.clean()
+            self.brushwork.held = None
 
     def _to_the_end(self, begin: Callable[[], None]) -> Painting:
         stopped = False
         progress = self._progress
         try:
+            self.brushwork.require_rack()
             begin()
             self._paint()
         except StopAsked:
@@ -221,8 +226,7 @@ class PaintingSession:
             self.journal.hear(Failed(str(trouble)))
             raise
         took = self.brushwork.last_motion - self._began_at
-        if self.brushwork.load.paint is not None:
-            self._executor.clean()
+        self._executor.put_brush_back()
         photograph = self.look()
         end = Stopped(progress.painted) if stopped else Finished(progress.painted, round(took, 3))
         self.interruptions.retry(partial(self.journal.tell, end))

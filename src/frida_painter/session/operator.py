@@ -1,6 +1,6 @@
 """Who prepares what is needed at a real easel: a person, who is asked."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor
@@ -97,6 +97,26 @@ class AbsentOperator:
     def take_checker_away(self) -> bool:
         """False: a person is to be asked."""
         return False
+
+
+def brush_in_hand(brushes: Sequence[str], answer: Callable[[Question], Answer] | None) -> str:
+    """Which brush a robot holds that broke off while it put one back or took one, "" for none; a person is asked.
+
+    Raises Interrupted where nobody answers, or where it is none of these and the hand is not empty.
+    """
+    broke_off = "The painting broke off while the robot changed its brush. "
+    if answer is not None:
+        first = f"{broke_off}Look at it, and free the hand by hand if it is half in a fork. "
+        for name in brushes:
+            if answer(Confirm(f"{first}Is the {name} brush in the robot's hand?", proposal=False)) is True:
+                return name
+            first = ""
+        if answer(Confirm("Is the hand empty, and does every brush stand in its fork?", proposal=False)) is True:
+            return ""
+    raise Interrupted(
+        f"{broke_off}Nobody said which brush is in its hand, and nothing was moved. Put all brushes into their forks, "
+        "then resume the painting and answer."
+    )
 
 
 def ground_recipe(ground: tuple[float, float, float]) -> str:

@@ -21,7 +21,7 @@ class Rehearsal:
     """What would be refused.
 
     mismatches: where the plan and the easel do not belong together, a sentence each; strokes: the
-    faults of strokes by their index in the plan; others: of dips, rinses and wipes.
+    faults of strokes by their index in the plan; others: of dips, rinses, wipes and changes of brushes.
     """
 
     mismatches: tuple[str, ...]
@@ -69,6 +69,13 @@ def _mismatches(plan: Plan, workspace: Workspace, canvas: CanvasSize) -> Iterato
             f"the plan has {wells} paints, and the workspace {len(workspace.wells)} wells; "
             "plan anew with fewer --colors, or add wells"
         )
+    if workspace.rack is not None:
+        for name in plan.brushes:
+            if name not in workspace.rack.places:
+                yield (
+                    f"the plan needs the {name} brush, and the rack holds {', '.join(workspace.rack.places)}; plan "
+                    "anew with --brushes, or give it a place in the rack"
+                )
 
 
 def _around(plan: Plan, motion: Motion) -> Iterator[Waypoints]:
@@ -78,3 +85,7 @@ def _around(plan: Plan, motion: Motion) -> Iterator[Waypoints]:
             yield motion.dip(paint)
     yield motion.rinse()
     yield motion.wipe()
+    rack = motion.workspace.rack
+    for name in plan.brushes:
+        if rack is not None and name in rack.places:
+            yield from motion.change(name, name)

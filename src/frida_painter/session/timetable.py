@@ -14,7 +14,8 @@ Winsor & Newton ("Understanding drying times for acrylic paints") give 10 to 20 
 class Timetable:
     """Seconds of the robot's clock that painting takes.
 
-    strokes: on the canvas; dips; washing: rinses and wipes; travel: between all of these; looks: going
+    strokes: on the canvas; dips; washing: rinses and wipes; changes: of brushes at the rack;
+    travel: between all of these; looks: going
     aside and coming back; drying: of layers before the next one; after: seconds from the beginning until each
     stroke is painted.
     """
@@ -22,6 +23,7 @@ class Timetable:
     strokes: float = 0.0
     dips: float = 0.0
     washing: float = 0.0
+    changes: float = 0.0
     travel: float = 0.0
     looks: float = 0.0
     drying: float = 0.0
@@ -30,7 +32,7 @@ class Timetable:
     @property
     def total(self) -> float:
         """Seconds for everything."""
-        return self.strokes + self.dips + self.washing + self.travel + self.looks + self.drying
+        return self.strokes + self.dips + self.washing + self.changes + self.travel + self.looks + self.drying
 
     def after_drying(self, seconds: float) -> "Timetable":
         """The same where the canvas dries for so many seconds before anything else."""

@@ -30,12 +30,14 @@ def reckon(
     looks: Callable[[int], int],
     timing: Timing | None = None,
     drying: float = DRYING,
+    held: str | None = None,
 ) -> Timetable:
     """The time that a plan takes with a brush that holds `load`, the arm being at home.
 
     looks: how often the painter looks, for itself or for the film, after it has painted so many of the
     plan's strokes; timing: how the arm starts and stops, None to reckon with its full speed; drying:
-    seconds between two layers. Raises WorkspaceViolation where the workspace has no well for a paint.
+    seconds between two layers; held: the brush in the hand of a robot with a rack, "" or None for none.
+    Raises WorkspaceViolation where the workspace has no well for a paint.
     """
     motion, pace = choreography.motion, _Pace(timing)
     x, y, z = motion.workspace.home or (*motion.workspace.rag[:2], motion.workspace.rag[2] + _HOME_RISE)
@@ -48,12 +50,20 @@ def reckon(
             table = replace(table, travel=table.travel + hand.to(each), washing=table.washing + pace.of(each))
         return table
 
+    def change(table: Timetable, brush: str) -> Timetable:
+        for each in motion.change(held, brush):
+            table = replace(table, travel=table.travel + hand.to(each), changes=table.changes + pace.of(each))
+        return table
+
     for number, part in enumerate(plan.filled_layers()):
         if number:  # the brush is cleaned, and the arm goes aside
             table = wash(table) if load.paint is not None else table
             load = BrushLoad()
             table = replace(table, travel=table.travel + hand.aside(), drying=table.drying + drying)
-        here = choreography.with_brush(part.layers[0].brush)
+        brush = part.layers[0].brush
+        if motion.workspace.rack is not None and brush != held:
+            table, held = change(table, brush), brush
+        here = choreography.with_brush(brush)
         places, lengths = _on_canvas(part, here)
         painting = _steadily(lengths, here.motion) if timing is None else _motion_by_motion(part, here.motion, pace)
         dip, used = here.brush.dip, here.brush.dip.used_by(here.brush.area(part.strokes)).tolist()

@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from frida_painter.session.events import (
+    BrushInHand,
     Dipped,
     Drying,
     Failed,
@@ -65,7 +66,7 @@ class PaintState:
     plan: the number it was painted from; held: whether it waits for a person, also while it does what they asked for
     in the pause; turn: whether it is the person's turn; turns: strokes after which it is, 0 where nobody takes turns;
     region: what is protected; remark: what could not be done as it was asked; wish: as it was changed in the middle;
-    brush: that of the layer, "" where all have the same; first_paint: the plan's number, from 0, of what is in the
+    brush: the one in the hand, "" where none is; first_paint: the plan's number, from 0, of what is in the
     first well; paint: which the brush carries, from 0; dips: into each paint so far; since_dip: strokes since
     the last one;
     looks: what was seen, expected and planned again, in order, each with `why`: "region", "only", "freed", "goal" or
@@ -221,6 +222,8 @@ def _hear_painting(painting: PaintState, event: Written) -> None:
             painting.done, painting.film, painting.kept = done, False, False
         case LayerBegun(brush=brush, first_paint=first):
             painting.brush, painting.first_paint, painting.paint = brush, first, None
+        case BrushInHand(brush):
+            painting.brush = brush or ""
         case Dipped(well):
             paint = painting.first_paint + well
             painting.paint, painting.since_dip = paint, 0

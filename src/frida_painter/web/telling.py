@@ -14,6 +14,7 @@ from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.report.difference import difference
 from frida_painter.session.canvas_observer import TIMELAPSE_ROWS
 from frida_painter.session.events import (
+    BrushInHand,
     Dipped,
     Drying,
     Event,
@@ -80,7 +81,7 @@ class Reporter:
                 self._replanned(event)
             case PaintsWanted():
                 self.feed.tell(Mixing())
-            case Dipped() | LayerBegun():
+            case Dipped() | LayerBegun() | BrushInHand():
                 self.feed.tell(event)
             case Drying():
                 self.feed.tell(event)

@@ -64,6 +64,7 @@ test("the brush is clean in a pause and says what it carries else", () => {
   const palette = [{ number: 1 }, { number: 2 }];
   assert.equal(brushWords({ status: "paused", paint: 1, since_dip: 3 }, palette), "clean");
   assert.equal(brushWords({ status: "painting", paint: null }, palette), "no paint yet");
+  assert.equal(brushWords({ status: "painting", brush: "fine", paint: 1, since_dip: 0 }, palette), "fine, paint 2, just dipped");
   assert.equal(brushWords({ status: "painting", paint: 1, since_dip: 0 }, palette), "paint 2, just dipped");
   assert.equal(brushWords({ status: "painting", paint: 0, since_dip: 1 }, palette), "paint 1, 1 stroke since the dip");
 });

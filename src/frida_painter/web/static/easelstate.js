@@ -7,13 +7,14 @@ const ROBOT = {
   paused: "stands still, arm aside", finishing: "done, stands still", finished: "done, stands still", stopped: "stopped", failed: "stopped after a fault",
 };
 
-/** What the brush carries. @param {PaintState} painting @param {Paint[]} palette */
+/** Which brush the robot holds, and what that carries. @param {PaintState} painting @param {Paint[]} palette */
 export function brushWords(painting, palette) {
-  if (painting.status === "paused") return "clean";
+  const brush = painting.brush ? `${painting.brush}, ` : "";
+  if (painting.status === "paused") return `${brush}clean`;
   const paint = painting.paint === null ? undefined : palette[painting.paint];
-  if (!paint) return "no paint yet";
+  if (!paint) return `${brush}no paint yet`;
   const strokes = painting.since_dip ?? 0;
-  return `paint ${paint.number}, ${strokes ? `${count(strokes, "stroke", "strokes")} since the dip` : "just dipped"}`;
+  return `${brush}paint ${paint.number}, ${strokes ? `${count(strokes, "stroke", "strokes")} since the dip` : "just dipped"}`;
 }
 
 /** A strip with the three of them; `palette` are the paints of the plan. */
