@@ -58,7 +58,6 @@ from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.opening import on_record
-from frida_painter.session.operator import brush_in_hand
 from frida_painter.session.page_events import Finishing
 from frida_painter.session.painting import Painting, ResumeState
 
@@ -293,7 +292,7 @@ class PaintingRun:
         session = self._open_session(self.easel, journal, recorder.hear)
         if (bare := resuming.bare_photograph(self.folder)) is not None:
             session.observer.learn_good(bare)
-        self._recall_brush(session, history)
+        resuming.recall_brush(session.brushwork, history, self.controls.answer)
         now = session.look()
         images.save(now, self.folder / NOW)
         before = resuming.seen_before(self.folder, kept, session.observer) if kept else None
@@ -306,14 +305,6 @@ class PaintingRun:
         wet = history.wet(None if self.easel.simulated else datetime.now(UTC))
         where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now, wet)
         return self._to_its_end(session, recorder, lambda: session.resume(where))
-
-    def _recall_brush(self, session: PaintingSession, history: History) -> None:
-        """The brush that a robot with a rack held when the painting broke off; a person is asked where in doubt."""
-        hand = session.brushwork
-        if hand.has_rack:
-            hand.require_rack()
-            names = tuple(self.planner.models)
-            hand.held = history.held if history.held is not None else brush_in_hand(names, self.controls.answer)
 
     def _make_results(self, history: History, kept: resuming.KeptPlan | None) -> RunOutcome:
         """Picture, film, page and figures of a finished painting, from what its folder holds; nothing is moved."""

@@ -1,6 +1,6 @@
 """Going on with a painting that broke off: what its folder tells, and what has changed since it was begun."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,10 +21,13 @@ from frida_painter.perception.rectify import rectify
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.region import Region, region_of
+from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import PHOTOGRAPH_ROWS, CanvasObserver
 from frida_painter.session.history import History, Planning
 from frida_painter.session.journal import PHOTOGRAPHS, PLAN
 from frida_painter.session.names import DIARY
+from frida_painter.session.operator import brush_in_hand
+from frida_painter.session.procedures.dialogue import Answer, Question
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,17 @@ def changes(
         noted = history.plannings[-1].digest
         lines.append(f"plan: it was {_short(noted)}, and is {_short(kept.plan.digest)}, of {len(kept.plan)} strokes")
     return lines
+
+
+def recall_brush(hand: Brushwork, history: History, answer: Callable[[Question], Answer] | None) -> None:
+    """A robot with a rack holds the brush that it held when the painting broke off; a person is asked where in doubt.
+
+    Before anything moves. Raises Interrupted where nobody answers, and what Brushwork.require_rack raises.
+    """
+    if hand.has_rack:
+        hand.require_rack()
+        names = [kind.name for kind in (hand.brush, *hand.others)]
+        hand.held = brush_in_hand(names, answer) if history.held is None else history.held
 
 
 def light(history: History) -> FlatField | None:
