@@ -12,6 +12,7 @@ the photograph, 384 pixels wide. Paintings that lie in the folder already are no
 import argparse
 import os
 import resource
+import shutil
 import statistics
 import subprocess
 import sys
@@ -51,6 +52,7 @@ def painted(checkout: Path, photo: Path, folder: Path, settings: Sequence[str]) 
     """Paints it into the folder, unless it lies there; returns the CPU seconds, also those of an earlier time."""
     kept = folder.with_suffix(".seconds")
     if not kept.exists():
+        shutil.rmtree(folder, ignore_errors=True)  # one that was not finished
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run(
             [sys.executable, "-P", "-m", "frida_painter", "paint", photo, "--out", folder, *settings],
