@@ -60,3 +60,10 @@ def test_lines_of_a_logarithmic_axis_lie_between_its_ends_about_evenly(least, mo
     steps = np.diff(np.log10(ticks))
     assert 3 <= len(ticks) <= 10 and least <= ticks[0] and ticks[-1] <= most
     assert steps.max() < 3 * steps.min()
+
+
+def test_a_long_name_is_written_whole():
+    named = "placement known, without looking"
+    picture = chart("t", "x", "y", [Series(named, (0, 1), (1.0, 2.0))])
+    ink = torch.nonzero((picture - BLUE).abs().amax(0) < 0.05)
+    assert ink[:, 1].max() < 940 - 8

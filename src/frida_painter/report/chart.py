@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _WIDTH, _HEIGHT = 940, 540
 _LEFT, _RIGHT, _TOP, _BOTTOM = 84, 190, 104, 66
+_BEFORE_NAME, _AFTER_NAME = 14, 16
 _TITLE, _TEXT, _TICK = 22, 14, 13
 _POINT = 0.72  # of a point in a pixel, at 100 pixels per inch
 # Told apart without colour vision too (Okabe and Ito).
@@ -50,11 +51,15 @@ def chart(title: str, x_label: str, y_label: str, series: Sequence[Series], *, l
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.font_manager import FontProperties
     from matplotlib.transforms import ScaledTranslation
 
     figure = Figure((_WIDTH / 100, _HEIGHT / 100), 100, facecolor=_hex(PAPER))
     canvas = FigureCanvasAgg(figure)
-    wide, high = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
+    like = FontProperties(size=_TEXT * _POINT)
+    names = [canvas.get_renderer().get_text_width_height_descent(one.name, like, False)[0] for one in series]
+    right = max(_RIGHT, *(_BEFORE_NAME + name + _AFTER_NAME for name in names))
+    wide, high = round(_WIDTH - _LEFT - right), _HEIGHT - _TOP - _BOTTOM
     axes = figure.add_axes((_LEFT / _WIDTH, _BOTTOM / _HEIGHT, wide / _WIDTH, high / _HEIGHT))
 
     def words(x: float, y: float, text: str, size: int, color: tuple[int, int, int], **where: Any) -> None:
@@ -81,7 +86,7 @@ def chart(title: str, x_label: str, y_label: str, series: Sequence[Series], *, l
         axes.plot(one.x, one.y, **style)
     ends = [float(axes.transData.transform((one.x[-1], one.y[-1]))[1]) for one in series]
     for y, one, ink in zip(_apart(ends), series, _COLORS, strict=False):
-        words(_WIDTH - _RIGHT + 14, y, one.name, _TEXT, ink, va="center")
+        words(_LEFT + wide + _BEFORE_NAME, y, one.name, _TEXT, ink, va="center")
     canvas.draw()
     return images.from_uint8(np.asarray(canvas.buffer_rgba())[..., :3])
 
