@@ -29,6 +29,7 @@ from frida_painter.hardware.guard import GuardedRobot
 from frida_painter.hardware.guarded_camera import GuardedCamera
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import MotionReport, Robot, Waypoints
+from frida_painter.hardware.workspace import BrushRack
 from frida_painter.virtual.faults import FailedMotion, Faults
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from hardware.misbehaving import Deed, Hang, MisbehavingCamera, MisbehavingRobot, fine, unknown, vendor_error
@@ -212,6 +213,17 @@ def test_a_brush_that_was_left_low_is_lifted_first_and_straight_up(tmp_path: Pat
     guard.follow(ABOVE)
     assert robot.calls == ["lift", "stroke 7", "stroke 7"]
     assert robot.motions[0].position.tolist() == [[0.1, 0.1, WORKSPACE.canvas_origin[2] + WORKSPACE.hover]]
+
+
+def test_a_hand_that_was_left_in_a_rack_is_lifted_over_its_brushes(tmp_path: Path) -> None:
+    """Fault F1: the painting process is killed."""
+    robot = MisbehavingRobot("pose", fine, np.array([0.1, 0.1, 0.14]))
+    guard = guarded(robot, tmp_path)
+    guard.workspace = replace(WORKSPACE, rack=BrushRack({"fine": (0.4, -0.2, 0.1)}, (0.0, 0.06), 0.05))
+    guard.connect()
+    robot.bad = ""
+    guard.follow(ABOVE)
+    assert robot.motions[0].position.tolist() == [[0.1, 0.1, pytest.approx(0.18)]]
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ def test_every_layer_is_painted_with_its_brush_and_all_stand_in_the_rack_in_the_
     ]
     assert noted == changes(painted)
     told = [event.brush for event in painted.heard if isinstance(event, BrushInHand)]
-    assert told == ["small", "large"]
+    assert told == ["small", "large", ""]
     assert [event.brush for event in painted.heard if isinstance(event, LayerBegun)] == ["small", "large", "large"]
 
 

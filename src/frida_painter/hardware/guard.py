@@ -166,7 +166,8 @@ class GuardedRobot:
 
     def _lift_first(self) -> None:
         """Straight up, once after connecting, where the brush was left low: it may stand on the canvas or in a well."""
-        surface, hover = self.workspace.canvas_origin[2], self.workspace.hover
+        here, hover = self.workspace, self.workspace.hover
+        surface = here.canvas_origin[2] if here.rack is None else here.top  # the hand may be among standing brushes
         clear = min(surface + hover, self.workspace.upper[2])
         if self._lifted or self._tip is None or self._tip[2] >= surface + hover / 2:
             self._lifted = True

@@ -106,6 +106,7 @@ class BatchExecutor:
             self.clean()
         if self._brushwork.has_rack:
             self._change_in_rack("", stoppable=False)
+            self._tell(BrushInHand(""))
 
     def _change_in_rack(self, brush: str, *, stoppable: bool = True) -> None:
         """Each motion is in the journal before the robot is told of it, and what it holds when it is done."""
