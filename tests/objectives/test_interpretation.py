@@ -110,12 +110,3 @@ def test_a_painting_is_not_to_be_less_recognisable_than_its_beginning() -> None:
     assert float(kept(dark)) > float(kept(begun))
     assert float(kept(light)) == pytest.approx(float(free(light))), "as recognisable as the beginning is enough"
     assert float(lightness_recognized(3.0, begun).recognition(light)) == pytest.approx(0.3)
-
-
-def test_words_that_begin_with_a_picture_are_tried_with_more_and_less_weight_of_the_rest() -> None:
-    values = [float(one(flat(0.5))) for one in lightness_recognized(3.0, flat(0.5)).leanings]
-    assert values == pytest.approx([0.5 + 0.75, 0.5 + 0.25, 0.5 + 2.5])
-    for objective in (lightness_recognized(3.0, None), prepare(Goal((ImageTerm(flat(0.5)),)), GRID)):
-        assert objective.leanings == (objective,)
-    words = Goal((TextTerm("a lemon"), ImageTerm(flat(0.5))), (ImageTerm(flat(0.5)),))
-    assert len(prepare(words, GRID, QuickEncoders()).leanings) == 3

@@ -1,3 +1,4 @@
+import pytest
 import torch
 
 from frida_painter.frames import PixelGrid
@@ -88,3 +89,19 @@ def test_what_is_seen_is_square_and_not_squeezed() -> None:
     words = Text("red", [Circle()], seed=0)
     words._views[0]._maps = torch.eye(3).expand(24, 3, 3)
     words.validation(disc)
+
+
+def test_what_is_seen_in_the_beginning_is_kept() -> None:
+    begun, other = torch.rand(2, 3, 40, 50, generator=torch.Generator().manual_seed(1)).unbind()
+    plain, kept = (Text("a lighthouse", [random_reader()], 0, picture) for picture in (None, begun))
+    assert float(kept.validation(begun)) == pytest.approx(float(plain.validation(begun)), abs=1e-4)
+    changed = other.clone().requires_grad_()
+    more = kept.validation(changed) - plain.validation(other)
+    torch.autograd.backward(more)
+    assert float(more.detach()) > 1e-3
+    assert changed.grad is not None and float(changed.grad.abs().max()) > 0
+
+
+def test_only_readers_by_class_names_keep_to_the_beginning() -> None:
+    red = Text("red", [Toy()], 0, flat(0, 0, 1))
+    assert float(red.validation(flat(1, 0, 0))) < 1e-6

@@ -188,3 +188,10 @@ def test_a_picture_in_the_studio_has_two_brushes_and_elsewhere_nobody_has_to_cha
     assert several.brush_names == ("broad", "medium", "fine") and several.shares == (0.5, 0.3, 0.2)
     assert RunSpec.of(**several.record()).brushes == several.brushes == "broad:50%,medium:30%,fine:20%"
     assert RunSpec.of(brushes="my/brush.safetensors").brush_names == ("my/brush.safetensors",)
+
+
+def test_words_alone_are_painted_with_a_finer_brush_over_the_broad_one() -> None:
+    assert RunSpec.of(goal=[{"text": "a lemon"}]).brush_names == ("broad", "fine")
+    assert RunSpec.of(goal=[{"image": "cat.jpg"}, {"text": "a lemon"}]).brush_names == ("broad", "medium")
+    assert RunSpec.of(goal=[{"text": "a lemon"}], initial=[{"image": "cat.jpg"}]).brush_names == ("broad", "medium")
+    assert RunSpec.of(goal=[{"text": "a lemon"}], layers=2).brush_names == ("broad",)

@@ -10,7 +10,7 @@ from skimage import data
 import frida_painter as fp
 from frida_painter.errors import PlanError, TryFailed
 from frida_painter.sweeps import sweep as sweeps
-from frida_painter.sweeps.candidates import best_candidate
+from frida_painter.sweeps.candidates import best_candidate, ranked
 from marks import coarse_table
 from sweep_engine import Here
 
@@ -36,6 +36,17 @@ def test_the_plan_of_the_best_seed_is_chosen(tmp_path: Path, spec: fp.RunSpec, m
     assert torch.equal(best.plan.strokes.position, expected[best.spec.seed][1].strokes.position)
     assert best.comparison.startswith(f"The best of 3 seeds is {best.spec.seed}: expected dB ")
     assert best.spec == spec.changed(seed=best.spec.seed)
+
+
+def test_words_are_judged_by_what_they_say_and_not_by_the_pixels_of_their_beginning(spec: fp.RunSpec) -> None:
+    near, right = (
+        {"figures": {"expected dB": decibels, "loss of the plan": loss}}
+        for decibels, loss in ((20.0, 0.9), (15.0, 0.4))
+    )
+    words = fp.RunSpec.of(goal=[{"text": "a lemon"}])
+    assert ranked(words, [near, right]) == ("loss of the plan", [right, near])
+    assert ranked(spec, [right, near]) == ("expected dB", [near, right])
+    assert ranked(spec, [near, {"figures": {"loss of the plan": 0.4}}])[0] == "loss of the plan"
 
 
 def test_where_no_seed_makes_a_plan_the_reason_is_told(tmp_path: Path, spec: fp.RunSpec, monkeypatch) -> None:

@@ -13,7 +13,6 @@ from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.objective import Objective, ObjectiveContext, ObjectiveTerm
 
 _INSISTENCE = 4.0  # times as much as else, what makes a painting less recognisable than its beginning counts
-_LEANING = (1 / 3, 10 / 3)  # times the weights of all that does not recognise, which are tried as well
 
 
 def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
@@ -57,22 +56,9 @@ class WeightedObjective:
         """What says which of several pictures is best; None where the sum itself says it."""
         return self._validation if any(term.validation is not None for _, term in self._terms) else None
 
-    @property
-    def leanings(self) -> tuple["WeightedObjective", ...]:
-        """This objective, and where a painting of words begins with a picture, others between the two.
-
-        Beside other networks, which take their time, it is the only one.
-        """
-        if self._limit == math.inf or any(term.validation and not term.recognizes for _, term in self._terms):
-            return (self,)
-        return (self, *(WeightedObjective(self._leaning(factor), self._begun) for factor in _LEANING))
-
     def recognition(self, picture: Tensor) -> Tensor:
         """How far a picture [3, H, W] is from being recognised as what is meant; 0 where nothing says it."""
         return self._validated(picture, None)[1]
-
-    def _leaning(self, factor: float) -> list[tuple[float, ObjectiveTerm]]:
-        return [(weight if term.recognizes else factor * weight, term) for weight, term in self._terms]
 
     def _validation(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
         total, recognition = self._validated(picture, variance)
@@ -99,7 +85,7 @@ def prepare(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry | None = None
     encoders: the networks that terms other than pictures are seen through; by default those that
     were fetched. Raises WeightsError where one is missing.
     """
-    context = ObjectiveContext(grid, encoders or EncoderRegistry(), seed)
-    terms = [(term.weight, term.prepare(context)) for term in goal.terms]
     picture = next((term.picture for term in goal.initial if term.picture is not None), None)
-    return WeightedObjective(terms, None if picture is None else images.fit(picture, grid.rows, grid.columns))
+    begun = None if picture is None else images.fit(picture, grid.rows, grid.columns)
+    context = ObjectiveContext(grid, encoders or EncoderRegistry(), seed, begun)
+    return WeightedObjective([(term.weight, term.prepare(context)) for term in goal.terms], begun)

@@ -26,11 +26,15 @@ class Objective(Protocol):
 
 @dataclass(frozen=True)
 class ObjectiveContext:
-    """What objectives are prepared for: the pictures' grid, the networks at hand, the run's seed."""
+    """What objectives are prepared for: the pictures' grid, the networks at hand, the run's seed.
+
+    begun [3, H, W]: the picture of that grid that a painting begins with, where the goal has one beside its terms.
+    """
 
     grid: PixelGrid
     encoders: EncoderRegistry
     seed: int
+    begun: Tensor | None = None
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ _VIEWS = 24
 _AT_A_TIME = 2
 _STEADY = 4  # views by which a picture is judged
 _NOISE = 0.03  # standard deviation, of sRGB
+_KEPT = 1.0  # times the words' own distance, how differently the beginning is seen
 _BALANCE = 1.0  # against the squared difference to a picture, when both have a weight of 1
 
 
@@ -24,23 +25,32 @@ class Text:
     prompt: what is to be shown; readers: networks that see it, one after the other in every call, so that
     strokes cannot please a single one. A call looks at a square of the picture in two random views
     (perspective, crop), blurred half of the times and always noisy; what comes next is drawn from `seed`.
+    begun [3, H, W]: the picture that the painting begins with; readers by class names keep to what they see in it,
+    place by place.
     """
 
-    def __init__(self, prompt: str, readers: Sequence[Reader], seed: int) -> None:
-        self._distances = [distance_to(prompt, reader) for reader in readers]
+    def __init__(self, prompt: str, readers: Sequence[Reader], seed: int, begun: Tensor | None = None) -> None:
         self._views = [Views(_VIEWS, reader.side, seed) for reader in readers]
         self._generator = torch.Generator().manual_seed(seed)
         self._next = 0
+        elsewhere = torch.rand(_VIEWS - _STEADY, generator=self._generator)
+        self._places = [0.5] * _STEADY + elsewhere.tolist()  # of the square of each view, from one end to the other
+        self._distances = [
+            distance_to(prompt, reader)
+            if begun is None or not isinstance(reader, ConSE)
+            else _Kept(prompt, reader, self._seen(number, begun, torch.arange(_VIEWS)))
+            for number, reader in enumerate(readers)
+        ]
 
     def __call__(self, picture: Tensor) -> Tensor:
         """picture [3, H, W] in [0, 1] -> its distance in two random views; differentiable."""
         reader, self._next = self._next, (self._next + 1) % len(self._distances)
         which = torch.randperm(_VIEWS, generator=self._generator)[:_AT_A_TIME]
-        seen = self._views[reader].of(_square(picture, float(torch.rand((), generator=self._generator))), which)
+        seen = self._seen(reader, picture, which)
         if torch.rand((), generator=self._generator) < 0.5:
             seen = functional.avg_pool2d(seen, 3, 1, 1, count_include_pad=False)
         noise = sent(torch.randn(seen.shape, generator=self._generator).to(seen.dtype), seen.device)
-        return _BALANCE * self._distances[reader](seen + _NOISE * noise).mean()
+        return _BALANCE * self._distance(reader, seen + _NOISE * noise, which)
 
     def validation(self, picture: Tensor) -> Tensor:
         """The distance by all readers in the same few views of the middle every time."""
@@ -53,10 +63,44 @@ class Text:
     def _steadily(self, picture: Tensor, views: int) -> Tensor:
         which = torch.arange(views)
         found = [
-            distance(ways.of(_square(picture, 0.5), which)).mean()
-            for distance, ways in zip(self._distances, self._views, strict=True)
+            self._distance(reader, self._seen(reader, picture, which), which) for reader in range(len(self._distances))
         ]
         return _BALANCE * torch.stack(found).mean()
+
+    def _seen(self, reader: int, picture: Tensor, which: Tensor) -> Tensor:
+        """What a reader sees of a picture [3, H, W] in the views numbered `which` [n]: [n, 3, side, side]."""
+        return torch.cat(
+            [self._views[reader].of(_square(picture, self._places[int(view)]), view[None]) for view in which]
+        )
+
+    def _distance(self, reader: int, seen: Tensor, which: Tensor) -> Tensor:
+        """The mean distance of what is seen [n, 3, side, side] in the views numbered `which` [n]."""
+        distance = self._distances[reader]
+        return (distance(seen, which) if isinstance(distance, _Kept) else distance(seen)).mean()
+
+
+class _Kept:
+    """The distance to what a prompt says, joined by that to what a reader sees in the views of a beginning.
+
+    views [v, 3, side, side]: of the beginning. What is seen is compared by its direction (cosine distance), place by
+    place: parts of things, and things.
+    """
+
+    def __init__(self, prompt: str, reader: ConSE, views: Tensor) -> None:
+        self._reader = reader
+        self._said = reader.distance_of(prompt)
+        with torch.no_grad():
+            seen = [reader.features(some) for some in torch.split(views, _STEADY)]
+        self._wanted = [torch.cat(maps) for maps in zip(*seen, strict=True)]
+
+    def __call__(self, seen: Tensor, which: Tensor) -> Tensor:
+        """What is seen [n, 3, side, side] in the views numbered `which` [n] -> distances [n]."""
+        features = self._reader.features(seen)
+        total = self._said(features)
+        for maps, wanted in zip(features, self._wanted, strict=True):
+            like = functional.cosine_similarity(maps, wanted[sent(which, wanted.device)], dim=1)
+            total = total + _KEPT * (1 - like).mean((1, 2))
+        return total
 
 
 def _square(picture: Tensor, place: float) -> Tensor:

@@ -1,8 +1,6 @@
 """From free colours to paints: colours move towards the paints in rounds, then strokes and paints settle together."""
 
-from collections.abc import Callable, Sequence
-
-import torch
+from collections.abc import Callable
 
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.refine import anneal_to_palette, discretize
@@ -13,14 +11,14 @@ from frida_painter.strokes import Strokes
 _KEEPING = (0.7, 0.45, 0.2, 0.1)  # of the way from a stroke's colour to its paint, round after round
 
 
-def binding_iterations(drawing: int, binding: int, ways: int = 1) -> int:
+def binding_iterations(drawing: int, binding: int) -> int:
     """How many iterations it takes."""
-    return ways * (len(_KEEPING) * drawing + binding)
+    return len(_KEEPING) * drawing + binding
 
 
 def bound(
     strokes: Strokes,
-    ways: Sequence[Scene],
+    scene: Scene,
     colors: int,
     *,
     drawing: int,
@@ -30,27 +28,9 @@ def bound(
 ) -> tuple[Strokes, Paints]:
     """The strokes, in painting order, in at most `colors` paints.
 
-    ways: the scene, and others of other objectives, in which it is tried as well; what is best by the first one's
-    validation is kept. drawing: iterations after each round; binding: once colours are paints; begin: where so
-    many of them are to be reported.
+    drawing: iterations after each round; binding: once colours are paints; begin: where so many of them are to be
+    reported.
     """
-    found = [_settled(strokes, scene, colors, drawing, binding, seed, begin) for scene in ways]
-    if len(found) == 1:
-        return found[0]
-    judge = ways[0]
-    with torch.no_grad():
-        return min(found, key=lambda way: float(judge.expected_loss(way[0], judge.validation)))
-
-
-def _settled(
-    strokes: Strokes,
-    scene: Scene,
-    colors: int,
-    drawing: int,
-    binding: int,
-    seed: int,
-    begin: Callable[[int], Callable[[Step], None]],
-) -> tuple[Strokes, Paints]:
     for keeping in _KEEPING:
         strokes = anneal_to_palette(strokes, scene, colors, keeping, seed)
         strokes, _ = optimize(strokes, scene, iterations=drawing, notify=begin(drawing))

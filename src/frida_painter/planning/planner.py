@@ -176,7 +176,7 @@ class Planner:
         if isinstance(wells, int):
             times = {"drawing": effort.drawing, "binding": effort.binding}
             found, paints = bound(
-                found, self.scenes.ways(canvas, self.coarse, brush), wells, **times, seed=self.seed, begin=begin
+                found, self.scenes.of(canvas, self.coarse, brush), wells, **times, seed=self.seed, begin=begin
             )
         else:
             paint = wells.nearest(found.color.cpu())
@@ -445,6 +445,6 @@ class Planner:
 
     def _layer_iterations(self, strokes: int, *, mixes: bool) -> int:
         """How many iterations a later layer of so many strokes takes, in new paints or in those that are there."""
-        effort, ways = self.effort, len(self.scenes.objectives[self.coarse].leanings)
-        settled = binding_iterations(effort.drawing, effort.binding, ways) if mixes else effort.binding
+        effort = self.effort
+        settled = binding_iterations(effort.drawing, effort.binding) if mixes else effort.binding
         return effort.free_iterations(strokes) + settled + effort.replanning

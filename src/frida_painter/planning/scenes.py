@@ -59,10 +59,6 @@ class Scenes:
         """The one in which strokes grow."""
         return self.of(canvas, grid, brush, self.initial_objective)
 
-    def ways(self, canvas: Tensor, grid: PixelGrid, brush: str) -> list[Scene]:
-        """The scene, and others in which what is to be recognised weighs more or less against the rest."""
-        return [self.of(canvas, grid, brush, leaning) for leaning in self.objectives[grid].leanings]
-
     def stack(self, plan: Plan, canvas: Tensor, grid: PixelGrid) -> tuple[list[Strokes], list[Scene]]:
         """The strokes of each brush in turn, and the canvas with that brush; a plan of no strokes has one of each."""
         runs = plan.by_brush() or [(plan.layers[0].brush, plan.strokes)]

@@ -31,6 +31,8 @@ FILES = ("palette", "pictures", "workspace", "calibration", "arm_meshes", "studi
 """Fields that name files other than those of the goal."""
 USUAL_BRUSHES = "broad:50%,medium:50%"
 """Of a picture in the virtual studio; other goals, and few strokes, have the first one only."""
+WORDS_BRUSHES = "broad:35%,fine:65%"
+"""The same of words alone: a thing is recognised by its outline and its small parts."""
 _MOST_BYTES = 2**20
 
 
@@ -118,7 +120,8 @@ class RunSpec(BaseModel):
         json_schema_extra={
             "metavar": "NAME,...|auto",
             "names": ["--brushes", "--brush"],
-            "default": "broad:50%,medium:50% for a picture of 100 strokes or more in the studio, otherwise broad",
+            "default": "in the studio, from 100 strokes on, broad:50%,medium:50% for a picture and broad:35%,fine:65% "
+            "for words alone, otherwise broad",
         },
     )
     new_paints: bool | None = Field(
@@ -314,7 +317,10 @@ class RunSpec(BaseModel):
         """Those asked for, or the usual ones: two where they change by themselves."""
         if self.brushes not in (None, AUTO):
             return self.brushes
-        return USUAL_BRUSHES if self.layers is None and self.simulated else "broad"
+        if self.layers is not None or not self.simulated:
+            return "broad"
+        words = bool(self.goal) and not self.initial and all(item.kind == "text" for item in self.goal)
+        return WORDS_BRUSHES if words else USUAL_BRUSHES
 
     @property
     def brush_names(self) -> tuple[str, ...]:

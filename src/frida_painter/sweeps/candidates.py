@@ -1,7 +1,9 @@
 """The best of several plans that differ in their seeds: a small sweep before a painting."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from frida_painter.errors import PlanError
 from frida_painter.plan import Plan
@@ -11,8 +13,7 @@ from frida_painter.sweeps.spec import SweepSpec
 from frida_painter.sweeps.sweep import Notify, sweep
 
 _LAST_SEED = 2**31 - 1
-_BETTER = {"expected dB": 1.0, "loss of the plan": -1.0}
-"""Figures by which candidates are compared, the first that they have, and whether more (1) or less (-1) is better."""
+_EXPECTED, _LOSS = "expected dB", "loss of the plan"
 
 
 @dataclass(frozen=True)
@@ -37,9 +38,7 @@ def best_candidate(spec: RunSpec, count: int, folder: Path, *, jobs: int | None 
     if not outcome.records:
         first = next(iter(outcome.failures.values()))
         raise PlanError(f"None of the {count} seeds made a plan: {first['error']}")
-    found = list(outcome.records.values())
-    figure = next(name for name in _BETTER if all(name in record["figures"] for record in found))
-    found.sort(key=lambda record: -_BETTER[figure] * record["figures"][figure])
+    figure, found = ranked(spec, list(outcome.records.values()))
     best, worst = found[0], found[-1]
     seed = best["labels"]["seed"]
     told = f"The best of {len(found)} seeds is {seed}: {figure} {best['figures'][figure]:.4g}"
@@ -47,3 +46,15 @@ def best_candidate(spec: RunSpec, count: int, folder: Path, *, jobs: int | None 
         told += f", the worst {worst['figures'][figure]:.4g}"
     plan = Plan.load(outcome.folder / "runs" / best["key"] / "plan.json")
     return Candidate(spec.changed(seed=seed), plan, f"{told}.")
+
+
+def ranked(spec: RunSpec, records: Sequence[Mapping[str, Any]]) -> tuple[str, list[Mapping[str, Any]]]:
+    """The figure by which the records of plans are compared, and the records, best first.
+
+    Only where pictures are all that is wanted does it matter how near to one a painting will be: words have one to
+    begin with as well, and the loss says whether it shows them.
+    """
+    pictures = all(item.kind == "image" for item in spec.goal)
+    if pictures and all(_EXPECTED in record["figures"] for record in records):
+        return _EXPECTED, sorted(records, key=lambda record: -record["figures"][_EXPECTED])
+    return _LOSS, sorted(records, key=lambda record: record["figures"][_LOSS])

@@ -36,11 +36,6 @@ def test_every_ground_has_a_sky_and_a_land(place, light) -> None:
     assert float((ground[:, 0].mean(1) - ground[:, -1].mean(1)).abs().max()) > 0.03
 
 
-def test_where_no_words_name_it_the_sky_stays_paper() -> None:
-    ground = Setting(PLACES[0]).ground(GRID, 0)
-    assert float(ground[:, 0].min()) == 1 and float(ground[:, -1].max()) < 0.95
-
-
 def test_night_is_dark_and_rain_and_snow_and_fog_are_seen() -> None:
     day, night = (Setting(PLACES[3], light, is_named=True).ground(GRID, 0).mean() for light in (DAY, LIGHTS[2]))
     assert float(night) < 0.4 * float(day)
@@ -93,18 +88,12 @@ def test_things_never_touch_the_edge(shape: tuple[int, int], named: bool, in_the
         assert float(edges.max()) < 0.5
 
 
-def test_where_no_place_is_named_there_is_only_a_patch_to_stand_on() -> None:
+def test_where_no_place_is_named_there_is_paper() -> None:
     drawing = torch.zeros(4, 30, 40)
     drawing[3], drawing[0] = 1, 1
     meadow = next(place for place in PLACES if place.name == "a meadow")
-    standing, flying = (
-        composed([Placed(drawing, 0, 0, 1)], Setting(meadow), GRID, 0, in_the_air=in_the_air)
-        for in_the_air in (False, True)
-    )
-    beside = standing.where < 0.01
-    painted = (standing.picture < 0.99).any(0) & beside
-    assert 0.01 < float(painted.float().mean()) < 0.15, "green below the thing, and paper"
-    assert float(flying.picture[:, flying.where < 0.01].min()) == 1, "nothing stands, so all of it is paper"
+    standing = composed([Placed(drawing, 0, 0, 1)], Setting(meadow), GRID, 0, in_the_air=False)
+    assert float(standing.picture[:, standing.where < 0.01].min()) == 1
     drawing[:3] = 0.97
     pale = composed([Placed(drawing, 0, 0, 1)], Setting(meadow), GRID, 0, in_the_air=False)
     around = functional.max_pool2d(pale.where[None, None], 3, 1, 1)[0, 0] > 0.5

@@ -85,8 +85,12 @@ class EfficientNetLite:
 
     def logits(self, views: Tensor) -> Tensor:
         """Views [n, 3, h, w], sRGB in [0, 1], to scores of ImageNet's thousand classes [n, 1000]."""
+        return self.classified(self.features(views)[1])
+
+    def classified(self, deepest: Tensor) -> Tensor:
+        """What is seen at last [n, 1280, h, w] to scores [n, 1000]."""
         weight, bias = self._classes
-        return self.features(views)[1].mean((2, 3)) @ weight.to(views).T + bias.to(views)
+        return deepest.mean((2, 3)) @ weight.to(deepest).T + bias.to(deepest)
 
 
 def _stages(tensors: Mapping[str, Tensor]) -> list[list[_Block]]:

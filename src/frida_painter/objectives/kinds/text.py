@@ -36,7 +36,10 @@ class TextTerm(Term):
         return self.prompt
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """The distance of meanings; it is validated by a reader that the optimiser never asks, where there is one."""
+        """The distance of meanings, and to what is seen in the beginning.
+
+        It is validated by a reader that the optimiser never asks, where there is one.
+        """
         from frida_painter.objectives.text import Text
 
         readers = context.encoders.readers()
@@ -44,9 +47,9 @@ class TextTerm(Term):
             context.encoders.remark(
                 f"The words {self.prompt[:40]!r}... are too many to be read; the last were cut off."
             )
-        words = Text(self.prompt, readers, context.seed)
+        words = Text(self.prompt, readers, context.seed, context.begun)
         aside = context.encoders.reader_aside()
-        steady = words if aside is None else Text(self.prompt, [aside], context.seed)
+        steady = words if aside is None else Text(self.prompt, [aside], context.seed, context.begun)
         return ObjectiveTerm(words, steady.validation, recognizes=True)
 
     @classmethod

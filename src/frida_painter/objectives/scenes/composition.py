@@ -1,7 +1,7 @@
 """A scene as one picture: its things on a ground, told from it by light and dark, with what falls over them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -23,7 +23,6 @@ _PALE = 12.0  # of Lab, by which colours differ from bare paper that are seen on
 _LOST = 0.35  # share of a thing's outline, which is that pale, from which it is not seen on paper
 _AROUND = 0.1  # of the canvas's height, of the ground around what would not be seen
 _RIM = 7  # pixels across, of which an outline is made
-_STANCE = (0.54, 0.075)  # half sides of the patch that things stand on: of their width, and of the canvas's height
 _DIPS = 0.07  # of its height, by which a thing in water is hidden
 
 
@@ -39,9 +38,9 @@ def composed(
     things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, in_the_air: bool
 ) -> ComposedScene:
     """The things in their setting; in_the_air: whether none of them stands on anything."""
-    ground = setting.ground(grid, seed)
     if not things:
-        return ComposedScene(setting.fallen(setting.starred(ground, seed), seed), torch.zeros(grid.rows, grid.columns))
+        ground = setting.starred(setting.ground(grid, seed), seed)
+        return ComposedScene(setting.fallen(ground, seed), torch.zeros(grid.rows, grid.columns))
     drawn = _fitted(things, setting, grid, seed, in_the_air=in_the_air)
     where, colors = torch.zeros(grid.rows, grid.columns), torch.zeros(3, grid.rows, grid.columns)
     for picture, top, left in drawn:
@@ -50,14 +49,11 @@ def composed(
     if setting.light != DAY:
         shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
         colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
+    ground = torch.ones_like(colors)  # paper costs no strokes
     if setting.is_named:
-        ground = setting.starred(with_contrast(ground, where, colors), seed)
-    else:  # paper costs no strokes
-        shown = torch.zeros_like(where) if in_the_air else _stance(where)
-        if _is_lost_on_paper(where, colors):
-            ground = with_contrast(replace(setting, is_named=True).ground(grid, seed), where, colors)
-            shown = torch.maximum(shown, _around(where))
-        ground = torch.lerp(torch.ones_like(ground), ground, shown)
+        ground = setting.starred(with_contrast(setting.ground(grid, seed), where, colors), seed)
+    elif _is_lost_on_paper(where, colors):
+        ground = torch.lerp(ground, with_contrast(setting.ground(grid, seed), where, colors), _around(where))
     picture = torch.lerp(ground, colors, where)
     return ComposedScene(setting.fallen(picture, seed).clamp(0, 1), where)
 
@@ -78,22 +74,6 @@ def _is_lost_on_paper(where: Tensor, colors: Tensor) -> bool:
     return bool(((outline - white).norm(dim=1) < _PALE).float().mean() > _LOST)
 
 
-def _stance(where: Tensor) -> Tensor:
-    """A patch of ground below things that are where [H, W] says, in [0, 1]: all that is needed where no place is named.
-
-    A whole land would take half of the strokes, and most of the paints.
-    """
-    rows, columns = where.shape
-    seen = where > 0.5
-    across, down = seen.any(0).nonzero().flatten(), seen.any(1).nonzero().flatten()
-    if len(across) == 0:
-        return torch.zeros_like(where)
-    left, right, floor = float(across[0]), float(across[-1]), float(down[-1])
-    x = (torch.arange(columns) - (left + right) / 2) / (_STANCE[0] * (right - left + 1))
-    y = (torch.arange(rows) - floor) / (_STANCE[1] * rows)
-    return ((1.1 - (x.square()[None] + y.square()[:, None]).sqrt()) / 0.2).clamp(0, 1)
-
-
 def _fitted(
     things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, in_the_air: bool
 ) -> list[tuple[Tensor, int, int]]:
@@ -107,8 +87,10 @@ def _fitted(
         tall = 0.75 * _AMID
     scale = min(_WIDE * columns / (right - left), tall * rows / (high - low))
     width, height = scale * (right - left), scale * (high - low)
-    if in_the_air:
-        bottom = _ALOFT * rows + height / 2 if setting.is_named else (rows + height) / 2
+    if not setting.is_named:
+        bottom = (rows + height) / 2
+    elif in_the_air:
+        bottom = _ALOFT * rows + height / 2
     else:
         floor = setting.place.horizon + _STANDS * (1 - setting.place.horizon)
         bottom = floor * rows if height < (floor - 0.05) * rows else (rows + height) / 2

@@ -256,7 +256,8 @@ def _tell(
     credits = dict.fromkeys(one.found.library.credit for one in shown if one.found and one.found.library.credit)
     made = f"; pictures by {'; '.join(credits)}" if credits else ""
     told = " and ".join(one.told for one in shown) or "no picture of a thing"
-    encoders.remark(f"{use.capitalize()} {told}, on {setting.words}{made}.")
+    place = f", on {setting.words}" if setting.is_named else ""
+    encoders.remark(f"{use.capitalize()} {told}{place}{made}.")
     missing = [one.thing.name[:_TITLE] for one in things if one is not None and one.found is None]
     if missing:
         encoders.remark(

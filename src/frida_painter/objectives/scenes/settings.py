@@ -139,17 +139,14 @@ class Setting:
         return ", ".join(part for part in parts if part)
 
     def ground(self, grid: PixelGrid, seed: int) -> Tensor:
-        """The picture [3, H, W] of the grid, without what falls.
-
-        Where nothing of the prompt names it, the sky stays bare paper: its strokes are better spent on the thing.
-        """
+        """The picture [3, H, W] of the grid, without what falls."""
         rows, columns = grid.rows, grid.columns
         place, shade = self.place, torch.tensor(self.light.shade)
-        above = torch.tensor(place.above if self.is_named else _PAPER)
+        above = torch.tensor(place.above)
         high, low = (
             (above, above) if self.light == DAY else (torch.tensor(self.light.top), torch.tensor(self.light.low))
         )
-        if self.is_named and self.light == DAY and place.is_open:
+        if self.light == DAY and place.is_open:
             low = torch.lerp(above, torch.ones(3), 0.5)
         if not place.is_open and self.light != DAY:
             high = low = torch.tensor(place.above) * shade
@@ -157,12 +154,12 @@ class Setting:
         up = (height / place.horizon).clamp(0, 1)[None]
         sky = torch.lerp(high[:, None, None], low[:, None, None], up).expand(3, rows, columns)
         land = torch.tensor(place.below) * shade
-        if place.is_water and self.is_named:  # water mirrors the sky
+        if place.is_water:  # water mirrors the sky
             land = torch.lerp(land, low, 0.25)
         deep = ((height - place.horizon) / (1 - place.horizon)).clamp(0, 1)[None]
         near = torch.lerp(land[:, None, None], (0.82 * land)[:, None, None], deep)
         picture = sky.clone()
-        if place.relief and (self.is_named or place is not PAPER):
+        if place.relief:
             far = torch.lerp(land, low, 0.35)[:, None, None]
             picture = torch.lerp(picture, far.expand_as(picture), self._hills(rows, columns, seed))
         share = ((height - place.horizon) / _EDGE + 0.5).clamp(0, 1)[None]
