@@ -11,6 +11,7 @@ import threading
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 from frida_painter import extras
@@ -35,8 +36,12 @@ class RayEngine:
     def __init__(self, limits: TaskLimits, slots: int, address: str | None = None) -> None:
         extras.require("ray", "ray", "A sweep over several machines (--address)")
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nobody is told of anything
+        if address is not None:
+            _show_token()
         import ray
 
+        # Ray would print the stack of every try that fails, and all that a machine said before it was gone.
+        ray._private.worker._worker_logs_enabled = False
         self._limits = limits
         if address is None:
             with _own_signals():
@@ -53,8 +58,8 @@ class RayEngine:
         except (ConnectionError, RuntimeError, ValueError) as error:
             said = str(error).split("\n")[0][:200]
             raise ConfigError(
-                f"The Ray cluster at {address[:80]} cannot be joined ({said}); see `ray status` there, and have one "
-                "version of Ray and of Python everywhere."
+                f"The Ray cluster at {address[:80]} cannot be joined ({said}); see `ray status` there, have one "
+                "version of Ray and of Python everywhere, and on each machine the head's token (`ray get-auth-token`)."
             ) from error
         self.slots = sum(_room(node["Resources"], limits) for node in ray.nodes() if node["Alive"])
         if self.slots == 0:
@@ -96,6 +101,13 @@ def _own_signals() -> Iterator[None]:
     yield
     if before is not None and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, before)
+
+
+def _show_token() -> None:
+    """Has Ray show its token where this machine has one: clusters of `ray start` ask for it."""
+    place = Path(os.environ.get("RAY_AUTH_TOKEN_PATH", "~/.ray/auth_token"))
+    if "RAY_AUTH_TOKEN" in os.environ or place.expanduser().is_file():
+        os.environ.setdefault("RAY_AUTH_MODE", "token")
 
 
 def _room(resources: Mapping[str, float], limits: TaskLimits) -> int:
