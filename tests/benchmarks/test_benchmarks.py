@@ -70,7 +70,7 @@ def test_paintings_of_two_checkouts_lie_side_by_side_on_a_sheet(tmp_path):
     command += ["--folder", str(tmp_path), "--json", str(tmp_path / "figures.json")]
     subprocess.run(command, check=True, capture_output=True, timeout=300)
     before, after = json.loads((tmp_path / "figures.json").read_text())["figures"]
-    assert before["decibels"] == after["decibels"] > 5  # one code, one seed: one painting
+    assert before["decibels"] == after["decibels"] > 3  # six strokes; one code, one seed: one painting
     with Image.open(tmp_path / "coffee-0.jpg") as sheet:
         assert sheet.width > 4 * 384
 
