@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 from typer.models import OptionInfo
@@ -10,17 +10,27 @@ from typer.models import OptionInfo
 from frida_painter import registry, storage
 from frida_painter.hardware.kinds import CameraKind
 
+_Number = TypeVar("_Number", int, float)
+
 
 def whole_number_within(least: int, most: int) -> Callable[[str], int]:
     """Reads whole numbers from `least` to `most`. What it makes raises typer.BadParameter."""
+    return _within(whole_number, least, most)
 
-    def read(text: str) -> int:
-        value = whole_number(text)
+
+def number_within(least: float, most: float) -> Callable[[str], float]:
+    """Reads numbers from `least` to `most`. What it makes raises typer.BadParameter."""
+    return _within(number, least, most)
+
+
+def _within(read: Callable[[str], _Number], least: _Number, most: _Number) -> Callable[[str], _Number]:
+    def checked(text: str) -> _Number:
+        value = read(text)
         if not least <= value <= most:
-            raise typer.BadParameter(f"{value} is not from {least} to {most}")
+            raise typer.BadParameter(f"{text[:40]} is not from {least:g} to {most:g}")
         return value
 
-    return read
+    return checked
 
 
 def whole_number(text: str) -> int:
@@ -37,18 +47,6 @@ def number(text: str) -> float:
         return float(text)
     except ValueError as error:
         raise typer.BadParameter(f"{str(text)[:40]!r} is not a number, like 0.5") from error
-
-
-def number_within(least: float, most: float) -> Callable[[str], float]:
-    """Reads numbers from `least` to `most`. What it makes raises typer.BadParameter."""
-
-    def read(text: str) -> float:
-        value = number(text)
-        if not least <= value <= most:
-            raise typer.BadParameter(f"{text[:40]} is not from {least:g} to {most:g}")
-        return value
-
-    return read
 
 
 def out_file(text: str | Path) -> Path:

@@ -51,7 +51,7 @@ def composite_moments(
     if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors):
         apply: Callable[..., tuple[Tensor, Tensor]] = _Tiles.apply
         return apply(*tensors, spread, bare_cells_answer)
-    return _lay(*tensors, _boxes(*tensors, bare=False), spread, kept=None)
+    return _lay(*tensors, _boxes(tensors[0], tensors[1], canvas, bare=False), spread, kept=None)
 
 
 class _Tiles(torch.autograd.Function):
@@ -69,7 +69,7 @@ class _Tiles(torch.autograd.Function):
     ) -> tuple[Tensor, Tensor]:
         tensors = magnitude, affine, color, canvas
         ctx.spread, ctx.bare = spread, bare_cells_answer and ctx.needs_input_grad[0]
-        boxes = _boxes(*tensors, bare=ctx.bare)
+        boxes = _boxes(magnitude, affine, canvas, bare=ctx.bare)
         segments = -(-len(magnitude) // _segment(len(magnitude)))
         kept = canvas.new_empty(segments, 6, *canvas.shape[1:])
         ctx.save_for_backward(*tensors, boxes, kept)
@@ -123,7 +123,7 @@ def _lay(
     return moments[:3], moments[3:]
 
 
-def _boxes(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, *, bare: bool) -> Tensor:
+def _boxes(magnitude: Tensor, affine: Tensor, canvas: Tensor, *, bare: bool) -> Tensor:
     """The pixels whose samples can touch each stroke's painted cells, or all of its cells, int32 [n, 4]."""
     cells = whole_maps(magnitude) if bare else painted_boxes(magnitude)
     return pixel_extents(affine, cells, canvas).int()

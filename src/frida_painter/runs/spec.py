@@ -198,13 +198,12 @@ class RunSpec(BaseModel):
             raise ValueError(f"{self.layers} layers and {len(self.brush_names)} brushes; leave out --layers")
         if self.brushes == AUTO and self.layers is not None:
             raise ValueError(f"--brushes {AUTO} says how many layers there are, and --layers too; leave out one")
-        named = self.brushes not in (None, AUTO)
-        if named and len(self.brush_names) > self.strokes:
+        if self._names_brushes and len(self.brush_names) > self.strokes:
             raise ValueError(
                 f"{len(self.brush_names)} layers for {count_of(self.strokes, 'stroke')}; give at most as many brushes"
             )
         for name, share in zip(self.brush_names, self.shares or (), strict=False):
-            if named and round(self.strokes * share) == 0:
+            if self._names_brushes and round(self.strokes * share) == 0:
                 raise ValueError(
                     f"{name} gets {100 * share:g} % of {count_of(self.strokes, 'stroke')}, which is not one stroke; "
                     "give it a larger share, or leave it out"
@@ -313,9 +312,14 @@ class RunSpec(BaseModel):
         )
 
     @property
+    def _names_brushes(self) -> bool:
+        """Whether it says which brushes there are, and leaves them neither to the program nor to the planner."""
+        return self.brushes not in (None, AUTO)
+
+    @property
     def _brushes(self) -> str:
         """Those asked for, or the usual ones: two where they change by themselves."""
-        if self.brushes not in (None, AUTO):
+        if self.brushes is not None and self._names_brushes:
             return self.brushes
         if self.layers is not None or not self.simulated:
             return "broad"
