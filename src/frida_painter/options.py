@@ -27,7 +27,7 @@ def _within(read: Callable[[str], _Number], least: _Number, most: _Number) -> Ca
     def checked(text: str) -> _Number:
         value = read(text)
         if not least <= value <= most:
-            raise typer.BadParameter(f"{text[:40]} is not from {least:g} to {most:g}")
+            raise typer.BadParameter(f"{text[:40]} is not from {least} to {most}")
         return value
 
     return checked
