@@ -130,3 +130,30 @@ def test_in_a_style_picture_that_is_begun_with_the_thing_is_seen_and_matters_mos
     unknown = Goal((TextTerm("a zygote"), StyleTerm(style)), (StyleTerm(style),))
     assert initial_composition(unknown, GRID, encoders, 0) is unknown
     assert "begun with the style picture alone" in encoders.remarks[1]
+
+
+def test_of_a_table_that_carries_things_the_top_is_shown(
+    encoders: QuickEncoders, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("frida_painter.objectives.scenes.retrieval._FILLED", 2.0)  # these pictograms fill their boxes
+    index = encoders.picture_index()
+    assert index is not None
+    index.nearest = lambda thing: 1.0  # type: ignore[method-assign]  # everything has a picture of its own
+    for word, shown in (("on", ", on a table"), ("beside", "")):
+        things = (Thing("strawberry", "strawberry"), Thing("tablecloth", "tablecloth"))
+        reading = Reading(things, (Relation(0, word, 1),))
+        encoders.prompts = lambda reading=reading: SimpleNamespace(read=lambda prompt: reading)  # type: ignore[method-assign]
+        encoders.remarks.clear()
+        initial_composition(Goal((TextTerm("a strawberry on a tablecloth"),)), GRID, encoders, 0)
+        assert f"'strawberry' (openmoji){shown};" in encoders.remarks[0]
+
+
+def test_a_place_alone_gets_what_is_found_there_but_not_what_must_not_be_seen(encoders: QuickEncoders) -> None:
+    absent = ("animal", "butterfly", "insect", "tractor", "cow", "bicycle")
+    for unwanted in ((), absent):
+        reading = Reading((Thing("meadow", "meadow"),), (), unwanted)
+        encoders.prompts = lambda reading=reading: SimpleNamespace(read=lambda prompt: reading)  # type: ignore[method-assign]
+        encoders.remarks.clear()
+        initial_composition(Goal((TextTerm("a meadow"),)), GRID, encoders, 0)
+        missing = encoders.remarks[1]
+        assert "No picture of '" in missing and ("'flower'" in missing or not unwanted)

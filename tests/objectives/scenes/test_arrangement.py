@@ -50,13 +50,37 @@ def test_under_a_table_is_between_its_legs_and_under_the_moon_is_below_it() -> N
     assert moon.y > 0.5 * castle.height and moon.height < castle.height
 
 
-def test_over_is_above_behind_is_hidden_and_in_looks_out() -> None:
+def test_over_is_above_and_behind_is_hidden() -> None:
     bee, flower = put("above", thing(0, 0.015, "air"), thing(1, 0.4))
     assert bee.y >= flower.height
     rabbit, tree = put("behind", thing(0, 0.3), thing(1, 8))
     assert rabbit.depth < tree.depth and abs(rabbit.x - tree.x) > 0.2 * tree.width
-    apples, bowl = put("in", thing(0, 0.08), thing(1, 0.15))
-    assert apples.depth < bowl.depth and apples.y < bowl.height < apples.y + apples.height
+
+
+@pytest.mark.parametrize(
+    ("widths", "rim"),
+    [((40, 40, 40, 40), 1.0), ((8, 8, 40, 36), 0.5), ((4, 30, 4, 40), 0.25), ((40, 30, 8, 20), 1.0)],
+    ids=["bowl", "handle", "sail", "foot"],
+)
+def test_what_is_in_something_looks_out_over_its_rim(widths: tuple[int, ...], rim: float) -> None:
+    picture = torch.zeros(4, 40, 40)
+    for row, width in enumerate(widths):
+        picture[:, 10 * row : 10 * row + 10, 20 - width // 2 : 20 + width // 2] = 1
+    apples, bowl = put("in", thing(0, 0.08), ScenePart(picture, Known("bowl", 0.15, "ground")))
+    assert apples.depth > bowl.depth and apples.height <= 0.8 * bowl.height
+    assert apples.y + apples.hidden * apples.height == pytest.approx(rim * bowl.height)
+
+
+@pytest.mark.parametrize("word", ["on", "in"])
+def test_two_on_one_thing_are_side_by_side(word: str) -> None:
+    parts = [thing(0, 0.5), thing(1, 0.5), thing(2, 0.6, shape=(20, 40))]
+    placed = arranged(parts, [Relation(0, word, 2), Relation(1, word, 2)])
+    (holder,) = [one for one in placed if one.picture is parts[2].picture]
+    left, right = sorted((one for one in placed if one is not holder), key=lambda one: one.x)
+    assert left.x + left.width / 2 <= right.x - right.width / 2 + 1e-6
+    assert left.x >= holder.x - holder.width / 2 and right.x <= holder.x + holder.width / 2
+    tops = {one.y + one.hidden * one.height for one in (left, right)}
+    assert max(tops) - min(tops) < 1e-6 and (word == "on" or left.hidden > 0)
 
 
 @pytest.mark.parametrize("word", ["beside", "next to", "and then some"])

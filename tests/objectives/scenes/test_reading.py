@@ -101,3 +101,15 @@ def test_colours_have_the_names_that_people_give_them() -> None:
     first, black = paint_of("black and white"), paint_of("black")
     assert first is not None and black is not None and torch.equal(first, black)
     assert paint_of("old") is None and paint_of("") is None
+
+
+@pytest.mark.parametrize(
+    ("prompt", "relations"),
+    [
+        ("a plum, a cup and a spoon on a tray", {"plum on tray", "cup on tray", "spoon on tray"}),
+        ("two cows and a horse near a house with a red roof", {"cow nea house", "horse nea house", "house wit roof"}),
+        ("an apple and a boy holding a balloon", {"boy hol balloon"}),
+    ],
+)
+def test_where_the_last_of_several_is_all_are(reader: PromptReader, prompt: str, relations: set[str]) -> None:
+    assert got(reader.read(prompt))[1] == relations

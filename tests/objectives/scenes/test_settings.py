@@ -74,6 +74,14 @@ def test_things_are_told_from_their_ground(shade: float) -> None:
     assert torch.equal(with_contrast(clear, where, thing), clear), "what is told apart stays"
 
 
+def test_sky_and_land_are_told_from_things_each_by_itself() -> None:
+    where, ground = torch.zeros(60, 80), torch.full((3, 60, 80), 0.95)
+    where[10:50, 30:50], ground[:, 30:] = 1, 0.5
+    changed = with_contrast(ground, where, torch.full((3, 60, 80), 0.5), 0.5)
+    assert torch.allclose(changed[:, :25], ground[:, :25], atol=1e-3), "a pale sky behind grey stays"
+    assert float(changed[0, 45, 10] - 0.5) > 0.2, "grey land does not"
+
+
 @pytest.mark.parametrize("shape", [(40, 40), (10, 80), (80, 10)])
 @pytest.mark.parametrize("named", [True, False])
 @pytest.mark.parametrize("in_the_air", [True, False])

@@ -18,10 +18,15 @@ _LEAST = 0.3  # of the tallest thing's height, that every thing has
 _SUBJECT = 0.5  # the same of the thing that a prompt names first
 _IN_THE_AIR = 0.38  # height of what hangs in the sky beside a thing of height 1
 _SINKS = 0.1  # of its height, by which a thing on another overlaps it
+_INSIDE = 0.4  # of the height of what it is in, that a thing has at least
+_HIDDEN = 0.4  # of its height, which is hidden in what it is in
+_CROWDED = 0.6  # of its size, that a thing has at least beside others on the same thing
+_BRIMS = 0.8  # of the fullest row below it, from which a row of a picture is below the rim
+_HOLDS = 0.6  # of a picture's fullest row, that a row of what holds something has: a foot does not
 _SIDE = 256  # pixels of one of several copies
 _OF_WORD = {
-    "on": "on", "on top of": "on", "upon": "on", "onto": "on", "riding": "on", "from": "beside",
-    "in": "in", "inside": "in", "into": "in", "within": "in", "of": "in", "out of": "in",
+    "on": "on", "on top of": "on", "upon": "on", "onto": "on", "riding": "on",
+    "in": "in", "inside": "in", "into": "in", "within": "in", "of": "in", "out of": "in", "from": "in",
     "under": "under", "below": "under", "beneath": "under", "underneath": "under",
     "over": "over", "above": "over", "across": "over", "crossing": "on",
     "behind": "behind", "in front of": "front", "before": "front", "against": "front", "between": "between",
@@ -40,14 +45,15 @@ class ScenePart:
 
 @dataclass(frozen=True)
 class Placed:
-    """A picture in a scene: the middle of its lower edge, its height, and what it is drawn before; `submerged`: share
-    of its height that is hidden in what it stands in."""
+    """A picture in a scene: the middle of its lower edge, its height, and what it is drawn before; hidden: share of its
+    height, from below, that is hidden in what it stands in."""
 
     picture: Tensor
     x: float
     y: float
     height: float
     depth: int = 0
+    hidden: float = 0.0
 
     @property
     def width(self) -> float:
@@ -71,6 +77,7 @@ def arranged(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -
         else floor[0]
     )
     placed[first] = _alone(parts, first, sizes)
+    together: dict[tuple[int, str], list[int]] = {}  # what is on or in one thing
     rest = list(usable)
     while rest:
         one = next((one for one in rest if {one.subject, one.object} & set(placed)), None)
@@ -82,10 +89,15 @@ def arranged(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -
         if one.subject not in placed:
             mine, other, number = _alone(parts, one.subject, sizes), placed[one.object], one.subject
             placed[number], placed[one.object] = _put(mine, other, kind, known[number], known[one.object])
+            together.setdefault((one.object, kind), []).append(number)
         elif one.object not in placed:
             mine, other, number = _alone(parts, one.object, sizes), placed[one.subject], one.object
             turned = _OPPOSITE.get(kind, kind)
             placed[number], placed[one.subject] = _put(mine, other, turned, known[number], known[one.subject])
+    for (number, kind), some in together.items():
+        if kind in ("on", "in") and len(some) > 1:
+            spread = _spread([placed[each] for each in some], placed[number])
+            placed |= dict(zip(some, spread, strict=True))
     for number in shown:
         if number not in placed:
             mine = _alone(parts, number, sizes)
@@ -129,9 +141,11 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         return (upper, lower) if kind == "on" else (lower, upper)
     if kind in ("in", "around"):
         inner, outer = (mine, other) if kind == "in" else (other, mine)
-        # It looks out over the rim.
-        size = min(0.8 * outer.height, 0.85 * outer.width * inner.height / max(inner.width, 1e-6))
-        inner = replace(inner, height=size, x=outer.x, y=outer.y + outer.height - 0.55 * size, depth=outer.depth - 1)
+        # It looks out over the rim, before what rises above that, as a handle or a sail.
+        most = min(0.8 * outer.height, 0.85 * outer.width * inner.height / max(inner.width, 1e-6))
+        size = min(most, max(inner.height, _INSIDE * outer.height))
+        rim = outer.y + outer.height * _rim(outer.picture)
+        inner = replace(inner, height=size, x=outer.x, y=rim - _HIDDEN * size, depth=outer.depth + 1, hidden=_HIDDEN)
         return (inner, outer) if kind == "in" else (outer, inner)
     if kind == "under":
         if other_where == "air":
@@ -161,6 +175,19 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
     return _beside([other], mine), other
 
 
+def _spread(some: Sequence[Placed], holder: Placed) -> list[Placed]:
+    """Things on or in one thing, side by side over its middle, smaller where there is little room."""
+    width = sum(one.width for one in some)
+    scale = max(_CROWDED, min(1.0, holder.width / width))
+    left, spread = holder.x - scale * width / 2, []
+    for one in some:
+        # What is hidden of a smaller thing is less: its upper part begins where it did.
+        y = one.y + (1 - scale) * one.hidden * one.height
+        spread.append(replace(one, x=left + scale * one.width / 2, y=y, height=scale * one.height))
+        left += scale * one.width
+    return spread
+
+
 def _beside(others: Sequence[Placed], mine: Placed) -> Placed:
     """On the same floor, to the right of all others."""
     edge = max(one.x + one.width / 2 for one in others)
@@ -175,6 +202,14 @@ def _top(picture: Tensor, share: float) -> float:
     columns = seen[:, int(middle - half) : int(middle + half) + 1]
     tops = [int(column.nonzero()[0]) for column in columns.T if bool(column.any())]
     return 1 - sorted(tops)[len(tops) // 2] / seen.shape[0] if tops else 1.0
+
+
+def _rim(picture: Tensor) -> float:
+    """How high the rim of what holds something is, as a share of its height: above it, it is narrower than below."""
+    full = (picture[3] > 0.5).float().mean(1).flip(0)  # from below
+    widest = full.cummax(0).values
+    narrow = (full < _BRIMS * widest) & (widest >= _HOLDS * full.max())
+    return int(narrow.nonzero()[0]) / len(full) if bool(narrow.any()) else 1.0
 
 
 def _hollow(picture: Tensor) -> bool:

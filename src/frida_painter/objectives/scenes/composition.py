@@ -19,7 +19,7 @@ _ALOFT = 0.40  # of the height, where the middle of what hangs in the air is
 _AMID = 0.62  # of the height that a single thing fills where its place is shown too
 _THIRD = 0.07  # of the width, by which a thing that leaves room is off the middle
 _LIT = 0.55  # how far things take the colour of the light
-_PALE = 12.0  # of Lab, by which colours differ from bare paper that are seen on it
+_PALE = 22.0  # of Lab, by which colours differ from bare paper that are seen on it
 _LOST = 0.35  # share of a thing's outline, which is that pale, from which it is not seen on paper
 _AROUND = 0.1  # of the canvas's height, of the ground around what would not be seen
 _RIM = 7  # pixels across, of which an outline is made
@@ -51,9 +51,11 @@ def composed(
         colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
     ground = torch.ones_like(colors)  # paper costs no strokes
     if setting.is_named:
-        ground = setting.starred(with_contrast(setting.ground(grid, seed), where, colors), seed)
+        told_apart = with_contrast(setting.ground(grid, seed), where, colors, setting.place.horizon)
+        ground = setting.starred(told_apart, seed)
     elif _is_lost_on_paper(where, colors):
-        ground = torch.lerp(ground, with_contrast(setting.ground(grid, seed), where, colors), _around(where))
+        place = with_contrast(setting.ground(grid, seed), where, colors, setting.place.horizon)
+        ground = torch.lerp(ground, place, _around(where))
     picture = torch.lerp(ground, colors, where)
     return ComposedScene(setting.fallen(picture, seed).clamp(0, 1), where)
 
@@ -104,6 +106,7 @@ def _fitted(
         if setting.place.is_water and setting.is_named and not in_the_air and one.y == low:
             dips = max(1, round(_DIPS * picture.shape[1]))
             picture[3, -dips:] *= torch.linspace(1, 0, dips)[:, None]
+        picture[3, round((1 - one.hidden) * picture.shape[1]) :] = 0
         top = round(bottom - scale * (one.y - low) - picture.shape[1])
         at = round(start + scale * (one.x - one.width / 2 - left))
         top = max(0, min(top, rows - picture.shape[1]))

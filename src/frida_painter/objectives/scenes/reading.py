@@ -31,6 +31,7 @@ _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph"
                 "watercolour")  # fmt: skip
 _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
 _VIVID = 72.0  # chroma
+_PARTS = ("of", "with")  # what follows is part of the thing before alone
 _LONGEST = 400  # characters; more is no description of one picture
 
 
@@ -151,13 +152,18 @@ class _Walk:
             return numbers
         number = len(self.things)
         self.things.append(_described(noun, whole or noun))
+        before = len(self.relations)
         joined = [at for other in _children(noun, "conj", "appos") if _is_noun(other) for at in self._thing(other)]
+        if joined and not _children(noun, "prep", "acl", "relcl"):
+            # "A teapot and three cups on a table": what is said of the last place is said of all.
+            no_place = (*_PARTS, self.things[joined[-1]].doing)
+            said = [one for one in self.relations[before:] if one.subject == joined[-1] and one.word not in no_place]
+            self.relations += [replace(one, subject=number) for one in said]
         self._hanging(noun, [number])
         return [number, *joined]
 
     def _hanging(self, noun: Token, subjects: list[int], but: Token | None = None) -> None:
         """What is said of a thing: where it is, what it has, and what it does."""
-        # "A cow and a calf in a meadow": what is said of the last place is said of all.
         for word in _children(noun, "prep", "advmod"):
             if word != but:
                 self._preposition(word, subjects)
@@ -190,7 +196,7 @@ class _Walk:
         numbers = self._thing(noun)
         raised = []
         for relation in self.relations[before:]:
-            if relation.subject in numbers and subjects and relation.word not in ("of", "with"):
+            if relation.subject in numbers and subjects and relation.word not in _PARTS:
                 raised += [Relation(subject, relation.word, relation.object) for subject in subjects]
             else:
                 raised.append(relation)

@@ -34,7 +34,8 @@ _WHOLE = 0.80  # similarity of a caption to two things and what is between them,
 _PART = 0.75  # the same for what a thing has
 _HELD = 0.72  # the same for "a bowl of cherries"
 _BY_THINGS = ("under", "beneath", "underneath", "below", "beside", "next to", "behind", "in front of", "with")
-_CARRIED = ("on", "on top of", "upon", "riding", "in", "inside")  # a duck on a tractor is not on a lake
+_CARRIED = ("on", "on top of", "upon", "riding", "in", "inside", "from")  # a duck on a tractor is not on a lake
+_SUPPORTS = ("on", "on top of", "upon")
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity from which a word of a name says where a thing is: a watering can is not in water
 _IMPLIED = 0.42  # similarity to what is found at a place, from which things imply it
@@ -144,10 +145,9 @@ def _dressed(
 
 def _peopled(reading: Reading, setting: Setting, sentences: SentenceEncoder) -> Reading:
     """A place that is named alone, with what is found there: boats in a harbour."""
-    meanings = sentences.embed([reading.things[0].name, *setting.place.found])
-    name = setting.place.found[int((meanings[1:] @ meanings[0]).argmax())]
-    if name in reading.absent:
-        return reading
+    found = [name for name in setting.place.found if name not in reading.absent]
+    meanings = sentences.embed([reading.things[0].name, *found])
+    name = found[int((meanings[1:] @ meanings[0]).argmax())]
     number = len(reading.things)
     thing = Thing(name, name.rpartition(" ")[2], count=2)
     return replace(reading, things=(*reading.things, thing), relations=(*reading.relations, Relation(number, "in", 0)))
@@ -169,6 +169,10 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
         # What has a picture of its own is a thing: a tree is no forest.
         least = 0.0 if index is None else index.nearest(thing) - _ROUNDING
         place = named_place(thing.noun, sentences, least)
+        if place is None and any(one.object == number and one.word in _SUPPORTS for one in reading.relations):
+            # Of a table that carries things, its top is shown.
+            top = named_place(thing.noun, sentences)
+            place = top if top is not None and not top.is_open else None
         light = named_light(thing.noun, sentences, least)
         weather = named_weather(thing.noun, sentences, least)
         if light is None and weather is None and place is None and thing.name != thing.noun:

@@ -102,7 +102,7 @@ LIGHTS = (
     Light("sunset", ("sunset", "dusk", "evening", "twilight"), (0.42, 0.36, 0.58), (0.99, 0.60, 0.28),
           (0.78, 0.60, 0.58)),
     Light("night", ("night", "midnight", "moonlight", "dark night", "starry night"), (0.05, 0.08, 0.22),
-          (0.16, 0.22, 0.42), (0.30, 0.35, 0.52), 14),
+          (0.27, 0.35, 0.56), (0.30, 0.35, 0.52), 14),
     Light("a grey day", ("gloomy", "sad", "lonely", "loneliness", "melancholy", "grief", "stormy", "grey weather",
           "cloudy day"), (0.52, 0.56, 0.62), (0.76, 0.78, 0.80), (0.72, 0.75, 0.80)),
     Light("warm light", ("joy", "happiness", "love", "cheerful", "summer"), (0.55, 0.80, 0.97),
@@ -119,7 +119,7 @@ WEATHERS = (
 _Part = TypeVar("_Part", Place, Light, Weather)
 _CALLED = 0.72  # similarity to what a place is called, from which words name it
 _FELT = 0.62  # to the words of a light or a weather
-_TOLD_APART, _MIDDLE = 28.0, 55.0  # of Lab, and L*
+_TOLD_APART, _MIDDLE = 40.0, 55.0  # of Lab, and L*
 
 
 @dataclass(frozen=True)
@@ -162,8 +162,7 @@ class Setting:
         if place.relief:
             far = torch.lerp(land, low, 0.35)[:, None, None]
             picture = torch.lerp(picture, far.expand_as(picture), self._hills(rows, columns, seed))
-        share = ((height - place.horizon) / _EDGE + 0.5).clamp(0, 1)[None]
-        return torch.lerp(picture, near.expand_as(picture), share).clamp(0, 1)
+        return torch.lerp(picture, near.expand_as(picture), _below(rows, place.horizon)[None]).clamp(0, 1)
 
     def fallen(self, picture: Tensor, seed: int) -> Tensor:
         """The picture [3, H, W] with stars, rain, flakes or fog over it."""
@@ -238,25 +237,40 @@ def in_color(place: Place, paint: Tensor) -> Place:
     return replace(place, above=color) if place.name == "the sky" else replace(place, below=color)
 
 
-def with_contrast(ground: Tensor, where: Tensor, thing: Tensor, least: float = _TOLD_APART) -> Tensor:
+def with_contrast(
+    ground: Tensor, where: Tensor, thing: Tensor, horizon: float = 1.0, least: float = _TOLD_APART
+) -> Tensor:
     """The ground [3, H, W], darker or lighter around what stands on it, where that could not be told from it.
 
-    where [H, W]: how much of the things is there; thing [3, H, W]: their colours; least: by how much of Lab they are to
-    differ.
+    where [H, W]: how much of the things is there; thing [3, H, W]: their colours; horizon: share of the height above
+    it, for sky and land are changed each by itself; least: by how much of Lab they are to differ.
     """
     lab = to_lab(ground.permute(1, 2, 0))
     seen = where > 0.5
+    if not bool(seen.any()):
+        return ground
     around = (functional.max_pool2d(where[None, None], 31, 1, 15)[0, 0] > 0.5) & ~seen
-    if not bool(seen.any()) or not bool(around.any()):
+    own = to_lab(thing.permute(1, 2, 0))
+    below = _below(ground.shape[1], horizon).expand_as(where)
+    lighter = torch.zeros_like(where)
+    for share in (1 - below, below):
+        here, near = share * around, share * seen
+        if not float(here.sum()) > 0 or not float(near.sum()) > 0:
+            continue
+        color = (own * near[..., None]).sum((0, 1)) / near.sum()
+        behind = (lab * here[..., None]).sum((0, 1)) / here.sum()
+        lack = max(0.0, least - float((color - behind).norm()))
+        lighter += (-1 if float(color[0]) > _MIDDLE else 1) * lack * share
+    if not bool(lighter.any()):
         return ground
-    own = to_lab(thing.permute(1, 2, 0))[seen].mean(0)
-    behind = lab[around].mean(0)
-    apart = float((own - behind).norm())
-    if apart >= least:
-        return ground
-    darker = float(own[0]) > _MIDDLE
-    lab[..., 0] = (lab[..., 0] + (-1 if darker else 1) * (least - apart)).clamp(5, 98)
+    lab[..., 0] = (lab[..., 0] + lighter).clamp(5, 98)
     return from_lab(lab).permute(2, 0, 1).clamp(0, 1)
+
+
+def _below(rows: int, horizon: float) -> Tensor:
+    """How far each row is below the horizon, [H, 1] in [0, 1]."""
+    height = ((torch.arange(rows) + 0.5) / rows)[:, None]
+    return ((height - horizon) / _EDGE + 0.5).clamp(0, 1)
 
 
 def _nearest(name: str, parts: tuple[_Part, ...], sentences: SentenceEncoder) -> tuple[_Part, float]:
