@@ -2,14 +2,9 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.palette import Palette, from_lab, to_lab
 from frida_painter.perception.difference import ciede2000
-from frida_painter.planning.distinct_paints import CLEARLY_APART, HARDLY_APART, distinct, without_twins
-from frida_painter.planning.scenes import Scenes
+from frida_painter.planning.distinct_paints import HARDLY_APART, distinct, without_twins
 from frida_painter.planning.variables import Paints
 
 
@@ -19,7 +14,7 @@ def nearest_pair(color: torch.Tensor) -> float:
 
 
 @settings(max_examples=25, deadline=None)
-@given(st.integers(1, 12), st.integers(0, 1000), st.sampled_from([HARDLY_APART, CLEARLY_APART]))
+@given(st.integers(1, 12), st.integers(0, 1000), st.sampled_from([HARDLY_APART, 5.0]))
 def test_no_two_wells_are_twins_and_there_are_no_more_of_them(count: int, seed: int, apart: float) -> None:
     chance = torch.Generator().manual_seed(seed)
     color = torch.rand(40, 3, generator=chance) * torch.rand(3, generator=chance)
@@ -35,7 +30,7 @@ def test_a_well_that_twins_shared_goes_to_the_accent_that_was_drowned() -> None:
     greens = torch.tensor([[0x07, 0x7F, 0x4B], [0x06, 0x76, 0x46]]) / 255
     red = torch.tensor([[0.8, 0.1, 0.1]])
     color, weight = torch.cat((greens.repeat(10, 1), red)), torch.ones(21)
-    palette = distinct(Palette(greens), color, weight, CLEARLY_APART)
+    palette = distinct(Palette(greens), color, weight, 5.0)
     assert len(palette) == 2 and float((palette.color - red).abs().sum(1).min()) < 1e-6
     assert torch.allclose(palette.color[palette.color[:, 1].argmax()], greens.mean(0), atol=5e-3)
 
@@ -52,12 +47,3 @@ def test_paints_that_grew_alike_become_one_and_strokes_keep_theirs() -> None:
     assert torch.allclose(paints.color[1], (2 * color[1] + color[2]) / 3, atol=1e-5)
     kept = without_twins(paints, HARDLY_APART)
     assert torch.equal(kept.color, paints.color) and torch.equal(kept.paint, paints.paint)
-
-
-def test_of_a_photograph_only_what_is_hardly_told_apart_is_one_paint() -> None:
-    size, picture = CanvasSize.of("14x11in"), ImageTerm(torch.rand(3, 8, 8))
-    apart = {
-        name: Scenes(size, {}, Goal(terms), {}, None, torch.device("cpu")).paints_apart
-        for name, terms in {"photograph": (picture,), "words": (picture, TextTerm("a fox"))}.items()
-    }
-    assert apart == {"photograph": HARDLY_APART, "words": CLEARLY_APART}

@@ -9,7 +9,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.goal import Goal
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.plan import WHITE
-from frida_painter.planning.ground import possible_grounds, proposed_ground
+from frida_painter.planning.ground import ground_around_things, possible_grounds, proposed_ground
 from frida_painter.planning.planner import Effort, Planner
 from scenes import CANVAS, small_table
 
@@ -50,3 +50,13 @@ def test_without_a_picture_a_person_names_the_ground(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(ImageTerm, "guide", None)
     with pytest.raises(ConfigError, match="give a colour, such as #c8a878"):
         proposed_ground(by, 6, 2)
+
+
+def test_around_things_the_commonest_colour_is_the_ground() -> None:
+    picture, matters = torch.full((3, 64, 85), 0.8), torch.ones(64, 85)
+    picture[:, 40:] = 0.3
+    picture[0, 20:60, 20:60], matters[20:60, 20:60] = 1.0, 4.0
+    by = planner(picture)
+    assert ground_around_things(by) == WHITE, "a photograph says nothing of things"
+    by = Planner(Goal((ImageTerm(picture, 1.0, matters / matters.mean()),)), CANVAS, small_table(), rows=64)
+    assert ground_around_things(by) == pytest.approx((0.8, 0.8, 0.8), abs=0.003)

@@ -22,6 +22,7 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Event, GroundWanted, Planned, Stopped, StrokePainted
 from frida_painter.session.page_events import Finishing
 from marks import coarse_table
+from networks import QuickEncoders
 
 SMALL = {"canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}
 
@@ -146,3 +147,18 @@ def test_a_painting_without_a_goal_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="nothing to paint"):
         paint(folder=tmp_path / "painting", strokes=3)
     assert not (tmp_path / "painting").exists()
+
+
+@pytest.mark.parametrize(
+    ("asked", "ground"), [({}, "#203040"), ({"ground": "white"}, "white"), ({"robot": "human"}, "white")]
+)
+def test_words_alone_are_painted_on_the_colour_around_their_things(
+    asked: dict[str, str], ground: str, photo: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("frida_painter.runs.run.ground_around_things", lambda planner: (32 / 255, 48 / 255, 64 / 255))
+    for goal in ([{"text": "a strawberry"}], [{"text": "a strawberry"}, {"image": str(photo)}]):
+        spec = RunSpec.of(goal=goal, strokes=4, **SMALL, **asked)
+        with PaintingRun(spec, encoders=QuickEncoders()) as run:
+            bare = run.planner.bare
+        assert run.spec.ground == (ground if len(goal) == 1 else "white")
+        assert torch.equal(bare[:, 0, 0], from_hex("#ffffff" if run.spec.ground == "white" else run.spec.ground))

@@ -15,7 +15,7 @@ from frida_painter.objectives.scenes.composition import ComposedScene
 from frida_painter.objectives.scenes.scene import scene_of, thing_of
 from frida_painter.objectives.style_scene import composited_into_style
 
-_KEPT = 3.0  # weight of the composition beside the words' own: a picture that weighs less is soon lost
+_KEPT = 10.0  # weight of the composition beside the words' own: a picture that weighs less is soon lost
 _STAGED = 20.0  # the same of a style picture's, which words would soon take apart
 _MATTERS = 8.0  # times as much as its surroundings, where a thing is in a style picture
 _SUBJECT = 4.0  # the same, where things are in a scene

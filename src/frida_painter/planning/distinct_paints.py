@@ -8,9 +8,8 @@ from frida_painter.perception.difference import ciede2000
 from frida_painter.planning.variables import Paints
 
 HARDLY_APART = 2.5
-"""CIEDE2000 below which two paints are hardly told apart, and become one. Photographs lost 0.1 to 0.2 dB by 5."""
-CLEARLY_APART = 5.0
-"""The same where words say what to paint: no shade is right or wrong there, and wells that differ show more."""
+"""CIEDE2000 below which two paints are hardly told apart, and become one. By 5, photographs lost 0.1 to 0.2 dB, and
+things that words name got colours that they do not have, as a dolphin green and purple."""
 _GROWN = 0.8  # of that, below which paints that grew alike while they were optimised are one in the end
 
 

@@ -7,11 +7,13 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.errors import ConfigError
+from frida_painter.palette import to_lab
 from frida_painter.plan import WHITE
 from frida_painter.planning.planner import Planner
 
 _ROWS = 64
 _TRYING = 0.25  # of the planner's effort
+_OTHER = 25.0  # of Lab, from which a colour is just another one
 
 
 def proposed_ground(planner: Planner, strokes: int, colors: int) -> tuple[float, float, float]:
@@ -49,3 +51,21 @@ def possible_grounds(picture: Tensor) -> list[tuple[float, float, float]]:
         red, green, blue = (dark.mean(1) * 255).round().div(255).tolist()
         found.append((red, green, blue))
     return found
+
+
+def ground_around_things(planner: Planner) -> tuple[float, float, float]:
+    """The colour that is commonest around the things of the picture that a goal begins with, sRGB in 256 steps.
+
+    It needs no strokes then, which the things have instead: a hundred of them do not cover a canvas. White where the
+    goal begins without a picture, or with one that says nothing of things.
+    """
+    term = next((term for term in planner.goal.initial_terms if term.guide is not None), None)
+    if term is None or term.guide is None or term.importance is None:
+        return WHITE
+    color = images.fit(term.guide, _ROWS, _ROWS).flatten(1).T  # [pixels, 3]
+    matters = images.fit(term.importance[None], _ROWS, _ROWS).flatten()
+    around = color[matters <= matters.median().clamp(max=1)]
+    lab = to_lab(around)
+    apart = torch.cdist(lab, lab).clamp(max=_OTHER).mean(1)
+    red, green, blue = (around[apart.argmin()] * 255).round().div(255).tolist()
+    return red, green, blue

@@ -16,7 +16,7 @@ from frida_painter.objectives.interpretation import interpreted, prepare
 from frida_painter.palette import Palette
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.binding import binding_iterations, bound
-from frida_painter.planning.distinct_paints import without_twins
+from frida_painter.planning.distinct_paints import HARDLY_APART, without_twins
 from frida_painter.planning.effort import Effort as Effort
 from frida_painter.planning.forecast import SimilarityForecast, forecast
 from frida_painter.planning.free_strokes import MOVED, PROPOSALS, free_strokes
@@ -202,7 +202,7 @@ class Planner:
         assert paints is not None
         if isinstance(wells, Palette):
             return self._as_plan(found, wells, paints.paint, brush)
-        return self._as_plan(*as_palette(found, without_twins(paints, self.scenes.paints_apart)), brush)
+        return self._as_plan(*as_palette(found, without_twins(paints, HARDLY_APART)), brush)
 
     def without_weakest(self, plan: Plan, canvas: Tensor, count: int) -> Plan:
         """The plan without the `count` strokes that would be missed least on a picture [3, H, W] of the canvas."""

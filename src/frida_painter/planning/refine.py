@@ -7,7 +7,7 @@ from torch import Tensor
 
 from frida_painter.frames import PixelGrid, pixel_to_map
 from frida_painter.palette import Palette
-from frida_painter.planning.distinct_paints import distinct
+from frida_painter.planning.distinct_paints import HARDLY_APART, distinct
 from frida_painter.planning.initialize import best_proposals, insert
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints
@@ -89,7 +89,7 @@ def _cluster(strokes: Strokes, scene: Scene, colors: int, seed: int) -> tuple[Pa
     accents would drown.
     """
     weight = visible_area(strokes, scene).clamp(min=0).pow(0.25)
-    palette = distinct(Palette.cluster(strokes.color, weight, colors, seed), strokes.color, weight, scene.paints_apart)
+    palette = distinct(Palette.cluster(strokes.color, weight, colors, seed), strokes.color, weight, HARDLY_APART)
     return palette, torch.cdist(strokes.color, palette.color).argmin(1)
 
 

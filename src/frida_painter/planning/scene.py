@@ -11,7 +11,6 @@ from frida_painter.brush.spread import CoverageSpread, spread_of
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.frames import CanvasSize
 from frida_painter.objectives.objective import Objective
-from frida_painter.planning.distinct_paints import HARDLY_APART
 from frida_painter.render import Moments, render, render_moments
 from frida_painter.strokes import StrokeLimits, Strokes
 
@@ -30,9 +29,8 @@ class Scene:
     validation: says which of several plans is best where the objective cannot: where it looks at a picture
     in another way every time, or could be fooled. importance [H, W]: how much an error matters at each
     place when strokes are placed, 1 in the mean; None: everywhere the same. flow [3, H, W]: which way strokes go where
-    they are placed, as objectives/brushwork.py tells it; None: any way. paints_apart: CIEDE2000 by which paints
-    that are mixed for it differ at least. paint_price: by which share the loss would have to fall for as much more
-    paint as the brush's largest mark takes.
+    they are placed, as objectives/brushwork.py tells it; None: any way. paint_price: by which share the
+    loss would have to fall for as much more paint as the brush's largest mark takes.
     """
 
     canvas: Tensor
@@ -42,7 +40,6 @@ class Scene:
     validation: Objective | None = None
     importance: Tensor | None = None
     flow: Tensor | None = None
-    paints_apart: float = HARDLY_APART
     paint_price: float = 0.0
 
     @property

@@ -15,7 +15,6 @@ from frida_painter.objectives.brushwork import flow_of
 from frida_painter.objectives.interpretation import WeightedObjective
 from frida_painter.objectives.replication import spread
 from frida_painter.plan import Plan
-from frida_painter.planning.distinct_paints import CLEARLY_APART, HARDLY_APART
 from frida_painter.planning.region import Region
 from frida_painter.planning.scene import PAINT_PRICE, Scene
 from frida_painter.strokes import Strokes
@@ -46,14 +45,8 @@ class Scenes:
         picture = images.fit(canvas.to(self.device), grid.rows, grid.columns)
         matters, way = self._importance(grid), flow_of(self.goal, grid)
         price = PAINT_PRICE if all(term.is_pixelwise for term in self.goal.terms) else 0.0
-        judge, apart = objective.validation, self.paints_apart
-        scene = Scene(picture, self.size, model, objective, judge, matters, way, apart, price)
+        scene = Scene(picture, self.size, model, objective, objective.validation, matters, way, price)
         return scene if self.region is None else self.region.guarded(scene)
-
-    @property
-    def paints_apart(self) -> float:
-        """CIEDE2000 by which paints that are mixed for the goal differ at least."""
-        return CLEARLY_APART if any(term.words is not None for term in self.goal.terms) else HARDLY_APART
 
     def initial(self, canvas: Tensor, grid: PixelGrid, brush: str) -> Scene:
         """The one in which strokes grow."""

@@ -69,9 +69,9 @@ def _placement(text: str | None) -> str | None:
     return text
 
 
-def ground_color(ground: str) -> tuple[float, float, float] | None:
-    """The colour of "white" or "#c8a878", sRGB in [0, 1]; None for "auto"."""
-    if ground == AUTO:
+def ground_color(ground: str | None) -> tuple[float, float, float] | None:
+    """The colour of "white" or "#c8a878", sRGB in [0, 1]; None for "auto", and where nothing was said."""
+    if ground is None or ground == AUTO:
         return None
     red, green, blue = (
         (int(ground[at : at + 2], 16) / 255 for at in (1, 3, 5)) if ground != "white" else (1.0, 1.0, 1.0)
@@ -79,7 +79,9 @@ def ground_color(ground: str) -> tuple[float, float, float] | None:
     return red, green, blue
 
 
-def _ground(text: str) -> str:
+def _ground(text: str | None) -> str | None:
+    if text is None:
+        return None
     ground = text.strip().lower()
     if ground not in (AUTO, "white") and re.fullmatch("#[0-9a-f]{6}", ground) is None:
         raise ValueError(f"{text[:40]!r} is not a ground; give auto, white, or a colour such as #c8a878")
@@ -137,7 +139,7 @@ def _brushes(value: Any) -> Any:
 
 
 Brushes = Annotated[str | None, BeforeValidator(_brushes)]
-Ground = Annotated[str, AfterValidator(_ground)]
+Ground = Annotated[str | None, AfterValidator(_ground)]
 Policy = Annotated[str | None, AfterValidator(_policy)]
 Canvas = Annotated[CanvasSize, BeforeValidator(_canvas), PlainSerializer(_millimetres)]
 File = Annotated[Path | None, BeforeValidator(_path), PlainSerializer(_whole_path, when_used="json")]

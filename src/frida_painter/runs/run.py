@@ -33,7 +33,7 @@ from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.palette import Palette, load_clustering, to_hex
 from frida_painter.perception.swatches import read_palette
 from frida_painter.plan import WHITE, Plan
-from frida_painter.planning.ground import proposed_ground
+from frida_painter.planning.ground import ground_around_things, proposed_ground
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Recorder
@@ -174,7 +174,7 @@ class PaintingRun:
             if self.spec.brushes == AUTO:
                 self._choose_brushes()
             self._planner = open_planner(self.spec, self.goal, self._encoders)
-            if self.spec.ground == AUTO:
+            if self.spec.ground in (None, AUTO):
                 self._choose_ground(self._planner)
             if self._reopened is not None:
                 self._planner.region = resuming.region(self.folder, self._reopened.history)
@@ -188,10 +188,17 @@ class PaintingRun:
 
     def _choose_ground(self, planner: Planner) -> None:
         """Settles the ground that the description leaves to the planner; a painting keeps it from then on."""
-        planner.ground = proposed_ground(planner, self.spec.strokes, self.spec.colors)
-        ground = to_hex(torch.tensor(planner.ground))
-        self.spec = self.spec.model_copy(update={"ground": "white" if planner.ground == WHITE else ground})
-        self.remarks.append(f"The ground that suits this picture best: {self.spec.ground}.")
+        spec = self.spec
+        if spec.ground == AUTO:
+            planner.ground = proposed_ground(planner, spec.strokes, spec.colors)
+        elif spec.is_words and spec.simulated and not spec.on_canvas:  # elsewhere a person would have to tone it
+            planner.ground = ground_around_things(planner)
+        ground = "white" if planner.ground == WHITE else to_hex(torch.tensor(planner.ground))
+        self.spec = spec.model_copy(update={"ground": ground})
+        if spec.ground == AUTO:
+            self.remarks.append(f"The ground that suits this picture best: {ground}.")
+        elif planner.ground != WHITE:
+            self.remarks.append(f"The canvas is toned in the colour around the things of the scene: {ground}.")
 
     @property
     def easel(self) -> Easel:

@@ -147,10 +147,13 @@ class RunSpec(BaseModel):
         json_schema_extra={"metavar": "NAME:VALUE", "default": "evenly spaced, --replans times"},
     )
     ground: Ground = Field(
-        "white",
+        None,
         description="The colour in which the bare canvas is toned before the painting begins. auto takes it from the "
         "picture. A person tones it; the recipe is told, and the camera looks before anything is planned.",
-        json_schema_extra={"metavar": "auto|white|#RRGGBB"},
+        json_schema_extra={
+            "metavar": "auto|white|#RRGGBB",
+            "default": "white; in the studio, for words alone, the commonest colour around the things of their scene",
+        },
     )
     drying: float = Field(
         20.0,
@@ -217,7 +220,7 @@ class RunSpec(BaseModel):
                 f"{self.replans} replans for {self.strokes} strokes; "
                 f"there is a look between strokes only, so give at most {self.strokes - 1}"
             )
-        if self.on_canvas and self.ground != "white":
+        if self.on_canvas and self.ground not in (None, "white"):
             raise ValueError(
                 f"--on-canvas paints on what is there, and --ground {self.ground} tones a bare canvas; leave out one"
             )
@@ -323,8 +326,12 @@ class RunSpec(BaseModel):
             return self.brushes
         if self.layers is not None or not self.simulated:
             return "broad"
-        words = bool(self.goal) and not self.initial and all(item.kind == "text" for item in self.goal)
-        return WORDS_BRUSHES if words else USUAL_BRUSHES
+        return WORDS_BRUSHES if self.is_words else USUAL_BRUSHES
+
+    @property
+    def is_words(self) -> bool:
+        """Whether words alone say what to paint."""
+        return bool(self.goal) and not self.initial and all(item.kind == "text" for item in self.goal)
 
     @property
     def brush_names(self) -> tuple[str, ...]:

@@ -88,7 +88,8 @@ class PaintingRequest(_Checked):
     brushes: Brushes = ""
     """Of the layers; "" for the usual ones."""
     replans: int = _as_described("replans")
-    ground: Ground = "white"
+    ground: Ground = None
+    """None for the usual one."""
     on_canvas: bool = False
     drying: float = _as_described("drying")
     minutes: float | None = _as_described("minutes")
@@ -110,7 +111,7 @@ class PaintingRequest(_Checked):
             raise ValueError("There is nothing to paint yet: give a picture, or words, or draw something.")
         if not self.title.isprintable():
             raise ValueError("The title holds characters that cannot be printed; type it anew.")
-        if self.on_canvas and self.ground != "white":
+        if self.on_canvas and self.ground not in (None, "white"):
             raise ValueError("A canvas that is painted on as it is cannot be toned; choose one of them.")
         if not 1 / 4 <= self.width / self.height <= 4:
             raise ValueError("The canvas is too narrow: its longer side is at most four times the shorter one.")

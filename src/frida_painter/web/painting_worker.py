@@ -28,7 +28,7 @@ def paint(job: Job, place: PlanFolder) -> None:
     """Paints the plan, and plans the rest again at every look."""
     folder, plan = job.folder.painting, Plan.load(place.plan)
     spec = job.spec(place)
-    if spec.ground == AUTO:  # the plan was made on the one that suits it
+    if spec.ground in (None, AUTO):  # the plan was made on the one that suits it
         spec = spec.changed(ground=to_hex(torch.tensor(plan.ground)))
     if spec.brushes == AUTO:
         spec = spec.changed(brushes=brushes_of(plan))

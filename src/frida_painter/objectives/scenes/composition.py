@@ -11,6 +11,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.compositing import laid, resized
 from frida_painter.objectives.scenes.arrangement import Placed
 from frida_painter.objectives.scenes.settings import DAY, Setting, with_contrast
+from frida_painter.objectives.scenes.simplification import simplified
 from frida_painter.palette import to_lab
 
 _WIDE, _HIGH = 0.86, 0.80  # of the canvas, that things fill at the most
@@ -21,7 +22,6 @@ _THIRD = 0.07  # of the width, by which a thing that leaves room is off the midd
 _LIT = 0.55  # how far things take the colour of the light
 _PALE = 22.0  # of Lab, by which colours differ from bare paper that are seen on it
 _LOST = 0.35  # share of a thing's outline, which is that pale, from which it is not seen on paper
-_AROUND = 0.1  # of the canvas's height, of the ground around what would not be seen
 _RIM = 7  # pixels across, of which an outline is made
 _DIPS = 0.07  # of its height, by which a thing in water is hidden
 
@@ -45,7 +45,8 @@ def composed(
     where, colors = torch.zeros(grid.rows, grid.columns), torch.zeros(3, grid.rows, grid.columns)
     for picture, top, left in drawn:
         colors, over = laid(picture, colors, top, left)
-        where = torch.maximum(where, over)
+        where = where + over - where * over
+    colors = simplified((colors / where.clamp(min=1e-4)).clamp(0, 1))
     if setting.light != DAY:
         shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
         colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
@@ -54,17 +55,10 @@ def composed(
         told_apart = with_contrast(setting.ground(grid, seed), where, colors, setting.place.horizon)
         ground = setting.starred(told_apart, seed)
     elif _is_lost_on_paper(where, colors):
-        place = with_contrast(setting.ground(grid, seed), where, colors, setting.place.horizon)
-        ground = torch.lerp(ground, place, _around(where))
+        tone = torch.tensor(setting.place.above)[:, None, None].expand_as(ground)
+        ground = with_contrast(tone, where, colors)
     picture = torch.lerp(ground, colors, where)
     return ComposedScene(setting.fallen(picture, seed).clamp(0, 1), where)
-
-
-def _around(where: Tensor) -> Tensor:
-    """What surrounds things that are where [H, W] says, in [0, 1]: enough to see their outline."""
-    width = 2 * (round(_AROUND * where.shape[0]) // 2) + 1
-    near = functional.max_pool2d(where[None, None], width, 1, width // 2)
-    return functional.avg_pool2d(near, width, 1, width // 2, count_include_pad=False)[0, 0]
 
 
 def _is_lost_on_paper(where: Tensor, colors: Tensor) -> bool:

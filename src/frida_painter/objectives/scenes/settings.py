@@ -238,12 +238,12 @@ def in_color(place: Place, paint: Tensor) -> Place:
 
 
 def with_contrast(
-    ground: Tensor, where: Tensor, thing: Tensor, horizon: float = 1.0, least: float = _TOLD_APART
+    ground: Tensor, where: Tensor, thing: Tensor, horizon: float = math.inf, least: float = _TOLD_APART
 ) -> Tensor:
     """The ground [3, H, W], darker or lighter around what stands on it, where that could not be told from it.
 
     where [H, W]: how much of the things is there; thing [3, H, W]: their colours; horizon: share of the height above
-    it, for sky and land are changed each by itself; least: by how much of Lab they are to differ.
+    it, for sky and land are changed each by itself, inf: there is none; least: by how much of Lab they are to differ.
     """
     lab = to_lab(ground.permute(1, 2, 0))
     seen = where > 0.5

@@ -22,7 +22,7 @@ const PRESETS = [
 
 /** @returns {Wish} */
 export const fresh = () => ({
-  title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brushes: "", replans: 4, ground: "white", on_canvas: false, drying: 20, minutes: null, effort: 1, seed: 0,
+  title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brushes: "", replans: 4, ground: null, on_canvas: false, drying: 20, minutes: null, effort: 1, seed: 0,
 });
 
 /**
@@ -130,10 +130,12 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
         slider({ label: "Paints to mix", min: 1, max: 24, value: wish.colors, oninput: set("colors") }),
         slider({ label: "Replans", min: 0, max: 12, value: wish.replans, words: (looks) => (looks ? `${looks} times it looks at the canvas and replans` : "none"), oninput: set("replans") }),
         choices({ legend: "Brush", name: "brushes", value: wish.brushes, options: BRUSHES, onchange: set("brushes") }),
-        choices({ legend: "Canvas at the start", name: "ground", value: wish.on_canvas ? "as it is" : wish.ground ?? "white",
-          options: [{ value: "white", label: "white" }, { value: "auto", label: "toned", title: "A colour that suits the picture; you tone the canvas, by a recipe" },
+        choices({ legend: "Canvas at the start", name: "ground", value: wish.on_canvas ? "as it is" : wish.ground ?? (house.simulated ? "usual" : "white"),
+          options: [...(house.simulated ? [{ value: "usual", label: "usual", title: "White; for words alone, the colour around what they name" }] : []),
+            { value: "white", label: "white" },
+            { value: "auto", label: "toned", title: "A colour that suits the picture; you tone the canvas, by a recipe" },
             ...(house.simulated ? [] : [{ value: "as it is", label: "as it is", title: "Paint on what is there: a toned ground, an old painting, or what you painted" }])],
-          onchange: (value) => { wish.on_canvas = value === "as it is"; wish.ground = value === "auto" ? "auto" : "white"; changed(); } }),
+          onchange: (value) => { wish.on_canvas = value === "as it is"; wish.ground = value === "auto" || value === "white" ? value : null; changed(); } }),
         house.simulated ? null : slider({ label: "Drying", min: 5, max: 60, value: wish.drying ?? 20, words: (minutes) => `${minutes} minutes between two layers`, oninput: set("drying") }),
         house.robot === "human" ? null : slider({ label: "Robot's time", min: 0, max: MINUTES.length - 1, value: Math.max(0, MINUTES.indexOf(wish.minutes ?? null)),
           words: (index) => (MINUTES[index] ? `at most ${MINUTES[index]} minutes` : "as long as it takes"), oninput: (index) => set("minutes")(MINUTES[index]) }),
