@@ -150,12 +150,20 @@ def test_a_painting_without_a_goal_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("asked", "ground"), [({}, "#203040"), ({"ground": "white"}, "white"), ({"robot": "human"}, "white")]
+    ("asked", "ground"),
+    [
+        ({}, "#203040"),
+        ({"ground": "white"}, "white"),
+        ({"robot": "human"}, "white"),
+        ({"studio_canvas": "old.png"}, "white"),
+    ],
 )
 def test_words_alone_are_painted_on_the_colour_around_their_things(
     asked: dict[str, str], ground: str, photo: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("frida_painter.runs.run.ground_around_things", lambda planner: (32 / 255, 48 / 255, 64 / 255))
+    monkeypatch.setattr(
+        "frida_painter.runs.ground_choice.ground_around_things", lambda planner: (32 / 255, 48 / 255, 64 / 255)
+    )
     for goal in ([{"text": "a strawberry"}], [{"text": "a strawberry"}, {"image": str(photo)}]):
         spec = RunSpec.of(goal=goal, strokes=4, **SMALL, **asked)
         with PaintingRun(spec, encoders=QuickEncoders()) as run:

@@ -154,7 +154,8 @@ def test_a_folder_painted_before_there_was_a_version_is_read(tmp_path: Path) -> 
     }  # fmt: skip
     (tmp_path / "settings.json").write_text(json.dumps(old))
     spec = RunSpec.read(tmp_path / "settings.json")
-    assert (spec.strokes, spec.fit, spec.version) == (10, "crop", 1) and str(spec.canvas) == "120 x 90 mm"
+    assert (spec.strokes, spec.fit, spec.version, spec.ground) == (10, "crop", 1, "white")
+    assert str(spec.canvas) == "120 x 90 mm"
     for version in (2, "1", True, 1.0):
         (tmp_path / "settings.json").write_text(json.dumps({**old, "version": version}))
         with pytest.raises(ConfigError, match=f"version {version!r}"):

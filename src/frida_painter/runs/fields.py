@@ -14,6 +14,8 @@ from frida_painter.session.replan_policy import replan_policy_named
 MOST_LAYERS = 8
 AUTO = "auto"
 """Leaves a ground or brushes to the planner."""
+OF_SCENE = "scene"
+"""A ground that nobody names: the colour around the things of a scene."""
 _FURTHEST, _MOST_TURNED = 0.05, 15.0
 
 
@@ -69,9 +71,9 @@ def _placement(text: str | None) -> str | None:
     return text
 
 
-def ground_color(ground: str | None) -> tuple[float, float, float] | None:
-    """The colour of "white" or "#c8a878", sRGB in [0, 1]; None for "auto", and where nothing was said."""
-    if ground is None or ground == AUTO:
+def ground_color(ground: str) -> tuple[float, float, float] | None:
+    """The colour of "white" or "#c8a878", sRGB in [0, 1]; None for one that the planner chooses."""
+    if ground in (AUTO, OF_SCENE):
         return None
     red, green, blue = (
         (int(ground[at : at + 2], 16) / 255 for at in (1, 3, 5)) if ground != "white" else (1.0, 1.0, 1.0)

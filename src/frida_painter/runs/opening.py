@@ -22,7 +22,7 @@ from frida_painter.planning.layers import FEWEST_FOR_LAYERS
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Recorder
-from frida_painter.runs.fields import ground_color
+from frida_painter.runs.fields import OF_SCENE, ground_color
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.brushwork import Brushwork, refilled
 from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
@@ -71,6 +71,17 @@ class Controls:
     repaint: Callable[[int, Tensor], bool] = lambda number, picture: False
 
 
+def wanted_ground(spec: RunSpec) -> str:
+    """The ground asked for, or the usual one: "white", but that of the scene of words where a simulated operator tones.
+
+    Those that are not settled before there is a planner are AUTO and OF_SCENE.
+    """
+    if spec.ground is not None:
+        return spec.ground
+    toned = spec.simulated and spec.studio_canvas is None and not spec.on_canvas
+    return OF_SCENE if spec.is_words and toned else "white"
+
+
 def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = None) -> Planner:
     """The planner that the description means.
 
@@ -99,7 +110,7 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
         new_paints=spec.new_paints is not False and spec.palette is None,
         device=device,
     )
-    planner.ground = ground_color(spec.ground) or WHITE
+    planner.ground = ground_color(wanted_ground(spec)) or WHITE
     if networks.idle_clip is not None:
         raise ConfigError(
             f"--clip was given {networks.idle_clip[:60]!r}, and nothing of this goal is seen through a CLIP; leave it "

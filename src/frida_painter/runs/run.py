@@ -30,10 +30,9 @@ from frida_painter.errors import (
 )
 from frida_painter.hardware.easel import Easel
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.palette import Palette, load_clustering, to_hex
+from frida_painter.palette import Palette, load_clustering
 from frida_painter.perception.swatches import read_palette
-from frida_painter.plan import WHITE, Plan
-from frida_painter.planning.ground import ground_around_things, proposed_ground
+from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Recorder
@@ -44,6 +43,7 @@ from frida_painter.runs.fitting import fitted
 from frida_painter.runs.folder import CALIBRATION, NOW, keep_goal, keep_spec, new_folder
 from frida_painter.runs.folder import rests_on as hashes
 from frida_painter.runs.goals import open_goal
+from frida_painter.runs.ground_choice import settled_ground
 from frida_painter.runs.opening import Controls, open_planner, open_recorder, open_session
 from frida_painter.runs.reopening import ReopenedPainting, reopen
 from frida_painter.runs.spec import RunSpec
@@ -174,8 +174,10 @@ class PaintingRun:
             if self.spec.brushes == AUTO:
                 self._choose_brushes()
             self._planner = open_planner(self.spec, self.goal, self._encoders)
-            if self.spec.ground in (None, AUTO):
-                self._choose_ground(self._planner)
+            ground, remark = settled_ground(self.spec, self._planner)
+            if self.spec.ground != ground:
+                self.spec = self.spec.model_copy(update={"ground": ground})
+            self.remarks += [remark] if remark else []
             if self._reopened is not None:
                 self._planner.region = resuming.region(self.folder, self._reopened.history)
         return self._planner
@@ -185,20 +187,6 @@ class PaintingRun:
         brushes = suited_brushes(self.spec, self.goal, self._encoders)
         self.spec = self.spec.model_copy(update={"brushes": brushes})
         self.remarks.append(f"The brushes that suit this picture best: {brushes}.")
-
-    def _choose_ground(self, planner: Planner) -> None:
-        """Settles the ground that the description leaves to the planner; a painting keeps it from then on."""
-        spec = self.spec
-        if spec.ground == AUTO:
-            planner.ground = proposed_ground(planner, spec.strokes, spec.colors)
-        elif spec.is_words and spec.simulated and not spec.on_canvas:  # elsewhere a person would have to tone it
-            planner.ground = ground_around_things(planner)
-        ground = "white" if planner.ground == WHITE else to_hex(torch.tensor(planner.ground))
-        self.spec = spec.model_copy(update={"ground": ground})
-        if spec.ground == AUTO:
-            self.remarks.append(f"The ground that suits this picture best: {ground}.")
-        elif planner.ground != WHITE:
-            self.remarks.append(f"The canvas is toned in the colour around the things of the scene: {ground}.")
 
     @property
     def easel(self) -> Easel:

@@ -292,7 +292,7 @@ class RunSpec(BaseModel):
             plain = json.loads(content)
             if not isinstance(plain, dict) or not {"strokes", "film", "calibration"} <= set(plain):
                 raise KeyError("strokes, film and calibration are needed")
-            return cls.of(**upgraded(plain))
+            return cls.of(**{"ground": "white", **upgraded(plain)})  # once there was no other
         except (ValueError, KeyError, RecursionError) as cause:
             raise ConfigError(f"{path} does not hold the settings of a painting ({cause}); bring it back.") from cause
 

@@ -9,8 +9,8 @@ from frida_painter.errors import PaintingPaused, RobotStopped
 from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 from frida_painter.runs.brush_choice import brushes_of
-from frida_painter.runs.fields import AUTO
-from frida_painter.runs.opening import Controls, replan_policy
+from frida_painter.runs.fields import AUTO, OF_SCENE
+from frida_painter.runs.opening import Controls, replan_policy, wanted_ground
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.session.events import Stopped
 from frida_painter.session.forecast import Forecast
@@ -28,7 +28,7 @@ def paint(job: Job, place: PlanFolder) -> None:
     """Paints the plan, and plans the rest again at every look."""
     folder, plan = job.folder.painting, Plan.load(place.plan)
     spec = job.spec(place)
-    if spec.ground in (None, AUTO):  # the plan was made on the one that suits it
+    if wanted_ground(spec) in (AUTO, OF_SCENE):  # the plan was made on the one that suits it
         spec = spec.changed(ground=to_hex(torch.tensor(plan.ground)))
     if spec.brushes == AUTO:
         spec = spec.changed(brushes=brushes_of(plan))
