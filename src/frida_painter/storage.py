@@ -240,19 +240,28 @@ def require_place(path: Path, *, folder: bool = False) -> None:
         raise cannot_write(path, error) from error
 
 
-def new_folder(folder: Path) -> None:
-    """Makes `folder`, which must not exist yet or must be empty. Raises StorageError."""
+def require_unused(folder: Path) -> None:
+    """Raises StorageError where `folder` could not be made, or has something in it; makes nothing."""
+    require_place(folder, folder=True)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        occupied = any(folder.iterdir())
-        with tempfile.TemporaryFile(dir=folder) as probe:
-            probe.write(b"0")
-    except (OSError, ValueError) as error:
+        occupied = folder.exists() and any(folder.iterdir())
+    except OSError as error:
         raise cannot_write(folder, error) from error
     if occupied:
         raise StorageError(
             f"{shown(folder)} is not empty, and nothing there is overwritten; choose a new folder with --out."
         )
+
+
+def new_folder(folder: Path) -> None:
+    """Makes `folder`, which must not exist yet or must be empty. Raises StorageError."""
+    require_unused(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(b"0")
+    except (OSError, ValueError) as error:
+        raise cannot_write(folder, error) from error
 
 
 def cannot_write(path: Path, error: OSError | ValueError) -> StorageError:

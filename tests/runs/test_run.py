@@ -13,7 +13,7 @@ from PIL import Image
 from skimage import data
 
 from frida_painter import images
-from frida_painter.errors import ConfigError
+from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.palette import from_hex
 from frida_painter.runs.opening import Controls
 from frida_painter.runs.reopening import history_of
@@ -116,6 +116,25 @@ def test_a_painting_begins_on_its_ground(photo: Path, ground: str) -> None:
     assert wanted == ([] if run.spec.ground == "white" else [plan.ground])
     near = (painting.photograph - chosen[:, None, None]).abs().amax(0) < 0.06
     assert float(near.float().mean()) > 0.25, "three strokes leave much of it to be seen"
+
+
+@pytest.mark.parametrize("choice", [{"ground": "auto"}, {"brushes": "auto"}])
+def test_what_is_chosen_by_quick_plans_is_told_at_every_step_and_can_be_ended(
+    photo: Path, choice: dict[str, str]
+) -> None:
+    heard: list[str] = []
+
+    def choosing(what: str) -> None:
+        heard.append(what)
+        if len(heard) == 3:
+            raise Interrupted("Enough.")
+
+    small = {name: value for name, value in SMALL.items() if name != "brush" or "brushes" not in choice}
+    with PaintingRun(RunSpec.of(goal=[{"image": str(photo)}], strokes=3, replans=1, **small, **choice)) as run:
+        run.choosing = choosing
+        with pytest.raises(Interrupted, match="Enough"):
+            assert run.planner
+    assert heard == list(choice) * 3
 
 
 def test_what_would_move_a_real_robot_is_not_simulated(photo: Path) -> None:

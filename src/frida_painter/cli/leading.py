@@ -12,12 +12,12 @@ from typing import Self
 from rich.console import Console
 from torch import Tensor
 
+from frida_painter import storage
 from frida_painter.cli.progress import PaintingLine
 from frida_painter.cli.stop_signal import StopSignal
 from frida_painter.cli.terminal import Terminal
 from frida_painter.cli.wells import Wells
 from frida_painter.errors import Interrupted, RobotStopped
-from frida_painter.runs.fields import AUTO
 from frida_painter.runs.folder import NOW, PAUSE_FILE
 from frida_painter.runs.opening import replan_policy
 from frida_painter.runs.run import PaintingRun, RunOutcome
@@ -29,6 +29,7 @@ from frida_painter.session.procedures.dialogue import Answer, Question
 from frida_painter.virtual.sawyer.opengl import NONE as NO_OPENGL
 from frida_painter.virtual.sawyer.opengl import headless_opengl
 
+_ROOM = 20 * 2**20  # bytes, without which not even a plan is begun
 _GLANCE = 0.2  # seconds between two looks for the pause file
 
 
@@ -122,12 +123,25 @@ class Leader:
         return confirm(f"Look at {self._run.folder / 'now.png'}: paint stroke {number} again?", default=False)
 
 
-def say_networks(run: PaintingRun) -> None:
-    """Says what a person should know of how the goal was understood, and through which networks it is seen."""
-    if run.spec.brushes == AUTO:
-        print("Choosing the brushes, by a quick plan with each of some.", file=sys.stderr)
-    if run.spec.ground == AUTO:
-        print("Choosing the ground, by a quick plan on each of four.", file=sys.stderr)
+def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -> None:
+    """Opens the planner, and says what a person should know: what is chosen, how the goal was understood, and so on.
+
+    out: the folder that is to be made afterwards, looked at before any work. Raises StorageError where it cannot be,
+    and Interrupted where it is stopped while it chooses brushes or ground by quick plans.
+    """
+    if out is not None:
+        storage.require_space(out, _ROOM)
+        storage.require_unused(out)
+    said: set[str] = set()
+
+    def choosing(what: str) -> None:
+        if stop.asked:
+            raise Interrupted(f"You stopped while the {what} suiting the picture was chosen; nothing was painted.")
+        if what not in said:
+            print(f"Choosing the {what}, by quick plans.", file=sys.stderr)
+            said.add(what)
+
+    run.choosing = choosing
     encoders = run.planner.encoders
     for choice in encoders.choices:
         better = f" (better: {choice.better})" if choice.better else ""

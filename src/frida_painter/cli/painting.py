@@ -74,7 +74,7 @@ def paint(
     require_person(spec, asked=not yes)
     spec, chosen = (spec, None) if candidates == 1 else _best_of(candidates, spec)
     with EaselLaunch() as launch:  # it loads while this process does
-        from frida_painter.cli.leading import Leader, say_films, say_networks
+        from frida_painter.cli.leading import Leader, ready_planner, say_films
         from frida_painter.cli.stop_signal import stop_on_signals
         from frida_painter.runs.run import PaintingRun
         from frida_painter.session.opening import limit_threads
@@ -83,7 +83,7 @@ def paint(
         with stop_on_signals() as stop, PaintingRun(spec, given["out"]) as run:
             say_films(run.spec)
             run.load_easel(launch)
-            say_networks(run)
+            ready_planner(run, stop, given["out"])
             stop.at_once = run.open_easel(hear_signals=True).robot.stop
             with Leader(run, stop, asked=not yes, asks_for_paints=ask, started=started) as leader:
                 outcome = run.start(chosen)
@@ -108,7 +108,7 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
     from rich.console import Console
 
     from frida_painter import images
-    from frida_painter.cli.leading import say, say_networks
+    from frida_painter.cli.leading import ready_planner, say
     from frida_painter.cli.progress import PlanningLine
     from frida_painter.cli.stop_signal import stop_on_signals
     from frida_painter.errors import Interrupted
@@ -120,7 +120,7 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
 
     limit_threads()
     with stop_on_signals() as stop, PaintingRun(spec_of(photo, given)) as run:
-        say_networks(run)
+        ready_planner(run, stop, given["out"])
         folder = new_folder(given["out"], run.spec.name, 20 * 2**20)
         with PlanningLine(Console(stderr=True, highlight=False)) as bar:
 

@@ -45,7 +45,7 @@ def resume(
     Shows the progress, photographs the canvas, asks about a stroke in doubt if there is one, cleans the
     brush and paints the rest. Nothing moves before you confirm, or give --yes.
     """
-    from frida_painter.cli.leading import Leader, confirm, say, say_networks, tell
+    from frida_painter.cli.leading import Leader, confirm, ready_planner, say, tell
     from frida_painter.cli.run_options import require_person
     from frida_painter.cli.stop_signal import stop_on_signals
     from frida_painter.errors import Interrupted
@@ -74,7 +74,7 @@ def resume(
             raise Interrupted("Nothing was moved; the painting stays as it is.")
         stop = stack.enter_context(stop_on_signals())
         run.load_easel()  # it loads while the planner does
-        say_networks(run)
+        ready_planner(run, stop)
         stop.at_once = run.open_easel(hear_signals=True).robot.stop
         leader = stack.enter_context(Leader(run, stop, asked=not yes, repaint=repaint, started=started))
         run.listeners.append(_show_canvas(run))

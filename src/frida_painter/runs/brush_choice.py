@@ -1,6 +1,6 @@
 """Which brushes suit a picture: found by quick plans with several."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError
@@ -8,6 +8,8 @@ from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.plan import Plan
 from frida_painter.planning.layers import FEWEST_FOR_LAYERS
+from frida_painter.planning.optimize import Step
+from frida_painter.planning.step_count import unheard
 from frida_painter.runs.fields import brush_shares
 from frida_painter.runs.opening import open_planner
 from frida_painter.runs.spec import RunSpec
@@ -18,17 +20,22 @@ _TRYING = 0.25  # of the effort
 _LEAST_EFFORT = 0.05
 
 
-def suited_brushes(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = None) -> str:
+def suited_brushes(
+    spec: RunSpec,
+    goal: Goal,
+    encoders: EncoderRegistry | None = None,
+    notify: Callable[[Step], None] = unheard,
+) -> str:
     """The brushes with which a quick plan leaves the least expected loss, as --brushes has them.
 
-    A real easel has those of its calibration record. Raises ConfigError where none of these is to be chosen, and what
-    `open_planner` raises.
+    A real easel has those of its calibration record. notify: hears of every step. Raises ConfigError where none of
+    these is to be chosen, and what `open_planner` raises.
     """
 
     def expected_loss(brushes: str) -> float:
         effort = max(_LEAST_EFFORT, _TRYING * spec.effort)
         planner = open_planner(spec.model_copy(update={"brushes": brushes, "effort": effort}), goal, encoders)
-        return planner.expected_loss(planner.plan(planner.bare, spec.strokes, spec.colors), planner.bare)
+        return planner.expected_loss(planner.plan(planner.bare, spec.strokes, spec.colors, notify), planner.bare)
 
     return min(choices(spec), key=expected_loss)
 

@@ -22,7 +22,7 @@ from frida_painter.planning.layers import FEWEST_FOR_LAYERS
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Recorder
-from frida_painter.runs.fields import OF_SCENE, ground_color
+from frida_painter.runs.fields import AUTO, OF_SCENE, ground_color
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.brushwork import Brushwork, refilled
 from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
@@ -72,14 +72,18 @@ class Controls:
 
 
 def wanted_ground(spec: RunSpec) -> str:
-    """The ground asked for, or the usual one: "white", but that of the scene of words where a simulated operator tones.
+    """The ground asked for, or the usual one: white, but one that the planner chooses where a simulated operator tones.
 
-    Those that are not settled before there is a planner are AUTO and OF_SCENE.
+    Those that are not settled before there is a planner are AUTO, usual for pictures, and OF_SCENE, for words alone.
     """
     if spec.ground is not None:
         return spec.ground
-    toned = spec.simulated and spec.studio_canvas is None and not spec.on_canvas
-    return OF_SCENE if spec.is_words and toned else "white"
+    if not spec.simulated or spec.studio_canvas is not None or spec.on_canvas:
+        return "white"
+    if spec.is_words:
+        return OF_SCENE
+    pictured = not spec.initial and any(item.kind == "image" for item in spec.goal)
+    return AUTO if pictured and spec.strokes >= FEWEST_FOR_LAYERS else "white"
 
 
 def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = None) -> Planner:

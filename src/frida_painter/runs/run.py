@@ -86,7 +86,8 @@ class PaintingRun:
     events; controls: by what it is led; state: where stops are latched; record_may_differ: whether a simulated easel
     is painted on as it is delivered where the calibration record is of another one; encoders: the networks that the
     goal is seen through, by default those that were fetched; mixed: the paints that the description says were mixed,
-    None where those of the plan are, and read when the block is entered; remarks: sentences for the person.
+    None where those of the plan are, and read when the block is entered; remarks: sentences for the person;
+    choosing: hears at every step of quick plans what they choose, "brushes" or "ground", and may raise to end them.
     Raises ConfigError and ImageError where the description makes no painting.
     """
 
@@ -109,6 +110,7 @@ class PaintingRun:
         made = fitted(spec, goal, canvas_is_fixed=_reopened is not None)
         self.spec, self.goal, self.target = made.spec, made.goal, made.target
         self.remarks = [made.remark] if made.remark else []
+        self.choosing: Callable[[str], None] = lambda what: None
         self.mixed: Palette | None = None
         self._folder = None if folder is None else Path(folder)
         self.listeners: list[Notify] = list(listeners)
@@ -174,7 +176,7 @@ class PaintingRun:
             if self.spec.brushes == AUTO:
                 self._choose_brushes()
             self._planner = open_planner(self.spec, self.goal, self._encoders)
-            ground, remark = settled_ground(self.spec, self._planner)
+            ground, remark = settled_ground(self.spec, self._planner, lambda step: self.choosing("ground"))
             if self.spec.ground != ground:
                 self.spec = self.spec.model_copy(update={"ground": ground})
             self.remarks += [remark] if remark else []
@@ -184,7 +186,7 @@ class PaintingRun:
 
     def _choose_brushes(self) -> None:
         """Settles the brushes that the description leaves to the planner; a painting keeps them from then on."""
-        brushes = suited_brushes(self.spec, self.goal, self._encoders)
+        brushes = suited_brushes(self.spec, self.goal, self._encoders, notify=lambda step: self.choosing("brushes"))
         self.spec = self.spec.model_copy(update={"brushes": brushes})
         self.remarks.append(f"The brushes that suit this picture best: {brushes}.")
 

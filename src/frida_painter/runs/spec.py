@@ -148,11 +148,12 @@ class RunSpec(BaseModel):
     )
     ground: Ground = Field(
         None,
-        description="The colour in which the bare canvas is toned before the painting begins. auto takes it from the "
-        "picture. A person tones it; the recipe is told, and the camera looks before anything is planned.",
+        description="The colour in which the bare canvas is toned before the painting begins. auto takes the one that "
+        "suits the picture. A person tones it; the recipe is told, and the camera looks before anything is planned.",
         json_schema_extra={
             "metavar": "auto|white|#RRGGBB",
-            "default": "white; in the studio, for words alone, the commonest colour around the things of their scene",
+            "default": "white; in the studio, auto for a picture of 100 strokes or more, and for words alone the "
+            "commonest colour around the things of their scene",
         },
     )
     drying: float = Field(

@@ -81,6 +81,7 @@ def make_plan(job: Job, place: PlanFolder) -> None:
     """Makes the plan that was asked for, and pictures of it."""
     feed = job.feed
     with PaintingRun(job.spec(place)) as run:
+        run.choosing = lambda what: job.stop.heed()
         planner = run.planner
         bare = planner.bare
         started = time.monotonic()

@@ -131,7 +131,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
         slider({ label: "Replans", min: 0, max: 12, value: wish.replans, words: (looks) => (looks ? `${looks} times it looks at the canvas and replans` : "none"), oninput: set("replans") }),
         choices({ legend: "Brush", name: "brushes", value: wish.brushes, options: BRUSHES, onchange: set("brushes") }),
         choices({ legend: "Canvas at the start", name: "ground", value: wish.on_canvas ? "as it is" : wish.ground ?? (house.simulated ? "usual" : "white"),
-          options: [...(house.simulated ? [{ value: "usual", label: "usual", title: "Toned for words alone, otherwise white" }] : []),
+          options: [...(house.simulated ? [{ value: "usual", label: "usual", title: "Toned for words alone and for a picture of 100 strokes or more, otherwise white" }] : []),
             { value: "white", label: "white" }, { value: "auto", label: "toned", title: `A colour that suits the picture${house.simulated ? "" : "; you tone the canvas, by a recipe"}` },
             ...(house.simulated ? [] : [{ value: "as it is", label: "as it is", title: "Paint on what is there: a toned ground, an old painting, or what you painted" }])],
           onchange: (value) => { wish.on_canvas = value === "as it is"; wish.ground = value === "usual" ? null : value === "auto" ? "auto" : "white"; changed(); } }),
