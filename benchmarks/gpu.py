@@ -12,6 +12,7 @@ import warnings
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
+from dataclasses import replace
 from unittest import mock
 
 import torch
@@ -33,7 +34,7 @@ from frida_painter.planning.initialize import uniform
 from frida_painter.planning.optimize import optimize
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.refine import discretize
-from frida_painter.planning.scene import Scene, on_device
+from frida_painter.planning.scene import on_device
 from frida_painter.render import composite_moments, reference
 from frida_painter.session.opening import limit_threads
 from measure import Table, arguments, blank_scene, broad_brush, canvas_like, hardware, photograph, publish
@@ -73,7 +74,7 @@ def seconds(work: Callable[[], object], device: torch.device) -> float:
 def start(strokes: int, rows: int, device: torch.device) -> Callable[[int], object]:
     """What makes so many iterations of the planner on strokes that are spread over the canvas, in a palette."""
     scene, _ = blank_scene(photograph("astronaut").to(device), CANVAS, rows, broad_brush())
-    moved = Scene(scene.canvas.to(device), scene.size, on_device(scene.model, device), scene.objective)
+    moved = replace(scene, canvas=scene.canvas.to(device), model=on_device(scene.model, device))
     spread = uniform(strokes, scene.limits, CANVAS, torch.Generator().manual_seed(0)).to(device)
     found, paints = discretize(spread, moved, min(COLORS, strokes), 0)
     return lambda iterations: optimize(found, moved, iterations=iterations, paints=paints)

@@ -4,12 +4,14 @@
 
 Ours is `optimize()` itself, timed over many iterations and divided by their number: stroke model,
 render, L2, backward, step, projection, palette and light-to-dark order. All start from the same
-strokes, spread uniformly over the parameters, on the same canvas, and take turns.
+strokes, spread uniformly over the parameters, on the same canvas, and take turns. Ours looks at some rows of the
+canvas in turn, as the planner does; it is timed with all rows as well, and its parts are those of one turn.
 """
 
 import statistics
 from argparse import Namespace
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import torch
@@ -17,6 +19,7 @@ from torch import Tensor
 
 from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
 from frida_painter.planning.initialize import uniform
+from frida_painter.planning.interlace import interlaced
 from frida_painter.planning.optimize import optimize
 from frida_painter.planning.refine import discretize
 from frida_painter.planning.scene import Scene
@@ -29,7 +32,7 @@ from original import OriginalPlan, PaperNetwork
 CANVAS = CanvasSize(0.3556, 0.2794)
 COLORS = 12
 CPU = "CPU, 1 thread"
-OURS, FROZEN, LEARNING = "ours", "network frozen", "network with gradients"
+OURS, ALL_ROWS, FROZEN, LEARNING = "ours", "ours, all rows", "network frozen", "network with gradients"
 
 
 def compare(
@@ -37,7 +40,10 @@ def compare(
 ) -> dict[str, dict[str, float]]:
     """Seconds per iteration, by clock and by what iterates."""
     iterations = 2 if options.quick else 40
-    works = {OURS: partial(optimize, strokes, scene, iterations=iterations, paints=paints)}
+    works = {
+        name: partial(optimize, strokes, seen, iterations=iterations, paints=paints)
+        for name, seen in ((OURS, scene), (ALL_ROWS, replace(scene, objective_on_rows=None)))
+    }
     for name, gradients in ((FROZEN, False), (LEARNING, True)):
         plan = OriginalPlan(strokes, PaperNetwork(scene.model.frame, weight_gradients=gradients))
         works[name] = partial(plan.iterate, scene.canvas, scene.size, target)
@@ -46,7 +52,7 @@ def compare(
     for threads, clock, name in clocks[:1] if options.no_wall else clocks:
         torch.set_num_threads(threads)
         seconds = interleaved(clock, works, options.repeats if threads == 1 else max(1, options.repeats // 2))
-        found[name] = {work: value / (iterations if work == OURS else 1) for work, value in seconds.items()}
+        found[name] = {work: value / (iterations if work in (OURS, ALL_ROWS) else 1) for work, value in seconds.items()}
     torch.set_num_threads(1)
     return found
 
@@ -67,17 +73,20 @@ def breakdown(strokes: Strokes, scene: Scene, whole: float, repeats: int) -> dic
 
 
 def parts(strokes: Strokes, scene: Scene) -> dict[str, float]:
+    """Of one turn of the scene."""
+    scene = interlaced(scene)[0]
+    canvas = scene.rows.of(scene.canvas)
     leaves = {name: part.clone().requires_grad_() for name, part in strokes.arrays().items()}
     grid = PixelGrid(scene.size, *scene.canvas.shape[1:])
     model_forward, magnitude = timed(lambda: scene.model(leaves["thickness"], leaves["length"], leaves["bend"]))
     marks = magnitude.detach().requires_grad_()
-    placing, affine = timed(lambda: pixel_to_map(leaves["position"], leaves["angle"], grid, scene.model.frame))
+    placing, affine = timed(
+        lambda: pixel_to_map(leaves["position"], leaves["angle"], grid, scene.model.frame, scene.rows)
+    )
     places = affine.detach().requires_grad_()
     spread = scene.spread
     laying, painted = timed(  # as `render_moments` does
-        lambda: torch.stack(
-            composite_moments(marks, places, leaves["color"], scene.canvas, spread, bare_cells_answer=False)
-        )
+        lambda: torch.stack(composite_moments(marks, places, leaves["color"], canvas, spread, bare_cells_answer=False))
     )
     picture = painted.detach().requires_grad_()
     judging, loss = timed(lambda: scene.objective(picture[0], picture[1]))
@@ -120,10 +129,11 @@ def main() -> None:
     tables = [
         Table(
             f"One planning iteration, {case}",
-            ("clock", "as the paper describes it", "seconds", "ours", "faster", "at least", "aim"),
+            ("clock", "as the paper describes it", "seconds", "ours, all rows", "ours", "faster", "at least", "aim"),
             [
                 (
-                    clock, name, f"{seconds[name]:.2f} s", f"{seconds[OURS] * 1000:.1f} ms",
+                    clock, name, f"{seconds[name]:.2f} s", f"{seconds[ALL_ROWS] * 1000:.1f} ms",
+                    f"{seconds[OURS] * 1000:.1f} ms",
                     f"{seconds[name] / seconds[OURS]:.0f}x", "250x", "400x",
                 )
                 for clock, seconds in found.items()

@@ -115,9 +115,9 @@ def blank_scene(picture: Tensor, size: CanvasSize, rows: int, model: StrokeTable
     """A bare white canvas of that many rows on which the picture is wanted, and the picture fitted to it."""
     grid = PixelGrid.of_height(size, rows)
     objective = prepare(Goal((ImageTerm(picture),)), grid)
-    return Scene(torch.ones(3, grid.rows, grid.columns), size, model, objective), images.fit(
-        picture, grid.rows, grid.columns
-    )
+    canvas = torch.ones(3, grid.rows, grid.columns)
+    scene = Scene(canvas, size, model, objective, objective_on_rows=objective.on_rows)
+    return scene, images.fit(picture, grid.rows, grid.columns)
 
 
 def broad_brush() -> StrokeTable:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError
-from frida_painter.frames import CanvasSize, MapFrame, PixelGrid, pixel_to_map, whole_turns_removed
+from frida_painter.frames import CanvasSize, MapFrame, PixelGrid, Rows, pixel_to_map, whole_turns_removed
 from frida_painter.render.reference import composite
 
 SIDES = st.floats(0.03, 3)
@@ -102,14 +102,31 @@ def test_pixel_to_map_undoes_turning_and_moving(
     assert torch.allclose(cell, torch.stack((column, row), -1).double(), atol=1e-6)
 
 
-def test_the_derivatives_of_pixel_to_map_are_those_of_its_values() -> None:
+@pytest.mark.parametrize("rows", [Rows(), Rows(3, 2)], ids=["all", "some"])
+def test_the_derivatives_of_pixel_to_map_are_those_of_its_values(rows: Rows) -> None:
     grid, frame = PixelGrid(CanvasSize(0.3, 0.2), 40, 61), MapFrame(-0.02, 0.09, -0.03, 0.04, 20, 31)
     chance = torch.Generator().manual_seed(0)
     position, angle = (
         scale * torch.rand(*shape, generator=chance).double() for scale, shape in ((20, (5, 2)), (7, (5,)))
     )
     leaves = position.requires_grad_(), angle.requires_grad_()
-    assert torch.autograd.gradcheck(lambda at, turn: pixel_to_map(at / 100, turn, grid, frame), leaves)
+    assert torch.autograd.gradcheck(lambda at, turn: pixel_to_map(at / 100, turn, grid, frame, rows), leaves)
+
+
+@given(GRIDS, SHARES, st.floats(-10, 10), st.integers(1, 20), st.integers(0, 19))
+def test_some_rows_of_a_grid_lie_where_they_lie_among_all(
+    grid: PixelGrid, share: tuple[float, float], angle: float, every: int, first: int
+) -> None:
+    frame, rows = MapFrame(-0.01, 0.07, -0.02, 0.03, 24, 64), Rows(every, first)
+    position = torch.tensor([share], dtype=torch.float64) * torch.tensor([grid.size.width, grid.size.height])
+    turn = torch.tensor([angle], dtype=torch.float64)
+    whole, some = pixel_to_map(position, turn, grid, frame)[0], pixel_to_map(position, turn, grid, frame, rows)[0]
+    numbers = torch.arange(first + 3 * every, dtype=torch.float64)
+    mine, theirs = rows.of(numbers[:, None])[:, 0], torch.arange(3, dtype=torch.float64)
+    assert mine.tolist() == [first, first + every, first + 2 * every]
+    for column in (0.0, 7.0):
+        at = whole[:, :1] * column + whole[:, 1:2] * mine + whole[:, 2:]
+        torch.testing.assert_close(some[:, :1] * column + some[:, 1:2] * theirs + some[:, 2:], at, rtol=0, atol=1e-6)
 
 
 def test_a_resized_map_lies_where_it_lay() -> None:

@@ -51,6 +51,21 @@ class PixelGrid:
 
 
 @dataclass(frozen=True)
+class Rows:
+    """Rows first, first + every, first + 2 every, ... of a picture; by default all of them."""
+
+    every: int = 1
+    first: int = 0
+
+    def of(self, picture: Tensor) -> Tensor:
+        """Those rows of a picture [..., H, W]."""
+        return picture[..., self.first :: self.every, :]
+
+
+ALL_ROWS = Rows()
+
+
+@dataclass(frozen=True)
 class MapFrame:
     """Where a magnitude map lies in the stroke's own frame.
 
@@ -82,13 +97,14 @@ class MapFrame:
         return MapFrame(self.left, self.right, self.bottom, self.top, rows, columns)
 
 
-def pixel_to_map(position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFrame) -> Tensor:
+def pixel_to_map(position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFrame, rows: Rows = ALL_ROWS) -> Tensor:
     """The affine maps from picture pixels to cells of each stroke's magnitude map.
 
     position [n, 2] metres, angle [n] radians -> [n, 2, 3], such that
     (map column, map row) = A @ (pixel column, pixel row, 1). Differentiable (once).
+    rows: which of the grid's rows the picture has; pixel row i is row first + i every of the grid.
     """
-    affine: Tensor = _PixelToMap.apply(position, angle, grid, frame)  # type: ignore[no-untyped-call]
+    affine: Tensor = _PixelToMap.apply(position, angle, grid, frame, rows)  # type: ignore[no-untyped-call]
     return affine
 
 
@@ -96,13 +112,14 @@ class _PixelToMap(torch.autograd.Function):
     """`pixel_to_map`, with its derivatives in closed form: it is asked for in every iteration of a plan."""
 
     @staticmethod
-    def forward(context: Any, position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFrame) -> Tensor:
-        across, down = grid.pitch
+    def forward(context: Any, position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFrame, rows: Rows) -> Tensor:
+        across, pitch = grid.pitch
+        down = rows.every * pitch
         cell_x, cell_y = frame.pitch
         cos, sin = torch.cos(angle), torch.sin(angle)
         # Metres from the stroke's start to the centre of pixel (0, 0).
         x = 0.5 * across - position[:, 0]
-        y = grid.size.height - 0.5 * down - position[:, 1]
+        y = grid.size.height - (rows.first + 0.5) * pitch - position[:, 1]
         along, aside = cos * x + sin * y, sin * x - cos * y
         # Turned back by the stroke's angle, then counted in cells; y flips once more inside the map.
         affine = torch.empty(len(angle), 2, 3, dtype=angle.dtype, device=angle.device)
@@ -125,7 +142,7 @@ class _PixelToMap(torch.autograd.Function):
         (a, b, c), (d, e, f) = column.unbind(1), row.unbind(1)
         to_position = torch.stack((-(cos * c + sin * f), cos * f - sin * c), -1)
         to_angle = cos * (across * d - down * b) - sin * (across * a + down * e) - aside * c + along * f
-        return to_position, to_angle, None, None
+        return to_position, to_angle, None, None, None
 
 
 def whole_turns_removed(angle: Tensor) -> Tensor:

@@ -2,15 +2,16 @@ import pytest
 import torch
 
 from frida_painter.errors import ConfigError
-from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.frames import CanvasSize, PixelGrid, Rows
 from frida_painter.goal import Goal
+from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.interpretation import WeightedObjective, interpreted, prepare
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.objectives.kinds.semantic import SemanticTerm
 from frida_painter.objectives.kinds.sketch import SketchTerm
 from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.objectives.kinds.text import TextTerm
-from frida_painter.objectives.objective import ObjectiveTerm
+from frida_painter.objectives.objective import ObjectiveContext, ObjectiveTerm
 from networks import QuickEncoders
 from scenes import CANVAS, picture
 
@@ -42,6 +43,22 @@ def test_pixels_that_vary_cost_on_average_what_they_cost() -> None:
         at_once = objective(pictures.mean(0), pictures.var(0, correction=0))
         assert float(at_once) == pytest.approx(float(each), rel=1e-4)
         assert float(at_once) > float(objective(pictures.mean(0))) + 0.1
+
+
+def test_pictures_are_judged_by_some_of_their_rows_and_all_else_sees_whole_pictures() -> None:
+    first, second = ImageTerm(flat(0.0), 2.0), ImageTerm(flat(1.0), 0.5)
+    by_rows = prepare(Goal((first, second)), GRID).on_rows
+    assert by_rows is not None
+    seen = torch.full((3, GRID.rows, GRID.columns), 0.2)
+    seen[:, ::2] = 0.6
+    even, odd = Rows(2, 0), Rows(2, 1)
+    assert float(by_rows(even)(even.of(seen))) == pytest.approx(2 * 0.36 + 0.5 * 0.16)
+    assert float(by_rows(odd)(odd.of(seen), odd.of(seen))) == pytest.approx(2 * (0.04 + 0.2) + 0.5 * (0.64 + 0.2))
+    whole = ObjectiveTerm(lambda picture: picture.mean())
+    assert (
+        WeightedObjective([(1.0, first.prepare(ObjectiveContext(GRID, EncoderRegistry(), 0))), (1.0, whole)]).on_rows
+        is None
+    )
 
 
 def test_an_objective_has_the_slope_of_what_it_says() -> None:

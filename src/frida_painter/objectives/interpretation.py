@@ -1,13 +1,13 @@
 """From a goal to one objective: what a person said is interpreted, its terms are prepared and weighed."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.frames import PixelGrid
+from frida_painter.frames import PixelGrid, Rows
 from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.objective import Objective, ObjectiveContext, ObjectiveTerm
@@ -55,6 +55,14 @@ class WeightedObjective:
     def validation(self) -> Objective | None:
         """What says which of several pictures is best; None where the sum itself says it."""
         return self._validation if any(term.validation is not None for _, term in self._terms) else None
+
+    @property
+    def on_rows(self) -> Callable[[Rows], Objective] | None:
+        """The sum for pictures that have some rows of the grid only; None where a term has to see all of them."""
+        makers = [(weight, term.on_rows) for weight, term in self._terms if term.on_rows is not None]
+        if len(makers) < len(self._terms):
+            return None
+        return lambda rows: WeightedObjective([(weight, make(rows)) for weight, make in makers])
 
     def recognition(self, picture: Tensor) -> Tensor:
         """How far a picture [3, H, W] is from being recognised as what is meant; 0 where nothing says it."""

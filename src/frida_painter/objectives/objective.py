@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:  # kinds of goals are known, and asked for, where nothing is planned
     from torch import Tensor
 
-    from frida_painter.frames import PixelGrid
+    from frida_painter.frames import PixelGrid, Rows
     from frida_painter.objectives.encoders.registry import EncoderRegistry
 
 
@@ -46,9 +46,12 @@ class ObjectiveTerm:
     of_variance: what pixels that vary by so much [3, H, W] about a picture add to its objective on average, exact for
     squared errors; None where that is not known.
     recognizes: whether the validation says how far a picture is from being recognised as what is meant.
+    on_rows: the term for pictures that have some rows of the grid only, where the objective is a mean over pixels; None
+    where it is not.
     """
 
     objective: Callable[[Tensor], Tensor]
     validation: Callable[[Tensor], Tensor] | None = None
     of_variance: Callable[[Tensor], Tensor] | None = None
     recognizes: bool = False
+    on_rows: Callable[[Rows], ObjectiveTerm] | None = None

@@ -1,32 +1,48 @@
 """The simple replication objective: be the same as the picture, pixel by pixel."""
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
 
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.frames import PixelGrid
+
+if TYPE_CHECKING:
+    from frida_painter.frames import PixelGrid, Rows
 
 
-def replication(image: Tensor, grid: PixelGrid, importance: Tensor | None = None) -> Callable[[Tensor], Tensor]:
-    """l_print of the paper (Eq. "l2"): the mean squared difference to `image` [3, H, W], fitted to the grid.
+@dataclass(frozen=True)
+class Replication:
+    """l_print of the paper (Eq. "l2"): the mean squared difference to `target` [3, H, W].
 
-    importance [h, w]: how much each place of the image matters, where some matter more than others.
+    matters [H, W]: how much each pixel matters, 1 in the mean; None: all the same.
     """
-    target = images.fit(image, grid.rows, grid.columns)
-    matters = None if importance is None else spread(importance, grid.rows, grid.columns)
 
-    def judge(picture: Tensor) -> Tensor:
-        apart = (picture - target.to(picture)).square()
-        return apart.mean() if matters is None else (matters.to(picture) * apart).mean()
+    target: Tensor
+    matters: Tensor | None = None
 
-    return judge
+    @classmethod
+    def of(cls, image: Tensor, grid: PixelGrid, importance: Tensor | None = None) -> Self:
+        """To `image` [3, h, w] as it fits the grid. importance [h, w]: how much each place of the image matters."""
+        matters = None if importance is None else spread(importance, grid.rows, grid.columns)
+        return cls(images.fit(image, grid.rows, grid.columns), matters)
 
+    def __call__(self, picture: Tensor) -> Tensor:
+        """How far a picture [3, H, W] is from the target."""
+        return self._mean((picture - self.target.to(picture)).square())
 
-def replication_of_variance(grid: PixelGrid, importance: Tensor | None = None) -> Callable[[Tensor], Tensor]:
-    """What pixels that vary by so much [3, H, W] add to `replication` on average: E[(C - T)^2] = (M - T)^2 + Var C."""
-    matters = None if importance is None else spread(importance, grid.rows, grid.columns)
-    return lambda variance: variance.mean() if matters is None else (matters.to(variance) * variance).mean()
+    def of_variance(self, variance: Tensor) -> Tensor:
+        """What pixels that vary by so much [3, H, W] add on average: E[(C - T)^2] = (M - T)^2 + Var C."""
+        return self._mean(variance)
+
+    def on_rows(self, rows: Rows) -> Self:
+        """The same for pictures that have these rows only."""
+        return type(self)(rows.of(self.target), None if self.matters is None else rows.of(self.matters))
+
+    def _mean(self, error: Tensor) -> Tensor:
+        return error.mean() if self.matters is None else (self.matters.to(error) * error).mean()
 
 
 def spread(importance: Tensor, rows: int, columns: int) -> Tensor:

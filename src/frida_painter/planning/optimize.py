@@ -10,6 +10,7 @@ from torch import Tensor
 from frida_painter.errors import PlanningDiverged
 from frida_painter.plan import Plan
 from frida_painter.planning.adam import Adam
+from frida_painter.planning.interlace import interlaced
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints, Variables
 from frida_painter.strokes import Strokes
@@ -25,8 +26,8 @@ _READ_TOGETHER = 8  # iterations of a GPU, which would stand still at each readi
 class Step:
     """One iteration that was made: its number, of how many, the loss before it, and the strokes as they stood then.
 
-    The strokes are in painting order, for whoever wants to watch the plan grow. brush: which paints them; below: the
-    plans that are on the canvas by then.
+    The loss is that of the rows that the iteration looked at. The strokes are in painting order, for whoever wants to
+    watch the plan grow. brush: which paints them; below: the plans that are on the canvas by then.
     """
 
     iteration: int
@@ -58,11 +59,13 @@ def optimize(
     """The strokes (in painting order) and paints that do better on the scene's objective.
 
     With `paints` every colour is one of the palette's, throughout; `vary_colors` says whether the
-    palette (or, without one, each stroke's colour) may change. `pace` scales the steps. The best
-    strokes seen are returned, never worse than those given: by the objective or, where the scene has
-    one, by its validation objective, asked every ten iterations. A step that is not finite is
-    discarded, and steps are halved from then on; the third raises PlanningDiverged, and so does a
-    loss that was never finite. On a GPU `notify` hears of several steps at once, and so late a step is discarded.
+    palette (or, without one, each stroke's colour) may change. `pace` scales the steps. Iterations look
+    at some rows of the canvas in turn where that is enough (interlace.py), and at all of them at the
+    beginning and at the end. The best strokes of which all rows were looked at are returned, never worse
+    than those given: by the objective or, where the scene has one, by its validation objective, asked
+    every ten iterations. A step that is not finite is discarded, and steps are halved from then on; the
+    third raises PlanningDiverged, and so does a loss that was never finite. On a GPU `notify` hears of
+    several steps at once, and so late a step is discarded.
     """
     if len(strokes) == 0:
         return strokes, paints
@@ -70,12 +73,16 @@ def optimize(
     adam = Adam(variables.leaves, _BETAS)
     best = _Best(variables)
     readings = _Readings(1 if strokes.angle.device.type == "cpu" else _READ_TOGETHER)
+    turns = interlaced(scene)
     failures = 0
     for iteration in range(iterations + 1):
         current = variables.strokes(variables.order())
-        loss = scene.cost(current)
+        seen = scene if iteration in (0, iterations) else turns[iteration % len(turns)]
+        with torch.set_grad_enabled(iteration < iterations):
+            loss = seen.cost(current)
         if scene.validation is None:
-            best.consider(loss, variables)
+            if seen is scene:  # losses of other rows differ by what is wanted there
+                best.consider(loss, variables)
         elif iteration % _BETWEEN_VALIDATIONS == 0 or iteration == iterations:
             with torch.no_grad():
                 best.consider(scene.cost(current, scene.validation), variables)

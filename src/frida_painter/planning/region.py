@@ -10,7 +10,7 @@ from torch.nn import functional
 from frida_painter import images
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import ConfigError
-from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.frames import ALL_ROWS, CanvasSize, PixelGrid, Rows
 from frida_painter.objectives.objective import Objective
 from frida_painter.plan import Plan
 from frida_painter.planning.scene import Scene
@@ -61,16 +61,20 @@ class Region:
         """The scene with objectives for which nothing is gained by touching what is forbidden, and much is lost."""
         forbidden = self.on(PixelGrid(scene.size, *scene.canvas.shape[1:])).to(scene.canvas.device)
 
-        def guard(objective: Objective) -> Objective:
+        def guard(objective: Objective, rows: Rows = ALL_ROWS) -> Objective:
+            closed, canvas = rows.of(forbidden), rows.of(scene.canvas)
+
             def guarded(picture: Tensor, variance: Tensor | None = None) -> Tensor:
-                changed = ((picture - scene.canvas).square() * forbidden).mean()
-                varies = None if variance is None else variance.masked_fill(forbidden, 0)
-                return objective(torch.where(forbidden, scene.canvas, picture), varies) + _INSISTENCE * changed
+                changed = ((picture - canvas).square() * closed).mean()
+                varies = None if variance is None else variance.masked_fill(closed, 0)
+                return objective(torch.where(closed, canvas, picture), varies) + _INSISTENCE * changed
 
             return guarded
 
         validation = None if scene.validation is None else guard(scene.validation)
-        return replace(scene, objective=guard(scene.objective), validation=validation)
+        some = scene.objective_on_rows
+        on_rows = None if some is None else lambda rows: guard(some(rows), rows)
+        return replace(scene, objective=guard(scene.objective), validation=validation, objective_on_rows=on_rows)
 
     def touched_by(self, strokes: Strokes, model: StrokeModel, size: CanvasSize, rows: int) -> Tensor:
         """Which strokes have a rendered pixel in it, [n] bool, each drawn alone in a picture of so many rows."""

@@ -1,6 +1,7 @@
 """What the planner plans on: a canvas as it is now, a brush, and what the picture shall become."""
 
 import copy
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -9,7 +10,7 @@ from torch import Tensor, nn
 from frida_painter.brush.dip import painted_area
 from frida_painter.brush.spread import CoverageSpread, spread_of
 from frida_painter.brush.stroke_model import StrokeModel
-from frida_painter.frames import CanvasSize
+from frida_painter.frames import ALL_ROWS, CanvasSize, Rows
 from frida_painter.objectives.objective import Objective
 from frida_painter.render import Moments, render, render_moments
 from frida_painter.strokes import StrokeLimits, Strokes
@@ -30,7 +31,9 @@ class Scene:
     in another way every time, or could be fooled. importance [H, W]: how much an error matters at each
     place when strokes are placed, 1 in the mean; None: everywhere the same. flow [3, H, W]: which way strokes go where
     they are placed, as objectives/brushwork.py tells it; None: any way. paint_price: by which share the
-    loss would have to fall for as much more paint as the brush's largest mark takes.
+    loss would have to fall for as much more paint as the brush's largest mark takes. objective_on_rows: the
+    objective for pictures that have some rows only; None where it judges whole pictures. rows: which rows of the
+    canvas are rendered and judged.
     """
 
     canvas: Tensor
@@ -41,6 +44,8 @@ class Scene:
     importance: Tensor | None = None
     flow: Tensor | None = None
     paint_price: float = 0.0
+    objective_on_rows: Callable[[Rows], Objective] | None = None
+    rows: Rows = ALL_ROWS
 
     @property
     def limits(self) -> StrokeLimits:
@@ -49,11 +54,11 @@ class Scene:
 
     def render(self, strokes: Strokes) -> Tensor:
         """The picture [3, H, W] that the strokes, in their order, would make of the canvas."""
-        return render(strokes, self.model, self.canvas, self.size)
+        return render(strokes, self.model, self.canvas, self.size, self.rows)
 
     def moments(self, strokes: Strokes) -> Moments:
         """Mean and variance of that picture, since no two marks of one stroke are the same."""
-        return render_moments(strokes, self.model, self.canvas, self.size, self.spread)
+        return render_moments(strokes, self.model, self.canvas, self.size, self.spread, self.rows)
 
     @property
     def spread(self) -> CoverageSpread:

@@ -45,7 +45,8 @@ class Scenes:
         picture = images.fit(canvas.to(self.device), grid.rows, grid.columns)
         matters, way = self._importance(grid), flow_of(self.goal, grid)
         price = PAINT_PRICE if all(term.is_pixelwise for term in self.goal.terms) else 0.0
-        scene = Scene(picture, self.size, model, objective, objective.validation, matters, way, price)
+        judge, some = objective.validation, objective.on_rows
+        scene = Scene(picture, self.size, model, objective, judge, matters, way, price, some)
         return scene if self.region is None else self.region.guarded(scene)
 
     def initial(self, canvas: Tensor, grid: PixelGrid, brush: str) -> Scene:

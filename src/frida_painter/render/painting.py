@@ -9,7 +9,7 @@ from torch import Tensor
 from frida_painter.brush.spread import CoverageSpread
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.brush.table import StrokeTable
-from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
+from frida_painter.frames import ALL_ROWS, CanvasSize, PixelGrid, Rows, pixel_to_map
 from frida_painter.strokes import Strokes
 
 
@@ -48,19 +48,23 @@ def _in_tiles(canvas: Tensor) -> bool:
     return canvas.device.type == "cuda" and find_spec("triton") is not None
 
 
-def render(strokes: Strokes, stroke_model: StrokeModel, canvas: Tensor, size: CanvasSize) -> Tensor:
+def render(
+    strokes: Strokes, stroke_model: StrokeModel, canvas: Tensor, size: CanvasSize, rows: Rows = ALL_ROWS
+) -> Tensor:
     """The picture [3, H, W] that strokes leave on a canvas of that size which now looks like `canvas` [3, H, W].
 
+    rows: which of its rows are rendered; then H of the picture is how many these are, and they equal those of the
+    whole picture but for rounding.
     The resolution is that of `canvas`: hand in a larger one to print the same plan larger.
     Differentiable in the seven parameters of every stroke and in the canvas; where no gradient is
     asked for, nothing is kept, so that any size fits which the picture itself fits.
     """
     grid = PixelGrid(size, *canvas.shape[1:])
     magnitude = stroke_model(strokes.thickness, strokes.length, strokes.bend)
-    affine = pixel_to_map(strokes.position, strokes.angle, grid, stroke_model.frame)
+    affine = pixel_to_map(strokes.position, strokes.angle, grid, stroke_model.frame, rows)
     # A table's maps are cut off at zero, where their slope is zero as well.
     answers = not isinstance(stroke_model, StrokeTable)
-    return composite(magnitude, affine, strokes.color, canvas, bare_cells_answer=answers)
+    return composite(magnitude, affine, strokes.color, rows.of(canvas), bare_cells_answer=answers)
 
 
 class Moments(NamedTuple):
@@ -100,17 +104,23 @@ def composite_moments(
 
 
 def render_moments(
-    strokes: Strokes, stroke_model: StrokeModel, canvas: Tensor, size: CanvasSize, spread: CoverageSpread
+    strokes: Strokes,
+    stroke_model: StrokeModel,
+    canvas: Tensor,
+    size: CanvasSize,
+    spread: CoverageSpread,
+    rows: Rows = ALL_ROWS,
 ) -> Moments:
     """Mean and variance of the picture [3, H, W] that strokes leave, as `render` draws it.
 
     spread: of the marks' coverage, from stroke to stroke. Where they do not vary, the mean is `render`'s picture.
+    rows: which rows are rendered, as `render` says.
     """
     if spread.share == 0:
-        picture = render(strokes, stroke_model, canvas, size)
+        picture = render(strokes, stroke_model, canvas, size, rows)
         return Moments(picture, torch.zeros_like(picture))
     grid = PixelGrid(size, *canvas.shape[1:])
     magnitude = stroke_model(strokes.thickness, strokes.length, strokes.bend)
-    affine = pixel_to_map(strokes.position, strokes.angle, grid, stroke_model.frame)
+    affine = pixel_to_map(strokes.position, strokes.angle, grid, stroke_model.frame, rows)
     answers = not isinstance(stroke_model, StrokeTable)
-    return composite_moments(magnitude, affine, strokes.color, canvas, spread, bare_cells_answer=answers)
+    return composite_moments(magnitude, affine, strokes.color, rows.of(canvas), spread, bare_cells_answer=answers)

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
+    from frida_painter.objectives.replication import Replication
+
 
 @dataclass(frozen=True)
 class PictureTerm(Term):
@@ -72,12 +74,13 @@ class ImageTerm(PictureTerm):
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
         """The mean squared difference to the picture."""
-        from frida_painter.objectives.replication import replication, replication_of_variance
+        from frida_painter.objectives.replication import Replication
 
-        return ObjectiveTerm(
-            replication(self.image, context.grid, self.importance),
-            of_variance=replication_of_variance(context.grid, self.importance),
-        )
+        return _term_of(Replication.of(self.image, context.grid, self.importance))
+
+
+def _term_of(judge: Replication) -> ObjectiveTerm:
+    return ObjectiveTerm(judge, of_variance=judge.of_variance, on_rows=lambda rows: _term_of(judge.on_rows(rows)))
 
 
 KIND = GoalKind(

@@ -1,0 +1,144 @@
+"""Iterations that look at some rows in turn."""
+
+import copy
+from dataclasses import replace
+
+import pytest
+import torch
+from torch import Tensor
+
+from elsewhere import elsewhere
+from frida_painter.brush.bezier import BezierStroke
+from frida_painter.brush.kinds import BROAD, FINE, MEDIUM, BrushKind
+from frida_painter.brush.spread import CoverageSpread
+from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.goal import Goal
+from frida_painter.objectives.interpretation import prepare
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.planning.interlace import interlaced
+from frida_painter.planning.optimize import Step, optimize
+from frida_painter.planning.region import Region
+from frida_painter.planning.scene import Scene, on_device
+from frida_painter.strokes import Strokes
+from scenes import CANVAS, goal, scene, small_table, some_strokes
+
+PAPER = CanvasSize(0.3556, 0.2794)
+
+
+def by_rows(rows: int = 480, wanted: Goal | None = None) -> Scene:
+    """A scene whose marks vary and whose objective may be asked about some rows; 480 rows have four turns."""
+    table = copy.copy(small_table())
+    table.spread = CoverageSpread(0.5, 0.95)
+    bare = scene(rows)
+    judge = prepare(wanted or goal(), PixelGrid(CANVAS, *bare.canvas.shape[1:]))
+    return replace(bare, model=table, objective=judge, objective_on_rows=judge.on_rows, paint_price=0.0003)
+
+
+def judged(strokes: Strokes, on: Scene) -> float:
+    with torch.no_grad():
+        return float(on.cost(strokes))
+
+
+def cost_and_slopes(strokes: Strokes, on: Scene) -> list[Tensor]:
+    leaves = {name: part.clone().requires_grad_() for name, part in strokes.arrays().items()}
+    cost = on.cost(Strokes(**leaves))
+    return [cost.detach(), *torch.autograd.grad(cost, list(leaves.values()))]
+
+
+@pytest.mark.parametrize(
+    ("kind", "turns"),
+    [
+        (BROAD, {128: 1, 256: 2, 512: 4, 1024: 8}),
+        (MEDIUM, {256: 1, 512: 2, 1024: 5}),
+        (FINE, {512: 1, 1024: 3}),
+    ],
+    ids=lambda one: getattr(one, "name", ""),
+)
+def test_rows_are_as_far_apart_at_any_resolution_and_nearer_for_smaller_marks(
+    kind: BrushKind, turns: dict[int, int]
+) -> None:
+    judge = prepare(goal(), PixelGrid.of_height(PAPER, 32))
+    for rows, count in turns.items():
+        canvas = torch.empty(3, rows, 1)
+        on = Scene(canvas, PAPER, BezierStroke.typical(kind), judge, objective_on_rows=judge.on_rows)
+        assert len(interlaced(on)) == count
+
+
+def test_a_small_canvas_is_looked_at_by_32_rows_at_least() -> None:
+    judge = prepare(goal(), PixelGrid.of_height(PAPER, 32))
+    on = Scene(
+        torch.empty(3, 256, 1), CanvasSize(0.03, 0.03), BezierStroke.typical(BROAD), judge,
+        objective_on_rows=judge.on_rows,
+    )  # fmt: skip
+    assert len(interlaced(on)) == 8
+
+
+def test_what_is_judged_as_a_whole_is_looked_at_as_a_whole() -> None:
+    on = replace(by_rows(), objective_on_rows=None)
+    assert interlaced(on) == (on,)
+
+
+@pytest.mark.parametrize("guarded", [False, True], ids=["all free", "some protected"])
+def test_the_turns_have_the_cost_and_the_slopes_of_the_whole_in_the_mean(guarded: bool) -> None:
+    on = by_rows()
+    if guarded:
+        forbidden = torch.zeros(90, 120, dtype=torch.bool)
+        forbidden[:41, :33] = True
+        on = Region(forbidden).guarded(on)
+    strokes = some_strokes(15)
+    turns = interlaced(on)
+    assert len(turns) == 4
+    each = [cost_and_slopes(strokes, turn) for turn in turns]
+    for whole, *parts in zip(cost_and_slopes(strokes, on), *each, strict=True):
+        mean = torch.stack(parts).mean(0)
+        torch.testing.assert_close(mean, whole, rtol=1e-4, atol=5e-3 * float(whole.abs().max()))
+
+
+def test_one_turn_tells_nearly_the_slope_of_all() -> None:
+    """The bound of docs/planner.md: the angle between what some rows say and what all say."""
+    on = by_rows()
+    strokes = some_strokes(30)
+    whole = cost_and_slopes(strokes, on)
+    for turn in interlaced(on):
+        for name, mine, theirs in zip(strokes.arrays(), cost_and_slopes(strokes, turn)[1:], whole[1:], strict=True):
+            alike = torch.nn.functional.cosine_similarity(mine.flatten(), theirs.flatten(), 0)
+            assert float(alike) > 0.99, name
+
+
+@pytest.mark.parametrize("pace", [1.0, 50.0])
+@pytest.mark.parametrize("iterations", [0, 1, 2, 9])
+def test_what_comes_back_is_never_worse_however_wild_the_steps(pace: float, iterations: int) -> None:
+    on = by_rows(240)
+    assert len(interlaced(on)) == 2
+    for seed in range(3):
+        strokes = some_strokes(12, seed)
+        found, _ = optimize(strokes, on, iterations=iterations, pace=pace)
+        assert judged(found, on) <= judged(strokes, on) + 1e-7
+        found.check(on.limits, CANVAS)
+
+
+def test_plans_become_as_good_as_with_all_rows() -> None:
+    on, strokes = by_rows(), some_strokes(25)
+    some, _ = optimize(strokes, on, iterations=40)
+    every, _ = optimize(strokes, replace(on, objective_on_rows=None), iterations=40)
+    won = judged(strokes, on) - judged(every, on)
+    assert judged(strokes, on) - judged(some, on) > 0.97 * won
+
+
+def test_steps_tell_the_loss_of_what_was_looked_at() -> None:
+    on, steps = by_rows(), list[Step]()
+    optimize(some_strokes(8), on, iterations=7, notify=steps.append)
+    turns = interlaced(on)
+    for step, seen in zip(steps, [on, *turns[1:], turns[0], *turns[1:3]], strict=True):
+        assert step.strokes is not None and judged(step.strokes, seen) == pytest.approx(step.loss, rel=1e-4)
+
+
+def test_it_is_the_same_on_another_device() -> None:
+    strokes, on = some_strokes(6), by_rows(240)
+    found, _ = optimize(strokes, on, iterations=4)
+    with elsewhere() as device:
+        wanted = Goal((ImageTerm(goal().terms[0].image).to(device),))  # type: ignore[attr-defined]
+        there = replace(by_rows(240, wanted), canvas=on.canvas.to(device), model=on_device(on.model, device))
+        theirs, _ = optimize(strokes.to(device), there, iterations=4)
+    for name, part in theirs.to("cpu").arrays().items():
+        torch.testing.assert_close(part, found.arrays()[name], rtol=1e-3, atol=1e-4)
