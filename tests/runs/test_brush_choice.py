@@ -5,7 +5,7 @@ import pytest
 from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.runs import brush_choice
-from frida_painter.runs.brush_choice import IN_ONE_LAYER, IN_TWO_LAYERS, brushes_of, choices
+from frida_painter.runs.brush_choice import IN_LAYERS, IN_ONE_LAYER, brushes_of, choices
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.easel_order import EaselOrder
@@ -39,10 +39,10 @@ def test_the_brush_of_the_least_expected_loss_is_taken_and_painted_with(photo: P
     assert painting.painted == 6
 
 
-def test_with_many_strokes_two_layers_are_chosen_among_and_a_plan_tells_its_brushes(photo: Path) -> None:
+def test_with_many_strokes_layers_are_chosen_among_and_a_plan_tells_its_brushes(photo: Path) -> None:
     with PaintingRun(spec(photo, strokes=100, effort=0.05)) as run:
         plan = run.plan()
-        assert run.spec.brushes in IN_TWO_LAYERS
+        assert run.spec.brushes in IN_LAYERS
     again = spec(photo, strokes=100, brushes=brushes_of(plan))
     with PaintingRun(again) as other:
         assert other.planner.layer_sizes(100) == plan.layer_sizes and other.planner.layer_brushes(100) == plan.brushes
@@ -50,7 +50,7 @@ def test_with_many_strokes_two_layers_are_chosen_among_and_a_plan_tells_its_brus
 
 def test_where_time_is_short_there_is_one_layer(photo: Path) -> None:
     assert choices(spec(photo, strokes=200, minutes=30.0)) == IN_ONE_LAYER
-    assert choices(spec(photo, strokes=200)) == IN_TWO_LAYERS
+    assert choices(spec(photo, strokes=200)) == IN_LAYERS
 
 
 def test_a_real_easel_has_the_brushes_of_its_record(photo: Path, tmp_path: Path) -> None:
@@ -62,7 +62,7 @@ def test_a_real_easel_has_the_brushes_of_its_record(photo: Path, tmp_path: Path)
     finally:
         opened.close()
     on_it = spec(photo, strokes=200, robot="human", calibration=record)
-    assert choices(on_it) == [IN_TWO_LAYERS[0], "broad", "medium"]
+    assert choices(on_it) == [IN_LAYERS[1], "broad", "medium"]
 
 
 @pytest.mark.parametrize(

@@ -179,9 +179,12 @@ def test_what_is_painted_is_said_as_in_a_goal_file() -> None:
             RunSpec.of(goal=wrong)
 
 
-def test_a_picture_in_the_studio_has_two_brushes_and_elsewhere_nobody_has_to_change_one() -> None:
+def test_a_picture_in_the_studio_has_three_brushes_and_elsewhere_nobody_has_to_change_one() -> None:
     chosen = RunSpec.of()
-    assert chosen.brush_names == ("broad", "medium") and chosen.shares == (0.5, 0.5)
+    assert chosen.brush_names == ("broad", "medium", "fine") and chosen.shares == (0.3, 0.35, 0.35)
+    for fewer in ({"strokes": 199}, {"minutes": 119}, {"minutes": 29, "drying": 5}):
+        assert RunSpec.of(**fewer).brush_names == ("broad", "medium") and RunSpec.of(**fewer).shares == (0.5, 0.5)
+    assert RunSpec.of(minutes=120).brush_names == chosen.brush_names
     assert RunSpec.of(layers=3).brush_names == RunSpec.of(robot="human", camera="x").brush_names == ("broad",)
     assert RunSpec.of(brush="fine").brush_names == RunSpec.of(brushes="fine").brush_names == ("fine",)
     assert RunSpec.of(brush="fine").changed(brush="medium").brushes == "medium"
@@ -193,6 +196,10 @@ def test_a_picture_in_the_studio_has_two_brushes_and_elsewhere_nobody_has_to_cha
 
 def test_words_alone_are_painted_with_a_finer_brush_over_the_broad_one() -> None:
     assert RunSpec.of(goal=[{"text": "a lemon"}]).brush_names == ("broad", "fine")
-    assert RunSpec.of(goal=[{"image": "cat.jpg"}, {"text": "a lemon"}]).brush_names == ("broad", "medium")
-    assert RunSpec.of(goal=[{"text": "a lemon"}], initial=[{"image": "cat.jpg"}]).brush_names == ("broad", "medium")
+    assert RunSpec.of(goal=[{"image": "cat.jpg"}, {"text": "a lemon"}]).brush_names == ("broad", "medium", "fine")
+    assert RunSpec.of(goal=[{"text": "a lemon"}], initial=[{"image": "cat.jpg"}]).brush_names == (
+        "broad",
+        "medium",
+        "fine",
+    )
     assert RunSpec.of(goal=[{"text": "a lemon"}], layers=2).brush_names == ("broad",)

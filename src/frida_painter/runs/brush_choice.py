@@ -15,7 +15,7 @@ from frida_painter.runs.opening import open_planner
 from frida_painter.runs.spec import RunSpec
 
 IN_ONE_LAYER = ("broad", "medium", "fine")
-IN_TWO_LAYERS = ("broad:50%,medium:50%", "broad:35%,fine:65%", "medium:50%,fine:50%")
+IN_LAYERS = ("broad:30%,medium:35%,fine:35%", "broad:50%,medium:50%", "medium:50%,fine:25%,fine:25%")
 _TRYING = 0.25  # of the effort
 _LEAST_EFFORT = 0.05
 
@@ -43,7 +43,7 @@ def suited_brushes(
 def choices(spec: RunSpec) -> Sequence[str]:
     """What there is to choose from, as --brushes has it."""
     several = spec.strokes >= FEWEST_FOR_LAYERS and not spec.is_short
-    named = (*(IN_TWO_LAYERS if several else ()), *([] if several and spec.simulated else IN_ONE_LAYER))
+    named = (*(IN_LAYERS if several else ()), *([] if several and spec.simulated else IN_ONE_LAYER))
     if spec.simulated or spec.calibration is None:
         return named
     known = Calibration.load(spec.calibration)

@@ -29,8 +29,11 @@ EASEL = (
 """What says where a painting is painted rather than what."""
 FILES = ("palette", "pictures", "workspace", "calibration", "arm_meshes", "studio_canvas")
 """Fields that name files other than those of the goal."""
-USUAL_BRUSHES = "broad:50%,medium:50%"
+USUAL_BRUSHES = "broad:30%,medium:35%,fine:35%"
 """Of a picture in the virtual studio; other goals, and few strokes, have the first one only."""
+FEWER_BRUSHES = "broad:50%,medium:50%"
+"""The same of a picture with less than 200 strokes, or where drying twice would take a third of the minutes."""
+_FEWEST_FOR_ALL = 200  # strokes
 WORDS_BRUSHES = "broad:35%,fine:65%"
 """The same of words alone: a thing is recognised by its outline and its small parts."""
 _MOST_BYTES = 2**20
@@ -94,7 +97,8 @@ class RunSpec(BaseModel):
         description="Number of layers of strokes. Each is painted from light to dark on the dry paint of the one "
         "before, and planned for the canvas as it is then. The first has most of the strokes.",
         json_schema_extra={
-            "default": "2 for a picture of 100 strokes or more, otherwise 1; 1 where drying takes a third of --minutes"
+            "default": "as many as brushes; of one brush 2 for a picture of 100 strokes or more, otherwise 1; 1 where "
+            " drying takes a third of --minutes"
         },
     )
     colors: int = Field(12, ge=1, le=24, description="Number of paints to mix.")
@@ -120,8 +124,8 @@ class RunSpec(BaseModel):
         json_schema_extra={
             "metavar": "NAME,...|auto",
             "names": ["--brushes", "--brush"],
-            "default": "in the studio, from 100 strokes on, broad:50%,medium:50% for a picture and broad:35%,fine:65% "
-            "for words alone, otherwise broad",
+            "default": "in the studio, for a picture, broad:30%,medium:35%,fine:35% from 200 strokes on and "
+            "broad:50%,medium:50% from 100 on; for words alone, from 100 on, broad:35%,fine:65%; otherwise broad",
         },
     )
     new_paints: bool | None = Field(
@@ -322,12 +326,15 @@ class RunSpec(BaseModel):
 
     @property
     def _brushes(self) -> str:
-        """Those asked for, or the usual ones: two where they change by themselves."""
+        """Those asked for, or the usual ones: several where they change by themselves."""
         if self.brushes is not None and self._names_brushes:
             return self.brushes
         if self.layers is not None or not self.simulated:
             return "broad"
-        return WORDS_BRUSHES if self.is_words else USUAL_BRUSHES
+        if self.is_words:
+            return WORDS_BRUSHES
+        hurried = self.minutes is not None and self.minutes < 6 * self.drying
+        return FEWER_BRUSHES if self.strokes < _FEWEST_FOR_ALL or hurried else USUAL_BRUSHES
 
     @property
     def is_words(self) -> bool:

@@ -12,7 +12,7 @@ const FIRST = { text: "+ Text", image: "+ Picture", style: "+ Style" };
 const STROKES = [15, 30, 50, 80, 120, 160, 200, 250, 300, 400, 500, 650, 800, 1000];
 const MINUTES = [null, 10, 15, 20, 30, 45, 60, 90, 120, 180, 240]; // of the robot
 const SIZES = [["14 × 11 in", 355.6, 279.4], ["A4", 297, 210], ["A3", 420, 297], ["30 × 30 cm", 300, 300], ["20 × 20 cm", 200, 200]];
-const BRUSHES = [["", "broad, then medium"], ["broad", "broad"], ["medium", "medium"], ["fine", "fine"], ["broad,medium,fine", "broad, medium, fine"], ["auto", "best suited"]]
+const BRUSHES = [["", "broad to fine"], ["broad", "broad"], ["medium", "medium"], ["fine", "fine"], ["broad,medium,fine", "broad, medium, fine"], ["auto", "best suited"]]
   .map(([value, label]) => ({ value, label }));
 const PRESETS = [
   { label: "Quick study", strokes: 80, colors: 6, replans: 2, effort: 0.5 },
@@ -324,7 +324,7 @@ export function steps(current, end) {
 }
 
 /** What was wished, in a line. */
-/** "fine brush", "broad, then medium brush". @param {string} brushes */
+/** "fine brush", "broad to fine brush". @param {string} brushes */
 const brushWords = (brushes) => `${BRUSHES.find(({ value }) => value === brushes)?.label ?? brushes} brush`;
 
 export const summary = (wish) => `${count(wish.strokes, "stroke", "strokes")}, ${count(Math.min(wish.colors, wish.strokes), "paint", "paints")}, ${brushWords(wish.brushes)}`;
