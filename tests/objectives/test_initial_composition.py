@@ -157,3 +157,11 @@ def test_a_place_alone_gets_what_is_found_there_but_not_what_must_not_be_seen(en
         initial_composition(Goal((TextTerm("a meadow"),)), GRID, encoders, 0)
         missing = encoders.remarks[1]
         assert "No picture of '" in missing and ("'flower'" in missing or not unwanted)
+
+
+def test_beside_a_style_or_a_sketch_the_scene_leaves_them_a_say(encoders: QuickEncoders) -> None:
+    words, drawing = TextTerm("a strawberry", 2.0), torch.ones(3, 60, 80)
+    drawing[:, 15:45, 20:60] = 0
+    goals = [(words,), (words, TextTerm("a pear")), (words, StyleTerm(picture())), (words, SketchTerm(drawing))]
+    weights = [initial_composition(Goal(terms), GRID, encoders, 0).terms[-1].weight for terms in goals]
+    assert weights[0] == weights[1] > 10 * weights[2] and weights[2] == weights[3] == 6

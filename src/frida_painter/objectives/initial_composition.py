@@ -15,7 +15,8 @@ from frida_painter.objectives.scenes.composition import ComposedScene
 from frida_painter.objectives.scenes.scene import scene_of, thing_of
 from frida_painter.objectives.style_scene import composited_into_style
 
-_KEPT = 10.0  # weight of the composition beside the words' own: a picture that weighs less is soon lost
+_KEPT = 60.0  # weight of the composition beside the words' own: networks give things colours that they do not have
+_AMONG = 3.0  # the same where a style or a sketch has a say too
 _STAGED = 20.0  # the same of a style picture's, which words would soon take apart
 _MATTERS = 8.0  # times as much as its surroundings, where a thing is in a style picture
 _SUBJECT = 4.0  # the same, where things are in a scene
@@ -47,12 +48,13 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
         return goal
     if drawing is not None and any(term.colors is not None for term in goal.terms):
         return goal
+    kept = weight * (_KEPT if all(term.words is not None for term in goal.terms) else _AMONG)
     if drawing is None:
-        begun = _term(scene_of(words, grid, encoders, seed), _KEPT * weight)
+        begun = _term(scene_of(words, grid, encoders, seed), kept)
     else:
         drawing = images.fit(drawing, grid.rows, grid.columns)
         picture = colored(drawing, scene_of(words, grid, encoders, seed, "coloured like").picture)
-        begun = ImageTerm(picture, _KEPT * weight)
+        begun = ImageTerm(picture, kept)
     return Goal((*goal.terms, begun), (replace(begun, weight=1.0),))
 
 

@@ -71,6 +71,11 @@ def test_what_is_in_something_looks_out_over_its_rim(widths: tuple[int, ...], ri
     assert apples.y + apples.hidden * apples.height == pytest.approx(rim * bowl.height)
 
 
+def test_a_bowl_of_apples_holds_them() -> None:
+    bowl, apples = put("of", thing(0, 0.15, shape=(20, 40)), thing(1, 0.08))
+    assert apples.hidden > 0 and bowl.hidden == 0 and apples.x == bowl.x and bowl.y < apples.y < bowl.height
+
+
 @pytest.mark.parametrize("word", ["on", "in"])
 def test_two_on_one_thing_are_side_by_side(word: str) -> None:
     parts = [thing(0, 0.5), thing(1, 0.5), thing(2, 0.6, shape=(20, 40))]

@@ -91,3 +91,11 @@ def test_captions_are_read_once(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(WordBag, "embed", lambda self, said: embedded.extend(said))
     PictureIndex([ICONS], WordBag(), tmp_path)
     assert embedded == []
+
+
+def test_of_words_that_make_one_name_the_last_says_what_it_is(tmp_path: Path) -> None:
+    drawings = {"1": (("mountain goat",), 0.8, RED), "2": (("goat with a mountain",), 0.8, RED)}
+    library = Library("drawings", drawings | {"3": (("high mountain",), 0.0, BLUE)})
+    index = PictureIndex([library], WordBag(), tmp_path)
+    found = index.find(Thing("mountain", "mountain"), "a mountain", nowhere)
+    assert found is not None and found.caption == "high mountain"

@@ -26,13 +26,16 @@ _HOLDS = 0.6  # of a picture's fullest row, that a row of what holds something h
 _SIDE = 256  # pixels of one of several copies
 _OF_WORD = {
     "on": "on", "on top of": "on", "upon": "on", "onto": "on", "riding": "on",
-    "in": "in", "inside": "in", "into": "in", "within": "in", "of": "in", "out of": "in", "from": "in",
+    "in": "in", "inside": "in", "into": "in", "within": "in", "of": "around", "out of": "in", "from": "in",
     "under": "under", "below": "under", "beneath": "under", "underneath": "under",
     "over": "over", "above": "over", "across": "over", "crossing": "on",
     "behind": "behind", "in front of": "front", "before": "front", "against": "front", "between": "between",
     "with": "with", "holding": "with", "carrying": "with", "eating": "with",
 }  # fmt: skip
-_OPPOSITE = {"on": "beneath", "in": "around", "under": "over", "over": "under", "behind": "front", "front": "behind"}
+_OPPOSITE = {
+    "on": "beneath", "in": "around", "around": "in", "under": "over", "over": "under", "behind": "front",
+    "front": "behind",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,7 @@ def arranged(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -
             mine, other, number = _alone(parts, one.object, sizes), placed[one.subject], one.object
             turned = _OPPOSITE.get(kind, kind)
             placed[number], placed[one.subject] = _put(mine, other, turned, known[number], known[one.subject])
+            together.setdefault((one.subject, turned), []).append(number)
     for (number, kind), some in together.items():
         if kind in ("on", "in") and len(some) > 1:
             spread = _spread([placed[each] for each in some], placed[number])

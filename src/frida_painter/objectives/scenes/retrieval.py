@@ -28,6 +28,8 @@ _AGREED = 0.5  # of a keyword, however little the title agrees with it
 _NOUN = 0.35  # share of the last word of a name in what a name means
 _CONTEXT = 0.15  # of the similarity of a caption to the whole prompt
 _WORD, _OTHERS = 0.1, 0.05  # for the very word, and for each word too many
+_MODIFIES = 0.4  # against a title in which the word only says more of another
+_FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # what follows is not what is named
 _SEEN = 0.25  # the most that looking nearer to the words than a bare ground, or farther, counts
 _REALISM = 0.4  # of a photograph before a sign
 _OWN = 0.3  # of a person's own picture
@@ -170,10 +172,17 @@ class PictureIndex:
 
 
 def _spoken(entry: _Entry, thing: Thing) -> float:
-    """What it is worth that a title has the very word, is no more than it, and speaks of little else."""
+    """What it is worth that a title has the very word, is no more than it, and speaks of little else.
+
+    A mountain goat is no mountain: of words that make one name the last says what it is.
+    """
     words = entry.title.split()
+    named = _FURTHER.split(entry.title)[0].split()
+    further = any(word.startswith(thing.noun) and len(word) > len(thing.noun) + 2 for word in words)
+    modifies = thing.noun not in named[-1:] and (thing.noun in named or further)
     others = max(0, len(words) - len(thing.name.split()) - 1)
-    return _WORD * (thing.noun in words) + _WORD * (entry.title in (thing.name, thing.noun)) - _OTHERS * others
+    worth = -_MODIFIES * modifies - _OTHERS * others
+    return worth + _WORD * (thing.noun in words) + _WORD * (entry.title in (thing.name, thing.noun))
 
 
 def _prior(entry: _Entry, picture: Tensor) -> float:
