@@ -98,7 +98,7 @@ class RunSpec(BaseModel):
         "before, and planned for the canvas as it is then. The first has most of the strokes.",
         json_schema_extra={
             "default": "as many as brushes; of one brush 2 for a picture of 100 strokes or more, otherwise 1; 1 where "
-            " drying takes a third of --minutes"
+            "drying takes a third of --minutes"
         },
     )
     colors: int = Field(12, ge=1, le=24, description="Number of paints to mix.")
