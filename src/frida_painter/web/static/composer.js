@@ -12,7 +12,7 @@ const FIRST = { text: "+ Text", image: "+ Picture", style: "+ Style" };
 const STROKES = [15, 30, 50, 80, 120, 160, 200, 250, 300, 400, 500, 650, 800, 1000];
 const MINUTES = [null, 10, 15, 20, 30, 45, 60, 90, 120, 180, 240]; // of the robot
 const SIZES = [["14 × 11 in", 355.6, 279.4], ["A4", 297, 210], ["A3", 420, 297], ["30 × 30 cm", 300, 300], ["20 × 20 cm", 200, 200]];
-const BRUSHES = [["", "broad to fine"], ["broad", "broad"], ["medium", "medium"], ["fine", "fine"], ["broad,medium,fine", "broad, medium, fine"], ["auto", "best suited"]]
+const BRUSHES = [["", "usual"], ["broad", "broad"], ["medium", "medium"], ["fine", "fine"], ["broad,medium", "broad, medium"], ["broad,medium,fine", "broad, medium, fine"], ["auto", "best suited"]]
   .map(([value, label]) => ({ value, label }));
 const PRESETS = [
   { label: "Quick study", strokes: 80, colors: 6, replans: 2, effort: 0.5 },
@@ -323,8 +323,8 @@ export function steps(current, end) {
     h("li", { class: index < place ? "past" : "", "aria-current": index === place ? "step" : null }, (name === "done" && end) || label)));
 }
 
-/** What was wished, in a line. */
-/** "fine brush", "broad to fine brush". @param {string} brushes */
-const brushWords = (brushes) => `${BRUSHES.find(({ value }) => value === brushes)?.label ?? brushes} brush`;
+/** "fine brush", "broad, medium brushes", "usual brushes". @param {string} brushes */
+const brushWords = (brushes) => `${BRUSHES.find(({ value }) => value === brushes)?.label ?? brushes} ${["broad", "medium", "fine"].includes(brushes) ? "brush" : "brushes"}`;
 
+/** What was wished, in a line. */
 export const summary = (wish) => `${count(wish.strokes, "stroke", "strokes")}, ${count(Math.min(wish.colors, wish.strokes), "paint", "paints")}, ${brushWords(wish.brushes)}`;
