@@ -159,6 +159,16 @@ def test_a_place_alone_gets_what_is_found_there_but_not_what_must_not_be_seen(en
         assert "No picture of '" in missing and ("'flower'" in missing or not unwanted)
 
 
+def test_a_place_where_nothing_of_it_must_be_seen_stays_empty(encoders: QuickEncoders) -> None:
+    reading = Reading((Thing("beach", "beach"),), (), ("palm tree", "crab", "starfish"))
+    encoders.prompts = lambda: SimpleNamespace(read=lambda prompt: reading)  # type: ignore[method-assign]
+    composed = initial_composition(
+        Goal((TextTerm("a beach without palm trees, crabs or starfish"),)), GRID, encoders, 0
+    )
+    assert composed.terms[-1].guide is not None
+    assert not any("crab" in remark for remark in encoders.remarks)
+
+
 def test_beside_a_style_or_a_sketch_the_scene_leaves_them_a_say(encoders: QuickEncoders) -> None:
     words, drawing = TextTerm("a strawberry", 2.0), torch.ones(3, 60, 80)
     drawing[:, 15:45, 20:60] = 0

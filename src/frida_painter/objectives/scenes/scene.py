@@ -146,6 +146,8 @@ def _dressed(
 def _peopled(reading: Reading, setting: Setting, sentences: SentenceEncoder) -> Reading:
     """A place that is named alone, with what is found there: boats in a harbour."""
     found = [name for name in setting.place.found if name not in reading.absent]
+    if not found:
+        return reading
     meanings = sentences.embed([reading.things[0].name, *found])
     name = found[int((meanings[1:] @ meanings[0]).argmax())]
     number = len(reading.things)
