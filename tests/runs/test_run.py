@@ -134,7 +134,10 @@ def test_what_is_chosen_by_quick_plans_is_told_at_every_step_and_can_be_ended(
         run.choosing = choosing
         with pytest.raises(Interrupted, match="Enough"):
             assert run.planner
-    assert heard == list(choice) * 3
+        assert heard == list(choice) * 3
+        run.choosing = lambda what: None
+        assert run.planner and None not in (run.spec.ground, run.spec.brushes)
+        assert "auto" not in (run.spec.ground, run.spec.brushes)
 
 
 def test_what_would_move_a_real_robot_is_not_simulated(photo: Path) -> None:

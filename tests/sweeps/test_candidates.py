@@ -9,6 +9,7 @@ from skimage import data
 
 import frida_painter as fp
 from frida_painter.errors import PlanError, TryFailed
+from frida_painter.runs.ground_choice import ground_of
 from frida_painter.sweeps import sweep as sweeps
 from frida_painter.sweeps.candidates import best_candidate, ranked
 from marks import coarse_table
@@ -35,7 +36,13 @@ def test_the_plan_of_the_best_seed_is_chosen(tmp_path: Path, spec: fp.RunSpec, m
     assert best.spec.seed == max(expected, key=lambda seed: expected[seed][0])
     assert torch.equal(best.plan.strokes.position, expected[best.spec.seed][1].strokes.position)
     assert best.comparison.startswith(f"The best of 3 seeds is {best.spec.seed}: expected dB ")
-    assert best.spec == spec.changed(seed=best.spec.seed)
+    assert best.spec == spec.changed(seed=best.spec.seed, ground="white")
+
+
+def test_the_ground_of_the_best_is_that_of_its_plan(tmp_path: Path, spec: fp.RunSpec, monkeypatch) -> None:
+    monkeypatch.setattr(sweeps, "open_engine", lambda *limits, **where: Here())
+    best = best_candidate(spec.changed(ground="auto"), 1, tmp_path / "candidates", notify=lambda progress: None)
+    assert best.spec.ground == ground_of(best.plan) != "white"
 
 
 def test_words_are_judged_by_what_they_say_and_not_by_the_pixels_of_their_beginning(spec: fp.RunSpec) -> None:

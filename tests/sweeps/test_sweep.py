@@ -240,6 +240,11 @@ def test_a_run_plans_paints_and_evaluates(tmp_path: Path, photo: Path, _coarse_b
     assert evaluated["settings"]["strokes"] == 4 and evaluated["settings"]["replans"] == 0
     assert evaluated["times"]["cpu_seconds"] > 0 and evaluated["versions"]["frida-painter"]
     assert spec.strokes == 4
+    toned, its_folder = done("plan", ground="#c8a878")
+    shutil.copytree(its_folder, tmp_path / "toned")
+    evaluated, _ = done("evaluation", plan=str(tmp_path / "toned" / "plan.json"))
+    assert evaluated["settings"]["ground"] == "#c8a878", "a plan is judged on its own ground"
+    assert evaluated["figures"]["plan dB"] == pytest.approx(toned["figures"]["plan dB"], abs=1e-3)
 
 
 @pytest.mark.slow

@@ -29,7 +29,7 @@ from frida_painter.session.procedures.dialogue import Answer, Question
 from frida_painter.virtual.sawyer.opengl import NONE as NO_OPENGL
 from frida_painter.virtual.sawyer.opengl import headless_opengl
 
-_ROOM = 20 * 2**20  # bytes, without which not even a plan is begun
+PLAN_ROOM = 20 * 2**20  # bytes, without which not even a plan is begun
 _GLANCE = 0.2  # seconds between two looks for the pause file
 
 
@@ -130,7 +130,7 @@ def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -
     and Interrupted where it is stopped while it chooses brushes or ground by quick plans.
     """
     if out is not None:
-        storage.require_space(out, _ROOM)
+        storage.require_space(out, PLAN_ROOM)
         storage.require_unused(out)
     said: set[str] = set()
 

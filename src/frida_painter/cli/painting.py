@@ -108,7 +108,7 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
     from rich.console import Console
 
     from frida_painter import images
-    from frida_painter.cli.leading import ready_planner, say
+    from frida_painter.cli.leading import PLAN_ROOM, ready_planner, say
     from frida_painter.cli.progress import PlanningLine
     from frida_painter.cli.stop_signal import stop_on_signals
     from frida_painter.errors import Interrupted
@@ -121,7 +121,7 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
     limit_threads()
     with stop_on_signals() as stop, PaintingRun(spec_of(photo, given)) as run:
         ready_planner(run, stop, given["out"])
-        folder = new_folder(given["out"], run.spec.name, 20 * 2**20)
+        folder = new_folder(given["out"], run.spec.name, PLAN_ROOM)
         with PlanningLine(Console(stderr=True, highlight=False)) as bar:
 
             def hear(step: Step) -> None:

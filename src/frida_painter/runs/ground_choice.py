@@ -5,7 +5,7 @@ from collections.abc import Callable
 import torch
 
 from frida_painter.palette import to_hex
-from frida_painter.plan import WHITE
+from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.ground import ground_around_things, proposed_ground
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
@@ -31,5 +31,14 @@ def settled_ground(spec: RunSpec, planner: Planner, notify: Callable[[Step], Non
         )
     else:
         return wanted, ""
-    ground = "white" if planner.ground == WHITE else to_hex(torch.tensor(planner.ground))
+    ground = _named(planner.ground)
     return ground, said.format(ground)
+
+
+def ground_of(plan: Plan) -> str:
+    """The ground of a plan, as --ground has it: what was settled when it was made."""
+    return _named(plan.ground)
+
+
+def _named(color: tuple[float, float, float]) -> str:
+    return "white" if color == WHITE else to_hex(torch.tensor(color))

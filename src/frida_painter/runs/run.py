@@ -175,13 +175,14 @@ class PaintingRun:
         if self._planner is None:
             if self.spec.brushes == AUTO:
                 self._choose_brushes()
-            self._planner = open_planner(self.spec, self.goal, self._encoders)
-            ground, remark = settled_ground(self.spec, self._planner, lambda step: self.choosing("ground"))
+            planner = open_planner(self.spec, self.goal, self._encoders)
+            ground, remark = settled_ground(self.spec, planner, lambda step: self.choosing("ground"))
             if self.spec.ground != ground:
                 self.spec = self.spec.model_copy(update={"ground": ground})
             self.remarks += [remark] if remark else []
             if self._reopened is not None:
-                self._planner.region = resuming.region(self.folder, self._reopened.history)
+                planner.region = resuming.region(self.folder, self._reopened.history)
+            self._planner = planner  # whoever ends the choosing leaves none that is not settled
         return self._planner
 
     def _choose_brushes(self) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from frida_painter.errors import PlanError
 from frida_painter.plan import Plan
+from frida_painter.runs.ground_choice import ground_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.sweeps.run import SweepRun
 from frida_painter.sweeps.spec import SweepSpec
@@ -45,7 +46,7 @@ def best_candidate(spec: RunSpec, count: int, folder: Path, *, jobs: int | None 
     if len(found) > 1:
         told += f", the worst {worst['figures'][figure]:.4g}"
     plan = Plan.load(outcome.folder / "runs" / best["key"] / "plan.json")
-    return Candidate(spec.changed(seed=seed), plan, f"{told}.")
+    return Candidate(spec.changed(seed=seed, ground=ground_of(plan)), plan, f"{told}.")
 
 
 def ranked(spec: RunSpec, records: Sequence[Mapping[str, Any]]) -> tuple[str, list[Mapping[str, Any]]]:

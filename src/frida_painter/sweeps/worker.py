@@ -19,6 +19,7 @@ from torch import Tensor
 from frida_painter import images
 from frida_painter.errors import WorkerUnfit
 from frida_painter.plan import Plan
+from frida_painter.runs.ground_choice import ground_of
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.sweeps.folder import RunFolder
@@ -86,7 +87,14 @@ def _of_plan(spec: RunSpec, plan: Plan) -> RunSpec:
     wells = max(end - first for first, end in (layer.paints for layer in plan.layers))
     brushes = ",".join(layer.brush for layer in plan.layers) if len(plan.brushes) > 1 else plan.brushes[0]
     return spec.changed(
-        strokes=len(plan), layers=None, colors=wells, brushes=brushes, canvas=plan.canvas, fit="crop", replans=0
+        strokes=len(plan),
+        layers=None,
+        colors=wells,
+        brushes=brushes,
+        ground=ground_of(plan),
+        canvas=plan.canvas,
+        fit="crop",
+        replans=0,
     )
 
 

@@ -2,15 +2,14 @@
 
 import time
 
-import torch
 from torch import Tensor
 
 from frida_painter.errors import PaintingPaused, RobotStopped
-from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 from frida_painter.runs.brush_choice import brushes_of
-from frida_painter.runs.fields import AUTO, OF_SCENE
-from frida_painter.runs.opening import Controls, replan_policy, wanted_ground
+from frida_painter.runs.fields import AUTO
+from frida_painter.runs.ground_choice import ground_of
+from frida_painter.runs.opening import Controls, replan_policy
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.session.events import Stopped
 from frida_painter.session.forecast import Forecast
@@ -27,9 +26,7 @@ from frida_painter.web.telling import Reporter
 def paint(job: Job, place: PlanFolder) -> None:
     """Paints the plan, and plans the rest again at every look."""
     folder, plan = job.folder.painting, Plan.load(place.plan)
-    spec = job.spec(place)
-    if wanted_ground(spec) in (AUTO, OF_SCENE):  # the plan was made on the one that suits it
-        spec = spec.changed(ground=to_hex(torch.tensor(plan.ground)))
+    spec = job.spec(place).changed(ground=ground_of(plan))
     if spec.brushes == AUTO:
         spec = spec.changed(brushes=brushes_of(plan))
     with PaintingRun(spec, folder, state=job.state, record_may_differ=True) as run:
