@@ -35,7 +35,13 @@ def nobody_asked(monkeypatch):
 
     monkeypatch.setattr(subprocess, "Popen", asked)
     monkeypatch.setattr(urllib.request, "urlopen", asked)
-    monkeypatch.setattr(socket.socket, "connect", asked)
+
+    def connect(called, address, connect=socket.socket.connect):
+        if called.family != socket.AF_UNIX:  # no network: those of other tests' threads in this process
+            asked(called, address)
+        connect(called, address)
+
+    monkeypatch.setattr(socket.socket, "connect", connect)
 
 
 def test_a_wheel_is_fetched_by_pip_and_its_files_are_ready(catalogue, index, tmp_path):
