@@ -99,3 +99,14 @@ def test_of_words_that_make_one_name_the_last_says_what_it_is(tmp_path: Path) ->
     index = PictureIndex([library], WordBag(), tmp_path)
     found = index.find(Thing("mountain", "mountain"), "a mountain", nowhere)
     assert found is not None and found.caption == "high mountain"
+
+
+def test_a_picture_of_several_shows_a_plural_or_a_pair_once(tmp_path: Path) -> None:
+    index = PictureIndex([Library("drawings", {"1": (("foxes",), 0.4, RED)})], WordBag(), tmp_path)
+    for count, several in ((None, True), (2, True), (3, False), (1, False)):
+        found = index.find(Thing("foxes", "foxes", count=count, plural="foxes"), "foxes", nowhere)
+        assert found is not None and found.several is several
+    single = PictureIndex([PHOTOS], WordBag(), tmp_path).find(
+        Thing("fox", "fox", count=2, plural="foxes"), "foxes", nowhere
+    )
+    assert single is not None and not single.several

@@ -41,7 +41,8 @@ class Thing:
 
     name: what it is called, in the singular, with its adjectives and without its colour, as "old man"; noun: the last
     word of it; color: the word for its colour, as "dark blue", or nothing; count: the number of them that was said;
-    None: several, without a number; doing: the verb for what it does, as "sleep", or nothing.
+    None: several, without a number; doing: the verb for what it does, as "sleep", or nothing; plural: the noun as it
+    was said, where it was a plural with a form of its own, as "scissors".
     """
 
     name: str
@@ -49,6 +50,7 @@ class Thing:
     color: str = ""
     count: int | None = 1
     doing: str = ""
+    plural: str = ""
 
     @property
     def shown(self) -> int:
@@ -228,7 +230,8 @@ def _described(noun: Token, whole: Token) -> Thing:
     plural = noun.tag_ in ("NNS", "NNPS") and not single
     count = _number(numbers[0].lower_) if numbers else None
     count = 1 if count is None and not plural else count
-    return Thing(" ".join([*name, lemma]), lemma, color, count)
+    said = noun.lower_ if plural and noun.lower_ != lemma.lower() else ""
+    return Thing(" ".join([*name, lemma]), lemma, color, count, plural=said)
 
 
 def _belongs(word: Token, noun: Token) -> bool:

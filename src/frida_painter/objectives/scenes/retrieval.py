@@ -38,6 +38,7 @@ _COLORFUL = 8.0  # chroma
 _BLACK, _SILHOUETTE = 12.0, 0.4  # L*, and share of a picture, from which it is a silhouette
 _SKETCHY = 0.25  # share of its box that a thing fills, below which there are only lines
 _FILLED = 0.95  # share of its box, from which a picture is a rectangle
+_SEVERAL = (None, 2)  # things of a plural that one picture may show: flowers, or a pair of scissors
 _SPEAKS = 0.45  # similarity of a caption to one of several things that it shows
 _GROUND = (0.93, 0.92, 0.88)
 _LOOK = 160  # pixels
@@ -47,7 +48,8 @@ _LOOK = 160  # pixels
 class FoundPicture:
     """A picture for a thing: colour and opacity [4, h, w], its caption and library, and how like the thing that is.
 
-    exact: whether it shows the thing that was named, rather than one that is similar.
+    exact: whether it shows the thing that was named, rather than one that is similar; several: whether it shows as many
+    of them as were asked for.
     """
 
     picture: Tensor
@@ -55,6 +57,7 @@ class FoundPicture:
     library: PictureLibrary
     similarity: float
     exact: bool
+    several: bool = False
 
 
 @dataclass(frozen=True)
@@ -105,11 +108,13 @@ class PictureIndex:
 
         distance: how far a picture [3, h, w] looks from the thing, to networks; 0 is near. least: similarity that a
         caption needs, where nothing that is only similar will do; shows: words of each of which the caption speaks;
-        cut_out: whether it stands among others, so that no picture with a ground of its own will do.
+        cut_out: whether it stands among others, so that no picture with a ground of its own, and of no other thing of
+        a similar name, will do.
         """
         similarity = self._similarity(thing)
         for words in shows:
-            similarity = similarity.masked_fill(self._captioned(words) < _SPEAKS, 0)
+            speaks = self._captioned(words)  # a banana alone is no monkey with a banana
+            similarity = similarity.masked_fill((speaks < _SPEAKS) | (speaks > similarity), 0)
         exact = float(similarity.max()) >= (least or _LEAST)
         if (least or cut_out) and not exact:
             return None
@@ -121,6 +126,8 @@ class PictureIndex:
         best, found = -float("inf"), None
         for at in near:
             entry = self._entries[at]
+            if cut_out and _is_modified(entry, thing):
+                continue
             try:
                 shown = entry.library.pictures(entry.file)
             except ImageError:
@@ -138,7 +145,8 @@ class PictureIndex:
                 )
                 if worth > best:
                     best = worth
-                    found = FoundPicture(picture, entry.title, entry.library, float(similarity[at]), exact)
+                    several = thing.count in _SEVERAL and thing.plural in entry.title.split()
+                    found = FoundPicture(picture, entry.title, entry.library, float(similarity[at]), exact, several)
         return found
 
     def nearest(self, thing: Thing) -> float:
@@ -154,6 +162,8 @@ class PictureIndex:
             )
         if thing.doing:
             named = torch.maximum(named, self._captioned(f"{thing.name} {thing.doing}"))
+        if thing.plural and thing.count in _SEVERAL:
+            named = torch.maximum(named, self._captioned(f"{thing.name.removesuffix(thing.noun)}{thing.plural}"))
         for other in synonyms(thing.name):
             named = torch.maximum(named, self._captioned(other).masked_fill(named < _AGREES, 0))
         if thing.noun == thing.name:
@@ -172,17 +182,30 @@ class PictureIndex:
 
 
 def _spoken(entry: _Entry, thing: Thing) -> float:
-    """What it is worth that a title has the very word, is no more than it, and speaks of little else.
-
-    A mountain goat is no mountain: of words that make one name the last says what it is.
-    """
-    words = entry.title.split()
-    named = _FURTHER.split(entry.title)[0].split()
-    further = any(word.startswith(thing.noun) and len(word) > len(thing.noun) + 2 for word in words)
-    modifies = thing.noun not in named[-1:] and (thing.noun in named or further)
+    """What it is worth that a title has the very word, is no more than it, and speaks of little else."""
+    title = _title(entry, thing)
+    words = title.split()
     others = max(0, len(words) - len(thing.name.split()) - 1)
-    worth = -_MODIFIES * modifies - _OTHERS * others
-    return worth + _WORD * (thing.noun in words) + _WORD * (entry.title in (thing.name, thing.noun))
+    worth = -_MODIFIES * _is_modified(entry, thing) - _OTHERS * others
+    return worth + _WORD * (thing.noun in words) + _WORD * (title in (thing.name, thing.noun))
+
+
+def _is_modified(entry: _Entry, thing: Thing) -> bool:
+    """Whether a title names another thing by the word: a mountain goat is no mountain, and a fencer is no fence.
+
+    Of words that make one name the last says what it is.
+    """
+    named = _FURTHER.split(_title(entry, thing))[0].split()
+    endings = [word.removeprefix(thing.noun) for word in entry.title.split() if word.startswith(thing.noun)]
+    is_derived = any(ending not in ("", "s", "es") for ending in endings)
+    return thing.noun not in named[-1:] and (thing.noun in named or is_derived)
+
+
+def _title(entry: _Entry, thing: Thing) -> str:
+    """The title, with the thing in the singular where one picture may show the several that were asked for."""
+    if not thing.plural or thing.count not in _SEVERAL:
+        return entry.title
+    return " ".join(thing.noun if word == thing.plural else word for word in entry.title.split())
 
 
 def _prior(entry: _Entry, picture: Tensor) -> float:

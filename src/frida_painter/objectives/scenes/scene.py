@@ -226,7 +226,8 @@ def _found(
         if number not in settled and number not in merged:
             looks, least = _looks(thing.name, encoders, seed), _PART if number in had else 0.0
             found = index.find(thing, prompt, looks, least=least, cut_out=bool(relations))
-            things[number] = None if number in had and found is None else SceneThing(thing, found)
+            once = replace(thing, count=1) if found is not None and found.several else thing
+            things[number] = None if number in had and found is None else SceneThing(once, found)
     held = [one for one in relations if one.word == "of"]
     for relation in held:  # a flock of birds is birds
         group = things[relation.subject]
