@@ -10,6 +10,7 @@ from torch.nn import functional
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.compositing import laid, resized
 from frida_painter.objectives.scenes.arrangement import Placed
+from frida_painter.objectives.scenes.falling import falling
 from frida_painter.objectives.scenes.settings import DAY, Setting, with_contrast
 from frida_painter.objectives.scenes.simplification import simplified
 from frida_painter.palette import to_lab
@@ -28,10 +29,14 @@ _DIPS = 0.07  # of its height, by which a thing in water is hidden
 
 @dataclass(frozen=True)
 class ComposedScene:
-    """A composed scene: its picture [3, H, W], and how much of its things is where, [H, W] in [0, 1]."""
+    """A composed scene: its picture [3, H, W], and how much of its things and of what falls is where, [H, W] in [0, 1].
+
+    is_alone: whether things of one kind are all there is, on bare paper.
+    """
 
     picture: Tensor
     where: Tensor
+    is_alone: bool
 
 
 def composed(
@@ -39,8 +44,8 @@ def composed(
 ) -> ComposedScene:
     """The things in their setting; in_the_air: whether none of them stands on anything."""
     if not things:
-        ground = setting.starred(setting.ground(grid, seed), seed)
-        return ComposedScene(setting.fallen(ground, seed), torch.zeros(grid.rows, grid.columns))
+        nothing = torch.zeros(grid.rows, grid.columns)
+        return _under(setting, setting.ground(grid, seed), nothing, seed, is_alone=False)
     drawn = _fitted(things, setting, grid, seed, in_the_air=in_the_air)
     where, colors = torch.zeros(grid.rows, grid.columns), torch.zeros(3, grid.rows, grid.columns)
     for picture, top, left in drawn:
@@ -52,13 +57,20 @@ def composed(
         colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
     ground = torch.ones_like(colors)  # paper costs no strokes
     if setting.is_named:
-        told_apart = with_contrast(setting.ground(grid, seed), where, colors, setting.place.horizon)
-        ground = setting.starred(told_apart, seed)
+        ground = with_contrast(setting.ground(grid, seed), where, colors, setting.place.horizon)
     elif _is_lost_on_paper(where, colors):
         tone = torch.tensor(setting.place.above)[:, None, None].expand_as(ground)
         ground = with_contrast(tone, where, colors)
-    picture = torch.lerp(ground, colors, where)
-    return ComposedScene(setting.fallen(picture, seed).clamp(0, 1), where)
+    is_alone = len(things) == 1 and not setting.is_named
+    return _under(setting, torch.lerp(ground, colors, where), where, seed, is_alone=is_alone)
+
+
+def _under(setting: Setting, picture: Tensor, where: Tensor, seed: int, *, is_alone: bool) -> ComposedScene:
+    """The scene of a picture [3, H, W] whose things are where [H, W], with what falls and shines."""
+    picture = setting.in_fog(picture)
+    marks, color = falling(setting, where, seed)
+    picture = torch.lerp(picture, color[:, None, None].expand_as(picture), marks.expand_as(picture))
+    return ComposedScene(picture.clamp(0, 1), torch.maximum(where, marks), is_alone)
 
 
 def _is_lost_on_paper(where: Tensor, colors: Tensor) -> bool:
@@ -80,7 +92,7 @@ def _fitted(
     low, high = min(one.y for one in things), max(one.y + one.height for one in things)
     tall = _AMID if setting.is_named and len(things) == 1 else _HIGH
     if in_the_air and setting.is_named:
-        tall = 0.75 * _AMID
+        tall = 0.9 * _AMID
     scale = min(_WIDE * columns / (right - left), tall * rows / (high - low))
     width, height = scale * (right - left), scale * (high - low)
     if not setting.is_named:

@@ -1,4 +1,7 @@
-"""Where a scene is, in which light and weather: chosen by what a prompt means, painted as a ground for its things."""
+"""Where a scene is, in which light and weather: chosen by what a prompt means, painted as a ground for its things.
+
+A ground is a few flat areas: the toned canvas is one of them, and broad strokes paint the others.
+"""
 
 import math
 from collections.abc import Sequence
@@ -15,7 +18,8 @@ from frida_painter.palette import from_lab, to_lab
 
 Color = tuple[float, float, float]
 _PAPER: Color = (1.0, 1.0, 1.0)
-_EDGE = 0.04  # of the height, over which two bands pass into each other
+_EDGE = 0.03  # of the height, over which two bands pass into each other
+_GLOW = 0.12  # of the height, above the horizon, that has the light of a low sun: about a row of the broad brush
 
 
 @dataclass(frozen=True)
@@ -65,34 +69,34 @@ class Weather:
 PAPER = Place("bare paper", (), (), _PAPER, _PAPER, 0.5)
 PLACES = (
     Place("the sea", ("sea", "ocean", "harbour", "coast", "wave"), ("sailing boat", "ship", "whale", "fish"),
-          (0.80, 0.89, 0.95), (0.22, 0.46, 0.66), 0.58, is_water=True),
+          (0.80, 0.89, 0.95), (0.22, 0.46, 0.66), 0.70, is_water=True),
     Place("a lake", ("lake", "pond", "river", "water"), ("swan", "duck", "frog", "lily pad", "boat"),
-          (0.82, 0.90, 0.94), (0.36, 0.58, 0.68), 0.50, 0.08, is_water=True),
+          (0.82, 0.90, 0.94), (0.36, 0.58, 0.68), 0.66, 0.08, is_water=True),
     Place("a beach", ("beach", "sand", "shore"), ("palm tree", "crab", "starfish"),
-          (0.66, 0.84, 0.93), (0.90, 0.80, 0.58), 0.62),
+          (0.66, 0.84, 0.93), (0.90, 0.80, 0.58), 0.72),
     Place("a meadow", ("meadow", "grass", "field", "garden", "park"),
-          ("flower", "animal", "butterfly", "insect", "tractor", "cow", "bicycle"),
-          (0.80, 0.90, 0.96), (0.46, 0.64, 0.32), 0.62),
+          ("flower", "tree", "animal", "butterfly", "insect", "tractor", "cow", "bicycle"),
+          (0.80, 0.90, 0.96), (0.46, 0.64, 0.32), 0.72),
     Place("hills", ("hill", "valley", "landscape", "village", "horizon"),
-          ("house", "castle", "windmill", "tower", "barn"), (0.80, 0.88, 0.95), (0.50, 0.62, 0.36), 0.70, 0.14),
+          ("house", "castle", "windmill", "tower", "barn"), (0.80, 0.88, 0.95), (0.50, 0.62, 0.36), 0.74, 0.14),
     Place("mountains", ("mountain range", "cliff", "alps"), ("mountain", "eagle", "volcano"),
-          (0.80, 0.87, 0.94), (0.44, 0.50, 0.52), 0.64, 0.28),
+          (0.80, 0.87, 0.94), (0.44, 0.50, 0.52), 0.72, 0.28),
     Place("a forest", ("forest", "jungle", "woods", "wilderness"), ("tree", "bear", "deer", "owl", "mushroom", "fox"),
-          (0.60, 0.74, 0.58), (0.27, 0.40, 0.22), 0.60, 0.30),
+          (0.60, 0.74, 0.58), (0.27, 0.40, 0.22), 0.72, 0.30),
     Place("a desert", ("desert", "dune", "savannah"), ("cactus", "camel", "giraffe"),
-          (0.90, 0.88, 0.80), (0.86, 0.68, 0.42), 0.66, 0.07),
+          (0.90, 0.88, 0.80), (0.86, 0.68, 0.42), 0.72, 0.07),
     Place("snow", ("snow", "ice", "winter landscape", "iceberg"), ("snowman", "penguin", "polar bear"),
-          (0.70, 0.80, 0.90), (0.94, 0.96, 0.98), 0.60, 0.06),
+          (0.70, 0.80, 0.90), (0.94, 0.96, 0.98), 0.72, 0.06),
     Place("a street", ("street", "road", "city", "town", "square", "market"),
-          ("house", "car", "bus", "train", "traffic light"), (0.84, 0.88, 0.92), (0.56, 0.55, 0.54), 0.68),
+          ("house", "car", "bus", "train", "traffic light"), (0.84, 0.88, 0.92), (0.56, 0.55, 0.54), 0.74),
     Place("the sky", ("sky", "clouds"), ("cloud", "airplane", "hot air balloon", "kite", "flying bird", "rocket"),
-          (0.55, 0.76, 0.92), (0.78, 0.88, 0.95), 0.74),
+          (0.55, 0.76, 0.92), (0.78, 0.88, 0.95), 0.86),
     Place("a table", ("table top", "kitchen", "tablecloth", "still life"),
           ("fruit", "food", "cup", "dish", "vase", "cake"),
-          (0.93, 0.89, 0.80), (0.66, 0.46, 0.30), 0.62, is_open=False),
+          (0.93, 0.89, 0.80), (0.66, 0.46, 0.30), 0.70, is_open=False),
     Place("a room", ("room", "indoors", "floor", "wall", "stage"),
           ("furniture", "musical instrument", "clothes", "tool", "chair", "computer"),
-          (0.92, 0.88, 0.80), (0.60, 0.44, 0.32), 0.70, is_open=False),
+          (0.92, 0.88, 0.80), (0.60, 0.44, 0.32), 0.74, is_open=False),
 )  # fmt: skip
 HILLS = PLACES[4]
 DAY = Light("day", (), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
@@ -102,7 +106,7 @@ LIGHTS = (
     Light("sunset", ("sunset", "dusk", "evening", "twilight"), (0.42, 0.36, 0.58), (0.99, 0.60, 0.28),
           (0.78, 0.60, 0.58)),
     Light("night", ("night", "midnight", "moonlight", "dark night", "starry night"), (0.05, 0.08, 0.22),
-          (0.27, 0.35, 0.56), (0.30, 0.35, 0.52), 14),
+          (0.27, 0.35, 0.56), (0.30, 0.35, 0.52), 10),
     Light("a grey day", ("gloomy", "sad", "lonely", "loneliness", "melancholy", "grief", "stormy", "grey weather",
           "cloudy day"), (0.52, 0.56, 0.62), (0.76, 0.78, 0.80), (0.72, 0.75, 0.80)),
     Light("warm light", ("joy", "happiness", "love", "cheerful", "summer"), (0.55, 0.80, 0.97),
@@ -112,8 +116,8 @@ LIGHTS = (
 GREY = LIGHTS[3]
 CLEAR = Weather("clear", (), _PAPER)
 WEATHERS = (
-    Weather("rain", ("rain", "rainy", "downpour", "storm"), (0.86, 0.90, 0.95), rain=46),
-    Weather("snow", ("snowfall", "snowing", "snowy", "blizzard"), (1.0, 1.0, 1.0), flakes=46),
+    Weather("rain", ("rain", "rainy", "downpour", "storm"), (0.86, 0.90, 0.95), rain=16),
+    Weather("snow", ("snowfall", "snowing", "snowy", "blizzard"), (1.0, 1.0, 1.0), flakes=18),
     Weather("fog", ("fog", "mist", "misty", "haze"), (0.90, 0.91, 0.92), fog=0.6),
 )
 _Part = TypeVar("_Part", Place, Light, Weather)
@@ -142,53 +146,32 @@ class Setting:
         """The picture [3, H, W] of the grid, without what falls."""
         rows, columns = grid.rows, grid.columns
         place, shade = self.place, torch.tensor(self.light.shade)
-        above = torch.tensor(place.above)
-        high, low = (
-            (above, above) if self.light == DAY else (torch.tensor(self.light.top), torch.tensor(self.light.low))
-        )
-        if self.light == DAY and place.is_open:
-            low = torch.lerp(above, torch.ones(3), 0.5)
-        if not place.is_open and self.light != DAY:
-            high = low = torch.tensor(place.above) * shade
-        height = ((torch.arange(rows) + 0.5) / rows)[:, None]
-        up = (height / place.horizon).clamp(0, 1)[None]
-        sky = torch.lerp(high[:, None, None], low[:, None, None], up).expand(3, rows, columns)
+        high = low = torch.tensor(place.above)
+        if self.light != DAY:
+            high, low = torch.tensor(self.light.top), torch.tensor(self.light.low)
+            if not place.is_open:
+                high = low = torch.tensor(place.above) * shade
+        picture = high[:, None, None].expand(3, rows, columns)
+        glow = _below(rows, place.horizon - _GLOW)[None]
+        picture = torch.lerp(picture, low[:, None, None].expand_as(picture), glow.expand_as(picture))
         land = torch.tensor(place.below) * shade
         if place.is_water:  # water mirrors the sky
             land = torch.lerp(land, low, 0.25)
-        deep = ((height - place.horizon) / (1 - place.horizon)).clamp(0, 1)[None]
-        near = torch.lerp(land[:, None, None], (0.82 * land)[:, None, None], deep)
-        picture = sky.clone()
         if place.relief:
             far = torch.lerp(land, low, 0.35)[:, None, None]
             picture = torch.lerp(picture, far.expand_as(picture), self._hills(rows, columns, seed))
-        return torch.lerp(picture, near.expand_as(picture), _below(rows, place.horizon)[None]).clamp(0, 1)
+        near = land[:, None, None].expand_as(picture)
+        return torch.lerp(picture, near, _below(rows, place.horizon)[None].expand_as(picture)).clamp(0, 1)
 
-    def fallen(self, picture: Tensor, seed: int) -> Tensor:
-        """The picture [3, H, W] with stars, rain, flakes or fog over it."""
-        generator = torch.Generator().manual_seed(seed)
-        _, rows, _columns = picture.shape
-        if self.weather.fog:
-            height = ((torch.arange(rows) + 0.5) / rows)[None, :, None]
-            thick = self.weather.fog * (1 - ((height - self.place.horizon).abs() / 0.45)).clamp(0, 1)
-            picture = torch.lerp(
-                picture, torch.tensor(self.weather.color)[:, None, None].expand_as(picture), thick.expand_as(picture)
-            )
+    def in_fog(self, picture: Tensor) -> Tensor:
+        """The picture [3, H, W] with fog before it, where there is some."""
+        if not self.weather.fog:
+            return picture
+        rows = picture.shape[1]
+        height = ((torch.arange(rows) + 0.5) / rows)[None, :, None]
+        thick = self.weather.fog * (1 - ((height - self.place.horizon).abs() / 0.45)).clamp(0, 1)
         color = torch.tensor(self.weather.color)[:, None, None]
-        if self.weather.rain:
-            picture = _slashed(picture, color, self.weather.rain, generator)
-        if self.weather.flakes:
-            spots = torch.rand(self.weather.flakes, 2, generator=generator) * torch.tensor([1.0, 1.0])
-            picture = _dotted(picture, color, spots, 0.012)
-        return picture
-
-    def starred(self, ground: Tensor, seed: int) -> Tensor:
-        """The ground with its stars, above the horizon."""
-        if not self.light.stars or not self.place.is_open:
-            return ground
-        generator = torch.Generator().manual_seed(seed)
-        spots = torch.rand(self.light.stars, 2, generator=generator) * torch.tensor([0.8 * self.place.horizon, 1.0])
-        return _dotted(ground, torch.tensor([1.0, 0.96, 0.78])[:, None, None], spots, 0.009)
+        return torch.lerp(picture, color.expand_as(picture), thick.expand_as(picture))
 
     def _hills(self, rows: int, columns: int, seed: int) -> Tensor:
         """Where hills rise over the horizon, [1, H, W]."""
@@ -283,29 +266,3 @@ def _nearest(name: str, parts: tuple[_Part, ...], sentences: SentenceEncoder) ->
     similarity = meanings[1:] @ meanings[0]
     best = int(similarity.argmax())
     return owners[best], float(similarity[best])
-
-
-def _dotted(picture: Tensor, color: Tensor, spots: Tensor, radius: float) -> Tensor:
-    """Round dots at shares [n, 2] of the height and width, of a radius as a share of the height."""
-    _, rows, columns = picture.shape
-    down, across = torch.meshgrid(torch.arange(rows) + 0.5, torch.arange(columns) + 0.5, indexing="ij")
-    over = torch.zeros(rows, columns)
-    for row, column in (spots * torch.tensor([float(rows), float(columns)])).tolist():
-        far = ((down - row).square() + (across - column).square()).sqrt()
-        over = torch.maximum(over, (radius * rows - far + 0.5).clamp(0, 1))
-    return torch.lerp(picture, color.expand_as(picture), over.expand_as(picture))
-
-
-def _slashed(picture: Tensor, color: Tensor, count: int, generator: torch.Generator) -> Tensor:
-    """Slanting strokes of rain."""
-    _, rows, columns = picture.shape
-    down, across = torch.meshgrid(torch.arange(rows) + 0.5, torch.arange(columns) + 0.5, indexing="ij")
-    over = torch.zeros(rows, columns)
-    slope, length, width = 0.28, 0.11 * rows, 0.006 * rows
-    for row, column in (
-        torch.rand(count, 2, generator=generator) * torch.tensor([float(rows), float(columns)])
-    ).tolist():
-        off = (across - column + slope * (down - row)).abs()
-        inside = ((down - row).abs() <= length / 2).float()
-        over = torch.maximum(over, (width - off + 0.5).clamp(0, 1) * inside)
-    return torch.lerp(picture, color.expand_as(picture), 0.75 * over.expand_as(picture))
