@@ -97,7 +97,13 @@ def test_a_sketch_is_filled_with_the_colours_of_what_the_words_say(encoders: Qui
     assert float(begun.image[:, 2, 2].min()) > 0.9, "the ground"
     assert encoders.remarks[0].startswith("Coloured like 'strawberry'")
     styled = Goal((TextTerm("a strawberry"), SketchTerm(frame), StyleTerm(picture())))
-    assert initial_composition(styled, GRID, encoders, 0) is styled, "a style has colours of its own"
+    shown = initial_composition(styled, GRID, encoders, 0)
+    (filled,) = shown.initial
+    assert shown.terms[:-1] == styled.terms and isinstance(filled, ImageTerm) and filled.importance is not None
+    seen = {round(float(value), 2) for value in filled.image[0].flatten().unique()}
+    assert len(seen) > 1 and max(seen) <= round(float(picture()[0].max()), 2), "a style has colours of its own"
+    inside = float(filled.importance[GRID.rows // 2, GRID.columns // 2])
+    assert inside == pytest.approx(4 * float(filled.importance[2, 2])), "its ground matters less"
 
 
 def test_words_to_begin_with_have_a_picture_first(encoders: QuickEncoders) -> None:

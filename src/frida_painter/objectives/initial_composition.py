@@ -16,6 +16,7 @@ from frida_painter.objectives.scenes.scene import scene_of, thing_of
 from frida_painter.objectives.style_scene import composited_into_style
 
 _KEPT = 60.0  # weight of the composition beside the words' own: networks give things colours that they do not have
+_KEPT_SCENE = 600.0  # the same of several things, or of a place: networks know things, and take a scene for one of them
 _AMONG = 3.0  # the same where a style or a sketch has a say too
 _STAGED = 20.0  # the same of a style picture's, which words would soon take apart
 _MATTERS = 8.0  # times as much as its surroundings, where a thing is in a style picture
@@ -26,7 +27,7 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     """The goal with a picture to begin with, where words are all there is to begin with.
 
     It stays in the goal, beside the words, so that the composition is kept while they shape it.
-    A sketch that has neither photograph nor style is filled with that picture's colours. Where a style
+    A sketch without a photograph is filled with that picture's colours, or with those of a style. Where a style
     picture is begun with, what the words name is laid into it. A goal without words, and one with another
     picture of its own to begin with, stays as it is.
     """
@@ -46,15 +47,15 @@ def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, 
     drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
     if not words or any(term.picture is not None for term in goal.terms):
         return goal
-    if drawing is not None and any(term.colors is not None for term in goal.terms):
-        return goal
-    kept = weight * (_KEPT if all(term.words is not None for term in goal.terms) else _AMONG)
+    style = next((term.colors for term in goal.terms if term.colors is not None), None)
     if drawing is None:
-        begun = _term(scene_of(words, grid, encoders, seed), kept)
+        scene = scene_of(words, grid, encoders, seed)
+        kept = _KEPT if scene.is_alone else _KEPT_SCENE
+        begun = _term(scene, weight * (kept if all(term.words is not None for term in goal.terms) else _AMONG))
     else:
         drawing = images.fit(drawing, grid.rows, grid.columns)
-        picture = colored(drawing, scene_of(words, grid, encoders, seed, "coloured like").picture)
-        begun = ImageTerm(picture, kept)
+        like = scene_of(words, grid, encoders, seed, "coloured like").picture if style is None else style
+        begun = _filled(drawing, like, weight * _AMONG)
     return Goal((*goal.terms, begun), (replace(begun, weight=1.0),))
 
 
@@ -62,6 +63,13 @@ def _term(scene: ComposedScene, weight: float = 1.0) -> ImageTerm:
     """A scene to come near to: its things matter more than their ground."""
     matters = 1 + (_SUBJECT - 1) * scene.where
     return ImageTerm(scene.picture, weight, matters / matters.mean())
+
+
+def _filled(drawing: Tensor, like: Tensor, weight: float) -> ImageTerm:
+    """A drawing [3, H, W] in the colours of a picture, to come near to: lines, and what they enclose, matter more."""
+    picture = colored(drawing, like)
+    matters = 1 + (_SUBJECT - 1) * (picture != picture[:, :1, :1]).any(0).to(picture)
+    return ImageTerm(picture, weight, matters / matters.mean())
 
 
 @torch.no_grad()

@@ -74,13 +74,13 @@ class Controls:
 def wanted_ground(spec: RunSpec) -> str:
     """The ground asked for, or the usual one: white, but one that the planner chooses where a simulated operator tones.
 
-    Those that are not settled before there is a planner are AUTO, usual for pictures, and OF_SCENE, for words alone.
+    Not settled before there is a planner are AUTO, usual for pictures, and OF_SCENE, for words without a picture.
     """
     if spec.ground is not None:
         return spec.ground
     if not spec.simulated or spec.studio_canvas is not None or spec.on_canvas:
         return "white"
-    if spec.is_words:
+    if spec.is_composed:
         return OF_SCENE
     pictured = not spec.initial and any(item.kind == "image" for item in spec.goal)
     return AUTO if pictured and spec.strokes >= FEWEST_FOR_LAYERS else "white"

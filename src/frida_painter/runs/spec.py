@@ -34,7 +34,7 @@ USUAL_BRUSHES = "broad:30%,medium:35%,fine:35%"
 FEWER_BRUSHES = "broad:50%,medium:50%"
 """The same of a picture with less than 200 strokes, or where drying twice would take a third of the minutes."""
 _FEWEST_FOR_ALL = 200  # strokes
-WORDS_BRUSHES = "broad:35%,fine:65%"
+WORDS_BRUSHES = "broad:50%,fine:50%"
 """The same of words alone: a thing is recognised by its outline and its small parts."""
 _MOST_BYTES = 2**20
 
@@ -125,7 +125,7 @@ class RunSpec(BaseModel):
             "metavar": "NAME,...|auto",
             "names": ["--brushes", "--brush"],
             "default": "in the studio, for a picture, broad:30%,medium:35%,fine:35% from 200 strokes on and "
-            "broad:50%,medium:50% from 100 on; for words alone, from 100 on, broad:35%,fine:65%; otherwise broad",
+            "broad:50%,medium:50% from 100 on; for words alone, from 100 on, broad:50%,fine:50%; otherwise broad",
         },
     )
     new_paints: bool | None = Field(
@@ -340,6 +340,12 @@ class RunSpec(BaseModel):
     def is_words(self) -> bool:
         """Whether words alone say what to paint."""
         return bool(self.goal) and not self.initial and all(item.kind == "text" for item in self.goal)
+
+    @property
+    def is_composed(self) -> bool:
+        """Whether words say what to paint, alone or with a sketch or a style: it begins with things on a ground."""
+        kinds = {item.kind for item in self.goal}
+        return "text" in kinds and not self.initial and kinds <= {"text", "sketch", "style"}
 
     @property
     def brush_names(self) -> tuple[str, ...]:
