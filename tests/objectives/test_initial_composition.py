@@ -12,6 +12,7 @@ from frida_painter.objectives.kinds.sketch import SketchTerm
 from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.objectives.scenes.reading import Reading, Relation, Thing
+from frida_painter.objectives.scenes.scene import scene_of
 from frida_painter.objectives.scenes.settings import PAPER, Place
 from networks import NoEncoderRegistry, QuickEncoders, index_of
 from scenes import CANVAS, picture
@@ -181,3 +182,19 @@ def test_beside_a_style_or_a_sketch_the_scene_leaves_them_a_say(encoders: QuickE
     goals = [(words,), (words, TextTerm("a pear")), (words, StyleTerm(picture())), (words, SketchTerm(drawing))]
     weights = [initial_composition(Goal(terms), GRID, encoders, 0).terms[-1].weight for terms in goals]
     assert weights[0] == weights[1] > 10 * weights[2] and weights[2] == weights[3] == 6
+
+
+def test_the_scene_of_a_place_counts_more_than_that_of_a_thing(encoders: QuickEncoders) -> None:
+    alone = initial_composition(Goal((TextTerm("a strawberry"),)), GRID, encoders, 0).terms[-1].weight
+    reading = Reading((Thing("meadow", "meadow"),))
+    encoders.prompts = lambda: SimpleNamespace(read=lambda prompt: reading)  # type: ignore[method-assign]
+    place = initial_composition(Goal((TextTerm("a meadow"),)), GRID, encoders, 0).terms[-1].weight
+    assert place == 10 * alone
+
+
+def test_under_a_sky_there_is_land_and_that_sky(encoders: QuickEncoders) -> None:
+    reading = Reading((Thing("strawberry", "strawberry"), Thing("night sky", "sky")), (Relation(0, "under", 1),))
+    encoders.prompts = lambda: SimpleNamespace(read=lambda prompt: reading)  # type: ignore[method-assign]
+    scene = scene_of("a strawberry under the night sky", GRID, encoders, 0)
+    assert "No picture" not in " ".join(encoders.remarks) and not scene.is_alone
+    assert float((scene.picture[:, 2] - scene.picture[:, -2]).abs().amax(0).mean()) > 0.05, "sky and land"

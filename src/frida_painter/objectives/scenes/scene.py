@@ -20,6 +20,7 @@ from frida_painter.objectives.scenes.settings import (
     GREY,
     HILLS,
     PAPER,
+    SKY,
     Setting,
     implied_place,
     in_color,
@@ -33,7 +34,8 @@ from frida_painter.objectives.text import Text
 _WHOLE = 0.80  # similarity of a caption to two things and what is between them, from which it shows both
 _PART = 0.75  # the same for what a thing has
 _HELD = 0.72  # the same for "a bowl of cherries"
-_BY_THINGS = ("under", "beneath", "underneath", "below", "beside", "next to", "behind", "in front of", "with")
+_UNDER = ("under", "beneath", "underneath", "below")
+_BY_THINGS = (*_UNDER, "beside", "next to", "behind", "in front of", "with")
 _CARRIED = ("on", "on top of", "upon", "riding", "in", "inside", "from")  # a duck on a tractor is not on a lake
 _SUPPORTS = ("on", "on top of", "upon")
 _ROUNDING = 1e-3
@@ -165,7 +167,9 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
     """The setting that words name, and the numbers of the things that are no more than part of it."""
     sentences, setting, settled = encoders.sentences(), Setting(), set[int]()
     for number, thing in enumerate(reading.things):
-        if any(one.object == number and one.word in _BY_THINGS for one in reading.relations):
+        beside = {one.word for one in reading.relations if one.object == number and one.word in _BY_THINGS}
+        under_sky = bool(beside) and beside <= set(_UNDER) and named_place(thing.noun, sentences) is SKY
+        if beside and not under_sky:
             continue
         subject_only = len(reading.things) == 1
         # What has a picture of its own is a thing: a tree is no forest.
@@ -179,7 +183,10 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
         weather = named_weather(thing.noun, sentences, least)
         if light is None and weather is None and place is None and thing.name != thing.noun:
             place = named_place(thing.name, sentences, max(least, _SURE))
-        if place is not None:
+        if under_sky:  # it is over any place: its light and weather are told by the words before it
+            setting = replace(setting, is_named=True)
+            settled.add(number)
+        elif place is not None:
             paint = paint_of(thing.color)
             setting = replace(setting, place=place if paint is None else in_color(place, paint), is_named=True)
             settled.add(number)

@@ -98,7 +98,7 @@ PLACES = (
           ("furniture", "musical instrument", "clothes", "tool", "chair", "computer"),
           (0.92, 0.88, 0.80), (0.60, 0.44, 0.32), 0.74, is_open=False),
 )  # fmt: skip
-HILLS = PLACES[4]
+HILLS, SKY = PLACES[4], PLACES[10]
 DAY = Light("day", (), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 LIGHTS = (
     Light("dawn", ("dawn", "sunrise", "early morning", "morning"), (0.62, 0.70, 0.86), (0.99, 0.82, 0.68),
