@@ -110,3 +110,23 @@ def test_a_picture_of_several_shows_a_plural_or_a_pair_once(tmp_path: Path) -> N
         Thing("fox", "fox", count=2, plural="foxes"), "foxes", nowhere
     )
     assert single is not None and not single.several
+
+
+def test_among_others_no_other_thing_of_a_similar_name_is_taken(tmp_path: Path) -> None:
+    index = PictureIndex([Library("drawings", {"1": (("fox glove",), 0.4, RED)})], WordBag(), tmp_path)
+    assert index.find(Thing("fox", "fox"), "a fox", nowhere) is not None, "alone, it is better than nothing"
+    assert index.find(Thing("fox", "fox"), "a fox on a log", nowhere, cut_out=True) is None
+
+
+def test_a_picture_of_one_thing_does_not_stand_for_two(tmp_path: Path) -> None:
+    library = Library("drawings", {"1": (("bus",), 0.4, RED), "2": (("fox with bus",), 0.4, BLUE)})
+    whole = Thing("fox with bus", "fox with bus")
+    both = PictureIndex([library], WordBag(), tmp_path).find(
+        whole, "a fox with a bus", nowhere, least=0.5, shows=("fox", "bus")
+    )
+    assert both is not None and both.caption == "fox with bus"
+    alone = Library("drawings", {"1": (("bus",), 0.4, RED)})
+    assert (
+        PictureIndex([alone], WordBag(), tmp_path).find(whole, "a fox with a bus", nowhere, least=0.3, shows=("bus",))
+        is None
+    )
