@@ -61,7 +61,7 @@ def test_rows_are_as_far_apart_at_any_resolution_and_nearer_for_smaller_marks(
     for rows, count in turns.items():
         canvas = torch.empty(3, rows, 1)
         on = Scene(canvas, PAPER, BezierStroke.typical(kind), judge, objective_on_rows=judge.on_rows)
-        assert len(interlaced(on)) == count
+        assert len(interlaced([on])) == count
 
 
 def test_a_small_canvas_is_looked_at_by_32_rows_at_least() -> None:
@@ -70,12 +70,12 @@ def test_a_small_canvas_is_looked_at_by_32_rows_at_least() -> None:
         torch.empty(3, 256, 1), CanvasSize(0.03, 0.03), BezierStroke.typical(BROAD), judge,
         objective_on_rows=judge.on_rows,
     )  # fmt: skip
-    assert len(interlaced(on)) == 8
+    assert len(interlaced([on])) == 8
 
 
 def test_what_is_judged_as_a_whole_is_looked_at_as_a_whole() -> None:
     on = replace(by_rows(), objective_on_rows=None)
-    assert interlaced(on) == (on,)
+    assert interlaced([on]) == [[on]]
 
 
 @pytest.mark.parametrize("guarded", [False, True], ids=["all free", "some protected"])
@@ -86,7 +86,7 @@ def test_the_turns_have_the_cost_and_the_slopes_of_the_whole_in_the_mean(guarded
         forbidden[:41, :33] = True
         on = Region(forbidden).guarded(on)
     strokes = some_strokes(15)
-    turns = interlaced(on)
+    turns = [turn for (turn,) in interlaced([on])]
     assert len(turns) == 4
     each = [cost_and_slopes(strokes, turn) for turn in turns]
     for whole, *parts in zip(cost_and_slopes(strokes, on), *each, strict=True):
@@ -99,7 +99,7 @@ def test_one_turn_tells_nearly_the_slope_of_all() -> None:
     on = by_rows()
     strokes = some_strokes(30)
     whole = cost_and_slopes(strokes, on)
-    for turn in interlaced(on):
+    for (turn,) in interlaced([on]):
         for name, mine, theirs in zip(strokes.arrays(), cost_and_slopes(strokes, turn)[1:], whole[1:], strict=True):
             alike = torch.nn.functional.cosine_similarity(mine.flatten(), theirs.flatten(), 0)
             assert float(alike) > 0.99, name
@@ -109,7 +109,7 @@ def test_one_turn_tells_nearly_the_slope_of_all() -> None:
 @pytest.mark.parametrize("iterations", [0, 1, 2, 9])
 def test_what_comes_back_is_never_worse_however_wild_the_steps(pace: float, iterations: int) -> None:
     on = by_rows(240)
-    assert len(interlaced(on)) == 2
+    assert len(interlaced([on])) == 2
     for seed in range(3):
         strokes = some_strokes(12, seed)
         found, _ = optimize(strokes, on, iterations=iterations, pace=pace)
@@ -128,9 +128,10 @@ def test_plans_become_as_good_as_with_all_rows() -> None:
 def test_steps_tell_the_loss_of_what_was_looked_at() -> None:
     on, steps = by_rows(), list[Step]()
     optimize(some_strokes(8), on, iterations=7, notify=steps.append)
-    turns = interlaced(on)
+    turns = [turn for (turn,) in interlaced([on])]
     for step, seen in zip(steps, [on, *turns[1:], turns[0], *turns[1:3]], strict=True):
-        assert step.strokes is not None and judged(step.strokes, seen) == pytest.approx(step.loss, rel=1e-4)
+        ((_, shown),) = step.parts
+        assert judged(shown, seen) == pytest.approx(step.loss, rel=1e-4)
 
 
 def test_it_is_the_same_on_another_device() -> None:

@@ -80,7 +80,9 @@ def test_planning_again_inside_the_first_layer_keeps_both(plan: Plan) -> None:
     assert int(first.paint.min()) >= int(rest.by_layer()[0].paint.min()), "no lighter than what is wet"
     losses = [by.validation_loss(by.expected(one.by_layer()[0], canvas * 0.97)) for one in (again, rest)]
     assert losses[0] <= losses[1]
-    assert second.digest == rest.by_layer()[1].digest, "its turn has not come"
+    assert torch.equal(again.palette.color, rest.palette.color), "all of it is mixed"
+    for moved, old in zip((first, second), rest.by_layer(), strict=True):
+        assert not torch.equal(moved.strokes.position, old.strokes.position), "what is left of both is settled together"
     changed = by.replan(rest, canvas * 0.97, rounds=2)
     assert changed.layer_sizes == (8, 12) and changed.by_layer()[1].digest != second.digest
 
@@ -89,7 +91,7 @@ def test_where_moving_strokes_does_not_help_they_are_settled_where_they_are(plan
     def thrown_about(strokes, paints, *rest, **more):
         return strokes.with_groups(position=strokes.position.flip(0)).project(plan.layers[0].limits, CANVAS), paints
 
-    monkeypatch.setattr("frida_painter.planning.planner.relocate", thrown_about)
+    monkeypatch.setattr("frida_painter.planning.together.relocate", thrown_about)
     by, rest = planner(), plan.part(slice(10, None))
     steps = []
     canvas = by.expected(plan.part(slice(0, 10))) * 0.9

@@ -153,7 +153,8 @@ def test_steps_are_told_one_by_one() -> None:
     assert [(step.iteration, step.of) for step in steps] == [(number, 6) for number in range(1, 7)]
     assert steps[0].loss == pytest.approx(judged(strokes), rel=1e-4)
     for step in steps:
-        assert step.strokes is not None and judged(step.strokes) == pytest.approx(step.loss, rel=1e-5)
+        ((brush, shown),) = step.parts
+        assert brush == SCENE.model.brush and judged(shown) == pytest.approx(step.loss, rel=1e-5)
 
 
 def test_strokes_given_are_not_touched() -> None:

@@ -13,7 +13,7 @@ from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.palette import Palette, to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
-from frida_painter.planning.optimize import Step, optimize
+from frida_painter.planning.optimize import Step, optimize_together
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.scene import Scene
 from networks import NoEncoderRegistry, QuickEncoders
@@ -220,18 +220,18 @@ def test_without_memory_enough_it_is_planned_again_with_less_and_else_the_plan_s
     monkeypatch: pytest.MonkeyPatch, failure: Exception
 ) -> None:
     """Fault F28: no memory left while planning."""
-    by, plan = planner(effort=Effort().scaled(0.1)), planned(8)
+    by, plan = planner(effort=Effort().scaled(0.3)), planned(8)
     photograph = BARE * 0.7
     sizes: list[int] = []
 
     def starving(largest: int) -> None:
-        def optimizing(strokes, scene, **rest):  # type: ignore[no-untyped-def]
-            sizes.append(scene.canvas.shape[1])
-            if scene.canvas.shape[1] > largest:
+        def optimizing(parts, **rest):  # type: ignore[no-untyped-def]
+            sizes.append(parts[0].scene.canvas.shape[1])
+            if sizes[-1] > largest:
                 raise failure
-            return optimize(strokes, scene, **rest)
+            return optimize_together(parts, **rest)
 
-        monkeypatch.setattr("frida_painter.planning.planner.optimize", optimizing)
+        monkeypatch.setattr("frida_painter.planning.together.optimize_together", optimizing)
 
     starving(by.coarse.rows)
     again = by.replan(plan, photograph, lambda step: None)
@@ -246,6 +246,6 @@ def test_failures_of_another_kind_are_told(monkeypatch: pytest.MonkeyPatch) -> N
     def broken(*args: object, **rest: object) -> None:
         raise RuntimeError("shapes do not match")
 
-    monkeypatch.setattr("frida_painter.planning.planner.optimize", broken)
+    monkeypatch.setattr("frida_painter.planning.together.optimize_together", broken)
     with pytest.raises(RuntimeError, match="shapes"):
         planner().replan(planned(8), BARE * 0.7, lambda step: None)

@@ -182,7 +182,7 @@ def _forecast(run: PaintingRun, started: float) -> Forecast:
         replan_policy(spec),
         started,
         planning=planner.iterations(spec.strokes),
-        replanning=planner.effort.refining + planner.effort.replanning,
+        replanning=planner.effort.of_a_look,
     )
 
 

@@ -1,9 +1,13 @@
 """How much work a plan is worth."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from frida_painter.planning.binding import binding_iterations
 from frida_painter.planning.initialize import Growth
+
+_BEFORE_SETTLING = 0.6
 
 
 @dataclass(frozen=True)
@@ -12,8 +16,9 @@ class Effort:
 
     growth: on the start; refining: joint steps after each of `relocations` rounds in which weak
     strokes move; drawing: steps after each round in which colours are drawn towards the paints;
-    binding: steps once they are paints; polishing: last steps at full resolution; replanning:
-    steps after each look, and last ones of a later layer.
+    binding: steps once they are paints; rounds: in which strokes of several layers move to better
+    places, each followed by as many steps as `refining` says; polishing: last steps at full resolution;
+    replanning: the same after each look.
     """
 
     growth: Growth = field(default_factory=Growth)
@@ -21,18 +26,39 @@ class Effort:
     refining: int = 25
     drawing: int = 20
     binding: int = 40
+    rounds: int = 3
     polishing: int = 80
     replanning: int = 40
 
     def scaled(self, factor: float) -> "Effort":
         """The same effort with `factor` times as many iterations."""
         growth = Growth(self.growth.rounds, math.ceil(self.growth.settling * factor), self.growth.proposals)
-        counts = self.refining, self.drawing, self.binding, self.polishing, self.replanning
-        return Effort(growth, self.relocations, *(math.ceil(count * factor) for count in counts))
+        refining, drawing, binding, polishing, replanning = (
+            math.ceil(count * factor)
+            for count in (self.refining, self.drawing, self.binding, self.polishing, self.replanning)
+        )
+        return Effort(growth, self.relocations, refining, drawing, binding, self.rounds, polishing, replanning)
+
+    def growing_of(self, layers: int) -> "Effort":
+        """What each of so many layers is grown with: less where they are settled together afterwards."""
+        return self if layers == 1 else self.scaled(_BEFORE_SETTLING)
 
     def growing(self, strokes: int) -> int:
         """Iterations while so many strokes grow."""
         return min(self.growth.rounds, strokes) * self.growth.settling
+
+    def planning(self, sizes: Sequence[int], *, new_paints: bool) -> int:
+        """Iterations of a plan of layers of so many strokes, of which later ones have paints of their own or not."""
+        effort, several = self.growing_of(len(sizes)), len(sizes) > 1
+        mixing = binding_iterations(effort.drawing, effort.binding)
+        later = mixing if new_paints else effort.binding
+        settled = self.rounds * self.refining * several + self.polishing
+        return sum(map(effort.free_iterations, sizes)) + mixing + later * (len(sizes) - 1) + settled
+
+    @property
+    def of_a_look(self) -> int:
+        """Iterations in which the rest is planned again, where nothing else is said."""
+        return self.refining + self.replanning
 
     def free_iterations(self, strokes: int) -> int:
         """Iterations until so many strokes are where they are to be, in colours of their own."""

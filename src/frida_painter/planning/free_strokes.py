@@ -8,14 +8,9 @@ from torch import Tensor
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import descended, progressive
 from frida_painter.planning.optimize import Step, optimize
-from frida_painter.planning.refine import relocate
+from frida_painter.planning.refine import MOVED, PROPOSALS, relocate
 from frida_painter.planning.scene import Scene
 from frida_painter.strokes import Strokes
-
-MOVED = 0.15
-"""Share of the strokes that may move at a time."""
-PROPOSALS = 24
-"""Weighed for each stroke that moves."""
 
 
 def free_strokes(

@@ -1,17 +1,17 @@
 """Gradient descent on the plan (paper, Algorithm 1, `optimize`), under the limits it will be painted with."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
 from frida_painter.errors import PlanningDiverged
-from frida_painter.plan import Plan
 from frida_painter.planning.adam import Adam
 from frida_painter.planning.interlace import interlaced
 from frida_painter.planning.scene import Scene
+from frida_painter.planning.stack import stacked_cost
 from frida_painter.planning.variables import Paints, Variables
 from frida_painter.strokes import Strokes
 
@@ -26,23 +26,33 @@ _READ_TOGETHER = 8  # iterations of a GPU, which would stand still at each readi
 class Step:
     """One iteration that was made: its number, of how many, the loss before it, and the strokes as they stood then.
 
-    The loss is that of the rows that the iteration looked at. The strokes are in painting order, for whoever wants to
-    watch the plan grow. brush: which paints them; below: the plans that are on the canvas by then.
+    The loss is that of the rows that the iteration looked at. laid: what is on the canvas by then, each brush and its
+    strokes in painting order, for whoever wants to watch the plan grow.
     """
 
     iteration: int
     of: int
     loss: float
-    strokes: Strokes | None = None
-    brush: str = ""
-    below: tuple[Plan, ...] = ()
+    laid: tuple[tuple[str, Strokes], ...] = ()
 
     @property
     def parts(self) -> tuple[tuple[str, Strokes], ...]:
-        """All strokes as they stand, on the CPU and in painting order: the brush, and what it paints."""
-        if self.strokes is None:
-            return ()
-        return (*((plan.layers[0].brush, plan.strokes) for plan in self.below), (self.brush, self.strokes.to("cpu")))
+        """All strokes as they stand, on the CPU."""
+        return tuple((brush, strokes.to("cpu")) for brush, strokes in self.laid)
+
+
+@dataclass(frozen=True)
+class Part:
+    """Strokes of one brush, in painting order, that are optimised in a scene.
+
+    With `paints` every colour is one of the palette's, throughout; `vary_colors` says whether the palette (or, without
+    one, each stroke's colour) may change.
+    """
+
+    strokes: Strokes
+    scene: Scene
+    paints: Paints | None = None
+    vary_colors: bool = True
 
 
 def optimize(
@@ -56,49 +66,76 @@ def optimize(
     pace: float = 1.0,
     notify: Callable[[Step], None] = lambda step: None,
 ) -> tuple[Strokes, Paints | None]:
-    """The strokes (in painting order) and paints that do better on the scene's objective.
+    """The strokes (in painting order) and paints that do better on the scene's objective, as `optimize_together`."""
+    (found,) = optimize_together(
+        [Part(strokes, scene, paints, vary_colors)],
+        iterations=iterations,
+        light_to_dark=light_to_dark,
+        pace=pace,
+        notify=notify,
+    )
+    return found.strokes, found.paints
 
-    With `paints` every colour is one of the palette's, throughout; `vary_colors` says whether the
-    palette (or, without one, each stroke's colour) may change. `pace` scales the steps. Iterations look
-    at some rows of the canvas in turn where that is enough (interlace.py), and at all of them at the
-    beginning and at the end. The best strokes of which all rows were looked at are returned, never worse
-    than those given: by the objective or, where the scene has one, by its validation objective, asked
-    every ten iterations. A step that is not finite is discarded, and steps are halved from then on; the
-    third raises PlanningDiverged, and so does a loss that was never finite. On a GPU `notify` hears of
-    several steps at once, and so late a step is discarded.
+
+def optimize_together(
+    parts: Sequence[Part],
+    *,
+    iterations: int,
+    light_to_dark: bool = True,
+    pace: float = 1.0,
+    notify: Callable[[Step], None] = lambda step: None,
+) -> list[Part]:
+    """The parts, each laid over the one before, that together do better on the objective of the first one's scene.
+
+    `pace` scales the steps. Iterations look at some rows of the canvas in turn where that is enough
+    (interlace.py), and at all of them at the beginning and at the end. The best strokes of which all rows
+    were looked at are returned, never worse than those given: by the objective or, where the scene has one,
+    by its validation objective, asked every ten iterations. A step that is not finite is discarded, and steps
+    are halved from then on; the third raises PlanningDiverged, and so does a loss that was never finite. On a
+    GPU `notify` hears of several steps at once, and so late a step is discarded.
     """
-    if len(strokes) == 0:
-        return strokes, paints
-    variables = Variables(strokes, paints, vary_colors=vary_colors, light_to_dark=light_to_dark)
-    adam = Adam(variables.leaves, _BETAS)
+    working = [part for part in parts if len(part.strokes)]
+    if not working:
+        return list(parts)
+    variables = [
+        Variables(part.strokes, part.paints, vary_colors=part.vary_colors, light_to_dark=light_to_dark)
+        for part in working
+    ]
+    leaves = [leaf for each in variables for leaf in each.leaves]
+    scenes = [part.scene for part in working]
+    brushes = [scene.model.brush for scene in scenes]
+    adam = Adam(leaves, _BETAS)
     best = _Best(variables)
-    readings = _Readings(1 if strokes.angle.device.type == "cpu" else _READ_TOGETHER)
-    turns = interlaced(scene)
+    readings = _Readings(1 if leaves[0].device.type == "cpu" else _READ_TOGETHER)
+    turns = interlaced(scenes)
+    validation = scenes[0].validation
     failures = 0
     for iteration in range(iterations + 1):
-        current = variables.strokes(variables.order())
-        seen = scene if iteration in (0, iterations) else turns[iteration % len(turns)]
+        current = [each.strokes(each.order()) for each in variables]
+        seen = scenes if iteration in (0, iterations) else turns[iteration % len(turns)]
         with torch.set_grad_enabled(iteration < iterations):
-            loss = seen.cost(current)
-        if scene.validation is None:
-            if seen is scene:  # losses of other rows differ by what is wanted there
+            loss = stacked_cost(current, seen)
+        if validation is None:
+            if seen is scenes:  # losses of other rows differ by what is wanted there
                 best.consider(loss, variables)
         elif iteration % _BETWEEN_VALIDATIONS == 0 or iteration == iterations:
             with torch.no_grad():
-                best.consider(scene.cost(current, scene.validation), variables)
+                best.consider(stacked_cost(current, scenes, validation), variables)
         if iteration == iterations:
             break
         adam.forget_gradients()
         torch.autograd.backward(loss)
-        readings.add(_Reading(iteration, loss.detach(), _made_sound(loss, variables.leaves), current.detach()))
+        laid = tuple((brush, strokes.detach()) for brush, strokes in zip(brushes, current, strict=True))
+        readings.add(_Reading(iteration, loss.detach(), _made_sound(loss, leaves), laid))
         adam.step(pace * 0.5**failures * _rhythm(iteration, iterations))
         with torch.no_grad():
-            variables.set_(variables.strokes().project(scene.limits, scene.size))
+            for each, scene in zip(variables, scenes, strict=True):
+                each.set_(each.strokes().project(scene.limits, scene.size))
         if not readings.full and iteration + 1 < iterations:
             continue
         heard, failed, least = readings.read(best.loss)
         for step in heard:
-            notify(Step(step.iteration + 1, iterations, step.value, step.strokes))
+            notify(Step(step.iteration + 1, iterations, step.value, step.laid))
         if failed is not None:
             failures += 1
             if failures == _MOST_FAILURES or not math.isfinite(least):
@@ -107,13 +144,19 @@ def optimize(
                     f"(the loss was {failed.value:g}); try another seed (--seed), or another picture."
                 )
             best.restore(variables)
-            adam = Adam(variables.leaves, _BETAS)
+            adam = Adam(leaves, _BETAS)
     best.restore(variables)
+    done = iter(zip(working, variables, strict=True))
+    return [_in_order(*next(done)) if len(part.strokes) else part for part in parts]
+
+
+def _in_order(part: Part, variables: Variables) -> Part:
+    """The part with what was found, in painting order."""
     order = variables.order()
     found = variables.paints()
     if found is not None:
         found = replace(found, paint=found.paint[order])
-    return variables.strokes().detach()[order], found
+    return replace(part, strokes=variables.strokes().detach()[order], paints=found)
 
 
 def _rhythm(iteration: int, iterations: int) -> float:
@@ -144,7 +187,7 @@ class _Reading:
     iteration: int
     loss: Tensor
     sound: Tensor
-    strokes: Strokes
+    laid: tuple[tuple[str, Strokes], ...]
     value: float = math.nan
 
 
@@ -180,20 +223,23 @@ class _Readings:
 class _Best:
     """The best variables seen, kept on their device to be returned whatever happens later."""
 
-    def __init__(self, variables: Variables) -> None:
-        self.loss = variables.shape.new_full((), math.inf)
-        self._shape, self._color = variables.shape.detach().clone(), variables.color.detach().clone()
+    def __init__(self, variables: Sequence[Variables]) -> None:
+        self.loss = variables[0].shape.new_full((), math.inf)
+        self._kept = [(each.shape.detach().clone(), each.color.detach().clone()) for each in variables]
 
-    def consider(self, loss: Tensor, variables: Variables) -> None:
+    def consider(self, loss: Tensor, variables: Sequence[Variables]) -> None:
         """Keeps the variables where the loss is less than any before."""
         loss = loss.detach().to(self.loss)
         better = loss < self.loss
         self.loss = torch.where(better, loss, self.loss)
-        self._shape = torch.where(better, variables.shape.detach(), self._shape)
-        self._color = torch.where(better, variables.color.detach(), self._color)
+        self._kept = [
+            (torch.where(better, each.shape.detach(), shape), torch.where(better, each.color.detach(), color))
+            for each, (shape, color) in zip(variables, self._kept, strict=True)
+        ]
 
-    def restore(self, variables: Variables) -> None:
+    def restore(self, variables: Sequence[Variables]) -> None:
         """Sets the variables to the best."""
         with torch.no_grad():
-            variables.shape.copy_(self._shape)
-            variables.color.copy_(self._color)
+            for each, (shape, color) in zip(variables, self._kept, strict=True):
+                each.shape.copy_(shape)
+                each.color.copy_(color)

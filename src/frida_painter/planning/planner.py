@@ -1,6 +1,8 @@
 """The planner: a goal and a canvas become a plan, and what is left of a plan is planned again from a photograph."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import torch
@@ -13,25 +15,24 @@ from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.interpretation import interpreted, prepare
-from frida_painter.palette import Palette
+from frida_painter.palette import MOST_COLORS, Palette
 from frida_painter.plan import WHITE, Plan
-from frida_painter.planning.binding import binding_iterations, bound
-from frida_painter.planning.distinct_paints import HARDLY_APART, without_twins
+from frida_painter.planning.binding import bound
 from frida_painter.planning.effort import Effort as Effort
 from frida_painter.planning.forecast import SimilarityForecast, forecast
-from frida_painter.planning.free_strokes import MOVED, PROPOSALS, free_strokes
+from frida_painter.planning.free_strokes import free_strokes
 from frida_painter.planning.layers import layer_sizes, stroke_models, usual_layers, usual_shares
 from frida_painter.planning.memory import is_lack_of_memory
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement, locate
-from frida_painter.planning.refine import relocate
+from frida_painter.planning.refine import stacked_worth
 from frida_painter.planning.region import Region
 from frida_painter.planning.scene import is_bare, on_device
 from frida_painter.planning.scenes import Scenes
-from frida_painter.planning.stack import stacked_loss, stacked_worth
-from frida_painter.planning.step_count import StepCount, at_the_end, part_of, unheard
-from frida_painter.planning.variables import Paints, as_palette
-from frida_painter.strokes import Strokes
+from frida_painter.planning.stack import stacked_cost, stacked_loss
+from frida_painter.planning.step_count import StepCount, at_the_end, unheard
+from frida_painter.planning.together import LayerAtWork, mixed_later, settled_together
+from frida_painter.planning.variables import Paints
 
 _POLISHING_PACE = 0.5
 
@@ -126,83 +127,104 @@ class Planner:
 
         There are fewer paints where more would hardly be told apart. A photograph of a bare canvas is planned on as
         bare: its noise would make another plan. notify: hears of every step. Raises ConfigError where not a stroke or
-        not a paint was asked for, and PlanningDiverged where no plan is found.
+        not a paint was asked for, or more paints than a plan has, and PlanningDiverged where no plan is found.
         """
         if not (strokes >= 1 and colors >= 1):
             raise ConfigError(f"{strokes} strokes in {colors} paints were asked for; give at least 1 of each.")
         if canvas is None or is_bare(images.fit(canvas, self.coarse.rows, self.coarse.columns), self.ground):
             canvas = self.bare
+        sizes = self.layer_sizes(strokes)
+        palettes = len(sizes) if self.new_paints else 1
+        if palettes * colors > MOST_COLORS:
+            raise ConfigError(
+                f"{colors} paints for each of {palettes} layers were asked for; a plan has at most {MOST_COLORS}: give "
+                f"--colors {MOST_COLORS // palettes} or fewer, or --no-new-paints."
+            )
         generator = torch.Generator().manual_seed(self.seed)
         steps = StepCount(notify or unheard, self.iterations(strokes))
-        plan: Plan | None = None
-        parts: list[Plan] = []
-        for count, brush in zip(self.layer_sizes(strokes), self.layer_brushes(strokes), strict=True):
-            if plan is None:
-                plan = part = self._layer(
-                    count, brush, canvas, min(colors, count), self.effort.polishing, generator, steps
-                )
-            else:
-                paints = min(colors, count) if self.new_paints else plan.wells(plan.layers[0])
-                below, last = self.expected(plan, canvas), self.effort.replanning
-                part = self._layer(count, brush, below, paints, last, generator, steps, tuple(parts))
-                plan = plan.under(part)
-            parts.append(part)
-        assert plan is not None
-        return plan
+        effort = self.effort.growing_of(len(sizes))
+        layers: list[LayerAtWork] = []
+        below = canvas
+        for count, brush in zip(sizes, self.layer_brushes(strokes), strict=True):
+            wells = layers[0].paints if layers and not self.new_paints else min(colors, count)
+            layers.append(self._grown(count, brush, below, wells, effort, generator, steps, layers))
+            below = self._laid(layers[-1], below)
+        if len(layers) > 1 and not self.new_paints:
+            layers = [replace(layer, mixes=False) for layer in layers]
+        rounds = self.effort.rounds if len(layers) > 1 else 0
+        first, *later = self._settled(
+            layers, canvas, steps.begin, rounds, self.effort.polishing, pace=_POLISHING_PACE, generator=generator
+        )
+        for part in later:
+            first = first.under(part)
+        return first
 
-    def _layer(
+    def _grown(
         self,
         count: int,
         brush: str,
         canvas: Tensor,
-        wells: Palette | int,
-        polishing: int,
+        wells: Paints | int,
+        effort: Effort,
         generator: torch.Generator,
         steps: StepCount,
-        below: Sequence[Plan] = (),
-    ) -> Plan:
-        """A layer of `count` strokes, light to dark, for a canvas picture [3, H, W].
+        below: Sequence[LayerAtWork],
+    ) -> LayerAtWork:
+        """A layer of `count` strokes, grown for a canvas picture [3, H, W] as if it were the last one.
 
-        wells: the paints that are there, or how many are to be mixed for it; polishing: last steps at full resolution.
+        wells: the paints that are there, or how many are to be mixed for it.
         """
-        effort, mixes = self.effort, isinstance(wells, int)
+        beneath = [(layer.brush, layer.strokes) for layer in below]
 
         def begin(iterations: int) -> Callable[[Step], None]:
-            return steps.begin(iterations, brush, below)
+            return steps.begin(iterations, beneath)
 
         scene = self.scenes.initial(canvas, self.coarse, brush)
         found = free_strokes(count, scene, self.scenes.guide(scene), effort, generator, begin)
-        paints: Paints | None
+        wanted = self.scenes.of(canvas, self.coarse, brush)
         if isinstance(wells, int):
             times = {"drawing": effort.drawing, "binding": effort.binding}
-            found, paints = bound(
-                found, self.scenes.of(canvas, self.coarse, brush), wells, **times, seed=self.seed, begin=begin
-            )
-        else:
-            paint = wells.nearest(found.color.cpu())
-            order = torch.argsort(paint, stable=True)
-            found, paint = found[order.to(self.device)], paint[order]
-            found, paints = optimize(
-                found,
-                self.scenes.of(canvas, self.coarse, brush),
-                iterations=effort.binding,
-                paints=Paints(wells.color.to(self.device), paint.to(self.device)),
-                vary_colors=False,
-                notify=begin(effort.binding),
-            )
+            found, mixed = bound(found, wanted, wells, **times, seed=self.seed, begin=begin)
+            return LayerAtWork(brush, found, mixed, mixes=True).with_paints_in_order()
+        paint = Palette(wells.color).nearest(found.color)
+        order = torch.argsort(paint, stable=True)
         found, paints = optimize(
-            found,
-            self.scenes.of(canvas, self.fine, brush),
-            iterations=polishing,
-            paints=paints,
-            vary_colors=mixes,
-            pace=_POLISHING_PACE if mixes else 1.0,
-            notify=begin(polishing),
+            found[order],
+            wanted,
+            iterations=effort.binding,
+            paints=Paints(wells.color, paint[order]),
+            vary_colors=False,
+            notify=begin(effort.binding),
         )
         assert paints is not None
-        if isinstance(wells, Palette):
-            return self._as_plan(found, wells, paints.paint, brush)
-        return self._as_plan(*as_palette(found, without_twins(paints, HARDLY_APART)), brush)
+        return LayerAtWork(brush, found, paints, mixes=False)
+
+    def _settled(
+        self,
+        layers: Sequence[LayerAtWork],
+        canvas: Tensor,
+        begin: Callable[[int], Callable[[Step], None]],
+        rounds: int,
+        polishing: int,
+        *,
+        pace: float = 1.0,
+        generator: torch.Generator | None = None,
+        sparing: bool = False,
+    ) -> list[Plan]:
+        """Plans of the layers, which were settled together on a canvas picture [3, H, W]."""
+        # Elsewhere than with pictures and what they mean, the guide is only what the plan began with.
+        guided = self.goal.initial_terms is self.goal.terms or self.goal.initial_terms[0].importance is not None
+        found = settled_together(
+            layers,
+            canvas,
+            self.scenes,
+            (self.coarse, rounds, self.effort.refining),
+            (self.coarse if sparing else self.fine, polishing),
+            begin,
+            pace=pace,
+            generator=generator if guided else None,
+        )
+        return [self._as_plan(layer) for layer in found]
 
     def without_weakest(self, plan: Plan, canvas: Tensor, count: int) -> Plan:
         """The plan without the `count` strokes that would be missed least on a picture [3, H, W] of the canvas."""
@@ -229,19 +251,11 @@ class Planner:
         below = canvas
         for part in parts:
             if torch.equal(part.palette.color, wells.color):
-                brush = part.layers[0].brush
                 paint = palette.nearest(part.strokes.color).to(self.device)
-                found, chosen = optimize(
-                    part.strokes.to(self.device),
-                    self.scenes.of(below, self.fine, brush),
-                    iterations=self.effort.polishing,
-                    paints=Paints(palette.color.to(self.device), paint),
-                    vary_colors=False,
-                    pace=_POLISHING_PACE,
-                    notify=steps.begin(self.effort.polishing, brush, done),
-                )
-                assert chosen is not None
-                part = self._as_plan(found, palette, chosen.paint, brush)
+                paints = Paints(palette.color.to(self.device), paint)
+                layer = LayerAtWork(part.layers[0].brush, part.strokes.to(self.device), paints, mixes=False)
+                begin = partial(steps.begin, below=[(plan.layers[0].brush, plan.strokes) for plan in done])
+                (part,) = self._settled([layer], below, begin, 0, self.effort.polishing, pace=_POLISHING_PACE)
             done.append(part)
             below = self.expected(part, below)
         return plan.with_parts(done)
@@ -255,11 +269,10 @@ class Planner:
         *,
         fresh: bool = False,
     ) -> Plan:
-        """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their brushes and paints stay.
+        """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their brushes stay.
 
-        Later layers than that of the next stroke stay as they are until their turn comes, unless the goal has changed.
-        fresh: whether a layer begins now, of which nothing was painted: its strokes are grown anew, and so are its
-        paints where it has new ones.
+        So do the paints of the layer of the next stroke, unless it begins and gets new ones; those of later layers are
+        not mixed yet, and may change. fresh: whether a layer begins now, of which nothing was painted.
         The work is in proportion to the number of strokes that are left, and to `rounds`, of which more
         than one are worth it where the goal has changed; where there is not memory enough for it, it is
         tried once more at half the resolution, without moving strokes far. Where nothing better is found, it is
@@ -269,19 +282,15 @@ class Planner:
         rest = self._clear(rest)
         if len(rest) == 0:
             return rest
-        hear, end = notify or unheard, rest.layer_end(0) if rounds == 1 else len(rest)
-        now, later = rest.part(slice(end)), rest.part(slice(end, None))
+        hear = notify or unheard
         for sparing in (False, True):
             try:
-                cost = self.expected_loss(now, canvas, priced=True)
-                for moving in (True, False):
-                    again = now
-                    for number in range(rounds):
-                        told = part_of(hear, number, rounds) if moving else at_the_end(hear)
-                        starts = fresh and number == 0
-                        again = self._again(again, canvas, told, moving=moving, sparing=sparing, fresh=starts)
-                    if self.expected_loss(again, canvas, priced=True) < cost:
-                        return again.followed_by(later)
+                cost = self.cost(rest, canvas)
+                for moving in (False,) if sparing else (True, False):
+                    told = hear if moving else at_the_end(hear)
+                    again = self._again(rest, canvas, told, rounds, moving=moving, sparing=sparing, fresh=fresh)
+                    if self.cost(again, canvas) < cost:
+                        return again
                 return rest
             except PlanningDiverged:
                 return rest
@@ -291,69 +300,38 @@ class Planner:
         return rest
 
     def _again(
-        self, rest: Plan, canvas: Tensor, notify: Callable[[Step], None], *, moving: bool, sparing: bool, fresh: bool
-    ) -> Plan:
-        """All layers of the rest, each on the picture of what will lie below it."""
-        generator = torch.Generator().manual_seed(self.seed + len(rest))
-        settling = self.effort.refining + self.effort.replanning
-        parts = rest.filled_layers()
-        anew = fresh and moving and not sparing
-        mixes = anew and self._mixes(rest)
-        begun = self._layer_iterations(len(parts[0]), mixes=mixes) if anew else settling
-        steps = StepCount(notify, begun + settling * (len(parts) - 1))
-        # Never back to a lighter paint inside a layer: it would pick up the dark paint that is still wet.
-        lightest = 0 if fresh else int(parts[0].paint.min())
-        done: list[Plan] = []
-        below = canvas
-        for number, part in enumerate(parts):
-            if anew and number == 0:
-                wells = len(part.palette) if mixes else part.palette
-                part = self._layer(
-                    len(part), part.layers[0].brush, below, wells, self.effort.replanning, generator, steps
-                )
-            else:
-                notice = steps.begin(settling, part.layers[0].brush, done)
-                first = lightest if number == 0 else 0
-                part = self._settled(part, below, first, generator, notice, moving=moving, sparing=sparing)
-            below = self.expected(part, below)
-            done.append(part)
-        return rest.with_parts(done)
-
-    def _mixes(self, rest: Plan) -> bool:
-        """Whether new paints are mixed for the layer of the next stroke."""
-        number = int(rest.layer[0])
-        return self.new_paints and number > 0 and rest.layers[number].paints != rest.layers[number - 1].paints
-
-    def _settled(
         self,
-        layer: Plan,
+        rest: Plan,
         canvas: Tensor,
-        first: int,
-        generator: torch.Generator,
         notify: Callable[[Step], None],
+        rounds: int,
         *,
         moving: bool,
         sparing: bool,
+        fresh: bool,
     ) -> Plan:
-        """One layer planned again, in paints from number `first` on."""
-        brush = layer.layers[0].brush
-        coarse, fine = (self.scenes.of(canvas, grid, brush) for grid in (self.coarse, self.fine))
-        steps = StepCount(notify, self.effort.refining + self.effort.replanning)
-        paints: Paints | None = Paints(layer.palette.color.to(self.device), layer.paint.to(self.device), first)
-        found = layer.strokes.to(self.device)
-        # Elsewhere than with pictures and what they mean, the guide is only what the plan began with.
-        guided = self.goal.initial_terms is self.goal.terms or coarse.importance is not None
-        guide = self.scenes.guide(coarse) if guided and moving and not sparing else None
-        if guide is not None:
-            found, paints = relocate(
-                found, paints, coarse, guide, share=MOVED, proposals=PROPOSALS, generator=generator
+        """All layers of the rest, settled once more."""
+        parts = rest.filled_layers()
+        # Never back to a lighter paint inside a layer: it would pick up the dark paint that is still wet.
+        lightest = 0 if fresh else int(parts[0].paint.min())
+        mixed = mixed_later(rest, self.new_paints, fresh=fresh)
+        layers = [
+            LayerAtWork(
+                part.layers[0].brush,
+                part.strokes.to(self.device),
+                Paints(part.palette.color.to(self.device), part.paint.to(self.device), 0 if number else lightest),
+                mixes,
             )
-        last = coarse if sparing else fine
-        for scene, iterations in ((coarse, self.effort.refining), (last, self.effort.replanning)):
-            told = steps.begin(iterations, brush)
-            found, paints = optimize(found, scene, iterations=iterations, paints=paints, vary_colors=False, notify=told)
-        assert paints is not None
-        return self._as_plan(found, layer.palette, paints.paint, brush)
+            for number, (part, mixes) in enumerate(zip(parts, mixed, strict=True))
+        ]
+        if fresh:
+            rounds = max(rounds, self.effort.rounds)
+        generator = torch.Generator().manual_seed(self.seed + len(rest)) if moving else None
+        steps = StepCount(notify, rounds * self.effort.refining + self.effort.replanning)
+        last = self.effort.replanning
+        return rest.with_parts(
+            self._settled(layers, canvas, steps.begin, rounds, last, generator=generator, sparing=sparing)
+        )
 
     def towards(self, goal: Goal) -> "Planner":
         """A planner for another goal, everything else being the same."""
@@ -393,10 +371,18 @@ class Planner:
                 picture = self.scenes.of(picture, self.fine, brush).render(strokes.to(self.device))
         return images.fit(picture, self.fine.rows, self.fine.columns).cpu()
 
-    def expected_loss(self, plan: Plan, canvas: Tensor, *, priced: bool = False) -> float:
-        """The distance to the goal that paintings of the plan on a canvas [3, H, W] have on average, or their cost."""
+    def expected_loss(self, plan: Plan, canvas: Tensor) -> float:
+        """The distance to the goal that paintings of the plan on a canvas [3, H, W] have on average."""
+        return self._judged(stacked_loss, plan, canvas)
+
+    def cost(self, plan: Plan, canvas: Tensor) -> float:
+        """That, and what the paint costs."""
+        return self._judged(stacked_cost, plan, canvas)
+
+    def _judged(self, by: Callable[..., Tensor], plan: Plan, canvas: Tensor) -> float:
+        strokes, scenes = self.scenes.stack(plan, canvas, self.fine)
         with torch.no_grad():
-            return float(stacked_loss(*self.scenes.stack(plan, canvas, self.fine), priced=priced))
+            return float(by(strokes, scenes, scenes[0].validation))
 
     def forecast(
         self, plan: Plan, canvas: Tensor, placement: Placement | None = None, unseen: int = 0
@@ -411,11 +397,18 @@ class Planner:
             seen = images.fit(picture.to(self.device), self.fine.rows, self.fine.columns)
             return float((objective.validation or objective)(seen))
 
-    def _as_plan(self, strokes: Strokes, palette: Palette, paint: Tensor, brush: str) -> Plan:
-        limits = self.models[brush].limits.within(self.size)
-        strokes, palette = strokes.project(limits, self.size).to("cpu"), Palette(palette.color.cpu())
-        facts: dict[str, Any] = {"canvas": self.size, "brush": brush, "limits": limits, "ground": self.ground}
-        return self._clear(Plan.of(strokes, palette, paint.cpu(), **facts))
+    def _as_plan(self, layer: LayerAtWork) -> Plan:
+        if layer.mixes:
+            layer = layer.with_paints_in_order()
+        limits = self.models[layer.brush].limits.within(self.size)
+        strokes = layer.strokes.project(limits, self.size).to("cpu")
+        facts: dict[str, Any] = {"canvas": self.size, "brush": layer.brush, "limits": limits, "ground": self.ground}
+        return self._clear(Plan.of(strokes, Palette(layer.paints.color.cpu()), layer.paints.paint.cpu(), **facts))
+
+    def _laid(self, layer: LayerAtWork, canvas: Tensor) -> Tensor:
+        """The canvas [3, H, W] as it would look after the layer."""
+        with torch.no_grad():
+            return self.scenes.of(canvas, self.fine, layer.brush).render(layer.strokes).cpu()
 
     def _clear(self, plan: Plan) -> Plan:
         """The plan without a stroke that touches the region; each is moved out of it where it can be."""
@@ -439,12 +432,4 @@ class Planner:
 
     def iterations(self, strokes: int) -> int:
         """How many iterations a plan of so many strokes takes."""
-        first, *later = self.layer_sizes(strokes)
-        begun = self._layer_iterations(first, mixes=True) - self.effort.replanning + self.effort.polishing
-        return begun + sum(self._layer_iterations(count, mixes=self.new_paints) for count in later)
-
-    def _layer_iterations(self, strokes: int, *, mixes: bool) -> int:
-        """How many iterations a later layer of so many strokes takes, in new paints or in those that are there."""
-        effort = self.effort
-        settled = binding_iterations(effort.drawing, effort.binding) if mixes else effort.binding
-        return effort.free_iterations(strokes) + settled + effort.replanning
+        return self.effort.planning(self.layer_sizes(strokes), new_paints=self.new_paints)

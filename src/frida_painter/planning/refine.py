@@ -1,5 +1,6 @@
 """Between rounds of gradient descent: strokes that hardly matter move, and colours become paints."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -14,6 +15,10 @@ from frida_painter.planning.variables import Paints
 from frida_painter.render import composite
 from frida_painter.strokes import Strokes
 
+MOVED = 0.15
+"""Share of the strokes that may move at a time."""
+PROPOSALS = 24
+"""Weighed for each stroke that moves."""
 _PROBES = 8
 _WORTHWHILE = 1.5  # a gain is foreseen on a coarse picture, and neighbours may want the same place
 
@@ -54,6 +59,16 @@ def worth(strokes: Strokes, scene: Scene, target: Tensor | None, seed: int) -> T
     if target is None:
         return visible_area(strokes, scene)
     return loss_without(strokes, scene, target, torch.Generator().manual_seed(seed))
+
+
+def stacked_worth(strokes: Sequence[Strokes], scenes: Sequence[Scene], target: Tensor | None, seed: int) -> Tensor:
+    """How much each stroke of several parts, each laid over the one before, would be missed, [n], as `worth` has it."""
+    found, below = [], scenes[0].canvas
+    for part, scene in zip(strokes, scenes, strict=True):
+        on = replace(scene, canvas=below)
+        found.append(worth(part, on, target, seed))
+        below = on.render(part).detach()
+    return torch.cat(found)
 
 
 def visible_area(strokes: Strokes, scene: Scene) -> Tensor:

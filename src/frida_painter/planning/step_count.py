@@ -3,8 +3,8 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
+from frida_painter.strokes import Strokes
 
 
 class StepCount:
@@ -15,25 +15,20 @@ class StepCount:
         self._total = total
         self._done = 0
 
-    def begin(self, iterations: int, brush: str, below: Sequence[Plan] = ()) -> Callable[[Step], None]:
-        """Where the next `iterations` steps are to be reported: strokes of that brush on those of the plans `below`."""
+    def begin(self, iterations: int, below: Sequence[tuple[str, Strokes]] = ()) -> Callable[[Step], None]:
+        """Where the next `iterations` steps are to be reported; below: each brush and its strokes that lie below."""
         before = self._done
         self._done += iterations
 
         def tell(step: Step) -> None:
             number = before + step.iteration
-            self._notify(replace(step, iteration=number, of=self._total, brush=brush, below=tuple(below)))
+            self._notify(replace(step, iteration=number, of=self._total, laid=(*below, *step.laid)))
 
         return tell
 
 
 def unheard(step: Step) -> None:
     """Where nobody listens."""
-
-
-def part_of(notify: Callable[[Step], None], number: int, of: int) -> Callable[[Step], None]:
-    """Where the steps of the round of that number, of so many, are to be reported."""
-    return lambda step: notify(replace(step, iteration=number * step.of + step.iteration, of=of * step.of))
 
 
 def at_the_end(notify: Callable[[Step], None]) -> Callable[[Step], None]:

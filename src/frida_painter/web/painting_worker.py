@@ -49,7 +49,7 @@ def _lead(job: Job, run: PaintingRun) -> None:
     """Has the page hear of everything, and a person lead the run from there."""
     job.stop.then(run.open_easel().robot.stop)
     planner, spec = run.planner, run.spec
-    again = planner.effort.refining + planner.effort.replanning
+    again = planner.effort.of_a_look
     forecast = Forecast(spec.strokes, replan_policy(spec), time.monotonic(), planning=0, replanning=again)
     reporter = Reporter(job.feed, job.folder, planner.models, planner.size, forecast)
     pauses = PauseController(job.folder, job.feed, job.stop, lambda: run.session)

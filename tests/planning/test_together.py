@@ -1,0 +1,186 @@
+"""Layers that are settled together."""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pytest
+import torch
+
+from frida_painter.brush.spread import CoverageSpread
+from frida_painter.errors import ConfigError
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.interpretation import prepare
+from frida_painter.planning.effort import Effort
+from frida_painter.planning.initialize import best_proposals
+from frida_painter.planning.interlace import interlaced
+from frida_painter.planning.optimize import Part, Step, optimize, optimize_together
+from frida_painter.planning.planner import Planner
+from frida_painter.planning.scene import Scene
+from frida_painter.planning.stack import stacked_cost, stacked_loss
+from frida_painter.planning.together import beneath, mixed_later
+from frida_painter.planning.variables import Paints
+from frida_painter.strokes import Strokes
+from scenes import CANVAS, goal, scene, small_table, some_strokes, target
+
+
+def varying(rows: int = 48) -> Scene:
+    """A scene whose marks vary."""
+    table = copy.copy(small_table())
+    table.spread = CoverageSpread(0.5, 0.95)
+    return replace(scene(rows), model=table, paint_price=0.0003)
+
+
+def planner(layers: int = 3, **more: object) -> Planner:
+    facts = {"rows": 64, "effort": Effort().scaled(0.1), "seed": 1, "new_paints": True, **more}
+    return Planner(goal(), CANVAS, small_table(), layers=layers, **facts)
+
+
+def cost(parts: Sequence[Part]) -> float:
+    with torch.no_grad():
+        return float(stacked_cost([part.strokes for part in parts], [part.scene for part in parts]))
+
+
+def test_errors_count_below_other_layers_as_they_do_on_the_canvas() -> None:
+    on = scene()
+    above = [(some_strokes(9, 1), on), (some_strokes(7, 2), on)]
+    strokes = some_strokes(8, 3)
+    for other in (strokes, some_strokes(8, 4)):
+        seen, wanted = beneath(above, strokes, on, target(on))
+        below = on.render(other)
+        left = below
+        for laid, scene_above in above:
+            left = replace(scene_above, canvas=left).render(laid)
+        assert seen.importance is not None
+        open_ = seen.importance > 0.05**2
+        found = seen.importance * (below - wanted).square()
+        torch.testing.assert_close(found[:, open_], (left - target(on)).square()[:, open_], rtol=1e-3, atol=1e-6)
+        assert bool(open_.any()) and not bool(open_.all())
+
+
+def test_no_stroke_is_proposed_where_later_layers_cover_the_canvas() -> None:
+    on = scene()
+    cover = some_strokes(60, 5)
+    left = cover.with_groups(
+        position=cover.position * torch.tensor([0.3, 1.0]), length=torch.full((60,), 0.03), thickness=torch.ones(60)
+    )
+    seen, wanted = beneath([(left, on)], some_strokes(4), on, target(on))
+    assert seen.importance is not None
+    covered = seen.importance < 0.01
+    assert float(covered.float().mean()) > 0.1
+    found = best_proposals(
+        some_strokes(4), None, 12, seen, wanted, 24, light_to_dark=True, generator=torch.Generator().manual_seed(1)
+    )
+    rows, columns = covered.shape
+    column = (found.strokes.position[:, 0] / CANVAS.width * columns).long().clamp(0, columns - 1)
+    row = ((1 - found.strokes.position[:, 1] / CANVAS.height) * rows).long().clamp(0, rows - 1)
+    assert not bool(covered[row, column].all()) and float(covered[row, column].float().mean()) < 0.25
+
+
+def test_parts_become_better_together_than_each_alone() -> None:
+    on = varying()
+    alone, below, greedy = [], on.canvas, []
+    for number in range(2):
+        here = replace(on, canvas=below)
+        strokes, _ = optimize(some_strokes(12, number), here, iterations=40)
+        greedy.append(Part(strokes, on))
+        alone.append(strokes)
+        below = here.render(strokes).detach()
+    together = optimize_together(greedy, iterations=40)
+    assert cost(together) < 0.97 * cost(greedy)
+    for part in together:
+        part.strokes.check(on.limits, CANVAS)
+
+
+@pytest.mark.parametrize("pace", [1.0, 50.0])
+def test_what_comes_back_is_never_worse_however_wild_the_steps(pace: float) -> None:
+    on = varying()
+    for iterations in (0, 1, 9):
+        parts = [Part(some_strokes(6, 1), on), Part(some_strokes(0), on), Part(some_strokes(5, 2), on)]
+        found = optimize_together(parts, iterations=iterations, pace=pace)
+        assert [len(part.strokes) for part in found] == [6, 0, 5]
+        assert cost(found) <= cost(parts) + 1e-7
+
+
+def test_one_part_is_optimised_as_by_itself() -> None:
+    on, strokes = varying(), some_strokes(10)
+    (found,) = optimize_together([Part(strokes, on)], iterations=12)
+    alone, _ = optimize(strokes, on, iterations=12)
+    for one, other in zip(found.strokes.arrays().values(), alone.arrays().values(), strict=True):
+        assert torch.equal(one, other)
+
+
+def test_paints_that_may_not_change_do_not() -> None:
+    on, strokes = varying(), some_strokes(8)
+    paints = Paints(strokes.color[:4].clone(), torch.arange(8) % 4)
+    fixed, free = optimize_together([Part(strokes, on, paints, False), Part(strokes, on, paints)], iterations=6)
+    assert fixed.paints is not None and free.paints is not None
+    torch.testing.assert_close(fixed.paints.color, paints.color)
+    assert not torch.allclose(free.paints.color, paints.color, atol=1e-4)
+
+
+def test_steps_show_the_strokes_of_all_parts() -> None:
+    on, steps = varying(), list[Step]()
+    optimize_together([Part(some_strokes(4), on), Part(some_strokes(3, 1), on)], iterations=5, notify=steps.append)
+    assert [[len(strokes) for _, strokes in step.parts] for step in steps] == [[4, 3]] * 5
+    first = [strokes for _, strokes in steps[0].parts]
+    assert float(stacked_cost(first, [on, on])) == pytest.approx(steps[0].loss, rel=1e-5)
+
+
+def test_a_plan_of_layers_is_better_than_one_whose_layers_are_grown_one_after_the_other() -> None:
+    by = planner()
+    plan = by.plan(strokes=36, colors=4)
+    unsettled = planner(effort=replace(by.effort, rounds=0, polishing=0)).plan(strokes=36, colors=4)
+    assert plan.layer_sizes == unsettled.layer_sizes
+    assert by.cost(plan, by.bare) < 0.97 * by.cost(unsettled, by.bare)
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+def test_paints_of_later_layers_may_change_until_they_are_mixed(fresh: bool) -> None:
+    by = planner()
+    plan = by.plan(strokes=36, colors=4)
+    first, second, _ = plan.layer_sizes
+    rest = plan.part(slice(first if fresh else first + 2, None))
+    assert mixed_later(rest, True, fresh=fresh) == [fresh, True]
+    assert mixed_later(rest, False, fresh=fresh) == [False, False]
+    assert mixed_later(plan, True, fresh=True) == [False, True, True], "what is in the wells at first is mixed"
+    canvas = by.expected(plan.part(slice(0, len(plan) - len(rest)))) * 0.95
+    again = by.replan(rest, canvas, fresh=fresh)
+    begun, later = (
+        torch.equal(new.palette.color, old.palette.color)
+        for new, old in zip(again.filled_layers(), rest.filled_layers(), strict=True)
+    )
+    assert by.cost(again, canvas) < by.cost(rest, canvas)
+    assert begun is not fresh and not later
+    assert again.layer_sizes == rest.layer_sizes == (0, second - (0 if fresh else 2), plan.layer_sizes[2])
+
+
+def test_layers_that_share_their_wells_keep_them() -> None:
+    by = planner(new_paints=False)
+    plan = by.plan(strokes=36, colors=4)
+    assert len(plan.palette) <= 4 and len({layer.paints for layer in plan.layers}) == 1
+    rest = plan.part(slice(5, None))
+    again = by.replan(rest, by.expected(plan.part(slice(0, 5))) * 0.95)
+    assert torch.equal(again.palette.color, rest.palette.color)
+
+
+def test_more_paints_than_a_plan_has_are_refused_before_anything_is_planned() -> None:
+    steps: list[Step] = []
+    with pytest.raises(ConfigError, match=r"24 paints for each of 3 layers .* at most 64: give --colors 21 or fewer"):
+        planner().plan(strokes=36, colors=24, notify=steps.append)
+    assert steps == []
+
+
+def test_some_rows_in_turn_say_of_several_parts_what_all_rows_say() -> None:
+    bare = varying(240)
+    judge = prepare(goal(), PixelGrid(CANVAS, *bare.canvas.shape[1:]))
+    on = replace(bare, objective=judge, objective_on_rows=judge.on_rows)
+    parts: list[Strokes] = [some_strokes(8, 1), some_strokes(6, 2)]
+    scenes = [on, on]
+    turns = interlaced(scenes)
+    assert len(turns) == 2
+    with torch.no_grad():
+        mean = torch.stack([stacked_loss(parts, turn) for turn in turns]).mean()
+        torch.testing.assert_close(mean, stacked_loss(parts, scenes), rtol=1e-4, atol=1e-7)
+    whole = replace(on, objective_on_rows=None)
+    assert interlaced([on, whole]) == [[on, whole]], "one that needs all rows decides"
