@@ -74,7 +74,7 @@ def breakdown(strokes: Strokes, scene: Scene, whole: float, repeats: int) -> dic
 
 def parts(strokes: Strokes, scene: Scene) -> dict[str, float]:
     """Of one turn of the scene."""
-    scene = interlaced(scene)[0]
+    ((scene, *_), *_) = interlaced([scene])
     canvas = scene.rows.of(scene.canvas)
     leaves = {name: part.clone().requires_grad_() for name, part in strokes.arrays().items()}
     grid = PixelGrid(scene.size, *scene.canvas.shape[1:])

@@ -84,8 +84,10 @@ def after_another_goal(
         other = planner.towards(Goal((ImageTerm(wanted),)))
 
         def hear(step: Step, other: Planner = other, begun: float = begun, seen: list[float] = seen) -> None:
-            if not seen and step.strokes is not None:
-                other.scenes.of(canvas, other.fine, step.brush).render(step.strokes)
+            if not seen:
+                picture = canvas
+                for brush, strokes in step.parts:
+                    picture = other.scenes.of(picture, other.fine, brush).render(strokes)
                 seen.append(time.process_time() - begun)
 
         other.replan(rest, canvas, hear, rounds=3)

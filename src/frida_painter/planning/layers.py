@@ -1,8 +1,7 @@
 """Layers: later strokes go on the dry paint of earlier ones, and begin light again, as painters work.
 
-The first layer holds most strokes and is planned as if it were all. Those of later layers are a reserve, which is not
-settled before its turn comes: its strokes are proposed where the canvas, as it is seen by then, is farthest from
-what it should be, and light paint may go over dark.
+Strokes of later layers are a reserve, which is not settled before its turn comes: by then they move to where the
+canvas, as it is seen, is farthest from what it should be, and light paint may go over dark.
 """
 
 import itertools
