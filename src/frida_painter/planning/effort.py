@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from frida_painter.planning.binding import binding_iterations
 from frida_painter.planning.initialize import Growth
 
-_BEFORE_SETTLING = 0.6
+_BEFORE_SETTLING = 0.3  # of the effort; docs/planner.md compares it with more
+_WHERE_A_LAYER_BEGINS = 3
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Effort:
     refining: int = 25
     drawing: int = 20
     binding: int = 40
-    rounds: int = 3
+    rounds: int = 5
     polishing: int = 80
     replanning: int = 40
 
@@ -54,6 +55,10 @@ class Effort:
         later = mixing if new_paints else effort.binding
         settled = self.rounds * self.refining * several + self.polishing
         return sum(map(effort.free_iterations, sizes)) + mixing + later * (len(sizes) - 1) + settled
+
+    def rounds_of_a_look(self, asked: int, *, fresh: bool) -> int:
+        """Rounds in which the rest is planned again where so many are asked for; fresh: whether a layer begins."""
+        return max(asked, min(_WHERE_A_LAYER_BEGINS, self.rounds)) if fresh else asked
 
     @property
     def of_a_look(self) -> int:

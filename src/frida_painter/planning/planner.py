@@ -25,7 +25,7 @@ from frida_painter.planning.layers import layer_sizes, stroke_models, usual_laye
 from frida_painter.planning.memory import is_lack_of_memory
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement, locate
-from frida_painter.planning.refine import stacked_worth
+from frida_painter.planning.refine import MOVED, MOVED_WHERE_A_LAYER_BEGINS, stacked_worth
 from frida_painter.planning.region import Region
 from frida_painter.planning.scene import is_bare, on_device
 from frida_painter.planning.scenes import Scenes
@@ -208,6 +208,7 @@ class Planner:
         polishing: int,
         *,
         pace: float = 1.0,
+        share: float = MOVED,
         generator: torch.Generator | None = None,
         sparing: bool = False,
     ) -> list[Plan]:
@@ -222,6 +223,7 @@ class Planner:
             (self.coarse if sparing else self.fine, polishing),
             begin,
             pace=pace,
+            share=share,
             generator=generator if guided else None,
         )
         return [self._as_plan(layer) for layer in found]
@@ -324,13 +326,12 @@ class Planner:
             )
             for number, (part, mixes) in enumerate(zip(parts, mixed, strict=True))
         ]
-        if fresh:
-            rounds = max(rounds, self.effort.rounds)
+        rounds = self.effort.rounds_of_a_look(rounds, fresh=fresh)
         generator = torch.Generator().manual_seed(self.seed + len(rest)) if moving else None
         steps = StepCount(notify, rounds * self.effort.refining + self.effort.replanning)
-        last = self.effort.replanning
+        last, share = self.effort.replanning, MOVED_WHERE_A_LAYER_BEGINS if fresh else MOVED
         return rest.with_parts(
-            self._settled(layers, canvas, steps.begin, rounds, last, generator=generator, sparing=sparing)
+            self._settled(layers, canvas, steps.begin, rounds, last, share=share, generator=generator, sparing=sparing)
         )
 
     def towards(self, goal: Goal) -> "Planner":

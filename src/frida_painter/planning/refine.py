@@ -17,6 +17,8 @@ from frida_painter.strokes import Strokes
 
 MOVED = 0.15
 """Share of the strokes that may move at a time."""
+MOVED_WHERE_A_LAYER_BEGINS = 0.5
+"""The same where nothing of a layer was painted, and the canvas may be another than it was planned for."""
 PROPOSALS = 24
 """Weighed for each stroke that moves."""
 _PROBES = 8

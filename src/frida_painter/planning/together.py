@@ -70,19 +70,21 @@ def settled_together(
     begin: Callable[[int], Callable[[Step], None]],
     *,
     pace: float = 1.0,
+    share: float = MOVED,
     generator: torch.Generator | None = None,
 ) -> list[LayerAtWork]:
     """The layers, each painted over the one before on a canvas picture [3, H, W], settled for what they make together.
 
     coarse: a grid, in how many rounds strokes move to better places on it, and how many iterations follow each; fine:
-    another grid, and how many iterations end on it, at `pace`; begin: where so many iterations are to be reported.
+    another grid, and how many iterations end on it, at `pace`; begin: where so many iterations are to be reported;
+    share: of each layer's strokes that may move in a round.
     generator: of the places that are weighed; None: strokes stay about where they are.
     """
     grid, rounds, refining = coarse
     found = list(layers)
     for _ in range(rounds):
         if generator is not None:
-            found = _moved(found, canvas, scenes, grid, generator)
+            found = _moved(found, canvas, scenes, grid, share, generator)
         found = _descended(found, canvas, scenes, grid, refining, begin)
     last, polishing = fine
     return _descended(found, canvas, scenes, last, polishing, begin, pace)
@@ -108,7 +110,12 @@ def _descended(
 
 
 def _moved(
-    layers: Sequence[LayerAtWork], canvas: Tensor, scenes: Scenes, grid: PixelGrid, generator: torch.Generator
+    layers: Sequence[LayerAtWork],
+    canvas: Tensor,
+    scenes: Scenes,
+    grid: PixelGrid,
+    share: float,
+    generator: torch.Generator,
 ) -> list[LayerAtWork]:
     """The layers, of each of which some strokes moved to where they gain more, below the layers that follow."""
     found, below = list(layers), canvas
@@ -120,7 +127,7 @@ def _moved(
         above = [(later.strokes, scenes.of(canvas, grid, later.brush)) for later in found[number + 1 :]]
         seen, wanted = beneath(above, layer.strokes, scene, guide) if above else (scene, guide)
         strokes, paints = relocate(
-            layer.strokes, layer.paints, seen, wanted, share=MOVED, proposals=PROPOSALS, generator=generator
+            layer.strokes, layer.paints, seen, wanted, share=share, proposals=PROPOSALS, generator=generator
         )
         assert paints is not None
         found[number] = replace(layer, strokes=strokes, paints=paints)
