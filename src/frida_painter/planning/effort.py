@@ -2,12 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from frida_painter.planning.binding import binding_iterations
 from frida_painter.planning.initialize import Growth
 
-_BEFORE_SETTLING = 0.3  # of the effort; docs/planner.md compares it with more
 _WHERE_A_LAYER_BEGINS = 3
 
 
@@ -18,8 +17,9 @@ class Effort:
     growth: on the start; refining: joint steps after each of `relocations` rounds in which weak
     strokes move; drawing: steps after each round in which colours are drawn towards the paints;
     binding: steps once they are paints; rounds: in which strokes of several layers move to better
-    places, each followed by as many steps as `refining` says; polishing: last steps at full resolution;
-    replanning: the same after each look.
+    places, each followed by as many steps as `refining` says; before_settling: which part of the effort
+    each of them is grown with before that; polishing: last steps at full resolution; replanning: the
+    same after each look. docs/planner.md has the measurements.
     """
 
     growth: Growth = field(default_factory=Growth)
@@ -28,21 +28,24 @@ class Effort:
     drawing: int = 20
     binding: int = 40
     rounds: int = 5
+    before_settling: float = 0.3
     polishing: int = 80
     replanning: int = 40
 
     def scaled(self, factor: float) -> "Effort":
         """The same effort with `factor` times as many iterations."""
         growth = Growth(self.growth.rounds, math.ceil(self.growth.settling * factor), self.growth.proposals)
-        refining, drawing, binding, polishing, replanning = (
-            math.ceil(count * factor)
-            for count in (self.refining, self.drawing, self.binding, self.polishing, self.replanning)
-        )
-        return Effort(growth, self.relocations, refining, drawing, binding, self.rounds, polishing, replanning)
+        names = "refining", "drawing", "binding", "polishing", "replanning"
+        counts = {name: math.ceil(getattr(self, name) * factor) for name in names}
+        return replace(self, growth=growth, **counts)
+
+    def judged_by_networks(self) -> "Effort":
+        """The same for goals that networks judge: what they see is grown, and settled in fewer rounds."""
+        return replace(self, rounds=min(self.rounds, 3), before_settling=0.6)
 
     def growing_of(self, layers: int) -> "Effort":
         """What each of so many layers is grown with: less where they are settled together afterwards."""
-        return self if layers == 1 else self.scaled(_BEFORE_SETTLING)
+        return self if layers == 1 else self.scaled(self.before_settling)
 
     def growing(self, strokes: int) -> int:
         """Iterations while so many strokes grow."""

@@ -77,7 +77,8 @@ class Planner:
             raise ConfigError(f"{layers} layers and {len(models)} brushes were given; give one brush for each layer.")
         if shares is not None and len(shares) != (len(models) if len(models) > 1 else layers or 1):
             raise ConfigError(f"{len(shares)} shares of the strokes were given; give one for each layer.")
-        self.effort = effort if isinstance(effort, Effort) else Effort().scaled(effort)
+        spent = effort if isinstance(effort, Effort) else Effort().scaled(effort)
+        self.effort = spent if all(term.is_pixelwise for term in goal.terms) else spent.judged_by_networks()
         self.fine = PixelGrid.of_height(size, rows)
         self.coarse = PixelGrid.of_height(size, max(rows // 2, 32))
         self.seed = seed
