@@ -19,6 +19,7 @@ from frida_painter.planning.interlace import interlaced
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.region import Region
 from frida_painter.planning.scene import Scene, on_device
+from frida_painter.planning.stack import stacked_cost
 from frida_painter.strokes import Strokes
 from scenes import CANVAS, goal, scene, small_table, some_strokes
 
@@ -36,12 +37,12 @@ def by_rows(rows: int = 480, wanted: Goal | None = None) -> Scene:
 
 def judged(strokes: Strokes, on: Scene) -> float:
     with torch.no_grad():
-        return float(on.cost(strokes))
+        return float(stacked_cost([strokes], [on]))
 
 
 def cost_and_slopes(strokes: Strokes, on: Scene) -> list[Tensor]:
     leaves = {name: part.clone().requires_grad_() for name, part in strokes.arrays().items()}
-    cost = on.cost(Strokes(**leaves))
+    cost = stacked_cost([Strokes(**leaves)], [on])
     return [cost.detach(), *torch.autograd.grad(cost, list(leaves.values()))]
 
 

@@ -13,6 +13,7 @@ from frida_painter.errors import PlanningDiverged
 from frida_painter.palette import to_lab
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.scene import Scene
+from frida_painter.planning.stack import stacked_cost
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import GROUPS, Strokes
 from scenes import CANVAS, scene, small_table, some_strokes
@@ -65,13 +66,16 @@ def test_the_price_of_paint_is_a_share_of_the_loss_whatever_its_size() -> None:
     darker = replace(SCENE, objective=lambda picture: 0.01 * SCENE.objective(picture))
     for on in (SCENE, darker):
         with torch.no_grad():
-            once, loss = on.cost(strokes), on.expected_loss(strokes)
-            priced = replace(on, paint_price=0.2).cost(strokes)
-            twice = replace(on, paint_price=0.4).cost(strokes)
+            once, loss = stacked_cost([strokes], [on]), on.expected_loss(strokes)
+            priced = stacked_cost([strokes], [replace(on, paint_price=0.2)])
+            twice = stacked_cost([strokes], [replace(on, paint_price=0.4)])
         assert once == loss < priced
         assert float((twice - loss) / (priced - loss)) == pytest.approx(2.0, rel=1e-4)
         assert float(priced / loss) == pytest.approx(
-            float(replace(SCENE, paint_price=0.2).cost(strokes).detach() / SCENE.expected_loss(strokes).detach()),
+            float(
+                stacked_cost([strokes], [replace(SCENE, paint_price=0.2)]).detach()
+                / SCENE.expected_loss(strokes).detach()
+            ),
             rel=1e-4,
         )
 

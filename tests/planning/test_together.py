@@ -14,7 +14,7 @@ from frida_painter.objectives.interpretation import prepare
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import best_proposals
 from frida_painter.planning.interlace import interlaced
-from frida_painter.planning.optimize import Part, Step, optimize, optimize_together
+from frida_painter.planning.optimize import Step, StrokesInScene, optimize, optimize_together
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.stack import stacked_cost, stacked_loss
@@ -36,7 +36,7 @@ def planner(layers: int = 3, **more: object) -> Planner:
     return Planner(goal(), CANVAS, small_table(), layers=layers, **facts)
 
 
-def cost(parts: Sequence[Part]) -> float:
+def cost(parts: Sequence[StrokesInScene]) -> float:
     with torch.no_grad():
         return float(stacked_cost([part.strokes for part in parts], [part.scene for part in parts]))
 
@@ -83,7 +83,7 @@ def test_parts_become_better_together_than_each_alone() -> None:
     for number in range(2):
         here = replace(on, canvas=below)
         strokes, _ = optimize(some_strokes(12, number), here, iterations=40)
-        greedy.append(Part(strokes, on))
+        greedy.append(StrokesInScene(strokes, on))
         alone.append(strokes)
         below = here.render(strokes).detach()
     together = optimize_together(greedy, iterations=40)
@@ -96,7 +96,11 @@ def test_parts_become_better_together_than_each_alone() -> None:
 def test_what_comes_back_is_never_worse_however_wild_the_steps(pace: float) -> None:
     on = varying()
     for iterations in (0, 1, 9):
-        parts = [Part(some_strokes(6, 1), on), Part(some_strokes(0), on), Part(some_strokes(5, 2), on)]
+        parts = [
+            StrokesInScene(some_strokes(6, 1), on),
+            StrokesInScene(some_strokes(0), on),
+            StrokesInScene(some_strokes(5, 2), on),
+        ]
         found = optimize_together(parts, iterations=iterations, pace=pace)
         assert [len(part.strokes) for part in found] == [6, 0, 5]
         assert cost(found) <= cost(parts) + 1e-7
@@ -104,7 +108,7 @@ def test_what_comes_back_is_never_worse_however_wild_the_steps(pace: float) -> N
 
 def test_one_part_is_optimised_as_by_itself() -> None:
     on, strokes = varying(), some_strokes(10)
-    (found,) = optimize_together([Part(strokes, on)], iterations=12)
+    (found,) = optimize_together([StrokesInScene(strokes, on)], iterations=12)
     alone, _ = optimize(strokes, on, iterations=12)
     for one, other in zip(found.strokes.arrays().values(), alone.arrays().values(), strict=True):
         assert torch.equal(one, other)
@@ -113,7 +117,9 @@ def test_one_part_is_optimised_as_by_itself() -> None:
 def test_paints_that_may_not_change_do_not() -> None:
     on, strokes = varying(), some_strokes(8)
     paints = Paints(strokes.color[:4].clone(), torch.arange(8) % 4)
-    fixed, free = optimize_together([Part(strokes, on, paints, False), Part(strokes, on, paints)], iterations=6)
+    fixed, free = optimize_together(
+        [StrokesInScene(strokes, on, paints, False), StrokesInScene(strokes, on, paints)], iterations=6
+    )
     assert fixed.paints is not None and free.paints is not None
     torch.testing.assert_close(fixed.paints.color, paints.color)
     assert not torch.allclose(free.paints.color, paints.color, atol=1e-4)
@@ -121,7 +127,9 @@ def test_paints_that_may_not_change_do_not() -> None:
 
 def test_steps_show_the_strokes_of_all_parts() -> None:
     on, steps = varying(), list[Step]()
-    optimize_together([Part(some_strokes(4), on), Part(some_strokes(3, 1), on)], iterations=5, notify=steps.append)
+    optimize_together(
+        [StrokesInScene(some_strokes(4), on), StrokesInScene(some_strokes(3, 1), on)], iterations=5, notify=steps.append
+    )
     assert [[len(strokes) for _, strokes in step.parts] for step in steps] == [[4, 3]] * 5
     first = [strokes for _, strokes in steps[0].parts]
     assert float(stacked_cost(first, [on, on])) == pytest.approx(steps[0].loss, rel=1e-5)

@@ -51,12 +51,16 @@ class Effort:
         """Iterations while so many strokes grow."""
         return min(self.growth.rounds, strokes) * self.growth.settling
 
+    def rounds_of(self, layers: int) -> int:
+        """Rounds in which so many layers of a plan are settled together."""
+        return self.rounds if layers > 1 else 0
+
     def planning(self, sizes: Sequence[int], *, new_paints: bool) -> int:
         """Iterations of a plan of layers of so many strokes, of which later ones have paints of their own or not."""
-        effort, several = self.growing_of(len(sizes)), len(sizes) > 1
+        effort = self.growing_of(len(sizes))
         mixing = binding_iterations(effort.drawing, effort.binding)
         later = mixing if new_paints else effort.binding
-        settled = self.rounds * self.refining * several + self.polishing
+        settled = self.rounds_of(len(sizes)) * self.refining + self.polishing
         return sum(map(effort.free_iterations, sizes)) + mixing + later * (len(sizes) - 1) + settled
 
     def rounds_of_a_look(self, asked: int, *, fresh: bool) -> int:

@@ -42,7 +42,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Part:
+class StrokesInScene:
     """Strokes of one brush, in painting order, that are optimised in a scene.
 
     With `paints` every colour is one of the palette's, throughout; `vary_colors` says whether the palette (or, without
@@ -68,7 +68,7 @@ def optimize(
 ) -> tuple[Strokes, Paints | None]:
     """The strokes (in painting order) and paints that do better on the scene's objective, as `optimize_together`."""
     (found,) = optimize_together(
-        [Part(strokes, scene, paints, vary_colors)],
+        [StrokesInScene(strokes, scene, paints, vary_colors)],
         iterations=iterations,
         light_to_dark=light_to_dark,
         pace=pace,
@@ -78,13 +78,13 @@ def optimize(
 
 
 def optimize_together(
-    parts: Sequence[Part],
+    parts: Sequence[StrokesInScene],
     *,
     iterations: int,
     light_to_dark: bool = True,
     pace: float = 1.0,
     notify: Callable[[Step], None] = lambda step: None,
-) -> list[Part]:
+) -> list[StrokesInScene]:
     """The parts, each laid over the one before, that together do better on the objective of the first one's scene.
 
     `pace` scales the steps. Iterations look at some rows of the canvas in turn where that is enough
@@ -150,7 +150,7 @@ def optimize_together(
     return [_in_order(*next(done)) if len(part.strokes) else part for part in parts]
 
 
-def _in_order(part: Part, variables: Variables) -> Part:
+def _in_order(part: StrokesInScene, variables: Variables) -> StrokesInScene:
     """The part with what was found, in painting order."""
     order = variables.order()
     found = variables.paints()

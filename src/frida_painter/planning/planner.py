@@ -148,11 +148,12 @@ class Planner:
         below = canvas
         for count, brush in zip(sizes, self.layer_brushes(strokes), strict=True):
             wells = layers[0].paints if layers and not self.new_paints else min(colors, count)
+            if layers:
+                below = self._laid(layers[-1], below)
             layers.append(self._grown(count, brush, below, wells, effort, generator, steps, layers))
-            below = self._laid(layers[-1], below)
         if len(layers) > 1 and not self.new_paints:
             layers = [replace(layer, mixes=False) for layer in layers]
-        rounds = self.effort.rounds if len(layers) > 1 else 0
+        rounds = self.effort.rounds_of(len(layers))
         first, *later = self._settled(
             layers, canvas, steps.begin, rounds, self.effort.polishing, pace=_POLISHING_PACE, generator=generator
         )

@@ -72,14 +72,6 @@ class Scene:
             return judge(self.render(strokes))
         return judge(*self.moments(strokes))
 
-    def cost(self, strokes: Strokes, objective: Objective | None = None) -> Tensor:
-        """The expected loss, and what the paint costs: every dip takes time, and paint that is hardly seen wins little.
-
-        The price is a share of the loss, for a decibel is worth as much in a dark picture as in a light one.
-        """
-        loss = self.expected_loss(strokes, objective)
-        return loss if self.paint_price == 0 else loss * (1 + self.paint_cost(strokes))
-
     def paint_cost(self, strokes: Strokes) -> Tensor:
         """What the paint of strokes costs, as a share of the loss."""
         longest = self.model.limits.length[1]

@@ -57,7 +57,10 @@ def stacked_loss(strokes: Sequence[Strokes], scenes: Sequence[Scene], objective:
 
 
 def stacked_cost(strokes: Sequence[Strokes], scenes: Sequence[Scene], objective: Objective | None = None) -> Tensor:
-    """That, and what the paint costs, as `Scene.cost` tells it for one brush."""
+    """That, and what the paint costs: every dip takes time, and paint that is hardly seen wins little.
+
+    The price is a share of the loss, for a decibel is worth as much in a dark picture as in a light one.
+    """
     loss = stacked_loss(strokes, scenes, objective)
     if all(scene.paint_price == 0 for scene in scenes):
         return loss

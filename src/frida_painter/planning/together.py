@@ -14,7 +14,7 @@ from torch import Tensor
 from frida_painter.frames import PixelGrid
 from frida_painter.plan import Plan
 from frida_painter.planning.distinct_paints import HARDLY_APART, without_twins
-from frida_painter.planning.optimize import Part, Step, optimize_together
+from frida_painter.planning.optimize import Step, StrokesInScene, optimize_together
 from frida_painter.planning.refine import MOVED, PROPOSALS, relocate
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.scenes import Scenes
@@ -36,7 +36,7 @@ class LayerAtWork:
     paints: Paints
     mixes: bool
 
-    def after(self, found: Part) -> Self:
+    def after(self, found: StrokesInScene) -> Self:
         """The layer with what was found of it; paints that are mixed stay as they are, to the last bit."""
         assert found.paints is not None
         paints = found.paints if self.mixes else replace(found.paints, color=self.paints.color)
@@ -101,7 +101,10 @@ def _descended(
 ) -> list[LayerAtWork]:
     """The layers after some steps down the slope of what they cost together."""
     found = optimize_together(
-        [Part(layer.strokes, scenes.of(canvas, grid, layer.brush), layer.paints, layer.mixes) for layer in layers],
+        [
+            StrokesInScene(layer.strokes, scenes.of(canvas, grid, layer.brush), layer.paints, layer.mixes)
+            for layer in layers
+        ],
         iterations=iterations,
         pace=pace,
         notify=begin(iterations),
