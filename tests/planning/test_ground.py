@@ -60,3 +60,16 @@ def test_around_things_the_commonest_colour_is_the_ground() -> None:
     assert ground_around_things(by) == WHITE, "a photograph says nothing of things"
     by = Planner(Goal((ImageTerm(picture, 1.0, matters / matters.mean()),)), CANVAS, small_table(), rows=64)
     assert ground_around_things(by) == pytest.approx((0.8, 0.8, 0.8), abs=0.003)
+
+
+def test_no_ground_is_darker_than_the_darkest_paint() -> None:
+    black = torch.zeros(3, 64, 85)
+    by = planner(black)
+    assert max(proposed_ground(by, 4, 1)) == 0
+    by.darkest = (0.2, 0.1, 0.1)
+    assert proposed_ground(by, 4, 1) == pytest.approx((0.2, 0.1, 0.1), abs=0.003)
+    matters = torch.ones(64, 85)
+    matters[20:60, 20:60] = 4.0
+    by = Planner(Goal((ImageTerm(black, 1.0, matters / matters.mean()),)), CANVAS, small_table(), rows=64)
+    by.darkest = (0.2, 0.1, 0.1)
+    assert ground_around_things(by) == pytest.approx((0.2, 0.1, 0.1), abs=0.003)

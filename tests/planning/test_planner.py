@@ -50,6 +50,21 @@ def test_exactly_so_many_strokes_and_no_more_paints(strokes: int, colors: int) -
     assert sorted(set(plan.paint.tolist())) == list(range(len(plan.palette))), "every well is needed"
 
 
+def test_no_paint_is_darker_than_the_darkest_one_and_the_forecast_knows() -> None:
+    night = picture() * 0.3
+    free, bound = planner(wanted=Goal((ImageTerm(night),))), planner(wanted=Goal((ImageTerm(night),)))
+    bound.darkest = (0.2, 0.15, 0.1)
+    assert bound.towards(goal()).darkest == pytest.approx(bound.darkest)
+    plans = [by.plan(None, 24, 4) for by in (free, bound)]
+    assert float(plans[0].palette.color.amin()) < 0.05
+    darkest = torch.tensor([0.2, 0.15, 0.1])
+    assert bool((plans[1].palette.color >= darkest - 1e-6).all())
+    expected = [by.forecast(plan, by.bare) for by, plan in zip((free, bound), plans, strict=True)]
+    assert expected[0] is not None and expected[1] is not None and expected[1].expected < expected[0].expected
+    again = bound.replan(plans[0], 0.5 * bound.bare)
+    assert torch.equal(again.palette.color, plans[0].palette.color), "paints that are mixed are what they are"
+
+
 def test_what_a_camera_sees_of_a_bare_canvas_makes_the_same_plan() -> None:
     seen = BARE - 0.01 * torch.rand(BARE.shape, generator=torch.Generator().manual_seed(0))
     assert planner().plan(seen, 8, 3).digest == planner().plan(None, 8, 3).digest

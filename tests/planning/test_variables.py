@@ -108,3 +108,14 @@ def test_a_palette_that_left_srgb_is_brought_back() -> None:
     paints = Paints(torch.tensor([[1.02, 0.5, -0.01]]), torch.zeros(2, dtype=torch.long))
     assert as_palette(some_strokes(2), paints)[1].color[0].tolist() == pytest.approx([1.0, 0.5, 0.0])
     assert isinstance(as_palette(some_strokes(2), paints)[1], Palette)
+
+
+@given(st.integers(1, 20), st.integers(1, 5), st.integers(0, 2**31))
+def test_colours_that_may_change_become_those_of_paint_and_mixed_ones_stay(count: int, colors: int, seed: int) -> None:
+    strokes, paints = some_strokes(count, seed, F64), random_paints(count, colors, seed)
+    for given_paints, may_change in ((None, True), (paints, True), (paints, False)):
+        variables = Variables(strokes, given_paints, vary_colors=may_change, light_to_dark=True)
+        before = variables.strokes()
+        variables.set_(strokes, lambda color: color.clamp(min=0.25))
+        wanted = before.color.clamp(min=0.25) if may_change else before.color
+        assert torch.allclose(variables.strokes().color, wanted, rtol=0, atol=1e-12)

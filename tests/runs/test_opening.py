@@ -1,10 +1,13 @@
 import itertools
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from frida_painter.runs.opening import replan_policy, wanted_ground
+from frida_painter.runs.opening import darkest_paint, replan_policy, wanted_ground
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.replan_policy import EvenlySpaced, EveryNth, looks_on_the_way
+from frida_painter.virtual.paint import BANDS, absorption_and_scattering, film_over, to_srgb
 
 
 @pytest.mark.parametrize(
@@ -50,3 +53,17 @@ def test_pictures_are_painted_on_a_toned_ground_where_nobody_has_to_tone_it(
     ground: str, values: dict[str, object]
 ) -> None:
     assert wanted_ground(RunSpec.of(**{"goal": [{"image": "boat.png"}], **values})) == ground
+
+
+def test_the_studio_knows_its_darkest_paint_and_others_are_told() -> None:
+    assert darkest_paint(RunSpec.of(robot="human")) is None
+    assert darkest_paint(RunSpec.of(robot="human", darkest="#332211")) == (51 / 255, 34 / 255, 17 / 255)
+    assert darkest_paint(RunSpec.of(darkest="#000000")) == (0, 0, 0)
+    of_studio = darkest_paint(RunSpec.of())
+    black = film(absorption_and_scattering(np.zeros(3)))
+    assert of_studio == pytest.approx(tuple(to_srgb(black)), abs=0.002)
+
+
+def film(paint: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What a film of paint, a millimetre thick, reflects over white, three bands."""
+    return np.array([film_over(paint[band], paint[BANDS + band], 1.0, 1.0) for band in range(BANDS)])

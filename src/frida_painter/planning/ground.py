@@ -40,7 +40,7 @@ def proposed_ground(
         trial.ground, trial.effort = ground, planner.effort.scaled(_TRYING)
         return trial.expected_loss(trial.plan(None, strokes, colors, notify), trial.bare)
 
-    losses = {ground: expected_loss(ground) for ground in possible_grounds(picture)}
+    losses = {ground: expected_loss(ground) for ground in possible_grounds(_in_paint(picture, planner))}
     best = min(losses, key=lambda ground: losses[ground])
     return best if losses[best] < _CLEARLY * losses[WHITE] else WHITE
 
@@ -61,6 +61,11 @@ def possible_grounds(picture: Tensor) -> list[tuple[float, float, float]]:
     return found
 
 
+def _in_paint(picture: Tensor, planner: Planner) -> Tensor:
+    """The picture, sRGB [3, H, W], in colours that are no darker than the darkest paint."""
+    return picture if planner.darkest is None else torch.maximum(picture, torch.tensor(planner.darkest)[:, None, None])
+
+
 def ground_around_things(planner: Planner) -> tuple[float, float, float]:
     """The colour that is commonest around the things of the picture that a goal begins with, sRGB in 256 steps.
 
@@ -70,7 +75,7 @@ def ground_around_things(planner: Planner) -> tuple[float, float, float]:
     term = next((term for term in planner.goal.initial_terms if term.guide is not None), None)
     if term is None or term.guide is None or term.importance is None:
         return WHITE
-    color = images.fit(term.guide, _ROWS, _ROWS).flatten(1).T  # [pixels, 3]
+    color = images.fit(_in_paint(term.guide, planner), _ROWS, _ROWS).flatten(1).T  # [pixels, 3]
     matters = images.fit(term.importance[None], _ROWS, _ROWS).flatten()
     around = color[matters <= matters.median().clamp(max=1)]
     lab = to_lab(around)

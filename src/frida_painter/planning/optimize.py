@@ -130,7 +130,7 @@ def optimize_together(
         adam.step(pace * 0.5**failures * _rhythm(iteration, iterations))
         with torch.no_grad():
             for each, scene in zip(variables, scenes, strict=True):
-                each.set_(each.strokes().project(scene.limits, scene.size))
+                each.set_(each.strokes().project(scene.limits, scene.size), scene.in_paint)
         if not readings.full and iteration + 1 < iterations:
             continue
         heard, failed, least = readings.read(best.loss)

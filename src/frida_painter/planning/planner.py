@@ -113,6 +113,16 @@ class Planner:
         self.scenes.region = region
 
     @property
+    def darkest(self) -> tuple[float, float, float] | None:
+        """sRGB of the darkest paint that there is: from the next plan on, none is planned darker. None: black."""
+        floor = self.scenes.darkest
+        return None if floor is None else (float(floor[0]), float(floor[1]), float(floor[2]))
+
+    @darkest.setter
+    def darkest(self, color: tuple[float, float, float] | None) -> None:
+        self.scenes.darkest = None if color is None else torch.tensor(color, device=self.device)
+
+    @property
     def bare(self) -> Tensor:
         """A canvas without a stroke on its ground, [3, H, W] of the fine grid."""
         return torch.tensor(self.ground)[:, None, None].repeat(1, self.fine.rows, self.fine.columns)
@@ -351,7 +361,7 @@ class Planner:
             shares=self.shares,
             new_paints=self.new_paints,
         )
-        planner.region, planner.ground = self.region, self.ground
+        planner.region, planner.ground, planner.darkest = self.region, self.ground, self.darkest
         return planner
 
     def locate(self, painted: Plan, known: Placement, before: Tensor, seen: Tensor) -> Placement:

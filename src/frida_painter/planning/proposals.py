@@ -107,7 +107,7 @@ def weigh(
     alpha = alpha[:, None]  # [m, 1, cells]
     matters = torch.ones_like(alpha) if scene.importance is None else _sample(scene.importance[None], place)
     share = alpha * matters
-    color = ((share * wanted).sum(2) / share.sum(2).clamp(min=1e-6)).clamp(0, 1)
+    color = scene.in_paint((share * wanted).sum(2) / share.sum(2).clamp(min=1e-6))
     paint = None
     if paints is not None:
         paint = paints.first + torch.cdist(to_lab(color), to_lab(paints.color[paints.first :])).argmin(1)

@@ -33,7 +33,7 @@ class Scene:
     they are placed, as objectives/brushwork.py tells it; None: any way. paint_price: by which share the
     loss would have to fall for as much more paint as the brush's largest mark takes. objective_on_rows: the
     objective for pictures that have some rows only; None where it judges whole pictures. rows: which rows of the
-    canvas are rendered and judged.
+    canvas are rendered and judged. darkest [3]: sRGB of the darkest paint that there is; None: black.
     """
 
     canvas: Tensor
@@ -46,11 +46,16 @@ class Scene:
     paint_price: float = 0.0
     objective_on_rows: Callable[[Rows], Objective] | None = None
     rows: Rows = ALL_ROWS
+    darkest: Tensor | None = None
 
     @property
     def limits(self) -> StrokeLimits:
         """What the brush can do on this canvas."""
         return self.model.limits.within(self.size)
+
+    def in_paint(self, color: Tensor) -> Tensor:
+        """sRGB [..., 3] as near as paint comes to it: in [0, 1], and no band darker than in the darkest paint."""
+        return color.clamp(0, 1) if self.darkest is None else torch.maximum(color.clamp(max=1), self.darkest)
 
     def render(self, strokes: Strokes) -> Tensor:
         """The picture [3, H, W] that the strokes, in their order, would make of the canvas."""

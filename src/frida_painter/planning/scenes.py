@@ -25,7 +25,8 @@ class Scenes:
     """Makes scenes.
 
     models: by the names of the brushes; objectives: of the goal, by grid; initial_objective: what strokes are grown
-    towards, where that is another; both are on `device`, as the scenes are; region: what strokes keep clear of.
+    towards, where that is another; both are on `device`, as the scenes are; region: what strokes keep clear of;
+    darkest [3]: sRGB of the darkest paint, None for black.
     """
 
     size: CanvasSize
@@ -35,6 +36,7 @@ class Scenes:
     initial_objective: WeightedObjective | None
     device: torch.device
     region: Region | None = None
+    darkest: Tensor | None = None
 
     def of(self, canvas: Tensor, grid: PixelGrid, brush: str, objective: WeightedObjective | None = None) -> Scene:
         """A canvas picture [3, H, W], on a grid, with a brush. Raises PlanError where there is no model of that."""
@@ -46,7 +48,7 @@ class Scenes:
         matters, way = self._importance(grid), flow_of(self.goal, grid)
         price = PAINT_PRICE if all(term.is_pixelwise for term in self.goal.terms) else 0.0
         judge, some = objective.validation, objective.on_rows
-        scene = Scene(picture, self.size, model, objective, judge, matters, way, price, some)
+        scene = Scene(picture, self.size, model, objective, judge, matters, way, price, some, darkest=self.darkest)
         return scene if self.region is None else self.region.guarded(scene)
 
     def initial(self, canvas: Tensor, grid: PixelGrid, brush: str) -> Scene:

@@ -7,6 +7,7 @@ index computed from their lightness; the variables themselves never change place
 optimiser's memory stays with its stroke.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import torch
@@ -80,14 +81,16 @@ class Variables:
         """The palette's colours and each stroke's paint, as they stand."""
         return None if self._paints is None else replace(self._paints, color=self.color.detach() * _COLOR_UNIT)
 
-    def set_(self, strokes: Strokes) -> None:
-        """Takes over the strokes' shapes (and, where colours are free, their colours)."""
+    def set_(self, strokes: Strokes, in_paint: Callable[[Tensor], Tensor]) -> None:
+        """Takes over the strokes' shapes (and, where they have no paints, their colours).
+
+        Colours that may change become those that paint can have; in_paint: which, of sRGB [..., 3].
+        """
         with torch.no_grad():
             self.shape.copy_(self._shape_of(strokes))
-            if self.paint is None:
-                self.color.copy_(strokes.color / _COLOR_UNIT)
-            else:
-                self.color.clamp_(0, 1 / _COLOR_UNIT)
+            if self.color.requires_grad:
+                color = strokes.color if self.paint is None else self.color * _COLOR_UNIT
+                self.color.copy_(in_paint(color) / _COLOR_UNIT)
 
     def _shape_of(self, strokes: Strokes) -> Tensor:
         strokes = strokes.detach()

@@ -1,4 +1,4 @@
-"""Fields of a painting's description as a person writes them: a canvas, a file, a placement error, a replan policy."""
+"""Fields of a painting's description as a person writes them: a canvas, a colour, a file, a replan policy."""
 
 import math
 import re
@@ -17,6 +17,7 @@ AUTO = "auto"
 OF_SCENE = "scene"
 """A ground that nobody names: the colour around the things of a scene."""
 _FURTHEST, _MOST_TURNED = 0.05, 15.0
+_LIGHTEST_DARK = 0.4  # of sRGB, that a band of the darkest paint may have
 
 
 def millimetres_and_degrees(text: str | None) -> tuple[float, float, float] | None:
@@ -75,9 +76,12 @@ def ground_color(ground: str) -> tuple[float, float, float] | None:
     """The colour of "white" or "#c8a878", sRGB in [0, 1]; None for one that the planner chooses."""
     if ground in (AUTO, OF_SCENE):
         return None
-    red, green, blue = (
-        (int(ground[at : at + 2], 16) / 255 for at in (1, 3, 5)) if ground != "white" else (1.0, 1.0, 1.0)
-    )
+    return (1.0, 1.0, 1.0) if ground == "white" else rgb(ground)
+
+
+def rgb(color: str) -> tuple[float, float, float]:
+    """ "#c8a878" as sRGB in [0, 1]."""
+    red, green, blue = (int(color[at : at + 2], 16) / 255 for at in (1, 3, 5))
     return red, green, blue
 
 
@@ -85,9 +89,27 @@ def _ground(text: str | None) -> str | None:
     if text is None:
         return None
     ground = text.strip().lower()
-    if ground not in (AUTO, "white") and re.fullmatch("#[0-9a-f]{6}", ground) is None:
+    if ground not in (AUTO, "white") and not _is_color(ground):
         raise ValueError(f"{text[:40]!r} is not a ground; give auto, white, or a colour such as #c8a878")
     return ground
+
+
+def _darkest(text: str | None) -> str | None:
+    if text is None:
+        return None
+    color = text.strip().lower()
+    if not _is_color(color):
+        raise ValueError(f"{text[:40]!r} is not a colour; give one such as #202020")
+    if max(rgb(color)) > _LIGHTEST_DARK:
+        raise ValueError(
+            f"{color} is light, and no paint would be planned that is darker in any band; give the colour of your "
+            f"darkest paint, at most {round(255 * _LIGHTEST_DARK)} of 255 in each band"
+        )
+    return color
+
+
+def _is_color(text: str) -> bool:
+    return re.fullmatch("#[0-9a-f]{6}", text) is not None
 
 
 def _policy(text: str | None) -> str | None:
@@ -142,6 +164,7 @@ def _brushes(value: Any) -> Any:
 
 Brushes = Annotated[str | None, BeforeValidator(_brushes)]
 Ground = Annotated[str | None, AfterValidator(_ground)]
+DarkestPaint = Annotated[str | None, AfterValidator(_darkest)]
 Policy = Annotated[str | None, AfterValidator(_policy)]
 Canvas = Annotated[CanvasSize, BeforeValidator(_canvas), PlainSerializer(_millimetres)]
 File = Annotated[Path | None, BeforeValidator(_path), PlainSerializer(_whole_path, when_used="json")]

@@ -22,7 +22,7 @@ from frida_painter.planning.layers import FEWEST_FOR_LAYERS
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Recorder
-from frida_painter.runs.fields import AUTO, OF_SCENE, ground_color
+from frida_painter.runs.fields import AUTO, OF_SCENE, ground_color, rgb
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.brushwork import Brushwork, refilled
 from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
@@ -42,6 +42,8 @@ _FIT = {
     "crop": "the picture was cropped to the canvas",
     "pad": "the picture was padded to the canvas",
 }
+
+_DARKEST_OF_STUDIO = "#121212"  # its soot reflects 0.6 % of the light
 
 
 def _never() -> bool:
@@ -86,6 +88,12 @@ def wanted_ground(spec: RunSpec) -> str:
     return AUTO if pictured and spec.strokes >= FEWEST_FOR_LAYERS else "white"
 
 
+def darkest_paint(spec: RunSpec) -> tuple[float, float, float] | None:
+    """sRGB of the darkest paint there is: the one told, the virtual studio's, or None where nothing is known of it."""
+    told = spec.darkest or (_DARKEST_OF_STUDIO if spec.simulated else None)
+    return None if told is None else rgb(told)
+
+
 def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = None) -> Planner:
     """The planner that the description means.
 
@@ -115,6 +123,7 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
         device=device,
     )
     planner.ground = ground_color(wanted_ground(spec)) or WHITE
+    planner.darkest = darkest_paint(spec)
     if networks.idle_clip is not None:
         raise ConfigError(
             f"--clip was given {networks.idle_clip[:60]!r}, and nothing of this goal is seen through a CLIP; leave it "

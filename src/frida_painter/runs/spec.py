@@ -10,13 +10,24 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
-from pydantic.fields import FieldInfo
 
 from frida_painter import storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.quantities import count_of
-from frida_painter.runs.fields import AUTO, MOST_LAYERS, Brushes, Canvas, File, Ground, Placement, Policy, brush_shares
+from frida_painter.runs.faults import sentence_on
+from frida_painter.runs.fields import (
+    AUTO,
+    MOST_LAYERS,
+    Brushes,
+    Canvas,
+    DarkestPaint,
+    File,
+    Ground,
+    Placement,
+    Policy,
+    brush_shares,
+)
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.session.names import HUMAN, SAWYER_SIM, SIMULATED, VIRTUAL
 
@@ -160,6 +171,12 @@ class RunSpec(BaseModel):
             "commonest colour around the things of their scene",
         },
     )
+    darkest: DarkestPaint = Field(
+        None,
+        description="The colour of your darkest paint once it is dry. No darker paint is planned, and the forecast is "
+        "right where the picture is darker.",
+        json_schema_extra={"metavar": "#RRGGBB", "default": "in the studio #121212, otherwise #000000"},
+    )
     drying: float = Field(
         20.0,
         ge=0,
@@ -249,7 +266,9 @@ class RunSpec(BaseModel):
         try:
             chosen = cls(**values)
         except ValidationError as error:
-            raise ConfigError("; ".join(_sentence(fault) for fault in error.errors()) + ".") from error
+            raise ConfigError(
+                "; ".join(sentence_on(fault, cls.model_fields) for fault in error.errors()) + "."
+            ) from error
         if chosen.palette is not None and "colors" not in values:
             return cls.of(**values, colors=_count_of(chosen.palette))
         fitting: dict[str, Any] = {
@@ -413,38 +432,3 @@ def upgraded(plain: Mapping[str, Any]) -> dict[str, Any]:
         return dict(plain)
     # Before 0.2 there was no version, pictures were always cropped, and the length of the film was not kept.
     return {**plain, "version": VERSION, "fit": "crop"}
-
-
-def _sentence(fault: Any) -> str:
-    """One fault of pydantic's in the words of the command line."""
-    message = fault["msg"].removeprefix("Value error, ").removesuffix(".")
-    if not fault["loc"]:
-        return message
-    field = str(fault["loc"][0])
-    if fault["type"] == "extra_forbidden":
-        return f"{field[:40]!r} is not a setting; there are {', '.join(sorted(RunSpec.model_fields))}"
-    name = f"--{field.replace('_', '-')}"
-    if fault["type"] == "value_error":
-        return message if field in ("goal", "initial") or message.startswith(name) else f"{name}: {message}"
-    if field not in RunSpec.model_fields or len(fault["loc"]) > 1:
-        return f"{name}: {message}"
-    return f"{name} was given {_shortly(fault['input'])}; it is {_allowed(RunSpec.model_fields[field])}"
-
-
-def _allowed(field: FieldInfo) -> str:
-    """The values that a setting may have, in words."""
-    bounds = {name: getattr(part, name) for part in field.metadata for name in ("ge", "le") if hasattr(part, name)}
-    choices = getattr(field.annotation, "__args__", ()) if "Literal" in str(field.annotation) else ()
-    if choices:
-        return f"one of {', '.join(map(str, choices))}"
-    if not bounds:
-        return "true or false" if field.annotation in (bool, bool | None) else "a name or a path"
-    kind = "a number" if field.annotation in (float, float | None) else "a whole number"
-    if "le" not in bounds:
-        return f"{kind} of at least {bounds['ge']}"
-    return f"{kind} from {bounds['ge']} to {bounds['le']}"
-
-
-def _shortly(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."
