@@ -15,10 +15,15 @@ PATHS = pytest.mark.parametrize(
 )
 
 
+def uncertain(tensors: Scene) -> Tensor:
+    """A variance that the canvas may have."""
+    return upstream(tensors.canvas, 3).square() * 0.1
+
+
 def with_gradients(composite, tensors: Scene, spread: CoverageSpread) -> list[Tensor]:
-    """Both moments, and the gradients of a random mixture of them to all four tensors."""
-    leaves = [tensor.detach().requires_grad_() for tensor in tensors]
-    mean, variance = composite(*leaves, spread)
+    """Both moments, and the gradients of a random mixture of them to all tensors and the canvas's variance."""
+    leaves = [tensor.detach().requires_grad_() for tensor in (*tensors, uncertain(tensors))]
+    mean, variance = composite(*leaves[:4], spread, leaves[4])
     mixture = (upstream(mean, 1) * mean).sum() + (upstream(mean, 2) * variance).sum()
     gradients = torch.autograd.grad(mixture, leaves, allow_unused=True)
     zeros = [torch.zeros_like(leaf) if part is None else part for leaf, part in zip(leaves, gradients, strict=True)]
@@ -47,8 +52,18 @@ def test_it_equals_the_reference_with_every_gradient(
 
 @PATHS
 def test_gradcheck(composite) -> None:
-    leaves = [tensor.requires_grad_() for tensor in scene(2, (3, 4), (4, 5))]
-    assert torch.autograd.gradcheck(lambda *parts: composite(*parts, CoverageSpread(0.4, 0.9)), leaves)
+    tensors = scene(2, (3, 4), (4, 5))
+    leaves = [tensor.requires_grad_() for tensor in (*tensors, uncertain(tensors))]
+    assert torch.autograd.gradcheck(lambda *parts: composite(*parts[:4], CoverageSpread(0.4, 0.9), parts[4]), leaves)
+
+
+@PATHS
+def test_strokes_on_what_strokes_left_are_all_of_them_in_one_go(composite) -> None:
+    tensors, spread = scene(14, (6, 8), (20, 30), spread=0.6), CoverageSpread(0.5, 0.95)
+    whole = composite(*tensors, spread)
+    under, over = ((*(tensor[part] for tensor in tensors[:3]),) for part in (slice(9), slice(9, None)))
+    mean, variance = composite(*under, tensors.canvas, spread)
+    assert_same(list(composite(*over, mean, spread, variance)), list(whole))
 
 
 @PATHS

@@ -21,12 +21,11 @@ def stacked_moments(
     """Mean and variance of the picture [3, H, W] after strokes of several brushes, each laid over what came before.
 
     scenes: one for each part, with its brush, on the canvas of the first; magnitudes: the maps [n, h, w] of each
-    part's strokes, to differentiate in, by default what its stroke model says. What lies below varies as well, and
-    shows through as much as the second moment of what the strokes above let through.
+    part's strokes, to differentiate in, by default what its stroke model says.
     """
     rows = scenes[0].rows
-    below = rows.of(scenes[0].canvas)
-    mean, variance = below, torch.zeros_like(below)
+    mean = rows.of(scenes[0].canvas)
+    variance = torch.zeros_like(mean)
     for number, (part, scene) in enumerate(zip(strokes, scenes, strict=True)):
         if len(part) == 0:
             continue
@@ -34,18 +33,9 @@ def stacked_moments(
         grid = PixelGrid(scene.size, *scene.canvas.shape[1:])
         affine = pixel_to_map(part.position, part.angle, grid, model.frame, rows)
         magnitude = model(part.thickness, part.length, part.bend) if magnitudes is None else magnitudes[number]
-        over = magnitude, affine
-
-        def laid(color: Tensor, canvas: Tensor, over: tuple[Tensor, Tensor] = over, scene: Scene = scene) -> Moments:
-            return composite_moments(*over, color, canvas, scene.spread, bare_cells_answer=False)
-
-        above = laid(part.color, mean)
-        if number:
-            through = laid(torch.zeros_like(part.color), torch.ones_like(mean))
-            variance = variance * (through.variance + through.mean.square()) + above.variance
-        else:
-            variance = above.variance
-        mean = above.mean
+        mean, variance = composite_moments(
+            magnitude, affine, part.color, mean, scene.spread, variance, bare_cells_answer=False
+        )
     return Moments(mean, variance)
 
 

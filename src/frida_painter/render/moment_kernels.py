@@ -34,13 +34,15 @@ def blend(begin, end, strokes, spans, base, alpha, color, spread, mean, variance
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
-def pull_through(begin, end, spans, alpha, color, spread, canvas, to_mean, to_variance, slope, to_color):  # type: ignore[no-untyped-def]
+def pull_through(  # type: ignore[no-untyped-def]
+    begin, end, spans, alpha, color, spread, canvas, uncertain, to_mean, to_variance, slope, to_color
+):  # fmt: skip
     """Goes up and down through the strokes in bands begin to end - 1, one band after another.
 
     Upwards, mean and variance under every stroke are found anew, of one band only, so that they stay in the cache.
-    to_mean, to_variance [3, H, W] come as the gradients to the moments of the whole and leave as those to the
-    canvas; slope (packed) receives the gradient to the coverage; to_color [bands, n, 3] comes as zeros and
-    receives each band's part of the gradient to the colours.
+    canvas, uncertain [3, H, W]: mean and variance of the canvas. to_mean, to_variance [3, H, W] come as the gradients
+    to the moments of the whole and leave as those to the canvas's; slope (packed) receives the gradient to the
+    coverage; to_color [bands, n, 3] comes as zeros and receives each band's part of the gradient to the colours.
     """
     _, height, width = canvas.shape
     share, full = spread
@@ -57,8 +59,8 @@ def pull_through(begin, end, spans, alpha, color, spread, canvas, to_mean, to_va
                 pixels += np.int64(run(spans, i, y)[2])
         if pixels > below.shape[1]:
             below = np.empty((6, pixels), canvas.dtype)
-        variance[:] = none
         mean[:, :rows] = canvas[:, top : top + rows]
+        variance[:, :rows] = uncertain[:, top : top + rows]
         at = np.uint64(0)
         for i in range(len(color)):
             for y in range(max(spans.top[i], top), min(spans.bottom[i], top + BAND)):

@@ -23,18 +23,20 @@ def composite_moments(
     color: Tensor,
     canvas: Tensor,
     spread: CoverageSpread,
+    variance: Tensor | None = None,
     *,
     bare_cells_answer: bool = True,
 ) -> tuple[Tensor, Tensor]:
     """Lays strokes of mean coverage `magnitude` over a canvas in order; as `reference.composite_moments`.
 
-    Tensors, threads and `bare_cells_answer` as in `scanline.composite`; differentiable (once) in all four tensors.
+    Tensors, threads and `bare_cells_answer` as in `scanline.composite`; differentiable (once) in all five tensors.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
-    if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in (magnitude, affine, color, canvas)):
+    tensors = magnitude, affine, color, canvas, torch.zeros_like(canvas) if variance is None else variance
+    if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors):
         apply: Callable[..., tuple[Tensor, Tensor]] = _Moments.apply
-        return apply(magnitude, affine, color, canvas, spread, bare_cells_answer)
-    moments, _ = _lay(magnitude, affine, color, canvas, spread)
+        return apply(*tensors, spread, bare_cells_answer)
+    moments, _ = _lay(*tensors, spread)
     return moments
 
 
@@ -48,21 +50,22 @@ class _Moments(torch.autograd.Function):
         affine: Tensor,
         color: Tensor,
         canvas: Tensor,
+        variance: Tensor,
         spread: CoverageSpread,
         bare_cells_answer: bool,
     ) -> tuple[Tensor, Tensor]:
         whole = bare_cells_answer and ctx.needs_input_grad[0]
-        moments, laid = _lay(magnitude, affine, color, canvas, spread, keep=True, whole=whole)
+        moments, laid = _lay(magnitude, affine, color, canvas, variance, spread, keep=True, whole=whole)
         ctx.spread = spread
-        ctx.save_for_backward(magnitude, affine, color, canvas, torch.from_numpy(laid.alpha))
+        ctx.save_for_backward(magnitude, affine, color, canvas, variance, torch.from_numpy(laid.alpha))
         ctx.laid = laid._replace(alpha=laid.alpha[:0])
         return moments
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, of_mean: Tensor, of_variance: Tensor) -> tuple[Tensor | None, ...]:
-        magnitude, affine, color, canvas, alpha = (array(tensor) for tensor in ctx.saved_tensors)
-        wants_map, wants_affine, wants_color, wants_canvas, *_ = ctx.needs_input_grad
+        magnitude, affine, color, canvas, variance, alpha = (array(tensor) for tensor in ctx.saved_tensors)
+        wants_map, wants_affine, wants_color, wants_canvas, wants_variance, *_ = ctx.needs_input_grad
         laid: Laid = ctx.laid._replace(alpha=alpha)
         to_mean, to_variance = array(of_mean).copy(), array(of_variance).copy()
         bands = bands_of(canvas)
@@ -71,7 +74,7 @@ class _Moments(torch.autograd.Function):
         with Team() as team:
             team.share(
                 bands, moment_kernels.pull_through,
-                laid.spans, laid.alpha, color, spread, canvas, to_mean, to_variance, slope, to_color,
+                laid.spans, laid.alpha, color, spread, canvas, variance, to_mean, to_variance, slope, to_color,
             )  # fmt: skip
             to_affine, to_map = pull_to_strokes(team, magnitude, affine, laid, slope, wants_affine, wants_map)
         return (
@@ -79,20 +82,26 @@ class _Moments(torch.autograd.Function):
             to_affine,
             torch.from_numpy(to_color.sum(0)) if wants_color else None,
             torch.from_numpy(to_mean) if wants_canvas else None,
+            torch.from_numpy(to_variance) if wants_variance else None,
             None,
             None,
         )
 
 
 def _lay(
-    magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, spread: CoverageSpread, **how: Any
+    magnitude: Tensor,
+    affine: Tensor,
+    color: Tensor,
+    canvas: Tensor,
+    variance: Tensor,
+    spread: CoverageSpread,
+    **how: Any,
 ) -> tuple[tuple[Tensor, Tensor], Laid]:
     """The moments, and how the strokes were laid; `how` is told to `lay`."""
-    mean = array(canvas).copy()
-    variance = np.zeros_like(mean)
-    numbers = _numbers(spread, mean)
-    laid = lay(magnitude, affine, color, (mean, variance), moment_kernels.blend, array(color), numbers, **how)
-    return (torch.from_numpy(mean), torch.from_numpy(variance)), laid
+    moments = array(canvas).copy(), array(variance).copy()
+    numbers = _numbers(spread, moments[0])
+    laid = lay(magnitude, affine, color, moments, moment_kernels.blend, array(color), numbers, **how)
+    return (torch.from_numpy(moments[0]), torch.from_numpy(moments[1])), laid
 
 
 def _numbers(spread: CoverageSpread, like: np.ndarray[Any, Any]) -> tuple[Any, Any]:

@@ -16,19 +16,26 @@ from frida_painter.render.slices import slices_inside
 
 
 def composite_moments(
-    magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, spread: CoverageSpread
+    magnitude: Tensor,
+    affine: Tensor,
+    color: Tensor,
+    canvas: Tensor,
+    spread: CoverageSpread,
+    variance: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Lays strokes of mean coverage `magnitude` over a canvas in order; as `reference.composite_moments`.
 
-    Tensors as in `slices.composite`; differentiable (once) in all four.
+    Tensors as in `slices.composite`; differentiable (once) in all five.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
-    if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in (magnitude, affine, color, canvas)):
+    variance = torch.zeros_like(canvas) if variance is None else variance
+    tensors = magnitude, affine, color, canvas, variance
+    if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors):
         apply: Callable[..., tuple[Tensor, Tensor]] = _Moments.apply
-        return apply(magnitude, affine, color, canvas, spread)
+        return apply(*tensors, spread)
     boxes = pixel_boxes(affine, painted_boxes(magnitude), canvas)
     covers = {i: cover for batch in batches(boxes, magnitude, affine) for i, cover in batch.views(batch.alpha())}
-    return _climb(affine, color, canvas, spread, boxes, covers, visit=lambda i, mean, variance: None)
+    return _climb(affine, color, canvas, variance, spread, boxes, covers, visit=lambda i, mean, variance: None)
 
 
 class _Moments(torch.autograd.Function):
@@ -36,18 +43,24 @@ class _Moments(torch.autograd.Function):
 
     @staticmethod
     def forward(
-        ctx: Any, magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, spread: CoverageSpread
+        ctx: Any,
+        magnitude: Tensor,
+        affine: Tensor,
+        color: Tensor,
+        canvas: Tensor,
+        variance: Tensor,
+        spread: CoverageSpread,
     ) -> tuple[Tensor, Tensor]:
         ctx.marks, ctx.spread = pixel_boxes(affine, painted_boxes(magnitude), canvas), spread
         kept = [batch.alpha() for batch in batches(ctx.marks, magnitude, affine)]
-        ctx.save_for_backward(magnitude, affine, color, canvas, *kept)
+        ctx.save_for_backward(magnitude, affine, color, canvas, variance, *kept)
         covers = _Moments._covers(ctx.marks, magnitude, affine, kept)
-        return _climb(affine, color, canvas, spread, ctx.marks, covers, visit=lambda i, mean, variance: None)
+        return _climb(affine, color, canvas, variance, spread, ctx.marks, covers, visit=lambda i, mean, variance: None)
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, of_mean: Tensor, of_variance: Tensor) -> tuple[Tensor | None, ...]:
-        magnitude, affine, color, canvas, *kept = ctx.saved_tensors
+        magnitude, affine, color, canvas, uncertain, *kept = ctx.saved_tensors
         marks: list[Box] = ctx.marks
         covers = _Moments._covers(marks, magnitude, affine, kept)
         # Paint that is not there may still be wanted: the gradient to a zero cell is not zero.
@@ -58,7 +71,7 @@ class _Moments(torch.autograd.Function):
             top, bottom, left, right = reach[i]
             below[i] = mean[:, top:bottom, left:right].clone(), variance[:, top:bottom, left:right].clone()
 
-        _climb(affine, color, canvas, ctx.spread, marks, covers, visit=remember)
+        _climb(affine, color, canvas, uncertain, ctx.spread, marks, covers, visit=remember)
         asked = batches(reach, magnitude, affine, by_shape=True)
         slopes = [(batch, canvas.new_zeros(len(batch.strokes), batch.rows, batch.columns)) for batch in asked]
         rises = {i: rise for batch, slope in slopes for i, rise in batch.views(slope)}
@@ -83,7 +96,7 @@ class _Moments(torch.autograd.Function):
             from_variance.mul_(keeps.square() + doubt)
         for batch, slope in slopes:
             to_map[batch.strokes], to_affine[batch.strokes] = batch.pull(slope)
-        every = to_map, to_affine, to_color, to_mean, None
+        every = to_map, to_affine, to_color, to_mean, to_variance, None
         return tuple(part if wanted else None for part, wanted in zip(every, ctx.needs_input_grad, strict=True))
 
     @staticmethod
@@ -97,15 +110,19 @@ def _climb(
     affine: Tensor,
     color: Tensor,
     canvas: Tensor,
+    uncertain: Tensor,
     spread: CoverageSpread,
     boxes: list[Box],
     covers: dict[int, Tensor],
     *,
     visit: Callable[[int, Tensor, Tensor], None],
 ) -> tuple[Tensor, Tensor]:
-    """The moments; `visit` is shown those under each stroke before it is laid down."""
+    """The moments; `visit` is shown those under each stroke before it is laid down.
+
+    canvas, uncertain [3, H, W]: mean and variance of the canvas.
+    """
     mean = canvas.detach().clone(memory_format=torch.contiguous_format)
-    variance = torch.zeros_like(mean)
+    variance = uncertain.detach().clone(memory_format=torch.contiguous_format)
     paints = color.detach()[:, :, None, None].unbind()
     for i, (top, bottom, left, right) in enumerate(boxes):
         visit(i, mean, variance)

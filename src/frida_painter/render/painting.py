@@ -80,27 +80,28 @@ def composite_moments(
     color: Tensor,
     canvas: Tensor,
     spread: CoverageSpread,
+    variance: Tensor | None = None,
     *,
     bare_cells_answer: bool = True,
 ) -> Moments:
     """Lays strokes of uncertain coverage over a canvas in order, by the fastest path for these tensors.
 
-    As `composite`, `magnitude` being the mean coverage and `spread` how its variance follows from that. Equals
-    `reference.composite_moments`.
+    As `composite`, `magnitude` being the mean coverage and `spread` how its variance follows from that; variance
+    [3, H, W]: that of the canvas, None where it is certain. Equals `reference.composite_moments`.
     """
     if canvas.device.type == "cpu" and find_spec("numba") is not None:
         from frida_painter.render import moment_scanline
 
-        tensors = magnitude, affine, color, canvas
-        return Moments(*moment_scanline.composite_moments(*tensors, spread, bare_cells_answer=bare_cells_answer))
+        given = magnitude, affine, color, canvas, spread, variance
+        return Moments(*moment_scanline.composite_moments(*given, bare_cells_answer=bare_cells_answer))
     if _in_tiles(canvas):
         from frida_painter.render import tiles
 
-        tensors = magnitude, affine, color, canvas
-        return Moments(*tiles.composite_moments(*tensors, spread, bare_cells_answer=bare_cells_answer))
+        given = magnitude, affine, color, canvas, spread, variance
+        return Moments(*tiles.composite_moments(*given, bare_cells_answer=bare_cells_answer))
     from frida_painter.render import moment_slices
 
-    return Moments(*moment_slices.composite_moments(magnitude, affine, color, canvas, spread))
+    return Moments(*moment_slices.composite_moments(magnitude, affine, color, canvas, spread, variance))
 
 
 def render_moments(

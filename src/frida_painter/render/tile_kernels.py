@@ -90,7 +90,7 @@ def lay(
     strokes, height, width, rows, columns, segment,
     KEEP: tl.constexpr, ROWS: tl.constexpr, COLUMNS: tl.constexpr,
 ):  # fmt: skip
-    """Mean and variance [6, H, W] of the canvas [3, H, W] after all strokes.
+    """Mean and variance [6, H, W] of the canvas [6, H, W], of which they are given too, after all strokes.
 
     KEEP: whether those under every stroke whose number divides by `segment` go to kept [segments, 6, H, W].
     """
@@ -101,9 +101,7 @@ def lay(
     leap = tl.full((), 6, tl.int64) * plane  # from the moments of one picture to those of the next
     at = y * width + x
     share, full = tl.load(numbers), tl.load(numbers + 1)
-    red = tl.load(canvas + at, inside, 0)
-    green, blue = tl.load(canvas + at + plane, inside, 0), tl.load(canvas + at + 2 * plane, inside, 0)
-    red_varies, green_varies, blue_varies = tl.zeros_like(red), tl.zeros_like(red), tl.zeros_like(red)
+    red, green, blue, red_varies, green_varies, blue_varies = _load(canvas, at, plane, inside)
     for stroke in range(strokes):
         if KEEP:  # noqa: SIM102 - what is not kept is not compiled
             if stroke % segment == 0:
@@ -153,7 +151,7 @@ def pull(
 
     kept: as `lay` left it; states [segment, 6, H, W]: memory for the moments under the strokes of one segment;
     scale [1]: whole numbers to 1; to_maps [n, rows, columns], to_strokes [n, 9] (six of the place, three of the
-    colour): int64, of zeros; to_canvas [3, H, W]. BARE_ANSWERS: whether cells are wanted around which nothing is.
+    colour): int64, of zeros; to_canvas [6, H, W]. BARE_ANSWERS: whether cells are wanted around which nothing is.
     """
     top, left = tl.program_id(1) * ROWS, tl.program_id(0) * COLUMNS
     y, x = top + tl.arange(0, ROWS)[:, None], left + tl.arange(0, COLUMNS)[None, :]
@@ -224,6 +222,4 @@ def pull(
                 tl.atomic_add(corner + columns, _whole(lower * (1 - right)), on_2, sem="relaxed")
                 tl.atomic_add(corner + columns + 1, _whole(lower * right), on_3, sem="relaxed")
         tl.debug_barrier()  # before the next segment's moments take their place
-    tl.store(to_canvas + at, to_red, inside)
-    tl.store(to_canvas + at + plane, to_green, inside)
-    tl.store(to_canvas + at + 2 * plane, to_blue, inside)
+    _store(to_canvas, at, plane, inside, to_red, to_green, to_blue, by_red, by_green, by_blue)

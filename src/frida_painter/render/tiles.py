@@ -36,18 +36,21 @@ def composite_moments(
     color: Tensor,
     canvas: Tensor,
     spread: CoverageSpread,
+    variance: Tensor | None = None,
     *,
     bare_cells_answer: bool = True,
 ) -> tuple[Tensor, Tensor]:
     """Lays strokes of mean coverage `magnitude` over a canvas in order; as `reference.composite_moments`.
 
-    Tensors as in `slices.composite`; differentiable (once) in all four. Gradients are sums of whole numbers, so that
+    Tensors as in `slices.composite`; differentiable (once) in all five. Gradients are sums of whole numbers, so that
     they are the same bits every time.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
-    tensors = magnitude.contiguous(), affine.contiguous(), color.contiguous(), canvas.contiguous()
+    variance = torch.zeros_like(canvas) if variance is None else variance
     if len(magnitude) == 0:
-        return canvas.clone(), torch.zeros_like(canvas)
+        return canvas.clone(), variance.clone()
+    moments = torch.cat((canvas, variance))
+    tensors = magnitude.contiguous(), affine.contiguous(), color.contiguous(), moments
     if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors):
         apply: Callable[..., tuple[Tensor, Tensor]] = _Tiles.apply
         return apply(*tensors, spread, bare_cells_answer)
@@ -63,7 +66,7 @@ class _Tiles(torch.autograd.Function):
         magnitude: Tensor,
         affine: Tensor,
         color: Tensor,
-        canvas: Tensor,
+        canvas: Tensor,  # mean and variance, [6, H, W]
         spread: CoverageSpread,
         bare_cells_answer: bool,
     ) -> tuple[Tensor, Tensor]:
