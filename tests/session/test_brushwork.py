@@ -5,16 +5,18 @@ import numpy as np
 import pytest
 import torch
 
-from easels import CALIBRATION, CANVAS, NotingRobot, PatientCamera, stub_easel
+from easels import CALIBRATION, CANVAS, WORKSPACE, NotingRobot, PatientCamera, stub_easel
 from frida_painter.brush.dip import Dip
 from frida_painter.brush.kinds import BrushKind, brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.calibration import Calibration, LearnedFile
 from frida_painter.errors import LibraryError, PoseMismatch, WorkspaceViolation
 from frida_painter.frames import CanvasSize
+from frida_painter.hardware.motion import Motion
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.session.brushwork import STROKES_PER_DIP, Brushwork, refilled
+from frida_painter.session.choreography import Choreography
 from frida_painter.session.events import Dipped, StrokePainted
 from frida_painter.strokes import StrokeLimits, Strokes
 from frida_painter.virtual.studio import SAWYER, StudioSettings, open_studio
@@ -59,7 +61,7 @@ def test_a_clean_brush_dips_before_the_first_stroke_and_is_not_cleaned() -> None
 def test_the_brush_is_rinsed_wiped_and_dipped_where_the_colour_changes() -> None:
     brushwork = Brushwork(stub_easel(), BRUSH)
     told = painted(brushwork, plan([0, 1, 1, 2], length=0.01, thickness=0.0))
-    clean = 2 * ["rinse", "wipe"]
+    clean = ["rinse", "wipe"]
     assert told == [
         *("dip into well 1", "stroke 1"),
         *(*clean, "dip into well 2", "stroke 2", "stroke 3"),
@@ -74,7 +76,16 @@ def test_a_batch_goes_on_with_what_the_batch_before_left_on_the_brush() -> None:
     painted(brushwork, plan([0], length=0.01, thickness=0.0))
     told = painted(brushwork, plan([0, 1], length=0.01, thickness=0.0), done=1)
     assert told[2] == "stroke 2"
-    assert told[3:] == ["rinse", "wipe", "rinse", "wipe", "dip into well 2", "stroke 3"]
+    assert told[3:] == ["rinse", "wipe", "dip into well 2", "stroke 3"]
+
+
+def test_a_brush_that_held_a_darker_or_an_unknown_paint_is_cleaned_twice() -> None:
+    wells = plan([2, 0, 1], length=0.01, thickness=0.0)
+    told = painted(Brushwork(stub_easel(), BRUSH), wells)
+    assert told[2:7] == [*2 * ["rinse", "wipe"], "dip into well 1"]
+    assert told[8:11] == ["rinse", "wipe", "dip into well 2"]
+    by = Choreography(Motion(WORKSPACE, CALIBRATION), BRUSH)
+    assert len(by.cleaning_between(wells, 7, 0)) == 4 and by.cleaning_between(wells, None, 0) == ()
 
 
 def test_the_brush_is_refilled_by_the_area_it_has_painted() -> None:

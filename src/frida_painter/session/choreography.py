@@ -14,10 +14,11 @@ from frida_painter.brush.kinds import BrushKind, brush_kind
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
+from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
 from frida_painter.session.events import Dipped, StrokePainted
 
-_WASHINGS = 2  # rinse and wipe, so often, where the colour changes
+_WASHINGS = 2  # rinse and wipe, so often; what one leaves is seen in a lighter paint alone
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class Choreography:
         for index, (paint, use) in enumerate(zip(plan.paint.tolist(), used, strict=True)):
             if paint != load.paint or load.left < use:
                 change = load.paint is not None and paint != load.paint
-                washing = self.cleaning() if change else ()
+                washing = self.cleaning_between(plan, load.paint, paint)
                 load = BrushLoad(paint, dip.holds)
                 yield Action((*washing, self.motion.dip(paint)), Dipped(paint, cleaned=change), load)
             load = BrushLoad(paint, load.left - use)
@@ -90,6 +91,17 @@ class Choreography:
             motions = self.motion.swift_stroke(strokes, index, f"stroke {number}")
             yield Action(motions, StrokePainted(number, of, (red, green, blue)), load)
 
+    def cleaning_between(self, layer: Plan, held: int | None, paint: int) -> tuple[Waypoints, ...]:
+        """What cleans a brush that held one of a layer's paints, None: nothing, for another one: less for a darker."""
+        if held is None or held == paint:
+            return ()
+        lightness = to_lab(layer.palette.color)[:, 0]
+        darker = held < len(lightness) and bool(lightness[paint] < lightness[held])
+        return self._washing() if darker else self.cleaning()
+
     def cleaning(self) -> tuple[Waypoints, ...]:
-        """Rinses and wipes, before another paint is taken."""
-        return _WASHINGS * (self.motion.rinse(), self.motion.wipe())
+        """Rinses and wipes until whatever comes next is not coloured by what was on the brush."""
+        return _WASHINGS * self._washing()
+
+    def _washing(self) -> tuple[Waypoints, ...]:
+        return self.motion.rinse(), self.motion.wipe()

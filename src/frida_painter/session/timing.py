@@ -41,11 +41,11 @@ def reckon(
     """
     motion, pace = choreography.motion, _Pace(timing)
     x, y, z = motion.workspace.home or (*motion.workspace.rag[:2], motion.workspace.rag[2] + _HOME_RISE)
-    home, washing = np.array([x, y, max(z, motion.travel_height)]), choreography.cleaning()
+    home = np.array([x, y, max(z, motion.travel_height)])
     hand = _Hand(motion.workspace.travel_speed, tuple(home), pace)
     table, after = Timetable(), []
 
-    def wash(table: Timetable) -> Timetable:
+    def wash(table: Timetable, washing: tuple[Waypoints, ...]) -> Timetable:
         for each in washing:
             table = replace(table, travel=table.travel + hand.to(each), washing=table.washing + pace.of(each))
         return table
@@ -57,7 +57,7 @@ def reckon(
 
     for number, part in enumerate(plan.filled_layers()):
         if number:  # the brush is cleaned, and the arm goes aside
-            table = wash(table) if load.paint is not None else table
+            table = wash(table, choreography.cleaning()) if load.paint is not None else table
             load = BrushLoad()
             table = replace(table, travel=table.travel + hand.aside(), drying=table.drying + drying)
         brush = part.layers[0].brush
@@ -70,8 +70,7 @@ def reckon(
         dips = {paint: motion.dip(paint) for paint in sorted(set(part.paint.tolist()))}
         for index, (paint, use) in enumerate(zip(part.paint.tolist(), used, strict=True)):
             if paint != load.paint or load.left < use:
-                if load.paint is not None and paint != load.paint:
-                    table = wash(table)
+                table = wash(table, here.cleaning_between(part, load.paint, paint))
                 dipping = dips[paint]
                 table = replace(table, travel=table.travel + hand.to(dipping), dips=table.dips + pace.of(dipping))
                 load = BrushLoad(paint, dip.holds)
