@@ -1,6 +1,5 @@
 """The ground: the colour in which a canvas is toned before it is painted on."""
 
-import copy
 from collections.abc import Callable
 
 import torch
@@ -8,6 +7,8 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.errors import ConfigError
+from frida_painter.goal import Goal
+from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.palette import to_lab
 from frida_painter.plan import WHITE
 from frida_painter.planning.optimize import Step
@@ -15,7 +16,10 @@ from frida_painter.planning.planner import Planner
 from frida_painter.planning.step_count import unheard
 
 _ROWS = 64
-_TRYING = 0.25  # of the planner's effort
+# On nine pictures with two seeds, quick plans chose the ground that whole plans would or one at most 0.05 dB worse, but
+# for a logo on white once (0.26 dB).
+_TRYING, _TRIAL_ROWS = 0.1, 96  # of the planner's effort, and rows of the picture
+_FEWEST = 8  # strokes of a quick plan
 _CLEARLY = 0.944  # of the loss, a quarter of a decibel: by so much quick plans on one ground differ by chance
 _OTHER = 25.0  # of Lab, from which a colour is just another one
 
@@ -28,17 +32,19 @@ def proposed_ground(
     A quick plan is made on each of a few colours; the one that leaves the least expected loss is taken, and white
     where none is clearly better. notify: hears of every step. Raises ConfigError where no picture tells colours.
     """
-    picture = next((term.guide for term in planner.goal.initial_terms if term.guide is not None), None)
-    if picture is None:
+    term = next((term for term in planner.goal.initial_terms if term.guide is not None), None)
+    if term is None or term.guide is None:
         raise ConfigError(
             "--ground auto takes its colour from the picture to paint, and this goal has none; give a colour, such as "
             "#c8a878."
         )
+    picture = term.guide
+    trial = _quick(planner, ImageTerm(picture, importance=term.importance))
+    few = max(strokes // 2, min(strokes, _FEWEST))
 
     def expected_loss(ground: tuple[float, float, float]) -> float:
-        trial = copy.copy(planner)
-        trial.ground, trial.effort = ground, planner.effort.scaled(_TRYING)
-        return trial.expected_loss(trial.plan(None, strokes, colors, notify), trial.bare)
+        trial.ground = ground
+        return trial.expected_loss(trial.plan(None, few, min(colors, few), notify), trial.bare)
 
     losses = {ground: expected_loss(ground) for ground in possible_grounds(_in_paint(picture, planner))}
     best = min(losses, key=lambda ground: losses[ground])
@@ -59,6 +65,25 @@ def possible_grounds(picture: Tensor) -> list[tuple[float, float, float]]:
         red, green, blue = (dark.mean(1) * 255).round().div(255).tolist()
         found.append((red, green, blue))
     return found
+
+
+def _quick(planner: Planner, term: ImageTerm) -> Planner:
+    """A planner that comes to a rough plan for a picture in a tenth of the time, with the first two of the brushes."""
+    brushes = planner.brushes[:2]
+    quick = Planner(
+        Goal((term,)),
+        planner.size,
+        [planner.models[brush] for brush in brushes],
+        rows=min(_TRIAL_ROWS, planner.fine.rows),
+        effort=planner.effort.scaled(_TRYING),
+        seed=planner.seed,
+        encoders=planner.encoders,
+        device=planner.device,
+        layers=planner.layers if len(brushes) == 1 else None,
+        new_paints=planner.new_paints,
+    )
+    quick.region, quick.darkest = planner.region, planner.darkest
+    return quick
 
 
 def _in_paint(picture: Tensor, planner: Planner) -> Tensor:
