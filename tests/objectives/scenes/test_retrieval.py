@@ -130,3 +130,25 @@ def test_a_picture_of_one_thing_does_not_stand_for_two(tmp_path: Path) -> None:
         PictureIndex([alone], WordBag(), tmp_path).find(whole, "a fox with a bus", nowhere, least=0.3, shows=("bus",))
         is None
     )
+
+
+class Poultry(WordBag):
+    """To which ducks are rather like geese."""
+
+    def _sum(self, sentence: str) -> Tensor:
+        meaning = super()._sum(sentence)
+        return meaning + super()._sum("goose") if "duck" in sentence else meaning
+
+
+def test_what_is_only_like_the_thing_does_not_show_it(tmp_path: Path) -> None:
+    names = ("duck", "sailboat", "lady beetle", "flock of sheep")
+    library = Library("photos", {name: ((name,), 0.8, RED) for name in names})
+    index = PictureIndex([library], Poultry(), tmp_path)
+    for name, caption, exact in (
+        ("goose", "duck", False),
+        ("duck", "duck", True),
+        ("lady beetle", "lady beetle", True),
+        ("sheep", "flock of sheep", True),
+    ):
+        found = index.find(Thing(name, name.split()[-1]), f"a {name}", nowhere)
+        assert found is not None and (found.caption, found.exact) == (caption, exact), name

@@ -60,6 +60,7 @@ def test_words_name_places_lights_and_weathers_or_imply_them() -> None:
     assert named_place("the sea", bag, 1.1) is None, "there is a picture that is called so"
     assert named_light("dawn", bag) is LIGHTS[0] and named_light("dog", bag) is None
     assert named_weather("rain", bag) is WEATHERS[0] and named_weather("dog", bag) is None
+    assert named_weather("rain mobile", bag) is None and named_light("dawn chorus", bag) is LIGHTS[0]
     assert implied_place(["a whale"], bag, 0.4) is PLACES[0] and implied_place(["zygote"], bag, 0.4) is PAPER
 
 

@@ -18,6 +18,7 @@ from frida_painter.palette import to_lab
 
 _LEAST = 0.55  # similarity of a caption to a thing, below which it speaks of something else
 _AKIN = 0.42  # the same for what stands for a thing that has no picture
+_NAMED = 0.8  # the same from which it means the thing, whatever its words: a duck (0.64) is no goose
 _AGREES = 0.35  # similarity to the prompt's own words that a caption needs where a synonym found it
 _BAND = 0.25  # of similarity below the best, within which pictures are looked at
 _LOOKED_AT = 9
@@ -146,7 +147,8 @@ class PictureIndex:
                 if worth > best:
                     best = worth
                     several = thing.count in _SEVERAL and thing.plural in entry.title.split()
-                    found = FoundPicture(picture, entry.title, entry.library, float(similarity[at]), exact, several)
+                    named = exact and (float(similarity[at]) >= _NAMED or _is_called(entry, thing))
+                    found = FoundPicture(picture, entry.title, entry.library, float(similarity[at]), named, several)
         return found
 
     def nearest(self, thing: Thing) -> float:
@@ -199,6 +201,13 @@ def _is_modified(entry: _Entry, thing: Thing) -> bool:
     endings = [word.removeprefix(thing.noun) for word in entry.title.split() if word.startswith(thing.noun)]
     is_derived = any(ending not in ("", "s", "es") for ending in endings)
     return thing.noun not in named[-1:] and (thing.noun in named or is_derived)
+
+
+def _is_called(entry: _Entry, thing: Thing) -> bool:
+    """Whether a title has the very word, or ends in it as a sailboat does, or a synonym."""
+    words = _title(entry, thing).split()
+    names = (thing.noun, *(other.split()[-1].lower() for other in synonyms(thing.name)))
+    return any(word.endswith(name) for word in words for name in names)
 
 
 def _title(entry: _Entry, thing: Thing) -> str:

@@ -66,7 +66,7 @@ class SceneThing:
         """The picture that was found, for a person."""
         assert self.found is not None
         times = f", {self.thing.shown} times" if self.thing.shown > 1 else ""
-        stands = "" if self.found.exact else f" for {self.thing.name[:_TITLE]!r}, which has no picture of its own"
+        stands = "" if self.found.exact else f" for {self.thing.name[:_TITLE]!r}"
         return f"{self.found.caption[:_TITLE]!r} ({self.found.library.name}{times}){stands}"
 
     @property
@@ -272,7 +272,7 @@ def _tell(
     told = " and ".join(one.told for one in shown) or "no picture of a thing"
     place = f", on {setting.words}" if setting.is_named else ""
     encoders.remark(f"{use.capitalize()} {told}{place}{made}.")
-    missing = [one.thing.name[:_TITLE] for one in things if one is not None and one.found is None]
+    missing = [one.thing.name[:_TITLE] for one in things if one is not None and not (one.found and one.found.exact)]
     if missing:
         encoders.remark(
             f"No picture of {', '.join(map(repr, missing))} was found; give one with --image, or a folder of your own "

@@ -122,7 +122,7 @@ WEATHERS = (
 )
 _Part = TypeVar("_Part", Place, Light, Weather)
 _CALLED = 0.72  # similarity to what a place is called, from which words name it
-_FELT = 0.62  # to the words of a light or a weather
+_FELT, _FELT_WEATHER = 0.62, 0.7  # to the words of a light, and of a weather: a snowmobile (0.67) is a thing
 _TOLD_APART, _MIDDLE = 40.0, 55.0  # of Lab, and L*
 
 
@@ -201,7 +201,7 @@ def named_light(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Li
 def named_weather(name: str, sentences: SentenceEncoder, least: float = 0.0) -> Weather | None:
     """The weather that words such as "rain" mean."""
     weather, similarity = _nearest(name, WEATHERS, sentences)
-    return weather if similarity >= max(least, _FELT) else None
+    return weather if similarity >= max(least, _FELT_WEATHER) else None
 
 
 def implied_place(names: Sequence[str], sentences: SentenceEncoder, least: float, *, outside: bool = False) -> Place:
