@@ -59,7 +59,7 @@ def forecast(
 
     strokes, scenes: of each brush in turn, on the canvas of the first scene; placement: what is known of where strokes
     land, None for everything; unseen: how many strokes are painted before the next look makes it known better. Later
-    ones are planned on what is then seen.
+    ones are planned on what is then seen, and repair what landed beside: as much of it as is their share of the plan.
     """
     photograph = next((term.picture for term in goal.terms if term.is_pixelwise), None)
     if photograph is None:
@@ -79,6 +79,7 @@ def forecast(
         up, down = (_error(each, scenes, target) for each in landed)
         shift += (up + down - 2 * error) / 6
         variance += ((up - down) ** 2 / 2 + (up + down - 2 * error) ** 2 / 9) / 6
+    shift *= min(1.0, unseen / sum(map(len, strokes)))
     return SimilarityForecast.of_error(error + max(shift, 0.0), math.sqrt(variance))
 
 

@@ -79,7 +79,7 @@ def _quick(planner: Planner, term: ImageTerm) -> Planner:
         seed=planner.seed,
         encoders=planner.encoders,
         device=planner.device,
-        layers=planner.layers if len(brushes) == 1 else None,
+        layers=None,
         new_paints=planner.new_paints,
     )
     quick.region, quick.darkest = planner.region, planner.darkest
