@@ -1,7 +1,10 @@
+import pytest
 import torch
 
 from frida_painter.goal import Goal
-from frida_painter.objectives.attention import attended, importance
+from frida_painter.objectives import attention
+from frida_painter.objectives.attention import EVERYWHERE, FACES, SUBJECT, attended, focused, importance
+from frida_painter.objectives.faces import Face
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.objectives.kinds.semantic import SemanticTerm
 from frida_painter.objectives.kinds.style import StyleTerm
@@ -57,3 +60,24 @@ def test_importance_is_fitted_as_the_picture_is() -> None:
     assert fitted.shape == (20, 20) and abs(float(fitted.mean()) - 1) < 1e-6
     assert float(fitted.std()) < 1e-6, "the strong columns are cropped away"
     assert float(spread(matters, 20, 40)[10, 5] / spread(matters, 20, 40)[10, 30]) > 8
+
+
+def test_faces_matter_more_where_there_are_any_and_a_person_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    goal, encoders = Goal((ImageTerm(picture()), StyleTerm(picture()))), NoEncoderRegistry()
+    monkeypatch.setattr(attention, "faces", lambda seen: [])
+    assert focused(goal, FACES, encoders) is goal and encoders.remarks == []
+    monkeypatch.setattr(attention, "faces", lambda seen: [Face(0.5, 0.5, 0.2, 0.2)])
+    assert focused(goal, EVERYWHERE, encoders) is goal
+    found, style = focused(goal, FACES, encoders).terms
+    assert isinstance(found, ImageTerm) and found.importance is not None and style is goal.terms[1]
+    rows, columns = found.importance.shape
+    assert float(found.importance[rows // 2, columns // 2]) > 5 * float(found.importance[0, 0])
+    assert encoders.remarks == [
+        "A face was found in the picture and matters more than the rest; --focus none changes that."
+    ]
+    assert focused(Goal((found,)), FACES, encoders).terms[0] is found, "what matters was said already"
+
+
+def test_the_subject_is_what_networks_see() -> None:
+    (found,) = focused(Goal((ImageTerm(picture()),)), SUBJECT, QuickEncoders()).terms
+    assert found.importance is not None and float(found.importance.mean()) == pytest.approx(1, abs=1e-4)

@@ -1,5 +1,6 @@
 """Where a picture says what it shows: with few strokes, those places are worth more of them than others."""
 
+import operator
 from dataclasses import replace
 
 import torch
@@ -7,12 +8,15 @@ from torch import Tensor
 from torch.nn import functional
 
 from frida_painter import images
-from frida_painter.goal import Goal
+from frida_painter.goal import Goal, Term
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.hed import Hed
 from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.faces import faces, importance_of
 from frida_painter.objectives.kinds.image import ImageTerm
 
+FACES, SUBJECT, EVERYWHERE = "faces", "subject", "none"
+"""Where a painting of a photograph is most careful."""
 _ROWS = 112  # of the picture that is looked at
 _AROUND = 9  # pixels of it over which an edge matters
 _SIDE = 224  # of the view in which things are seen
@@ -35,6 +39,31 @@ def attended(goal: Goal, encoders: EncoderRegistry) -> Goal:
         for term in begins
     )
     return replace(goal, initial=initial)
+
+
+def focused(goal: Goal, focus: str, encoders: EncoderRegistry) -> Goal:
+    """The goal, in whose photographs faces matter more than the rest (FACES), or all that they show (SUBJECT).
+
+    What was found is a remark of the encoders. Raises WeightsError where SUBJECT needs a network that is missing.
+    """
+    if focus == EVERYWHERE:
+        return goal
+    terms = [_focused(term, focus, encoders) for term in goal.terms]
+    return goal if all(map(operator.is_, terms, goal.terms)) else replace(goal, terms=tuple(terms))
+
+
+def _focused(term: Term, focus: str, encoders: EncoderRegistry) -> Term:
+    if not isinstance(term, ImageTerm) or term.importance is not None:
+        return term
+    if focus == SUBJECT:
+        return replace(term, importance=importance(term.image, encoders.meaning(), encoders.edges_if_any()))
+    found = faces(term.image)
+    if not found:
+        return term
+    told = "A face was found in the picture and matters" if len(found) == 1 else f"{len(found)} faces matter"
+    encoders.remark(f"{told} more than the rest; --focus {EVERYWHERE} changes that.")
+    rows, columns = term.image.shape[1:]
+    return replace(term, importance=importance_of(found, _ROWS, max(16, round(_ROWS * columns / rows))))
 
 
 @torch.no_grad()

@@ -13,6 +13,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError
 from frida_painter.goal import Goal
 from frida_painter.hardware.easel import Easel
+from frida_painter.objectives.attention import focused
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.palette import Palette
 from frida_painter.perception.flatfield import FlatField
@@ -110,7 +111,7 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
     device = planning_device()
     networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures)
     planner = Planner(
-        goal,
+        focused(goal, spec.focus, networks),
         spec.canvas,
         [models[name] for name in names],
         rows=spec.render_height,

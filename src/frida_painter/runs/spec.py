@@ -177,6 +177,12 @@ class RunSpec(BaseModel):
         "right where the picture is darker.",
         json_schema_extra={"metavar": "#RRGGBB", "default": "in the studio #121212, otherwise #000000"},
     )
+    focus: Literal["faces", "subject", "none"] = Field(
+        "faces",
+        description="What matters most in a picture. faces: faces, where there are any; subject: what the picture "
+        "shows, as networks see it, and edges; none: every place is worth the same.",
+        json_schema_extra={"metavar": "faces|subject|none"},
+    )
     drying: float = Field(
         20.0,
         ge=0,
@@ -316,7 +322,7 @@ class RunSpec(BaseModel):
             plain = json.loads(content)
             if not isinstance(plain, dict) or not {"strokes", "film", "calibration"} <= set(plain):
                 raise KeyError("strokes, film and calibration are needed")
-            return cls.of(**{"ground": "white", **upgraded(plain)})  # once there was no other
+            return cls.of(**{"ground": "white", "focus": "none", **upgraded(plain)})  # once there were no others
         except (ValueError, KeyError, RecursionError) as cause:
             raise ConfigError(f"{path} does not hold the settings of a painting ({cause}); bring it back.") from cause
 
