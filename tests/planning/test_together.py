@@ -204,6 +204,6 @@ def test_some_rows_in_turn_say_of_several_parts_what_all_rows_say() -> None:
 def test_what_networks_judge_is_grown_more_and_settled_in_fewer_rounds() -> None:
     of_pictures = Effort().scaled(0.5)
     of_words = of_pictures.judged_by_networks()
-    assert (of_words.rounds, of_words.refining) == (3, of_pictures.refining)
+    assert (of_words.rounds, of_words.settling) == (3, of_pictures.refining)
     assert of_words.growing_of(2).growth.settling > of_pictures.growing_of(2).growth.settling
     assert of_words.growing_of(1) == of_words and replace(of_pictures, rounds=1).judged_by_networks().rounds == 1

@@ -16,7 +16,7 @@ _LONGEST = 320  # pixels of the picture that is searched
 _SMALLEST = 24  # pixels of a face: two broad strokes of a canvas of 14 inches
 _LIKE_SIZED = 0.6  # of the largest face, that others have: what is much smaller is mostly none
 _VOTES = 12  # windows about a face that have to agree: tissue and cells had up to 7
-_MORE = 8.0  # times more than elsewhere matters what is in a face
+_MORE = 6.0  # times more than elsewhere matters what is in a face
 _AROUND = 1.25  # times its box: hair and chin
 _SOFT = 0.25  # of the radius, over which that falls off
 

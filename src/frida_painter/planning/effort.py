@@ -16,10 +16,10 @@ class Effort:
 
     growth: on the start; refining: joint steps after each of `relocations` rounds in which weak
     strokes move; drawing: steps after each round in which colours are drawn towards the paints;
-    binding: steps once they are paints; rounds: in which strokes of several layers move to better
-    places, each followed by as many steps as `refining` says; before_settling: which part of the effort
-    each of them is grown with before that; polishing: last steps at full resolution; replanning: the
-    same after each look. docs/planner.md has the measurements.
+    binding: steps once they are paints; rounds: in which strokes of several layers move to better places;
+    settling: joint steps after each of them, and after each look; before_settling: which part of the effort each
+    layer is grown with before that; polishing: last steps at full resolution; replanning: the same after
+    each look. docs/planner.md has the measurements.
     """
 
     growth: Growth = field(default_factory=Growth)
@@ -28,6 +28,7 @@ class Effort:
     drawing: int = 20
     binding: int = 40
     rounds: int = 5
+    settling: int = 40
     before_settling: float = 0.3
     polishing: int = 80
     replanning: int = 40
@@ -35,13 +36,13 @@ class Effort:
     def scaled(self, factor: float) -> "Effort":
         """The same effort with `factor` times as many iterations."""
         growth = Growth(self.growth.rounds, math.ceil(self.growth.settling * factor), self.growth.proposals)
-        names = "refining", "drawing", "binding", "polishing", "replanning"
+        names = "refining", "drawing", "binding", "settling", "polishing", "replanning"
         counts = {name: math.ceil(getattr(self, name) * factor) for name in names}
         return replace(self, growth=growth, **counts)
 
     def judged_by_networks(self) -> "Effort":
         """The same for goals that networks judge: what they see is grown, and settled in fewer rounds."""
-        return replace(self, rounds=min(self.rounds, 3), before_settling=0.6)
+        return replace(self, rounds=min(self.rounds, 3), settling=self.refining, before_settling=0.6)
 
     def growing_of(self, layers: int) -> "Effort":
         """What each of so many layers is grown with: less where they are settled together afterwards."""
@@ -60,7 +61,7 @@ class Effort:
         effort = self.growing_of(len(sizes))
         mixing = binding_iterations(effort.drawing, effort.binding)
         later = mixing if new_paints else effort.binding
-        settled = self.rounds_of(len(sizes)) * self.refining + self.polishing
+        settled = self.rounds_of(len(sizes)) * self.settling + self.polishing
         return sum(map(effort.free_iterations, sizes)) + mixing + later * (len(sizes) - 1) + settled
 
     def rounds_of_a_look(self, asked: int, *, fresh: bool) -> int:
@@ -70,7 +71,7 @@ class Effort:
     @property
     def of_a_look(self) -> int:
         """Iterations in which the rest is planned again, where nothing else is said."""
-        return self.refining + self.replanning
+        return self.settling + self.replanning
 
     def free_iterations(self, strokes: int) -> int:
         """Iterations until so many strokes are where they are to be, in colours of their own."""

@@ -231,7 +231,7 @@ class Planner:
             layers,
             canvas,
             self.scenes,
-            (self.coarse, rounds, self.effort.refining),
+            (self.coarse, rounds, self.effort.settling),
             (self.coarse if sparing else self.fine, polishing),
             begin,
             pace=pace,
@@ -341,7 +341,7 @@ class Planner:
         ]
         rounds = self.effort.rounds_of_a_look(rounds, fresh=fresh)
         generator = torch.Generator().manual_seed(self.seed + len(rest)) if moving else None
-        steps = StepCount(notify, rounds * self.effort.refining + self.effort.replanning)
+        steps = StepCount(notify, rounds * self.effort.settling + self.effort.replanning)
         last, share = self.effort.replanning, MOVED_WHERE_A_LAYER_BEGINS if fresh else MOVED
         return rest.with_parts(
             self._settled(layers, canvas, steps.begin, rounds, last, share=share, generator=generator, sparing=sparing)
