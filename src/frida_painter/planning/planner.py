@@ -286,7 +286,7 @@ class Planner:
         """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their brushes stay.
 
         So do the paints of the layer of the next stroke, unless it begins and gets new ones; those of later layers are
-        not mixed yet, and may change where a layer begins or the goal has changed. fresh: whether a layer begins now.
+        not mixed yet, and may change. fresh: whether a layer begins now, of which nothing was painted.
         The work is in proportion to the number of strokes that are left, and to `rounds`, of which more
         than one are worth it where the goal has changed; where there is not memory enough for it, it is
         tried once more at half the resolution, without moving strokes far. Where nothing better is found, it is
@@ -328,8 +328,7 @@ class Planner:
         parts = rest.filled_layers()
         # Never back to a lighter paint inside a layer: it would pick up the dark paint that is still wet.
         lightest = 0 if fresh else int(parts[0].paint.min())
-        # Inside a layer other paints would win hardly anything, and their sheets and recipes would be made once more.
-        mixed = mixed_later(rest, self.new_paints and (fresh or rounds > 1), fresh=fresh)
+        mixed = mixed_later(rest, self.new_paints, fresh=fresh)
         layers = [
             LayerAtWork(
                 part.layers[0].brush,
