@@ -6,7 +6,7 @@ import pytest
 
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
-from frida_painter.runs.spec import RunSpec
+from frida_painter.runs.spec import RunSpec, upgraded
 
 
 def fault(**values: object) -> str:
@@ -158,7 +158,8 @@ def test_a_folder_painted_before_there_was_a_version_is_read(tmp_path: Path) -> 
     }  # fmt: skip
     (tmp_path / "settings.json").write_text(json.dumps(old))
     spec = RunSpec.read(tmp_path / "settings.json")
-    assert (spec.strokes, spec.fit, spec.version, spec.ground) == (10, "crop", 1, "white")
+    assert (spec.strokes, spec.fit, spec.version, spec.ground, spec.focus) == (10, "crop", 1, "white", "none")
+    assert RunSpec.of(**upgraded(old)).record() == spec.record(), "as its journal says too"
     assert str(spec.canvas) == "120 x 90 mm"
     for version in (2, "1", True, 1.0):
         (tmp_path / "settings.json").write_text(json.dumps({**old, "version": version}))

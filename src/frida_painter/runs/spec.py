@@ -322,7 +322,7 @@ class RunSpec(BaseModel):
             plain = json.loads(content)
             if not isinstance(plain, dict) or not {"strokes", "film", "calibration"} <= set(plain):
                 raise KeyError("strokes, film and calibration are needed")
-            return cls.of(**{"ground": "white", "focus": "none", **upgraded(plain)})  # once there were no others
+            return cls.of(**upgraded(plain))
         except (ValueError, KeyError, RecursionError) as cause:
             raise ConfigError(f"{path} does not hold the settings of a painting ({cause}); bring it back.") from cause
 
@@ -434,7 +434,6 @@ def upgraded(plain: Mapping[str, Any]) -> dict[str, Any]:
             f"The settings are of version {version!r}, and this program reads versions up to {VERSION}; use the "
             "program that the painting was begun with, or a newer one."
         )
-    if version == VERSION:
-        return dict(plain)
-    # Before 0.2 there was no version, pictures were always cropped, and the length of the film was not kept.
-    return {**plain, "version": VERSION, "fit": "crop"}
+    # What was not said yet was always so; before 0.2 there was no version either, and pictures were cropped.
+    known = {"ground": "white", "focus": "none", **plain}
+    return known if version == VERSION else {**known, "version": VERSION, "fit": "crop"}
