@@ -42,7 +42,7 @@ from networks import QuickEncoders, random_hed_tensors, random_lite_tensors, ran
 from scenes import CANVAS, goal, picture, small_table
 from tiny_clip import resnet_tensors, write_clip
 
-QUICK = Effort(Growth(2, 2, 4), relocations=1, refining=2, drawing=1, binding=2, polishing=2, replanning=2)
+QUICK = Effort(Growth(2, 2, 4), relocations=1, refining=2, drawing=1, binding=2, settling=2, polishing=2, replanning=2)
 BARE = torch.ones(3, 64, 85)
 LINES = torch.ones(3, 64, 85)
 LINES[:, 30:33, 10:70] = 0
