@@ -62,8 +62,13 @@ def _focused(term: Term, focus: str, encoders: EncoderRegistry) -> Term:
         return term
     told = "A face was found in the picture and matters" if len(found) == 1 else f"{len(found)} faces matter"
     encoders.remark(f"{told} more than the rest; --focus {EVERYWHERE} changes that.")
-    rows, columns = term.image.shape[1:]
-    return replace(term, importance=importance_of(found, _ROWS, max(16, round(_ROWS * columns / rows))))
+    return replace(term, importance=importance_of(found, *_looked_at(term.image)))
+
+
+def _looked_at(picture: Tensor) -> tuple[int, int]:
+    """Rows and columns of a picture [3, H, W] as it is looked at."""
+    _, rows, columns = picture.shape
+    return _ROWS, max(16, round(_ROWS * columns / rows))
 
 
 @torch.no_grad()
@@ -72,8 +77,7 @@ def importance(picture: Tensor, seer: Seer, hed: Hed | None) -> Tensor:
 
     More along edges, as HED sees them, and where a network's last layer answers most strongly.
     """
-    _, rows, columns = picture.shape
-    small = images.fit(picture, _ROWS, max(16, round(_ROWS * columns / rows)))
+    small = images.fit(picture, *_looked_at(picture))
     shape = small.shape[1:]
     total = torch.ones(shape).to(picture)
     if hed is not None:

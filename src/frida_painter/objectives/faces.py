@@ -13,7 +13,7 @@ from torch import Tensor
 from frida_painter import images
 
 _LONGEST = 320  # pixels of the picture that is searched
-_SMALLEST = 24  # pixels of a face: two broad strokes of a canvas of 14 inches
+_SMALLEST = 24  # pixels of a face: about as wide as a broad stroke on a canvas of 14 inches
 _LIKE_SIZED = 0.6  # of the largest face, that others have: what is much smaller is mostly none
 _VOTES = 12  # windows about a face that have to agree: tissue and cells had up to 7
 _MORE = 6.0  # times more than elsewhere matters what is in a face

@@ -68,7 +68,7 @@ def possible_grounds(picture: Tensor) -> list[tuple[float, float, float]]:
 
 
 def _quick(planner: Planner, term: ImageTerm) -> Planner:
-    """A planner that comes to a rough plan for a picture in a tenth of the time, with the first two of the brushes."""
+    """A planner that comes to a rough plan for a picture in a seventh of the time, with its first two brushes."""
     brushes = planner.brushes[:2]
     quick = Planner(
         Goal((term,)),

@@ -13,6 +13,7 @@ from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import ConfigError, PlanningDiverged
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal
+from frida_painter.objectives.attention import EVERYWHERE, focused
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.interpretation import interpreted, prepare
 from frida_painter.palette import MOST_COLORS, Palette
@@ -40,16 +41,16 @@ _POLISHING_PACE = 0.5
 class Planner:
     """Plans strokes towards one goal on one canvas (paper, Algorithm 1).
 
-    size: of the canvas, such as "14x11in"; by default in the proportions of the goal's first
-    picture, within 14 x 11 inches.
-    model: what the brush's marks look like, or the name of a brush that comes with the project; several, of different
-    brushes or the same, paint a layer each. rows: height of the picture in which is planned; the start is planned at
-    half of it. effort: how many iterations are spent, as a factor of the usual number, or one by one. Every random
-    choice comes from `seed`. encoders: the networks that the goal is seen through, by default
-    those that were fetched. device: where is planned; pictures and plans come and go on the CPU.
+    size: of the canvas, such as "14x11in"; by default in the proportions of the goal's first picture, within 14 x 11
+    inches. model: what the brush's marks look like, or the name of a brush that comes with the project; several, of
+    different brushes or the same, paint a layer each. rows: height of the picture in which is planned; the start is
+    planned at half of it. effort: how many iterations are spent, as a factor of the usual number, or one by one. Every
+    random choice comes from `seed`. encoders: the networks that the goal is seen through, by default those that were
+    fetched. device: where is planned; pictures and plans come and go on the CPU.
     layers: of a plan, one for each of several models; None: that many, or LAYERS of one model, towards a picture in 100
     strokes or more, else one, of the first model. shares: of the strokes that each layer gets, by default as
-    planning/layers.py says. new_paints: whether each layer has a palette of its own. ground: sRGB of the bare canvas.
+    planning/layers.py says. new_paints: whether each layer has a palette of its own. focus: what matters most in
+    photographs, as objectives/attention.py says. ground: sRGB of the bare canvas.
     Raises WeightsError where the goal needs a network that is missing, and ConfigError where layers, models and shares
     are not as many.
     """
@@ -68,6 +69,7 @@ class Planner:
         layers: int | None = 1,
         shares: Sequence[float] | None = None,
         new_paints: bool = False,
+        focus: str = EVERYWHERE,
     ) -> None:
         self.size = size = goal.usual_canvas if size is None else CanvasSize.of(size)
         models = stroke_models(model)
@@ -84,10 +86,10 @@ class Planner:
         self.seed = seed
         self.ground = WHITE
         self.layers = len(models) if len(models) > 1 and layers == 1 else layers
-        self.shares, self.new_paints = shares, new_paints
+        self.shares, self.new_paints, self.focus = shares, new_paints, focus
         self.encoders = encoders or EncoderRegistry()
         self.device = device or torch.device("cpu")
-        self.goal = goal = interpreted(goal, self.fine, self.encoders, seed)
+        self.goal = goal = interpreted(focused(goal, focus, self.encoders), self.fine, self.encoders, seed)
         near, grids = goal.to(self.device), (self.fine, self.coarse)
         initial = (
             prepare(Goal(near.initial_terms), self.coarse, self.encoders, seed)
@@ -115,12 +117,11 @@ class Planner:
     @property
     def darkest(self) -> tuple[float, float, float] | None:
         """sRGB of the darkest paint that there is: from the next plan on, none is planned darker. None: black."""
-        floor = self.scenes.darkest
-        return None if floor is None else (float(floor[0]), float(floor[1]), float(floor[2]))
+        return self.scenes.darkest
 
     @darkest.setter
     def darkest(self, color: tuple[float, float, float] | None) -> None:
-        self.scenes.darkest = None if color is None else torch.tensor(color, device=self.device)
+        self.scenes.darkest = color
 
     @property
     def bare(self) -> Tensor:
@@ -360,6 +361,7 @@ class Planner:
             layers=self.layers,
             shares=self.shares,
             new_paints=self.new_paints,
+            focus=self.focus,
         )
         planner.region, planner.ground, planner.darkest = self.region, self.ground, self.darkest
         return planner

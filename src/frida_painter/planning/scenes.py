@@ -26,7 +26,7 @@ class Scenes:
 
     models: by the names of the brushes; objectives: of the goal, by grid; initial_objective: what strokes are grown
     towards, where that is another; both are on `device`, as the scenes are; region: what strokes keep clear of;
-    darkest [3]: sRGB of the darkest paint, None for black.
+    darkest: sRGB of the darkest paint, None for black.
     """
 
     size: CanvasSize
@@ -36,7 +36,7 @@ class Scenes:
     initial_objective: WeightedObjective | None
     device: torch.device
     region: Region | None = None
-    darkest: Tensor | None = None
+    darkest: tuple[float, float, float] | None = None
 
     def of(self, canvas: Tensor, grid: PixelGrid, brush: str, objective: WeightedObjective | None = None) -> Scene:
         """A canvas picture [3, H, W], on a grid, with a brush. Raises PlanError where there is no model of that."""
@@ -48,7 +48,8 @@ class Scenes:
         matters, way = self._importance(grid), flow_of(self.goal, grid)
         price = PAINT_PRICE if all(term.is_pixelwise for term in self.goal.terms) else 0.0
         judge, some = objective.validation, objective.on_rows
-        scene = Scene(picture, self.size, model, objective, judge, matters, way, price, some, darkest=self.darkest)
+        floor = None if self.darkest is None else torch.tensor(self.darkest, device=self.device)
+        scene = Scene(picture, self.size, model, objective, judge, matters, way, price, some, darkest=floor)
         return scene if self.region is None else self.region.guarded(scene)
 
     def initial(self, canvas: Tensor, grid: PixelGrid, brush: str) -> Scene:

@@ -13,7 +13,6 @@ from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError
 from frida_painter.goal import Goal
 from frida_painter.hardware.easel import Easel
-from frida_painter.objectives.attention import focused
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.palette import Palette
 from frida_painter.perception.flatfield import FlatField
@@ -111,7 +110,7 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
     device = planning_device()
     networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures)
     planner = Planner(
-        focused(goal, spec.focus, networks),
+        goal,
         spec.canvas,
         [models[name] for name in names],
         rows=spec.render_height,
@@ -121,6 +120,7 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
         layers=1 if layers is None and spec.is_short else layers,
         shares=spec.shares if len(names) > 1 else None,
         new_paints=spec.new_paints is not False and spec.palette is None,
+        focus=spec.focus,
         device=device,
     )
     planner.ground = ground_color(wanted_ground(spec)) or WHITE

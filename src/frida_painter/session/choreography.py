@@ -81,10 +81,9 @@ class Choreography:
         used = dip.used_by(self.brush.area(strokes)).tolist()
         for index, (paint, use) in enumerate(zip(plan.paint.tolist(), used, strict=True)):
             if paint != load.paint or load.left < use:
-                change = load.paint is not None and paint != load.paint
                 washing = self.cleaning_between(plan, load.paint, paint)
                 load = BrushLoad(paint, dip.holds)
-                yield Action((*washing, self.motion.dip(paint)), Dipped(paint, cleaned=change), load)
+                yield Action((*washing, self.motion.dip(paint)), Dipped(paint, cleaned=bool(washing)), load)
             load = BrushLoad(paint, load.left - use)
             number = already_done + index + 1
             red, green, blue = strokes.color[index].tolist()

@@ -11,7 +11,6 @@ from torch import Tensor
 from frida_painter import images
 from frida_painter.errors import FridaError
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.attention import focused
 from frida_painter.planning.region import region_of
 from frida_painter.runs.folder import keep_goal
 from frida_painter.runs.goal_item import read_goal_file
@@ -170,7 +169,7 @@ class PauseController:
         goal = open_goal(wanted).fitted(grid.rows, grid.columns)
         changed = GoalChanged(f"changes/{command.record}", place.request().model_dump(mode="json"))
         session.journal.tell(changed)
-        session.planner = session.planner.towards(focused(goal, wanted.focus, session.planner.encoders))
+        session.planner = session.planner.towards(goal)
         self.feed.tell(changed)
         session.look_again(_ROUNDS)
 
