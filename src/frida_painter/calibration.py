@@ -163,6 +163,12 @@ class Calibration:
         """Robot z [n] in metres for thickness [n]: 0 the lightest touch, 1 the hardest press."""
         return self.touch_height + thickness * (self.press_height - self.touch_height)
 
+    @property
+    def depths(self) -> dict[str, float]:
+        """Metres from the lightest touch to the hardest press of each brush, by its name."""
+        every = {self.brush: self._of_holder, **self.others}
+        return {name: one.touch_height - one.press_height for name, one in every.items()}
+
     def of_brush(self, brush: str) -> Self:
         """The record with another of its brushes in the holder. Raises CalibrationError where it does not know it."""
         if brush == self.brush:

@@ -58,6 +58,20 @@ def test_a_batch_of_which_one_motion_is_not_allowed_is_not_begun(forbidden: Wayp
     assert robot.motions == [] and gateway.last_motion == 0.0
 
 
+def test_a_brush_that_touches_lower_may_go_as_much_lower_and_no_more() -> None:
+    gateway = RobotGateway(stub_easel(robot := NotingRobot()))
+    lower = motion("lower", CALIBRATION.press_height - 0.001)
+    for not_enough in (0.0, 0.0009, -0.001, math.nan):
+        gateway.follow_touch(not_enough)
+        with pytest.raises(WorkspaceViolation, match=r"lower: z = 0\.0890 m"):
+            gateway.perform([lower])
+    gateway.follow_touch(0.001)
+    gateway.perform([lower])
+    gateway.follow_touch(-0.001)
+    gateway.perform([motion("hardest press", CALIBRATION.press_height)])
+    assert robot.labels() == ["lower", "hardest press"]
+
+
 def test_whoever_finds_the_hardest_press_names_another_lowest_height() -> None:
     deep, floor = CALIBRATION.press_height - 0.01, WORKSPACE.lower[2]
     RobotGateway(stub_easel(robot := NotingRobot()), lowest=floor).perform([motion("trial", deep)])

@@ -20,6 +20,7 @@ from frida_painter.session.events import (
     Stopped,
     StrokePainted,
     TimelapseFrame,
+    TouchCorrected,
 )
 from frida_painter.session.painting import Painting
 from plans import CANVAS, LIMITS, made_up_plan
@@ -148,7 +149,10 @@ def test_the_figures_are_those_of_the_evening(tmp_path: Path) -> None:
 
 
 def test_the_plan_on_record_is_what_was_painted(tmp_path: Path) -> None:
-    _, result = recorded(tmp_path, an_evening(), whole())
+    evening = an_evening()
+    evening[-1:-1] = [TouchCorrected("medium", 0.0005, 6), TouchCorrected("medium", 0.0012, 6)]
+    page, result = recorded(tmp_path, evening, whole())
+    assert page is not None and "1.2 mm lower" in page.read_text() and "0.5 mm" not in page.read_text()
     assert result["plan_digest"] == FIRST.part(slice(6)).followed_by(SECOND).digest
 
 

@@ -16,15 +16,16 @@ from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.planning.effort import Effort
+from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver
-from frida_painter.session.events import Event, Planned, StrokePainted
+from frida_painter.session.events import Event, Planned, StrokePainted, TouchCorrected
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.painting import Painting
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.faults import Faults
-from frida_painter.virtual.studio import VirtualStudio, open_studio
+from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
 from frida_painter.virtual.table import PlacementError
 
 CANVAS = CanvasSize(0.20, 0.16)
@@ -50,19 +51,22 @@ def evening(
     strokes: int = 80,
     effort: float = 0.2,
     faults: Faults | None = None,
+    rise: float = 0.0,
+    learns_touch: bool = True,
     notify: Callable[[Event], None] = lambda event: None,
 ) -> tuple[Painting, VirtualStudio, Planner]:
-    """The cup of coffee, painted in the virtual studio by a robot that stands off."""
+    """The cup of coffee, painted in the virtual studio by a robot that stands off; rise: of the canvas, metres."""
     planner = Planner(
         Goal((ImageTerm(coffee()),)), CANVAS, broad(), rows=ROWS, effort=Effort().scaled(effort), seed=seed
     )
-    studio = open_studio(CANVAS, "broad", seed=seed, placement_error=OFF, faults=faults)
+    settings = StudioSettings(rise=rise)
+    studio = open_studio(CANVAS, "broad", seed=seed, placement_error=OFF, faults=faults, settings=settings)
     easel = studio.easel
     easel.robot.connect()
     easel.camera.connect()
     session = PaintingSession(
         planner,
-        Brushwork(easel, brush_kind("broad")),
+        Brushwork(easel, brush_kind("broad"), Placement.unknown(easel.calibration.depths if learns_touch else None)),
         CanvasObserver(easel),
         EvenlySpaced(replans),
         stop_asked=lambda: False,
@@ -119,3 +123,23 @@ def test_a_painting_from_end_to_end_shows_what_was_wanted_and_survives_faults() 
     bare = float((1 - images.fit(coffee(), planner.fine.rows, planner.fine.columns)).square().mean())
     assert error(studio, planner) < 0.25 * bare
     assert planner.validation_loss(painting.photograph) == pytest.approx(error(studio, planner), rel=0.15)
+
+
+@pytest.mark.slow
+def test_looking_learns_that_the_canvas_lies_lower_and_presses_deeper() -> None:
+    """Measured with seeds 0, 1 and 2: 0.70, 0.57 and 0.56 of the squared error where it is not learned."""
+    ratios = []
+    for seed in (0, 1):
+        told: list[TouchCorrected] = []
+
+        def hear(event: Event, corrections: list[TouchCorrected] = told) -> None:
+            if isinstance(event, TouchCorrected):
+                corrections.append(event)
+
+        off, learned = (
+            error(*evening(seed, 4, rise=-0.0012, learns_touch=learns, notify=hear)[1:]) for learns in (False, True)
+        )
+        assert told and told[0].brush == "broad" and told[-1].lower == pytest.approx(0.0012, abs=0.0006)
+        assert "mm lower" in told[0].sentence
+        ratios.append(learned / off)
+    assert max(ratios) < 0.85

@@ -49,7 +49,8 @@ from frida_painter.session.page_events import (
 AT = "2026-01-02T03:04:05.678+00:00"
 VALUES: dict[str, Any] = {
     "int": 3, "float": 0.25, "str": "words", "bool": True, "int | None": 3, "str | None": "a.jpg",
-    "dict[str, Any]": {"a": [1]}, "dict[str, str]": {"a": "b"}, "list[int]": [0, 2], "list[str]": ["canvas"],
+    "dict[str, Any]": {"a": [1]}, "dict[str, str]": {"a": "b"}, "dict[str, float]": {"a": 0.5},
+    "tuple[float, ...]": (0.5,), "list[int]": [0, 2], "list[str]": ["canvas"],
     "list[dict[str, Any]]": [{"hex": "#000"}], "list[list[float]] | None": [[0.5]], "tuple[str, ...]": ("home",),
     "tuple[float, float, float]": (0.1, 0.2, 0.3), "tuple[tuple[float, ...], ...]": ((1.0, 0.0),),
 }  # fmt: skip

@@ -1,6 +1,7 @@
 """What the journal tells while a painting is made, and what is to be learned from it afterwards."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,11 @@ from frida_painter import images
 from frida_painter.errors import StorageError
 from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
+from frida_painter.planning.placement import Placement
 from frida_painter.session.events import MotionBegan, StrokePainted
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
+from plans import made_up_plan
 from sittings import Evening
 
 RESTS_ON = {"goal": "abc", "brush": "none"}
@@ -86,6 +89,17 @@ def test_what_is_seen_and_learned_is_kept(tmp_path: Path) -> None:
     seen = evening.observer.see(kept[0], 45)
     assert torch.equal(seen, evening.observer.look(1e9, 45)), "the photograph as it was kept shows the same"
     assert told.finished and told.painted == 6 and told.runs == 1 and told.seconds >= 0
+
+
+def test_at_which_heights_brushes_touch_is_known_again_when_it_is_resumed(tmp_path: Path) -> None:
+    learned = Placement.unknown({"small": 0.01, "large": 0.005})
+    learned = replace(learned, touch=learned.touch.after("large", 0.001, 0.0003))
+    plan = made_up_plan(4, 2)
+    journal = begun(tmp_path)
+    journal.planned(plan, 0, Placement.unknown())
+    journal.kept(plan, 2, learned)
+    journal.close()
+    assert [planning.placement for planning in read(tmp_path).plannings] == [Placement.unknown(), learned]
 
 
 @pytest.mark.parametrize("painted", [0, 1, 3, 5])

@@ -137,6 +137,15 @@ def test_a_look_tells_what_a_person_had_asked_for_before_it() -> None:
         assert [each["why"] for each in shown["looks"][-2:]] == [why, ""], why
 
 
+def test_a_look_tells_that_a_brush_is_sent_lower_or_higher_from_then_on() -> None:
+    look = {"kind": "look_shown", "done": 3, "seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg"}
+    corrected = [{"kind": "touch_corrected", "brush": "fine", "lower": lower, "done": 3} for lower in (0.0008, -0.0011)]
+    looks = told(*PLANNED, *PAINTED, look, *corrected, look).shown(working=True)["painting"]["looks"]
+    assert "touch" not in looks[-1]
+    lower, higher = looks[-2]["touch"]
+    assert "fine brush" in lower and "0.8 mm lower" in lower and "1.1 mm higher" in higher
+
+
 def test_dips_into_each_well_are_counted_and_strokes_since_the_last() -> None:
     first, third = {"kind": "dipped", "paint": 0}, {"kind": "dipped", "paint": 2}
     strokes = [{"kind": "stroke_painted", "done": done, "of": 9} for done in (1, 2, 3, 4)]

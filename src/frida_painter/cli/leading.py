@@ -200,5 +200,6 @@ def tell(outcome: RunOutcome, of: int, seconds: float) -> None:
         *([f"  The film      {folder / 'film.mp4'}"] if (folder / "film.mp4").exists() else []),
         *([f"  The arm       {folder / ARM_FILM}"] if (folder / ARM_FILM).exists() else []),
         f"  The page      {outcome.page}",
+        *([f"  The easel     {outcome.calibration}, with what was learned of it"] if outcome.calibration else []),
         *([f"  To go on      frida-painter resume {folder}"] if painted < of else []),
     )

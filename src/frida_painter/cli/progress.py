@@ -28,6 +28,7 @@ from frida_painter.session.events import (
     Scheduled,
     StrokeLeftOut,
     StrokePainted,
+    TouchCorrected,
 )
 from frida_painter.session.forecast import Forecast, duration
 from frida_painter.session.page_events import Finishing
@@ -72,6 +73,8 @@ class PaintingLine(Line):
             self._bar.stop()
         else:
             self._bar.start()
+        if isinstance(event, TouchCorrected):
+            self._bar.console.print(event.sentence)
         self._forecast.hear(event, now)
         passed, left = now - self._started, self._forecast.remaining
         self._bar.update(

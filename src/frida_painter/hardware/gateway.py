@@ -29,7 +29,12 @@ class RobotGateway:
     def __init__(self, easel: Easel, *, lowest: float | None = None) -> None:
         self.easel = easel
         self.last_motion = 0.0
-        self._surface = limits.Surface(easel.canvas, easel.calibration.press_height if lowest is None else lowest)
+        self._calibrated = easel.calibration.press_height if lowest is None else lowest
+        self._surface = limits.Surface(easel.canvas, self._calibrated)
+
+    def follow_touch(self, lower: float) -> None:
+        """From now on the tip goes `lower` metres lower than the hardest press; not higher where that is below 0."""
+        self._surface = limits.Surface(self.easel.canvas, self._calibrated - max(lower, 0.0))
 
     def check(self, motions: Iterable[Waypoints]) -> None:
         """Raises WorkspaceViolation unless every motion of the batch is allowed; nothing is clamped.

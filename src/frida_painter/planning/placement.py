@@ -2,13 +2,14 @@
 
 A robot that stands a few millimetres off against the canvas does so for every stroke. The strokes
 just painted, the canvas before and the canvas after tell by how much: the rigid motion is sought
-that makes the simulated strokes look most like the ones that are seen. It is a least-squares fit by
-Gauss and Newton's method on blurred pictures, together with what was known before, each weighted
-by its information (as a Kalman filter does for a quantity that stays the same).
+that makes the simulated strokes look most like the ones that are seen. It is a least-squares fit on
+blurred pictures, together with what was known before, each weighted by its information (as a Kalman
+filter does for a quantity that stays the same).
 """
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -16,9 +17,12 @@ import torch
 import torch.nn.functional as functional
 from torch import Tensor
 
+from frida_painter import images
 from frida_painter.calibration import Calibration
 from frida_painter.frames import CanvasSize
+from frida_painter.planning.least_squares import gauss_newton
 from frida_painter.planning.scene import Scene
+from frida_painter.planning.touch_heights import TouchHeights, measure_touch
 from frida_painter.strokes import Strokes
 
 # What a robot set up by hand is off, one standard deviation: metres, metres, radians.
@@ -35,16 +39,21 @@ class Placement:
     """By how much strokes land beside where the robot was sent.
 
     error: metres along the canvas's x and y, and radians counter-clockwise about its centre;
-    information [3, 3]: the inverse of its covariance, in the same units.
+    information [3, 3]: the inverse of its covariance, in the same units; touch: at which heights brushes touch there.
     """
 
     error: tuple[float, float, float]
     information: tuple[tuple[float, ...], ...]
+    touch: TouchHeights = field(default_factory=TouchHeights)
 
     @classmethod
-    def unknown(cls) -> Self:
-        """Before anything was seen: no error is the best guess, and a few millimetres are usual."""
-        return cls((0.0, 0.0, 0.0), tuple(map(tuple, np.diag(1 / np.square(_USUAL)).tolist())))
+    def unknown(cls, depths: Mapping[str, float] | None = None) -> Self:
+        """Before anything was seen: no error is the best guess, and a few millimetres are usual.
+
+        depths: of brushes whose touch heights are learned, as TouchHeights has them.
+        """
+        information = tuple(map(tuple, np.diag(1 / np.square(_USUAL)).tolist()))
+        return cls((0.0, 0.0, 0.0), information, TouchHeights.unknown(depths or {}))
 
     def corrected(self, calibration: Calibration, size: CanvasSize) -> Calibration:
         """The calibration by which the robot is sent so that strokes land where they are meant to."""
@@ -56,7 +65,18 @@ class Placement:
         landing[:2, :2] = rotation
         landing[:2, 2] = middle - rotation @ middle + (x, y)
         placement = np.array(calibration.placement) @ np.linalg.inv(landing)
-        return replace(calibration, placement=tuple(map(tuple, placement.tolist())))
+        return self.touch.corrected(replace(calibration, placement=tuple(map(tuple, placement.tolist()))))
+
+
+def learn(meant: Strokes, known: Placement, coarse: Scene, fine: Scene, seen: Tensor) -> Placement:
+    """What is known after strokes of one brush, that were `meant` so, and sent as `known` says, have been seen.
+
+    coarse, fine: the scene in which they were painted, of a low and of a high resolution; seen [3, H, W]: the canvas
+    afterwards. Where they land is seen in the coarse one, and at which height the brush touched in the fine one.
+    """
+    found = locate(meant, known, coarse, images.fit(seen, *coarse.canvas.shape[1:]))
+    landed = moved(_unmoved(meant, known.error, fine.size), found.error, fine.size)
+    return replace(found, touch=measure_touch(landed, known.touch, fine, images.fit(seen, *fine.canvas.shape[1:])))
 
 
 @torch.no_grad()
@@ -65,8 +85,6 @@ def locate(meant: Strokes, known: Placement, before: Scene, seen: Tensor) -> Pla
 
     before: the scene in which they were painted; seen [3, H, W]: the canvas afterwards.
     """
-    prior = torch.tensor(known.error, dtype=torch.float64)
-    certainty = torch.tensor(known.information, dtype=torch.float64)
     sent = _unmoved(meant, known.error, before.size)
     width = _odd_pixels(_BLUR, before)
     blurred = _blurred(seen, width)
@@ -75,22 +93,16 @@ def locate(meant: Strokes, known: Placement, before: Scene, seen: Tensor) -> Pla
         landed = moved(sent, tuple(error.tolist()), before.size)
         return (blurred - _blurred(before.render(landed), width)).flatten().cpu().double()
 
-    steps = torch.diag(torch.tensor(_STEP, dtype=torch.float64))
-    alike = 3 * _odd_pixels(_CORRELATED, before) ** 2
-    error, left, information = prior, residual(prior), certainty
-    for _ in range(_ROUNDS):
-        slopes = [(residual(error - step) - residual(error + step)) / (2 * step.sum()) for step in steps]
-        slope = torch.stack(slopes, 1)  # [pixels, 3], of the picture
-        noise = left.square().mean().clamp(min=1e-8) * alike
-        information = certainty + slope.T @ slope / noise
-        pull = slope.T @ left / noise + certainty @ (prior - error)
-        nearer = error + torch.linalg.solve(information, pull)
-        remaining = residual(nearer)
-        if not remaining.square().sum() < left.square().sum():
-            break
-        error, left = nearer, remaining
+    error, information = gauss_newton(
+        residual,
+        torch.tensor(known.error, dtype=torch.float64),
+        torch.tensor(known.information, dtype=torch.float64),
+        torch.tensor(_STEP, dtype=torch.float64),
+        3 * _odd_pixels(_CORRELATED, before) ** 2,
+        _ROUNDS,
+    )
     x, y, turn = error.tolist()
-    return Placement((x, y, turn), tuple(map(tuple, information.tolist())))
+    return Placement((x, y, turn), tuple(map(tuple, information.tolist())), known.touch)
 
 
 def moved(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strokes:

@@ -25,7 +25,7 @@ from frida_painter.planning.free_strokes import free_strokes
 from frida_painter.planning.layers import layer_sizes, stroke_models, usual_layers, usual_shares
 from frida_painter.planning.memory import is_lack_of_memory
 from frida_painter.planning.optimize import Step, optimize
-from frida_painter.planning.placement import Placement, locate
+from frida_painter.planning.placement import Placement, learn
 from frida_painter.planning.refine import MOVED, MOVED_WHERE_A_LAYER_BEGINS, stacked_worth
 from frida_painter.planning.region import Region
 from frida_painter.planning.scene import is_bare, on_device
@@ -374,9 +374,8 @@ class Planner:
         *lower, last = painted.filled_layers()
         for part in lower:
             before = self.expected(part, before)
-        scene = self.scenes.of(before, self.coarse, last.layers[0].brush)
-        fitted = images.fit(seen.to(self.device), *scene.canvas.shape[1:])
-        return locate(last.strokes.to(self.device), known, scene, fitted)
+        coarse, fine = (self.scenes.of(before, grid, last.layers[0].brush) for grid in (self.coarse, self.fine))
+        return learn(last.strokes.to(self.device), known, coarse, fine, seen.to(self.device))
 
     def expected(self, plan: Plan, canvas: Tensor | None = None) -> Tensor:
         """The canvas [3, H, W], by default a bare one, as it would look after the plan."""

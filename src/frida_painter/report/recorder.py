@@ -42,6 +42,7 @@ from frida_painter.session.events import (
     Stopped,
     StrokeLeftOut,
     TimelapseFrame,
+    TouchCorrected,
 )
 from frida_painter.session.history import History
 from frida_painter.session.names import ARM_FILM
@@ -97,6 +98,8 @@ class Recorder:
     _expected_seconds: float | None = field(default=None, init=False)
     _forecasts: list[tuple[int, SimilarityForecast]] = field(default_factory=list, init=False)  # by strokes painted
 
+    _touch: dict[str, str] = field(default_factory=dict, init=False)  # what was corrected last, by brush
+
     def __enter__(self) -> Self:
         self._started = time.monotonic()
         self._sketchbook = Sketchbook(self.folder)
@@ -144,6 +147,8 @@ class Recorder:
                     before.result()
             case Looked():
                 self._seen = event
+            case TouchCorrected(brush=brush):
+                self._touch[brush] = event.sentence
             case StrokeLeftOut(done=done):
                 self._strokes_left_out.append(done)
             case Stopped():
@@ -336,6 +341,7 @@ class Recorder:
             facts.append(("Sittings", str(self._runs)))
         if self._given_up:
             facts.append(("Strokes given up", ", ".join(map(str, self._given_up))))
+        facts += [("Brush heights", sentence) for sentence in self._touch.values()]
         if self._left_out:
             facts.append(("Pictures left out", f"{self._left_out}, for want of space on the disk"))
         return tuple(facts)

@@ -176,9 +176,11 @@ def open_session(
     first, *others = (
         refilled(brush_kind(name), easel.calibration, simulated=easel.simulated) for name in planner.models
     )
+    # A person's hand has no heights that could be corrected.
+    where = placement or Placement.unknown({} if spec.by_hand else easel.calibration.depths)
     return PaintingSession(
         planner,
-        Brushwork(easel, first, placement or Placement.unknown(), others=tuple(others), drying=60 * spec.drying),
+        Brushwork(easel, first, where, others=tuple(others), drying=60 * spec.drying),
         CanvasObserver(easel, CanvasStart(planner.ground, spec.on_canvas, paint_on), light),
         replan_policy(spec, planner.layer_sizes(spec.strokes)),
         stop_asked=controls.stop_asked,

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, storage
+from frida_painter.calibration import Calibration
 from frida_painter.errors import (
     CalibrationError,
     CameraError,
@@ -44,6 +45,7 @@ from frida_painter.runs.folder import CALIBRATION, NOW, keep_goal, keep_spec, ne
 from frida_painter.runs.folder import rests_on as hashes
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.ground_choice import settled_ground
+from frida_painter.runs.learned import keep_learned
 from frida_painter.runs.opening import Controls, open_planner, open_recorder, open_session
 from frida_painter.runs.reopening import ReopenedPainting, reopen
 from frida_painter.runs.spec import RunSpec
@@ -69,13 +71,14 @@ class RunOutcome:
     """How a run ended.
 
     painting: the result, None where no photograph was taken yet; page: its report; trouble: the fault that ended the
-    run, if any.
+    run, if any; calibration: the record that was renewed by what was learned of the easel.
     """
 
     folder: Path
     painting: Painting | None
     page: Path | None
     trouble: FridaError | None = None
+    calibration: Path | None = None
 
 
 class PaintingRun:
@@ -122,6 +125,7 @@ class PaintingRun:
         self._stack = ExitStack()
         self._process: EaselProcess | None = None
         self._easel: Easel | None = None
+        self._record: Calibration | None = None  # as its file has it
         self._seen: Tensor | None = None  # the canvas as it was photographed last
         self.session: PaintingSession | None = None
 
@@ -319,6 +323,7 @@ class PaintingRun:
     def _on_record(self, easel: Easel) -> Easel:
         """The easel by its calibration record; one of another simulated easel is as it is delivered."""
         try:
+            self._record = None if self.spec.calibration is None else Calibration.load(self.spec.calibration)
             return on_record(easel, self.spec.calibration, needed_calibrations(self.spec))
         except CalibrationError:
             if not (easel.simulated and self._record_may_differ):
@@ -387,7 +392,9 @@ class PaintingRun:
                 raise StorageError(
                     f"{full} What was painted is noted: `frida-painter resume {self.folder}` writes the rest later."
                 ) from full
-        return RunOutcome(self.folder, painting, page, trouble)
+        learned = session.brushwork.placement
+        kept = None if trouble or painting is None else keep_learned(self.spec, self._record, learned, painting)
+        return RunOutcome(self.folder, painting, page, trouble, kept)
 
     def _is_as_left(self, session: PaintingSession, before: Tensor, now: Tensor) -> bool:
         """Whether the canvas is as it was left; where it is not, somebody has to want it painted on all the same."""

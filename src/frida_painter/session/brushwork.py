@@ -144,7 +144,9 @@ class Brushwork:
         self.held, self.load = name, BrushLoad()
 
     def _choreography(self) -> Choreography:
-        record = self.placement.corrected(self.easel.calibration, self.easel.canvas)
+        calibration, touch = self.easel.calibration, self.placement.touch
+        record = self.placement.corrected(calibration, self.easel.canvas)
+        self._gateway.follow_touch(max(map(touch.correction, (calibration.brush, *calibration.others))))
         return _choreography(self.easel.workspace, record, (self.brush, *self.others))
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -161,7 +161,8 @@ class PlanAdopted:
     """From stroke `done` + 1 on, painting goes by the plan of all strokes with this digest.
 
     It is told again after a look that left the plan as it was: what is known of the canvas is newer then.
-    photograph: the file of that which it was made for; error, information: the placement, as it was known.
+    photograph: the file of that which it was made for; error, information: the placement, as it was known; depths,
+    lower, touch_information: at which heights brushes touch, as TouchHeights has it; earlier versions did not know.
     """
 
     plan: str
@@ -169,6 +170,9 @@ class PlanAdopted:
     photograph: str | None
     error: tuple[float, float, float]
     information: tuple[tuple[float, ...], ...]
+    depths: dict[str, float] = field(default_factory=dict)
+    lower: tuple[float, ...] = ()
+    touch_information: tuple[tuple[float, ...], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -230,6 +234,24 @@ class BrushInHand:
     """The brush that the robot holds from now on: "" for none, None while it puts one back or takes one."""
 
     brush: str | None
+
+
+@dataclass(frozen=True)
+class TouchCorrected:
+    """After a look at stroke `done` a brush is sent `lower` metres lower than its record says, below 0 higher."""
+
+    brush: str
+    lower: float
+    done: int
+
+    @property
+    def sentence(self) -> str:
+        """That, for a person."""
+        way, marks = ("higher", "thicker") if self.lower < 0 else ("lower", "thinner")
+        return (
+            f"Marks of the {self.brush} brush are {marks} than they were sent, so it is sent "
+            f"{1000 * abs(self.lower):.1f} mm {way} than it was calibrated."
+        )
 
 
 @dataclass(frozen=True)
@@ -309,8 +331,8 @@ class GoalChanged:
 
 Written = (
     PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | Drying | LayerBegun | BrushInHand
-    | StrokePainted | StrokeLeftOut | Photographed | Paused | Stopped | Failed | Finished | RegionProtected
-    | GoalChanged | PageEvent
+    | StrokePainted | StrokeLeftOut | Photographed | TouchCorrected | Paused | Stopped | Failed | Finished
+    | RegionProtected | GoalChanged | PageEvent
 )  # fmt: skip
 Moment = PlanningStep | Planned | Scheduled | GroundWanted | PaintsWanted | TimelapseFrame | Looked | Resumed
 Event = Moment | Written

@@ -2,15 +2,18 @@
 
 from torch import Tensor
 
+from frida_painter.planning.placement import Placement
 from frida_painter.session.batch_executor import BatchExecutor
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import PHOTOGRAPH_ROWS, CanvasObserver
-from frida_painter.session.events import Looked, Notify
+from frida_painter.session.events import Looked, Notify, TouchCorrected
 from frida_painter.session.interruptions import Interruptions
 from frida_painter.session.journal import Journal
 from frida_painter.session.painting import PaintingProgress, difference
 from frida_painter.session.plan_keeper import PlanKeeper
 from frida_painter.session.replan_policy import CanvasSeen
+
+_TOLD = 0.0004  # metres; less changes a mark by less than two marks of one stroke differ
 
 
 class ExecutionMonitor:
@@ -47,9 +50,17 @@ class ExecutionMonitor:
         expected = planner.expected(batch, last)
         self._tell(Looked(canvas, expected, progress.painted))
         if len(batch):  # where they landed tells where the robot is to be sent
-            self._brushwork.placement = planner.locate(batch, self._brushwork.placement, last, canvas)
+            self._learn(planner.locate(batch, self._brushwork.placement, last, canvas))
         progress.canvas.saw(canvas, progress.painted)
         return CanvasSeen(progress.painted, len(progress.rest), difference(canvas, expected))
+
+    def _learn(self, placement: Placement) -> None:
+        """The robot is sent by what is known now; a person is told where a brush is sent lower or higher."""
+        before, self._brushwork.placement = self._brushwork.placement.touch, placement
+        for brush in placement.touch.depths:
+            lower = placement.touch.correction(brush)
+            if abs(lower - before.correction(brush)) >= _TOLD:
+                self._tell(TouchCorrected(brush, lower, self._progress.painted))
 
     def _look(self) -> Tensor:
         self._executor.step_aside()

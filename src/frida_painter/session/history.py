@@ -8,6 +8,7 @@ from typing import Any
 
 from frida_painter.errors import StorageError
 from frida_painter.planning.placement import Placement
+from frida_painter.planning.touch_heights import TouchHeights
 from frida_painter.session.events import (
     BrushInHand,
     Dipped,
@@ -117,7 +118,8 @@ class History:
             case SessionResumed(decision=decision):
                 self.decide(repaint=decision == "repaint")
             case PlanAdopted(plan, done, photograph, error, information):
-                self.plannings.append(Planning(plan, done, photograph, Placement(error, information)))
+                touch = TouchHeights(event.depths, event.lower, event.touch_information)
+                self.plannings.append(Planning(plan, done, photograph, Placement(error, information, touch)))
             case Photographed(photograph=photograph, light=light):
                 self.looks += 1
                 self.light = light

@@ -114,7 +114,9 @@ class Journal:
 
     def kept(self, plan: Plan, done: int, placement: Placement) -> None:
         """After a look at stroke `done` painting still goes by this plan; the placement was learned from the look."""
-        self.tell(PlanAdopted(plan.digest, done, self._photograph, placement.error, placement.information))
+        touch = placement.touch
+        where = (placement.error, placement.information, dict(touch.depths), touch.lower, touch.information)
+        self.tell(PlanAdopted(plan.digest, done, self._photograph, *where))
 
     def begins(self, action: Action, plan: Plan) -> None:
         """The robot will now be told this; not where the disk has no room to take down how it ends."""

@@ -15,6 +15,7 @@ from frida_painter.session.events import (
     Stopped,
     StrokeLeftOut,
     StrokePainted,
+    TouchCorrected,
     Written,
 )
 from frida_painter.session.page_events import (
@@ -241,6 +242,9 @@ def _hear_painting(painting: PaintState, event: Written) -> None:
             painting.growing = None
             painting.looks = [*painting.looks[-_MOST_LOOKS:], {**asdict(event), "why": painting.why}]
             painting.why = ""
+        case TouchCorrected() if painting.looks:
+            told = [*painting.looks[-1].get("touch", []), event.sentence]
+            painting.looks[-1] = {**painting.looks[-1], "touch": told}
         case Considering():
             painting.why = "asked"
         case PlanningProgress(share, left):

@@ -27,6 +27,7 @@ from frida_painter.session.events import (
     StrokeLeftOut,
     StrokePainted,
     TimelapseFrame,
+    TouchCorrected,
 )
 from frida_painter.session.forecast import Forecast
 from frida_painter.session.page_events import (
@@ -94,7 +95,7 @@ class Reporter:
                 self._photograph(photograph, done)
             case Looked():
                 self._looked(event)
-            case Stopped() | Finishing():
+            case Stopped() | Finishing() | TouchCorrected():
                 self.feed.tell(event)
             case _:
                 pass

@@ -51,7 +51,7 @@ def test_the_tip_is_near_where_it_is_sent_and_never_quite_there(hand, moving):
     line = np.array([[0.55, -0.05, 0.08], [0.65, 0.05, 0.08]])
     hand.easel.robot.follow(Waypoints("line", line, 0.06))
     (path,) = moving
-    assert (path[0] == start).all()
+    np.testing.assert_allclose(path[0], start, atol=1e-5)  # exactly there where it moved before
     late = path[np.abs(path[:, 2] - 0.08) < 0.001][-150:]
     across = np.abs((late[:, 0] - late[:, 1]) - 0.6) / np.sqrt(2)
     assert 1e-6 < across.max() < 3e-4

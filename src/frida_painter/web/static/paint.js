@@ -56,7 +56,7 @@ export function paintStage(house, here, first) {
   function lookCard(look) {
     const picture = (name, words) => h("figure", {}, h("img", { src: api.file(here.id, "live", look[name]), alt: `${words}, after ${look.done} strokes`, loading: "lazy" }), h("figcaption", {}, words));
     const came = outcome(look);
-    return h("li", {}, h("h3", {}, `After ${count(look.done, "stroke", "strokes")}`), came ? h("p", {}, came) : null,
+    return h("li", {}, h("h3", {}, `After ${count(look.done, "stroke", "strokes")}`), came ? h("p", {}, came) : null, ...(look.touch ?? []).map((sentence) => h("p", {}, sentence)),
       h("div", { class: "trio" }, picture("expected", "Expected"), picture("seen", "Seen"), picture("difference", "Difference")));
   }
 

@@ -1,0 +1,133 @@
+"""At which heights brushes really touch the canvas: learned from what the painter sees after each batch.
+
+A brush that sits a millimetre higher in its holder than when it was calibrated, or a canvas that lies lower, makes
+every mark thinner and shorter than it was planned. The strokes just painted, the canvas before and the canvas after
+tell by how much: the thickness is sought at which the simulated strokes look most like the ones that are seen. What is
+learned of one brush is partly true of the others, because they paint on the same canvas.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Self, TypeVar
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from frida_painter.calibration import BrushRecord, Calibration
+from frida_painter.planning.least_squares import gauss_newton
+from frida_painter.planning.scene import Scene
+from frida_painter.strokes import Strokes
+
+MOST_LOWER = 0.002
+"""Metres by which a brush is sent lower or higher than its record says; what seems further off is not believed."""
+# One standard deviation of what brushes are off, metres: all of them together, and each by itself.
+_TOGETHER, _EACH = 0.0005, 0.0005
+_UNTOLD = 0.0003  # metres: marks in a painting differ from those in a stroke library also for other reasons
+# What is sought: units of thickness, metres of length, share of coverage. Usual errors, and steps for slopes. Marks are
+# hardly ever paler than they were learned: if more were usual, thin marks would be taken for pale ones.
+_USUAL, _STEPS = (0.2, 0.0005, 0.01), (0.03, 0.0005, 0.01)
+_ROUNDS = 5
+_CORRELATED = 0.006  # metres over which a mark differs from the model in the same way
+_KEPT_ASIDE = 4  # of so many strokes one is not learned from
+
+_Heights = TypeVar("_Heights", Calibration, BrushRecord)
+
+
+@dataclass(frozen=True)
+class TouchHeights:
+    """By how much lower than its record says each brush touches the canvas.
+
+    depths: metres from the lightest touch to the hardest press of each brush, by its name; lower: metres, of each,
+    below 0 where it touches higher; information: the inverse of its covariance, 1/m^2.
+    """
+
+    depths: Mapping[str, float] = field(default_factory=dict)
+    lower: tuple[float, ...] = ()
+    information: tuple[tuple[float, ...], ...] = ()
+
+    @classmethod
+    def unknown(cls, depths: Mapping[str, float]) -> Self:
+        """Before anything was seen: what the records say is the best guess, and half a millimetre off is usual."""
+        count = len(depths)
+        covariance = np.full((count, count), _TOGETHER**2) + np.eye(count) * _EACH**2
+        return cls(dict(depths), (0.0,) * count, _rows(np.linalg.inv(covariance)))
+
+    def after(self, brush: str, lower: float, deviation: float) -> Self:
+        """With one more measurement of one brush, and of its standard deviation, both in metres."""
+        seen = np.array([float(name == brush) for name in self.depths])
+        before = np.array(self.information)
+        information = before + np.outer(seen, seen) / deviation**2
+        best = np.linalg.solve(information, before @ np.array(self.lower) + seen * lower / deviation**2)
+        return replace(self, lower=tuple(best.tolist()), information=_rows(information))
+
+    def correction(self, brush: str) -> float:
+        """By how much lower than its record says a brush is sent, metres; 0 where nothing is known of it."""
+        return dict(zip(self.depths, self.lower, strict=True)).get(brush, 0.0)
+
+    def corrected(self, calibration: Calibration) -> Calibration:
+        """The calibration by which brushes are sent to where they really touch."""
+        others = {name: _lowered(one, self.correction(name)) for name, one in calibration.others.items()}
+        return _lowered(replace(calibration, others=others), self.correction(calibration.brush))
+
+
+@torch.no_grad()
+def measure_touch(landed: Strokes, known: TouchHeights, before: Scene, seen: Tensor) -> TouchHeights:
+    """What is known of touch heights after strokes of one brush, that `landed` so, have been seen.
+
+    before: the scene in which they were painted; seen [3, H, W]: the canvas afterwards. What was known before stays
+    where that explains the strokes kept aside better, or a brush would be off by more than MOST_LOWER.
+    """
+    brush = before.model.brush
+    if brush not in known.depths:
+        return known
+    aside = torch.arange(len(landed)) % _KEPT_ASIDE == _KEPT_ASIDE - 1
+    learned_from, kept_aside = _visible(landed, aside, before)
+    if not (learned_from.any() and kept_aside.any()):
+        return known
+
+    def residual(numbers: Tensor, where: Tensor) -> Tensor:
+        thicker, longer, opaquer = numbers.tolist()
+        marks = landed.with_groups(
+            thickness=(landed.thickness + thicker).clamp(0, 1),
+            length=(landed.length + longer).clamp(*before.model.limits.length),
+        )
+        # As if paint covered more or less; true where marks do not overlap, and enough to tell thin from pale.
+        picture = before.canvas + (1 + opaquer) * (before.render(marks) - before.canvas)
+        return (seen - picture)[:, where].flatten().cpu().double()
+
+    usual, nothing = torch.tensor(_USUAL, dtype=torch.float64), torch.zeros(3, dtype=torch.float64)
+    found, information = gauss_newton(
+        lambda numbers: residual(numbers, learned_from),
+        nothing,
+        torch.diag(usual.square().reciprocal()),
+        torch.tensor(_STEPS, dtype=torch.float64),
+        (_CORRELATED / before.size.height * before.canvas.shape[1]) ** 2,
+        _ROUNDS,
+    )
+    if not _size(residual(found, kept_aside)) < _size(residual(nothing, kept_aside)):
+        return known
+    deviation = float(torch.linalg.inv(information)[0, 0].sqrt())
+    sent, depth = known.correction(brush), known.depths[brush]
+    learned = known.after(brush, sent - float(found[0]) * depth, float(np.hypot(deviation * depth, _UNTOLD)))
+    return learned if all(abs(lower) <= MOST_LOWER for lower in learned.lower) else known
+
+
+def _visible(strokes: Strokes, aside: Tensor, scene: Scene) -> tuple[Tensor, Tensor]:
+    """Where strokes are seen that are not `aside` [n], and where those that are, both [H, W]."""
+    white = aside.to(strokes.color)[:, None].expand(-1, 3)
+    shown = replace(scene, canvas=torch.full_like(scene.canvas, 0.5)).render(strokes.with_groups(color=white))[0]
+    return shown < 0.45, shown > 0.55
+
+
+def _size(residual: Tensor) -> float:
+    return float(residual.square().mean())
+
+
+def _lowered(record: _Heights, lower: float) -> _Heights:
+    return replace(record, touch_height=record.touch_height - lower, press_height=record.press_height - lower)
+
+
+def _rows(matrix: NDArray[np.floating]) -> tuple[tuple[float, ...], ...]:
+    return tuple(map(tuple, matrix.tolist()))
