@@ -12,6 +12,7 @@ from torch.nn import functional
 from frida_painter import picture_file, storage
 from frida_painter.errors import ImageError
 
+_PNG_LEVEL = 4  # of zlib: a fiftieth larger than 6, in less than half the time
 _JPEG_QUALITY = 92
 
 
@@ -33,7 +34,7 @@ def save(image: Tensor, path: str | Path) -> None:
         if path.suffix.lower() in (".jpg", ".jpeg"):
             picture.save(temporary, format="JPEG", quality=_JPEG_QUALITY, subsampling=0, optimize=True)
         else:
-            picture.save(temporary, format="PNG")
+            picture.save(temporary, format="PNG", compress_level=_PNG_LEVEL)
 
 
 def save_exactly(pixels: NDArray[np.uint8], path: Path) -> None:

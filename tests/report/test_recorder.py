@@ -1,13 +1,11 @@
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 from torch import Tensor
 
-from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.report.recorder import Recorder
@@ -76,24 +74,6 @@ def recorded(
 
 def whole() -> Painting:
     return Painting(picture(0.42, 80, 120), 12, SECOND.part(slice(6, None)))
-
-
-def test_sheets_are_made_again_only_where_the_paints_are_new(tmp_path: Path) -> None:
-    plan = made_up_plan(6, 3).under(made_up_plan(6, 3, seed=5))
-    rest = plan.part(slice(6, None))
-    (upper,) = rest.filled_layers()
-    paints = Palette(upper.palette.color * 0.9)
-    strokes = upper.strokes.with_groups(color=paints.color[upper.paint])
-    mixed = rest.with_parts([replace(upper, palette=paints, strokes=strokes)])
-    sheets = [tmp_path / f"{name}.png" for name in ("palette", "mixing", "palette-layer-2", "mixing-layer-2")]
-    with Recorder(tmp_path, *TOLD, {"medium": small_table()}, 4) as recorder:
-        recorder.hear(Planned(plan, 0, picture(0.5), 0.6, 0.3))
-        before = [sheet.read_bytes() for sheet in sheets]
-        for sheet in sheets[:2]:
-            sheet.write_bytes(b"as it hangs beside the easel")
-        recorder.hear(Planned(mixed, 6, picture(0.5), 0.6, 0.3))
-    assert all(sheet.read_bytes() == b"as it hangs beside the easel" for sheet in sheets[:2])
-    assert all(sheet.read_bytes() != old for sheet, old in zip(sheets[2:], before[2:], strict=True))
 
 
 def named(page: str) -> set[str]:

@@ -17,18 +17,14 @@ from frida_painter.errors import ImageError, StorageError
 from frida_painter.export.bezier import plan_widths
 from frida_painter.export.svg import svg
 from frida_painter.export.table import table
-from frida_painter.mixing.amounts import volumes
-from frida_painter.mixing.paint_inventory import usual_paints
-from frida_painter.mixing.recipe import Recipe, recipes
-from frida_painter.palette import Palette
+from frida_painter.mixing.recipe import Recipe
 from frida_painter.plan import Plan
 from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.quantities import count_of
 from frida_painter.report.difference import difference
 from frida_painter.report.film import FilmWriter
-from frida_painter.report.mixing_sheet import mixing_sheet
 from frida_painter.report.page import write_page
-from frida_painter.report.palette_sheet import palette_sheet, sheet_file
+from frida_painter.report.recipe_sheets import RecipeSheets
 from frida_painter.report.sketchbook import Sketchbook
 from frida_painter.report.story import Comparison, Download, Look, Phase, Story, compare, paints
 from frida_painter.session.events import (
@@ -92,6 +88,7 @@ class Recorder:
     _strokes_left_out: list[int] = field(default_factory=list, init=False)
     _stopped: bool = field(default=False, init=False)
     _recipes: tuple[Recipe, ...] = field(default=(), init=False)
+    _sheets: RecipeSheets = field(init=False)
     _left_out: int = field(default=0, init=False)
     _filming: bool = field(default=True, init=False)
     _in_hand: Future[None] | None = field(default=None, init=False)  # the timelapse frame that is being kept
@@ -102,7 +99,7 @@ class Recorder:
 
     def __enter__(self) -> Self:
         self._started = time.monotonic()
-        self._sketchbook = Sketchbook(self.folder)
+        self._sketchbook, self._sheets = Sketchbook(self.folder), RecipeSheets(self.folder)
         if self.before is not None:
             self._dips, self._cleanings = self.before.dips, self.before.cleanings
             self._started -= self.before.seconds
@@ -119,6 +116,7 @@ class Recorder:
             self._finish_film()
         except StorageError:
             self._left_out += 1
+        self._sheets.finish()
 
     def hear(self, event: Event) -> None:
         """Keeps what the event brings."""
@@ -165,6 +163,8 @@ class Recorder:
             self._finish_film()
         except StorageError:
             self._left_out += 1
+        self._recipes, left_out = self._sheets.finish()
+        self._left_out += left_out
         if self._plan is None or self._first_expected is None:
             return None
         painted = self._plan.part(slice(painting.painted))
@@ -188,11 +188,11 @@ class Recorder:
         if self._plan is None or event.done == 0:  # a plan with what was really mixed takes the place of the first
             self._plan, self._first_expected = event.plan, event.expected
             images.save(event.expected, self.folder / "plan.png")
-            self._keep_recipes(event.plan)
+            self._sheets.renew(event.plan)
         else:
             before, self._plan = self._plan, self._plan.part(slice(event.done)).followed_by(event.plan)
             if not torch.equal(before.palette.color, self._plan.palette.color):  # new paints for the next layer
-                self._keep_recipes(self._plan, before.palette)
+                self._sheets.renew(self._plan, before.palette)
             if self._seen is not None:
                 self._looks.append(self._keep_look(self._seen, event))
         self._keep_story()
@@ -203,7 +203,7 @@ class Recorder:
     def _keep_on(self, event: Resumed) -> None:
         """Takes up film and story where an earlier run left them."""
         self._plan = event.plan
-        self._keep_recipes(event.plan)
+        self._sheets.renew(event.plan)
         self._looks, self._phases, self._expected_seconds = self._sketchbook.story()
         try:
             self._first_expected = images.load(self.folder / "plan.png")
@@ -239,23 +239,6 @@ class Recorder:
     @property
     def _runs(self) -> int:
         return 1 if self.before is None else self.before.runs + int(not self.before.finished)
-
-    def _keep_recipes(self, plan: Plan, before: Palette | None = None) -> None:
-        """How to mix the palette, for whoever stands before the wells now. before: paints whose sheets are there."""
-        there = [] if before is None else before.color.tolist()
-        known = {tuple(recipe.target.tolist()): recipe for recipe in self._recipes}
-        colors = [tuple(color) for color in plan.palette.color.tolist()]
-        unknown = sorted(set(colors) - set(known))
-        known |= dict(zip(unknown, recipes(plan.palette.color.new_tensor(unknown), usual_paints()), strict=True))
-        self._recipes = tuple(known[color] for color in colors)
-        mixed = iter(self._recipes)
-        for layer, part in plan.by_wells():
-            ours, of = [next(mixed) for _ in part.palette.color], "" if layer == 1 else f", layer {layer}"
-            if all(color in there for color in part.palette.color.tolist()):
-                continue
-            images.save(palette_sheet(part, f"Palette{of}", ours), self.folder / sheet_file("palette.png", layer))
-            sheet = mixing_sheet(ours, volumes(part).tolist(), f"Mixing{of}")
-            images.save(sheet, self.folder / sheet_file("mixing.png", layer))
 
     def _keep_look(self, seen: Looked, planned: Planned) -> Look:
         number = len(self._looks) + 1

@@ -1,0 +1,69 @@
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from frida_painter.errors import StorageError
+from frida_painter.mixing.paint_inventory import usual_paints
+from frida_painter.mixing.recipe import recipes
+from frida_painter.palette import Palette
+from frida_painter.report.recipe_sheets import RecipeSheets
+from plans import made_up_plan
+
+PLAN = made_up_plan(6, 3)
+
+
+def test_sheets_and_recipes_are_there_when_it_has_finished(tmp_path: Path) -> None:
+    sheets = RecipeSheets(tmp_path)
+    sheets.renew(PLAN)
+    found, left_out = sheets.finish()
+    assert {path.name for path in tmp_path.iterdir()} == {"palette.png", "mixing.png"} and left_out == 0
+    plain = recipes(PLAN.palette.color, usual_paints())
+    assert [recipe.words for recipe in found] == [recipe.words for recipe in plain]
+    assert sheets.finish() == (found, 0), "finishing again changes nothing"
+
+
+def test_sheets_are_made_again_only_where_the_paints_are_new(tmp_path: Path) -> None:
+    plan = PLAN.under(made_up_plan(6, 3, seed=5))
+    (upper,) = plan.part(slice(6, None)).filled_layers()
+    paints = Palette(upper.palette.color * 0.9)
+    strokes = upper.strokes.with_groups(color=paints.color[upper.paint])
+    mixed = plan.part(slice(6)).followed_by(
+        plan.part(slice(6, None)).with_parts([replace(upper, palette=paints, strokes=strokes)])
+    )
+    files = [tmp_path / f"{name}.png" for name in ("palette", "mixing", "palette-layer-2", "mixing-layer-2")]
+    sheets = RecipeSheets(tmp_path)
+    sheets.renew(plan)
+    sheets.finish()
+    before = [file.read_bytes() for file in files]
+    for file in files[:2]:
+        file.write_bytes(b"as it hangs beside the easel")
+    sheets = RecipeSheets(tmp_path)
+    sheets.renew(mixed, before=plan.palette)
+    found, _ = sheets.finish()
+    assert len(found) == 6
+    assert all(file.read_bytes() == b"as it hangs beside the easel" for file in files[:2])
+    assert all(file.read_bytes() != old for file, old in zip(files[2:], before[2:], strict=True))
+
+
+def test_where_there_is_no_room_it_is_counted_and_what_is_wrong_otherwise_is_raised(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    troubles = [StorageError("full"), None, ValueError("wrong")]
+
+    def save(picture: torch.Tensor, path: Path) -> None:
+        trouble = troubles.pop(0)
+        if trouble is not None:
+            raise trouble
+
+    monkeypatch.setattr("frida_painter.report.recipe_sheets.images.save", save)
+    sheets = RecipeSheets(tmp_path)
+    sheets.renew(PLAN)
+    sheets.renew(PLAN)
+    with pytest.raises(ValueError, match="wrong"):
+        sheets.finish()
+    troubles[:] = [StorageError("full")]
+    sheets = RecipeSheets(tmp_path)
+    sheets.renew(PLAN)
+    assert sheets.finish()[1] == 1
