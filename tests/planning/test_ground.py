@@ -52,6 +52,14 @@ def test_without_a_picture_a_person_names_the_ground(monkeypatch: pytest.MonkeyP
         proposed_ground(by, 6, 2)
 
 
+def test_too_many_layers_are_refused_before_anything_is_tried() -> None:
+    by = Planner(Goal((ImageTerm(torch.zeros(3, 64, 85)),)), CANVAS, small_table(), rows=64, layers=8)
+    heard: list[object] = []
+    with pytest.raises(ConfigError, match="layers"):
+        proposed_ground(by, 6, 2, heard.append)
+    assert heard == []
+
+
 def test_around_things_the_commonest_colour_is_the_ground() -> None:
     picture, matters = torch.full((3, 64, 85), 0.8), torch.ones(64, 85)
     picture[:, 40:] = 0.3

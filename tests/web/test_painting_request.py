@@ -26,6 +26,12 @@ def test_a_request_is_told_to_the_command_line_in_its_own_terms() -> None:
     assert asked.pictures == {PICTURE}
 
 
+def test_what_matters_most_in_a_picture_is_asked_for_as_on_the_command_line() -> None:
+    assert request_of().focus == "faces" and request_of(focus="subject").focus == "subject"
+    with pytest.raises(ValidationError, match="'faces', 'subject' or 'none'"):
+        request_of(focus="hands")
+
+
 @given(st.text(max_size=300))
 def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
     try:

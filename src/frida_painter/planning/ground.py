@@ -38,6 +38,7 @@ def proposed_ground(
             "--ground auto takes its colour from the picture to paint, and this goal has none; give a colour, such as "
             "#c8a878."
         )
+    planner.layer_sizes(strokes)  # what cannot be planned is said before anything is tried
     picture = term.guide
     trial = _quick(planner, ImageTerm(picture, importance=term.importance))
     few = max(strokes // 2, min(strokes, _FEWEST))

@@ -3,7 +3,7 @@
 import math
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer
 
@@ -164,6 +164,7 @@ def _brushes(value: Any) -> Any:
 
 Brushes = Annotated[str | None, BeforeValidator(_brushes)]
 Ground = Annotated[str | None, AfterValidator(_ground)]
+Focus = Literal["faces", "subject", "none"]
 DarkestPaint = Annotated[str | None, AfterValidator(_darkest)]
 Policy = Annotated[str | None, AfterValidator(_policy)]
 Canvas = Annotated[CanvasSize, BeforeValidator(_canvas), PlainSerializer(_millimetres)]

@@ -23,6 +23,7 @@ from frida_painter.runs.fields import (
     Canvas,
     DarkestPaint,
     File,
+    Focus,
     Ground,
     Placement,
     Policy,
@@ -177,7 +178,7 @@ class RunSpec(BaseModel):
         "right where the picture is darker.",
         json_schema_extra={"metavar": "#RRGGBB", "default": "in the studio #121212, otherwise #000000"},
     )
-    focus: Literal["faces", "subject", "none"] = Field(
+    focus: Focus = Field(
         "faces",
         description="What matters most in a picture. faces: faces, where there are any; subject: what the picture "
         "shows, as networks see it, and edges; none: every place is worth the same.",

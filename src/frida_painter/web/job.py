@@ -45,6 +45,7 @@ class Job:
             replans=min(request.replans, request.strokes - 1),
             ground=request.ground,
             on_canvas=request.on_canvas,
+            focus=request.focus,
             drying=request.drying,
             minutes=request.minutes,
             effort=request.effort,

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstra
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.objectives.kind import Gives, goal_kinds
-from frida_painter.runs.fields import AUTO, Ground, brush_shares
+from frida_painter.runs.fields import AUTO, Focus, Ground, brush_shares
 from frida_painter.runs.spec import RunSpec
 
 Identifier = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
@@ -91,6 +91,7 @@ class PaintingRequest(_Checked):
     ground: Ground = None
     """None for the usual one."""
     on_canvas: bool = False
+    focus: Focus = RunSpec.model_fields["focus"].default
     drying: float = _as_described("drying")
     minutes: float | None = _as_described("minutes")
     effort: float = _as_described("effort")

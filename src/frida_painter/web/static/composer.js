@@ -14,6 +14,11 @@ const MINUTES = [null, 10, 15, 20, 30, 45, 60, 90, 120, 180, 240]; // of the rob
 const SIZES = [["14 × 11 in", 355.6, 279.4], ["A4", 297, 210], ["A3", 420, 297], ["30 × 30 cm", 300, 300], ["20 × 20 cm", 200, 200]];
 const BRUSHES = [["", "usual"], ["broad", "broad"], ["medium", "medium"], ["fine", "fine"], ["broad,medium", "broad, medium"], ["broad,medium,fine", "broad, medium, fine"], ["auto", "best suited"]]
   .map(([value, label]) => ({ value, label }));
+const FOCUS = [
+  { value: "faces", label: "faces", title: "Faces matter most in a picture, where there are any" },
+  { value: "subject", label: "the subject", title: "What the picture shows, as networks see it, and edges matter most" },
+  { value: "none", label: "all alike", title: "Every place of a picture is worth the same" },
+];
 const PRESETS = [
   { label: "Quick study", strokes: 80, colors: 6, replans: 2, effort: 0.5 },
   { label: "Normal", strokes: 300, colors: 12, replans: 4, effort: 1 },
@@ -22,7 +27,7 @@ const PRESETS = [
 
 /** @returns {Wish} */
 export const fresh = () => ({
-  title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brushes: "", replans: 4, ground: null, on_canvas: false, drying: 20, minutes: null, effort: 1, seed: 0,
+  title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brushes: "", replans: 4, ground: null, on_canvas: false, focus: "faces", drying: 20, minutes: null, effort: 1, seed: 0,
 });
 
 /**
@@ -135,6 +140,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
             { value: "white", label: "white" }, { value: "auto", label: "toned", title: `A colour that suits the picture${house.simulated ? "" : "; you tone the canvas, by a recipe"}` },
             ...(house.simulated ? [] : [{ value: "as it is", label: "as it is", title: "Paint on what is there: a toned ground, an old painting, or what you painted" }])],
           onchange: (value) => { wish.on_canvas = value === "as it is"; wish.ground = value === "usual" ? null : value === "auto" ? "auto" : "white"; changed(); } }),
+        choices({ legend: "Most careful with", name: "focus", value: wish.focus ?? "faces", options: FOCUS, onchange: set("focus") }),
         house.simulated ? null : slider({ label: "Drying", min: 5, max: 60, value: wish.drying ?? 20, words: (minutes) => `${minutes} minutes between two layers`, oninput: set("drying") }),
         house.robot === "human" ? null : slider({ label: "Robot's time", min: 0, max: MINUTES.length - 1, value: Math.max(0, MINUTES.indexOf(wish.minutes ?? null)),
           words: (index) => (MINUTES[index] ? `at most ${MINUTES[index]} minutes` : "as long as it takes"), oninput: (index) => set("minutes")(MINUTES[index]) }),
