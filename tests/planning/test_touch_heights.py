@@ -1,5 +1,6 @@
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -83,6 +84,22 @@ def test_what_seems_too_far_off_is_not_believed() -> None:
     nearly = UNKNOWN.after("small", MOST_LOWER, 0.0003)
     strokes = some(5)
     assert measure_touch(strokes, nearly, SCENE, marks(strokes, 0.001)) is nearly
+    assert UNKNOWN.after("large", 5 * MOST_LOWER, 0.0003) is UNKNOWN
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    [
+        {"lower": (0.05, 0.0)},
+        {"lower": (math.nan, 0.0)},
+        {"lower": (0.0,)},
+        {"information": ((1.0,),)},
+        {"depths": {"small": DEPTH}},
+    ],
+)
+def test_a_journal_that_would_send_a_brush_into_the_table_is_damaged(damaged: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="brushes"):
+        replace(UNKNOWN, **damaged)
 
 
 def test_records_are_corrected_each_by_its_own() -> None:

@@ -3,7 +3,7 @@
 interface Term { kind: string; picture?: string | null; words?: string | null; weight: number }
 interface Wish {
   title: string; terms: Term[]; initial: Term[]; strokes: number; colors: number; width: number; height: number;
-  brushes: string; replans: number; ground: string | null; on_canvas: boolean; drying: number; minutes: number | null; effort: number; seed: number;
+  brushes: string; replans: number; ground: string | null; on_canvas: boolean; focus: "faces" | "subject" | "none"; drying: number; minutes: number | null; effort: number; seed: number;
 }
 interface Paint { number: number; hex: string; strokes: number; share: number }
 interface Mixture { recipe: string; millilitres: number; near: boolean }
@@ -12,7 +12,7 @@ interface PlanState {
   number: number; wish: Wish; status: "waiting" | "planning" | "ready" | "failed" | "stopped"; share: number; left: number | null;
   growing: string | null; nearer: number; made: Made | null;
 }
-interface Look { done: number; seen: string; expected: string; difference: string; why: string; gain?: number; plan?: string }
+interface Look { done: number; seen: string; expected: string; difference: string; why: string; gain?: number; touch?: string[]; plan?: string }
 interface PaintState {
   plan: number; of: number; status: string; done: number; left: number | null; dries: number; photograph: string | null; growing: string | null;
   brush: string; paint: number | null; dips: Record<number, number>; since_dip: number; reason: string; looks: Look[];

@@ -40,12 +40,20 @@ class TouchHeights:
     """By how much lower than its record says each brush touches the canvas.
 
     depths: metres from the lightest touch to the hardest press of each brush, by its name; lower: metres, of each,
-    below 0 where it touches higher; information: the inverse of its covariance, 1/m^2.
+    below 0 where it touches higher; information: the inverse of its covariance, 1/m^2. Raises ValueError where they are
+    not as many, or a brush would be off by more than MOST_LOWER.
     """
 
     depths: Mapping[str, float] = field(default_factory=dict)
     lower: tuple[float, ...] = ()
     information: tuple[tuple[float, ...], ...] = ()
+
+    def __post_init__(self) -> None:
+        count = len(self.depths)
+        if len(self.lower) != count or np.shape(self.information) != ((count, count) if count else (0,)):
+            raise ValueError(f"touch heights {self.lower} and information {self.information} of {count} brushes")
+        if not all(abs(lower) <= MOST_LOWER for lower in self.lower):
+            raise ValueError(f"brushes that touch {self.lower} m lower; {MOST_LOWER} m are believed")
 
     @classmethod
     def unknown(cls, depths: Mapping[str, float]) -> Self:
@@ -55,11 +63,16 @@ class TouchHeights:
         return cls(dict(depths), (0.0,) * count, _rows(np.linalg.inv(covariance)))
 
     def after(self, brush: str, lower: float, deviation: float) -> Self:
-        """With one more measurement of one brush, and of its standard deviation, both in metres."""
+        """With one more measurement of one brush, and of its standard deviation, both in metres.
+
+        As it was where a brush would be off by more than MOST_LOWER then.
+        """
         seen = np.array([float(name == brush) for name in self.depths])
         before = np.array(self.information)
         information = before + np.outer(seen, seen) / deviation**2
         best = np.linalg.solve(information, before @ np.array(self.lower) + seen * lower / deviation**2)
+        if not np.abs(best).max() <= MOST_LOWER:
+            return self
         return replace(self, lower=tuple(best.tolist()), information=_rows(information))
 
     def correction(self, brush: str) -> float:
@@ -77,7 +90,7 @@ def measure_touch(landed: Strokes, known: TouchHeights, before: Scene, seen: Ten
     """What is known of touch heights after strokes of one brush, that `landed` so, have been seen.
 
     before: the scene in which they were painted; seen [3, H, W]: the canvas afterwards. What was known before stays
-    where that explains the strokes kept aside better, or a brush would be off by more than MOST_LOWER.
+    where that explains the strokes kept aside better.
     """
     brush = before.model.brush
     if brush not in known.depths:
@@ -110,8 +123,7 @@ def measure_touch(landed: Strokes, known: TouchHeights, before: Scene, seen: Ten
         return known
     deviation = float(torch.linalg.inv(information)[0, 0].sqrt())
     sent, depth = known.correction(brush), known.depths[brush]
-    learned = known.after(brush, sent - float(found[0]) * depth, float(np.hypot(deviation * depth, _UNTOLD)))
-    return learned if all(abs(lower) <= MOST_LOWER for lower in learned.lower) else known
+    return known.after(brush, sent - float(found[0]) * depth, float(np.hypot(deviation * depth, _UNTOLD)))
 
 
 def _visible(strokes: Strokes, aside: Tensor, scene: Scene) -> tuple[Tensor, Tensor]:

@@ -32,6 +32,8 @@ CALIBRATION = "calibration.json"
 """A copy of the easel's calibration as it was painted by, by which its photographs can be read again."""
 NOW = "now.png"
 """The canvas as it was found when the painting was resumed, or where something was on it at first."""
+CALIBRATION_RECORD = "calibration record"
+"""What a painting rests on, in `rests_on`: that by which its robot is sent."""
 PAUSE_FILE = "pause"
 """As long as it is there, nothing is painted."""
 
@@ -88,7 +90,7 @@ def rests_on(spec: RunSpec, folder: Path) -> dict[str, str]:
     """Hashes of all files that decide how a painting goes on, by what they are. Raises StorageError."""
     files = {
         "goal": folder / GOAL,
-        "calibration record": spec.calibration,
+        CALIBRATION_RECORD: spec.calibration,
         "workspace": spec.workspace,
         **({} if spec.studio_canvas is None else {"studio canvas": spec.studio_canvas}),
         "brush": None,

@@ -8,9 +8,10 @@ from torch import Tensor
 from frida_painter.errors import ConfigError
 from frida_painter.event_log import missing
 from frida_painter.perception.frame_check import FrameCheck
+from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.report.doubt import doubt
-from frida_painter.runs.folder import SETTINGS, read_goal, read_spec
+from frida_painter.runs.folder import CALIBRATION_RECORD, SETTINGS, read_goal, read_spec
 from frida_painter.runs.folder import rests_on as hashes
 from frida_painter.runs.spec import SETTLED, RunSpec, upgraded
 from frida_painter.session import resuming
@@ -25,13 +26,15 @@ class ReopenedPainting:
     """A painting that is resumed.
 
     spec: as its folder has it; journal: held until it is closed; history: read from it; plan: the one in the folder,
-    None where it broke off before there was one; accept_changes: whether it goes on whatever has changed.
+    None where it broke off before there was one; placement: as it was learned by then, None where it is for another
+    calibration record than the one that is there now; accept_changes: whether it goes on whatever has changed.
     """
 
     spec: RunSpec
     journal: Journal
     history: History
     plan: KeptPlan | None
+    placement: Placement | None
     accept_changes: bool
 
     def require_as_left(self, good: FrameCheck | None, planner: Planner, before: Tensor, now: Tensor) -> None:
@@ -62,11 +65,17 @@ def reopen(folder: Path, *, accept_changes: bool, pace: float) -> ReopenedPainti
         plan = resuming.kept_plan(folder, history)
         if not history.finished:
             _require_unchanged(spec, folder, history, plan, accept_changes=accept_changes)
+        placement = None if plan is None or _recalibrated(spec, folder, history) else plan.planning.placement
         spec = spec.changed(pace=pace, **read_goal(folder / history.goal))
     except BaseException:
         journal.close()
         raise
-    return ReopenedPainting(spec, journal, history, plan, accept_changes)
+    return ReopenedPainting(spec, journal, history, plan, placement, accept_changes)
+
+
+def _recalibrated(spec: RunSpec, folder: Path, history: History) -> bool:
+    """Whether the calibration record is another one than when the painting was begun."""
+    return not history.finished and hashes(spec, folder)[CALIBRATION_RECORD] != history.rests_on.get(CALIBRATION_RECORD)
 
 
 def history_of(folder: Path) -> History:

@@ -337,7 +337,6 @@ class PaintingRun:
 
     def _open_session(self, easel: Easel, journal: Journal, record: Notify = lambda event: None) -> PaintingSession:
         easel = with_operator(easel, self.spec, self.controls.answer)
-        kept = self._reopened and self._reopened.plan
 
         def hear(event: Event) -> None:
             if isinstance(event, TimelapseFrame | Looked):
@@ -356,7 +355,7 @@ class PaintingRun:
             notify=hear,
             journal=journal,
             light=resuming.light(self.history) if self.history else None,
-            placement=kept.planning.placement if kept else None,
+            placement=self._reopened.placement if self._reopened else None,
         )
         return self.session
 
