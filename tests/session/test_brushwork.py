@@ -15,6 +15,7 @@ from frida_painter.frames import CanvasSize
 from frida_painter.hardware.motion import Motion
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
+from frida_painter.planning.placement import Placement
 from frida_painter.session.brushwork import STROKES_PER_DIP, Brushwork, refilled
 from frida_painter.session.choreography import Choreography
 from frida_painter.session.events import Dipped, StrokePainted
@@ -51,6 +52,21 @@ def painted(brushwork: Brushwork, which: Plan, done: int = 0) -> list[str]:
 def dipped(brushwork: Brushwork, which: Plan) -> list[Dipped]:
     actions = brushwork.prepare(which, 0, len(which))
     return [action.done for action in actions if isinstance(action.done, Dipped)]
+
+
+def test_a_brush_that_touches_lower_is_sent_lower_unless_the_workspace_ends_there() -> None:
+    hard = plan([1], thickness=1.0)
+    touches_lower = Placement.unknown({"small": 0.01})
+    touches_lower = replace(touches_lower, touch=touches_lower.touch.after("small", 0.001, 0.00001))
+    for floor, lowest in ((CALIBRATION.press_height - 0.002, 0.091), (CALIBRATION.press_height, 0.092)):
+        low = replace(WORKSPACE, lower=(*WORKSPACE.lower[:2], floor))
+        brushwork = Brushwork(replace(stub_easel(), workspace=low), BRUSH)
+        brushwork.learn(touches_lower)
+        painted(brushwork, hard)
+        robot = brushwork.easel.robot
+        assert isinstance(robot, NotingRobot)
+        stroke = next(motion for motion in robot.motions if motion.label == "stroke 1")
+        assert stroke.position[:, 2].min() == pytest.approx(lowest, abs=1e-4)
 
 
 def test_a_clean_brush_dips_before_the_first_stroke_and_is_not_cleaned() -> None:

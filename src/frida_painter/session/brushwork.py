@@ -52,6 +52,14 @@ class Brushwork:
         """When the robot last moved, s of its clock."""
         return self._gateway.last_motion
 
+    def learn(self, placement: Placement) -> None:
+        """From now on the robot is sent by that; where it could not go as low, to the heights that it was sent to."""
+        record = placement.touch.corrected(self.easel.calibration)
+        presses = [record.press_height, *(one.press_height for one in record.others.values())]
+        if not min(presses) >= self.easel.workspace.lower[2]:
+            placement = replace(placement, touch=self.placement.touch)
+        self.placement = placement
+
     def arranged(self, plan: Plan, count: int) -> Plan:
         """The plan with its first `count` strokes in an order that is quicker to paint and gives the same picture."""
         return shorten_travel(plan, count, self._choreography(), self.load)

@@ -56,9 +56,11 @@ class ExecutionMonitor:
 
     def _learn(self, placement: Placement) -> None:
         """The robot is sent by what is known now; a person is told where a brush is sent lower or higher."""
-        before, self._brushwork.placement = self._brushwork.placement.touch, placement
-        for brush in placement.touch.depths:
-            lower = placement.touch.correction(brush)
+        before = self._brushwork.placement.touch
+        self._brushwork.learn(placement)
+        now = self._brushwork.placement.touch
+        for brush in now.depths:
+            lower = now.correction(brush)
             if abs(lower - before.correction(brush)) >= _TOLD:
                 self._tell(TouchCorrected(brush, lower, self._progress.painted))
 
