@@ -13,6 +13,7 @@ from PIL import Image
 from skimage import data
 
 from frida_painter import images
+from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.palette import from_hex
 from frida_painter.runs.opening import Controls
@@ -154,6 +155,22 @@ def test_a_stopped_painting_is_gone_on_with_to_its_last_stroke(stopped: Path) ->
     assert outcome.painting is not None and outcome.painting.painted == 6
     result = json.loads((stopped / "result.json").read_text())
     assert result["strokes_painted"] == 6 and result["sittings"] == 2 and history_of(stopped).finished
+
+
+def test_a_finished_painting_teaches_its_calibration_record(photo: Path, tmp_path: Path) -> None:
+    wanted = RunSpec.of(goal=[{"image": str(photo)}], strokes=12, replans=1, **SMALL)
+    with PaintingRun(wanted, tmp_path / "first") as run:
+        outcome = run.start()
+        placement = run.session.brushwork.placement if run.session else None
+    assert outcome.trouble is None and outcome.calibration is None and placement is not None
+    record = tmp_path / "easel.json"
+    shutil.copy(tmp_path / "first" / "calibration.json", record)
+    before = Calibration.load(record)
+    with PaintingRun(wanted.changed(calibration=record), tmp_path / "second") as run:
+        outcome = run.start()
+    assert outcome.calibration == record
+    assert Calibration.load(record) == placement.corrected(before, wanted.canvas) != before
+    assert Calibration.load(tmp_path / "second" / "calibration.json") == before, "as it was painted by"
 
 
 def test_stopped_before_there_is_a_plan_nothing_is_left_to_finish(photo: Path, tmp_path: Path) -> None:
