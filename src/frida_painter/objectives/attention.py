@@ -1,7 +1,10 @@
 """Where a picture says what it shows: with few strokes, those places are worth more of them than others."""
 
+from __future__ import annotations
+
 import operator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -10,10 +13,12 @@ from torch.nn import functional
 from frida_painter import images
 from frida_painter.goal import Goal, Term
 from frida_painter.objectives.encoders.base import Seer
-from frida_painter.objectives.encoders.hed import Hed
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.faces import faces, importance_of
 from frida_painter.objectives.kinds.image import ImageTerm
+
+if TYPE_CHECKING:
+    from frida_painter.objectives.encoders.hed import Hed
 
 FACES, SUBJECT, EVERYWHERE = "faces", "subject", "none"
 """Where a painting of a photograph is most careful."""
