@@ -15,6 +15,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.calibration import BrushRecord, Calibration
 from frida_painter.planning.least_squares import gauss_newton
 from frida_painter.planning.scene import Scene
@@ -31,6 +32,9 @@ _USUAL, _STEPS = (0.2, 0.0005, 0.01), (0.03, 0.0005, 0.01)
 _ROUNDS = 5
 _CORRELATED = 0.006  # metres over which a mark differs from the model in the same way
 _KEPT_ASIDE = 4  # of so many strokes one is not learned from
+# Units of thickness below the lightest touch at which a stroke leaves no mark: at that touch its ends are pressed by
+# 0.2, its middle by next to nothing.
+_GONE = 0.15
 
 _Heights = TypeVar("_Heights", Calibration, BrushRecord)
 
@@ -100,14 +104,16 @@ def measure_touch(landed: Strokes, known: TouchHeights, before: Scene, seen: Ten
     if not (learned_from.any() and kept_aside.any()):
         return known
 
+    pressed = replace(before, model=_TouchingOrNot(before.model))
+
     def residual(numbers: Tensor, where: Tensor) -> Tensor:
         thicker, longer, opaquer = numbers.tolist()
         marks = landed.with_groups(
-            thickness=(landed.thickness + thicker).clamp(0, 1),
+            thickness=(landed.thickness + thicker).clamp(max=1),
             length=(landed.length + longer).clamp(*before.model.limits.length),
         )
         # As if paint covered more or less; true where marks do not overlap, and enough to tell thin from pale.
-        picture = before.canvas + (1 + opaquer) * (before.render(marks) - before.canvas)
+        picture = before.canvas + (1 + opaquer) * (pressed.render(marks) - before.canvas)
         return (seen - picture)[:, where].flatten().cpu().double()
 
     usual, nothing = torch.tensor(_USUAL, dtype=torch.float64), torch.zeros(3, dtype=torch.float64)
@@ -124,6 +130,18 @@ def measure_touch(landed: Strokes, known: TouchHeights, before: Scene, seen: Ten
     deviation = float(torch.linalg.inv(information)[0, 0].sqrt())
     sent, depth = known.correction(brush), known.depths[brush]
     return known.after(brush, sent - float(found[0]) * depth, float(np.hypot(deviation * depth, _UNTOLD)))
+
+
+class _TouchingOrNot:
+    """A stroke model that knows strokes of thickness below 0 too, which hardly touch the canvas, or do not at all."""
+
+    def __init__(self, model: StrokeModel) -> None:
+        self._model = model
+        self.brush, self.frame, self.limits = model.brush, model.frame, model.limits
+
+    def __call__(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
+        left = (1 + thickness.clamp(max=0) / _GONE).clamp(min=0)
+        return self._model(thickness.clamp(0, 1), length, bend) * left[:, None, None]
 
 
 def _visible(strokes: Strokes, aside: Tensor, scene: Scene) -> tuple[Tensor, Tensor]:
