@@ -81,7 +81,7 @@ class World:
         # Short dips, so that it matters little that a brush was cleaned and dipped anew after a crash.
         brushwork = Brushwork(easel, replace(brush_kind("fine"), known_dip=Dip(2.6e-4)))
         if kept:
-            brushwork.placement = kept.planning.placement
+            brushwork.learn(kept.planning.placement)
         session = PaintingSession(
             self.planner,
             brushwork,

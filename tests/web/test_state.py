@@ -4,7 +4,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.session.events import Written, events_of
+from frida_painter.session.events import TouchCorrected, Written, events_of
 from frida_painter.web.state import PaintingState
 
 MADE = {"prefix": "", "frames": [0, 2, 4], "strokes": 4, "palette": []}
@@ -143,6 +143,7 @@ def test_a_look_tells_that_a_brush_is_sent_lower_or_higher_from_then_on() -> Non
     looks = told(*PLANNED, *PAINTED, look, *corrected, look).shown(working=True)["painting"]["looks"]
     assert "touch" not in looks[-1]
     lower, higher = looks[-2]["touch"]
+    assert "as it was calibrated again" in TouchCorrected("fine", -0.00001, 3).sentence
     assert "fine brush" in lower and "0.8 mm lower" in lower and "1.1 mm higher" in higher
 
 

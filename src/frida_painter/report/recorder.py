@@ -94,7 +94,6 @@ class Recorder:
     _in_hand: Future[None] | None = field(default=None, init=False)  # the timelapse frame that is being kept
     _expected_seconds: float | None = field(default=None, init=False)
     _forecasts: list[tuple[int, SimilarityForecast]] = field(default_factory=list, init=False)  # by strokes painted
-
     _touch: dict[str, str] = field(default_factory=dict, init=False)  # what was corrected last, by brush
 
     def __enter__(self) -> Self:

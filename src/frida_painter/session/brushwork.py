@@ -45,6 +45,7 @@ class Brushwork:
 
     def __post_init__(self) -> None:
         self._gateway = RobotGateway(self.easel)
+        self.learn(self.placement)
         self.held = self.brush.name if self.easel.workspace.rack is None else ""
 
     @property
@@ -54,11 +55,13 @@ class Brushwork:
 
     def learn(self, placement: Placement) -> None:
         """From now on the robot is sent by that; where it could not go as low, to the heights that it was sent to."""
-        record = placement.touch.corrected(self.easel.calibration)
+        calibration = self.easel.calibration
+        record = placement.touch.corrected(calibration)
         presses = [record.press_height, *(one.press_height for one in record.others.values())]
         if not min(presses) >= self.easel.workspace.lower[2]:
             placement = replace(placement, touch=self.placement.touch)
         self.placement = placement
+        self._gateway.follow_touch(max(map(placement.touch.correction, (calibration.brush, *calibration.others))))
 
     def arranged(self, plan: Plan, count: int) -> Plan:
         """The plan with its first `count` strokes in an order that is quicker to paint and gives the same picture."""
@@ -152,9 +155,7 @@ class Brushwork:
         self.held, self.load = name, BrushLoad()
 
     def _choreography(self) -> Choreography:
-        calibration, touch = self.easel.calibration, self.placement.touch
-        record = self.placement.corrected(calibration, self.easel.canvas)
-        self._gateway.follow_touch(max(map(touch.correction, (calibration.brush, *calibration.others))))
+        record = self.placement.corrected(self.easel.calibration, self.easel.canvas)
         return _choreography(self.easel.workspace, record, (self.brush, *self.others))
 
 

@@ -247,6 +247,8 @@ class TouchCorrected:
     @property
     def sentence(self) -> str:
         """That, for a person."""
+        if abs(self.lower) < 0.00005:
+            return f"Marks of the {self.brush} brush are as they were sent, so it is sent as it was calibrated again."
         way, marks = ("higher", "thicker") if self.lower < 0 else ("lower", "thinner")
         return (
             f"Marks of the {self.brush} brush are {marks} than they were sent, so it is sent "
