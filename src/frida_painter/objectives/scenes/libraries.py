@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import unicodedata
 import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
@@ -18,7 +17,7 @@ from torch import Tensor
 from frida_painter import storage, weights
 from frida_painter.errors import ConfigError, ImageError, WeightsError
 from frida_painter.objectives.scenes.drawings import MOST_BYTES, read_picture, without_outlines
-from frida_painter.weights.picture_archive import CAPTIONS, FILE
+from frida_painter.weights.picture_archive import CAPTIONS, FILE, character_name
 
 GROUP = "frida_painter.picture_libraries"
 """The group of entry points in which a package names its picture libraries."""
@@ -28,6 +27,8 @@ _MOST_FILES = 20_000  # of a person's own: their captions are read in about a mi
 _MOST_CAPTION, _MOST_CAPTIONS = 300, 2**20  # bytes of the first line, and of all
 _LATIN = re.compile("[A-Za-z]{2}")
 _OUTLINES = "line"  # id of the layer of a pictogram that holds them
+_PHOTOGRAPH = 0.8  # realism
+_DRAWN = {"stamps": 0.4, "abcs": 0.4, "openclipart": 0.4, "fluent": 0.35, "flashcards": 0.2}  # realism of drawings
 _FLAT_ENOUGH = 0.25  # of what is drawn, that must be left without outlines
 
 
@@ -64,13 +65,16 @@ class PictureLibrary(Protocol):
 
 
 class PictureArchive:
-    """A fetched library: a zip of pictures with their captions."""
+    """A fetched library: a zip of pictures with their captions.
+
+    drawn: how much its drawings look like the things themselves, from 0, a sign, to 1, a photograph.
+    """
 
     is_own = False
 
-    def __init__(self, name: str, credit: str, archive: Path) -> None:
+    def __init__(self, name: str, credit: str, archive: Path, drawn: float = 0.4) -> None:
         self.name, self.credit = name, credit
-        self._archive = archive
+        self._archive, self._drawn = archive, drawn
 
     def captioned(self) -> Sequence[Captioned]:
         """The pictures by the archive's own list. Raises WeightsError."""
@@ -79,11 +83,15 @@ class PictureArchive:
                 known: dict[str, list[str]] = json.loads(opened.read(CAPTIONS))
         except (OSError, zipfile.BadZipFile, KeyError, ValueError) as cause:
             raise WeightsError(f"{self._archive} cannot be read ({cause}); fetch {self.name} again.") from cause
-        return [Captioned(file, tuple(captions), _realism(file)) for file, captions in sorted(known.items())]
+        return [Captioned(file, tuple(captions), self._realism(file)) for file, captions in sorted(known.items())]
 
     def pictures(self, file: str) -> list[Tensor]:
         """The picture. Raises WeightsError where the archive is damaged, ImageError where the picture is."""
         return [read_picture(_member(self._archive, file, self.name), f"{self.name}: {file}")]
+
+    def _realism(self, file: str) -> float:
+        """Pixels are photographs, but for those that say otherwise."""
+        return self._drawn if file.endswith(".svg") or "cartoon" in file else _PHOTOGRAPH
 
 
 class Pictograms:
@@ -101,7 +109,7 @@ class Pictograms:
                 files = sorted(opened.namelist())
         except (OSError, zipfile.BadZipFile) as cause:
             raise WeightsError(f"{self._archive} cannot be read ({cause}); fetch openmoji again.") from cause
-        return [Captioned(file, (name,), 0.0) for file in files if (name := _character(file))]
+        return [Captioned(file, (name,), 0.0) for file in files if (name := character_name(file.removesuffix(".svg")))]
 
     def pictures(self, file: str) -> list[Tensor]:
         """The drawing without its outlines, where enough of it is left, and with them.
@@ -173,11 +181,6 @@ def _member(archive: Path, file: str, name: str) -> bytes:
         raise WeightsError(f"{archive} is damaged ({cause}); fetch {name} again.") from cause
 
 
-def _realism(file: str) -> float:
-    """Of a picture in an archive: pixels are photographs, but for those that say otherwise."""
-    return 0.4 if file.endswith(".svg") or "cartoon" in file else 0.8
-
-
 def _said_of(path: Path) -> str:
     """What a picture of a person's own shows; "" where nothing says it."""
     said, beside = "", path.with_suffix(".txt")
@@ -188,14 +191,6 @@ def _said_of(path: Path) -> str:
         said = " ".join(re.sub(r"[^a-zA-Z]+|(?<=[a-z])(?=[A-Z])", " ", path.stem).split()).lower()
         said = re.sub(r"^(img|dsc|dscn|pict?|image|photo|picture|screenshot|scan|untitled|unnamed|copy of)\b", "", said)
     return said.strip() if _LATIN.search(said) else ""
-
-
-def _character(file: str) -> str:
-    """What a file such as 1F353.svg shows; empty where it is named by more than one character, or by none."""
-    marks = [mark for mark in file.removesuffix(".svg").split("-") if mark != "FE0F"]
-    if len(marks) != 1 or not re.fullmatch("[0-9A-F]{4,6}", marks[0]) or int(marks[0], 16) > 0x10FFFF:
-        return ""
-    return unicodedata.name(chr(int(marks[0], 16)), "").lower()
 
 
 def libraries_at_hand(cache: Path | None = None, own: Path | None = None) -> list[PictureLibrary]:
@@ -214,10 +209,10 @@ def libraries_at_hand(cache: Path | None = None, own: Path | None = None) -> lis
                 f"The picture library {point.name!r} cannot be used ({type(error).__name__}: {error}); mend or remove "
                 "the package that brings it."
             ) from error
-    for name in ("stamps", "openclipart"):
+    for name, drawn in _DRAWN.items():
         if (folder := weights.find(name, cache)) is not None:
             credit = f"{weights.named(name).credit}, {weights.named(name).licence}"
-            found.append(PictureArchive(name, credit, folder / FILE))
+            found.append(PictureArchive(name, credit, folder / FILE, drawn))
     if (folder := weights.find("openmoji", cache)) is not None:
         found.append(Pictograms(folder / "pictograms.zip"))
     return found

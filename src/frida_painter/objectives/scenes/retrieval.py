@@ -10,7 +10,7 @@ from torch import Tensor
 
 from frida_painter.errors import ImageError
 from frida_painter.objectives.compositing import lay
-from frida_painter.objectives.encoders.conse import synonyms
+from frida_painter.objectives.encoders.conse import has_class, synonyms
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.scenes.libraries import PictureLibrary
 from frida_painter.objectives.scenes.reading import Thing
@@ -25,15 +25,17 @@ _LOOKED_AT = 9
 _EXACT = 1.5  # of similarity, against how a picture looks
 _KEYWORD = 0.05  # less than a title
 _COLORED = 0.1  # more, at the most, for a caption that has the colour too
-_AGREED = 0.5  # of a keyword, however little the title agrees with it
+_AGREED = 0.4  # of a keyword, however little the title agrees with it
 _NOUN = 0.35  # share of the last word of a name in what a name means
 _CONTEXT = 0.15  # of the similarity of a caption to the whole prompt
-_WORD, _OTHERS = 0.1, 0.05  # for the very word, and for each word too many
+_WORD, _OTHERS = 0.15, 0.05  # for the very word, for all of several words, and for each word too many
 _MODIFIES = 0.4  # against a title in which the word only says more of another
 _FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # what follows is not what is named
-_SEEN = 0.25  # the most that looking nearer to the words than a bare ground, or farther, counts
-_REALISM = 0.4  # of a photograph before a sign
+_NEARER, _FARTHER = 0.4, 0.25  # the most that looking nearer to the words than a bare ground, or farther, counts
+_UNCLASSED = 0.3  # of that, where the networks know no class of that kind and take what is near for it
+_REALISM = 0.6  # of a photograph before a sign
 _OWN = 0.3  # of a person's own picture
+_FLAT = 0.4  # of its realism, against a picture of flat areas alone: a drawing, whatever its file says
 _PLAIN = 0.25  # against drawings without colour, and pictures that are no cut-outs
 _COLORFUL = 8.0  # chroma
 _BLACK, _SILHOUETTE = 12.0, 0.4  # L*, and share of a picture, from which it is a silhouette
@@ -123,6 +125,7 @@ class PictureIndex:
         context = self._similar(prompt)[self._titles]
         order = (similarity + _CONTEXT * context).argsort(descending=True)[: 4 * _LOOKED_AT].tolist()
         near = [at for at in order if similarity[at] >= max(least, float(similarity.max()) - _BAND)][:_LOOKED_AT]
+        trusted = 1.0 if has_class(thing.noun) else _UNCLASSED
         bare = distance(torch.tensor(_GROUND)[:, None, None].expand(3, _LOOK, _LOOK))
         best, found = -float("inf"), None
         for at in near:
@@ -141,7 +144,7 @@ class PictureIndex:
                     _EXACT * float(similarity[at])
                     + _spoken(entry, thing)
                     + _CONTEXT * float(context[at])
-                    + max(-_SEEN, min(looks, _SEEN))
+                    + trusted * max(-_FARTHER, min(looks, _NEARER))
                     + _prior(entry, picture)
                 )
                 if worth > best:
@@ -170,7 +173,8 @@ class PictureIndex:
             named = torch.maximum(named, self._captioned(other).masked_fill(named < _AGREES, 0))
         if thing.noun == thing.name:
             return named
-        noun = self._captioned(thing.noun)
+        is_one = torch.tensor([_named(entry.title)[-1:] == [thing.noun] for entry in self._entries])
+        noun = self._captioned(thing.noun).masked_fill(is_one, 1)  # an older man is a man
         return ((1 - _NOUN) * named + _NOUN * noun).masked_fill(noun < _SPEAKS, 0)  # stones are no stone bridge
 
     def _captioned(self, words: str) -> Tensor:
@@ -188,18 +192,22 @@ def _spoken(entry: _Entry, thing: Thing) -> float:
     title = _title(entry, thing)
     words = title.split()
     others = max(0, len(words) - len(thing.name.split()) - 1)
+    name = thing.name.split()
     worth = -_MODIFIES * _is_modified(entry, thing) - _OTHERS * others
-    return worth + _WORD * (thing.noun in words) + _WORD * (title in (thing.name, thing.noun))
+    worth += _WORD * (thing.noun in words) + _WORD * (title == thing.name)
+    return worth + _WORD * (len(name) > 1 and set(name) <= set(words))
 
 
 def _is_modified(entry: _Entry, thing: Thing) -> bool:
     """Whether a title names another thing by the word: a mountain goat is no mountain, and a fencer is no fence.
 
-    Of words that make one name the last says what it is.
+    Of words that make one name the last says what it is, but a hyphen makes a name of its own: a jack-o'-lantern.
     """
-    named = _FURTHER.split(_title(entry, thing))[0].split()
+    named = _named(_title(entry, thing))
     endings = [word.removeprefix(thing.noun) for word in entry.title.split() if word.startswith(thing.noun)]
     is_derived = any(ending not in ("", "s", "es") for ending in endings)
+    if any(word.endswith(f"-{thing.noun}") for word in named) and thing.noun not in named:
+        return True
     return thing.noun not in named[-1:] and (thing.noun in named or is_derived)
 
 
@@ -208,6 +216,11 @@ def _is_called(entry: _Entry, thing: Thing) -> bool:
     words = _title(entry, thing).split()
     names = (thing.noun, *(other.split()[-1].lower() for other in synonyms(thing.name)))
     return any(word.endswith(name) for word in words for name in names)
+
+
+def _named(title: str) -> list[str]:
+    """The words of a title that name what it shows; the last one says what it is."""
+    return _FURTHER.split(title)[0].split()
 
 
 def _title(entry: _Entry, thing: Thing) -> str:
@@ -221,15 +234,24 @@ def _prior(entry: _Entry, picture: Tensor) -> float:
     """What a picture is worth before it is compared: cut-outs before rectangles, colours before outlines."""
     seen = picture[:3, picture[3] > 0.5].T
     own = entry.library.is_own
-    worth = _REALISM * entry.realism + _OWN * own
     if len(seen) == 0:
         return -1.0
+    flat = _flatness(picture)
+    worth = _REALISM * entry.realism * (1 - _FLAT * flat) + _OWN * own
     lab = to_lab(seen[:: max(1, len(seen) // 2000)])
     chroma = float(lab[:, 1:].norm(dim=1).mean())
-    worth -= _PLAIN * float((lab[:, 0] < _BLACK).float().mean() > _SILHOUETTE) * (not own)
-    worth -= _PLAIN * (chroma < _COLORFUL and not own)
+    worth -= _PLAIN * flat * float((lab[:, 0] < _BLACK).float().mean() > _SILHOUETTE) * (not own)
+    worth -= _PLAIN * flat * (chroma < _COLORFUL and not own)
     worth -= _PLAIN * (float(picture[3].mean()) < _SKETCHY)
     return worth - _PLAIN * (float(picture[3].mean()) > _FILLED and not own)
+
+
+def _flatness(picture: Tensor) -> float:
+    """Share of neighbours in a thing [4, h, w] of the very same colour: near 0 in photographs, near 1 in signs."""
+    opaque = picture[3] > 0.98
+    pairs = opaque[:, 1:] & opaque[:, :-1]
+    same = (picture[:3, :, 1:] == picture[:3, :, :-1]).all(0)
+    return float((same & pairs).sum()) / max(1, int(pairs.sum()))
 
 
 def _cleaned(caption: str) -> str:

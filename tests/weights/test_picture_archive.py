@@ -1,0 +1,75 @@
+"""Packages of pictures, repacked as a zip with captions."""
+
+import io
+import json
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from frida_painter.errors import WeightsError
+from frida_painter.weights.picture_archive import character_name, repack_abcs, repack_flashcards, repack_fluent
+
+
+def tar_of(files: dict[str, bytes], packed_as: str) -> bytes:
+    memory = io.BytesIO()
+    with tarfile.open(fileobj=memory, mode=f"w:{packed_as}") as archive:
+        for name, content in files.items():
+            member = tarfile.TarInfo(name)
+            member.size = len(content)
+            archive.addfile(member, io.BytesIO(content))
+    return memory.getvalue()
+
+
+def debian(path: Path, files: dict[str, bytes]) -> Path:
+    data = tar_of({f"./{name}": content for name, content in files.items()}, "xz")
+    header = f"{'data.tar.xz':<16}{'0':<12}{'0':<6}{'0':<6}{'100644':<8}{len(data):<10}`\n".encode()
+    path.write_bytes(b"!<arch>\n" + header + data)
+    return path
+
+
+def captions(archive: Path) -> dict[str, list[str]]:
+    with zipfile.ZipFile(archive) as opened:
+        return json.loads(opened.read("captions.json"))
+
+
+def test_pictures_are_called_by_their_names_and_folders(tmp_path: Path) -> None:
+    below = "usr/share/qabcs/abcs/all/pics/"
+    known = ("animals/giant_panda.png", "toys/ursula.png", "food/apple.txt")
+    repack_abcs(debian(tmp_path / "a.deb", {below + name: b"a" for name in known}), tmp_path / "a.zip")
+    assert captions(tmp_path / "a.zip") == {"animals/giant_panda.png": ["giant panda", "animals"]}
+    below = "usr/share/games/pysiogame/res/images/art4apps/"
+    known = ("fruit_n_veg/pear.jpg", "body/knee.jpg", "transport/mast.jpg", "construction/barn.jpg")
+    repack_flashcards(debian(tmp_path / "b.deb", {below + name: b"b" for name in known}), tmp_path / "b.zip")
+    assert captions(tmp_path / "b.zip") == {
+        "cartoon/fruit_n_veg/pear.jpg": ["pear", "fruit and veg"],
+        "cartoon/construction/barn.jpg": ["barn", "construction"],
+    }
+
+
+def test_modelled_pictures_are_called_by_their_characters(tmp_path: Path) -> None:
+    package = tmp_path / "emoji.tgz"
+    known = ("1f9a2.webp", "2602-fe0f.webp", "1f474-1f3fb.webp", "../1f600.webp", "notes.txt")
+    package.write_bytes(tar_of({f"package/assets/{name}": b"e" for name in known}, "gz"))
+    repack_fluent(package, tmp_path / "e.zip")
+    assert captions(tmp_path / "e.zip") == {"cartoon/1f9a2.webp": ["swan"], "cartoon/2602-fe0f.webp": ["umbrella"]}
+
+
+def test_packages_cut_in_half_and_without_pictures_are_refused(tmp_path: Path) -> None:
+    package = tmp_path / "emoji.tgz"
+    whole = tar_of({"package/assets/1f9a2.webp": bytes(range(256)) * 40}, "gz")
+    package.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(WeightsError, match="damaged package"):
+        repack_fluent(package, tmp_path / "e.zip")
+    package.write_bytes(tar_of({"package/notes.txt": b"e"}, "gz"))
+    with pytest.raises(WeightsError, match="no picture with a caption"):
+        repack_fluent(package, tmp_path / "e.zip")
+
+
+@pytest.mark.parametrize(
+    ("code", "name"),
+    [("1f353", "strawberry"), ("2602-FE0F", "umbrella"), ("1f474-1f3fb", ""), ("110000", ""), ("xyz", ""), ("", "")],
+)
+def test_characters_have_names(code: str, name: str) -> None:
+    assert character_name(code) == name
