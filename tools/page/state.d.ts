@@ -31,7 +31,7 @@ interface House {
   refresh(): Promise<void>;
   entered(element: HTMLElement): void;
   readonly work: import("../../src/frida_painter/web/static/queue.js").WorkWatch;
-  readonly abilities: Record<string, { ready: boolean; missing: string[]; advice: string }>;
+  readonly abilities: Record<string, { ready: boolean; missing: string[]; fetch: string[]; advice: string }>;
   readonly role: "watch" | "plan" | "operate";
   readonly simulated: boolean;
   readonly robot: string;

@@ -13,6 +13,8 @@ from frida_painter.errors import ConfigError, WeightsError
 from frida_painter.model_folder import VARIABLE
 from frida_painter.quantities import megabytes
 
+_WORDS = "words"
+
 Cache = Annotated[
     Path | None,
     typer.Option(
@@ -53,12 +55,18 @@ def show(cache: Cache = None) -> None:
     console.print(table)
     folder = weights.cache_folder(cache)
     console.print(f"\nThey are kept in {escape(str(folder))}.", soft_wrap=True)
-    console.print("`frida-painter models fetch NAME` gets one; nothing is fetched unasked.", soft_wrap=True)
+    console.print(
+        "`frida-painter models fetch NAME` gets one, `models fetch words` what words need; nothing is fetched unasked.",
+        soft_wrap=True,
+    )
 
 
 def fetch(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="NAME...", help="Names of networks, as in `models list`.")
+        list[str] | None,
+        typer.Argument(
+            metavar="NAME...", help="Names, as in `models list`; `words` stands for all that painting from words uses."
+        ),
     ] = None,
     everything: Annotated[bool, typer.Option("--all", help="Download all networks.")] = False,
     offline: Annotated[bool, typer.Option("--offline", help="Use no internet. Only report what is missing.")] = False,
@@ -80,7 +88,11 @@ def fetch(
 
     if bool(names) == everything:
         raise ConfigError("Say which networks to fetch: NAME..., or --all; `frida-painter models list` shows them.")
-    wanted = [weights.named(name) for name in dict.fromkeys(names or [entry.name for entry in weights.known()])]
+    given = names or [entry.name for entry in weights.known()]
+    several = everything or _WORDS in given
+    wanted = dict.fromkeys(
+        one for name in given for one in (weights.words() if name == _WORDS else (weights.named(name),))
+    )
     missing = []
     for entry in wanted:
         try:
@@ -93,7 +105,7 @@ def fetch(
             missing.append(entry.name)
         else:
             typer.echo(f"{entry.name} is here ({entry.licence}; {entry.credit}): {folder}")
-    if missing and everything and len(missing) < len(wanted):
+    if missing and several and len(missing) < len(wanted):
         typer.echo(f"{len(missing)} of {len(wanted)} cannot be had from here: {', '.join(missing)}.", err=True)
     elif missing:
         raise WeightsError(f"{len(missing)} of {len(wanted)} could not be fetched: {', '.join(missing)}.")

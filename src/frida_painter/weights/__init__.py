@@ -1,12 +1,13 @@
 """Named pretrained weights: fetched on request, checked against pinned hashes, converted once, loaded without risk.
 
-`known` says which there are; `find` and `require` give the folder of those that are here; `tensors`
-loads a network's; `fetch` gets them from the first of several sources that gives the right files.
+`known` says which there are, and `words` which painting from words uses; `find` and `require` give the folder of
+those that are here; `tensors` loads a network's; `fetch` gets them from the first of several sources that gives the
+right files.
 """
 
 from frida_painter.model_folder import VARIABLE, cache_folder
 from frida_painter.weights.cache import fetch, find, require, tensors
-from frida_painter.weights.catalogue import NamedWeights, known, named
+from frida_painter.weights.catalogue import NamedWeights, known, named, words
 from frida_painter.weights.notices import Announced, Listener, Notice, Received, Refused
 
 __all__ = [
@@ -24,4 +25,5 @@ __all__ = [
     "named",
     "require",
     "tensors",
+    "words",
 ]

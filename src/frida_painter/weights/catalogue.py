@@ -79,6 +79,14 @@ def known() -> tuple[NamedWeights, ...]:
     )
 
 
+def words() -> tuple[NamedWeights, ...]:
+    """Everything that painting from words uses, but for CLIP, in the order of its use."""
+    return (
+        *(named(name) for name in ("minilm", "english", *(f"efficientnet-lite{variant}" for variant in range(3)))),
+        *(_stamps(), _abcs(), _openclipart(), _fluent(), _flashcards(), _openmoji()),
+    )
+
+
 def named(name: str) -> NamedWeights:
     """The weights of that name. Raises WeightsError that says which there are."""
     for weights in known():

@@ -173,7 +173,7 @@ class EncoderRegistry:
             if missing:
                 raise WeightsError(
                     f"Painting towards words needs {' and '.join(missing)}, not here yet; "
-                    f"fetch with `frida-painter models fetch {' '.join(missing)}`."
+                    "fetch with `frida-painter models fetch words`."
                 )
             found = [number for number in (0, 1) if self._has(f"efficientnet-lite{number}")]
             self._readers = tuple(self._conse(number) for number in found)
@@ -219,7 +219,7 @@ class EncoderRegistry:
         if self._pictures is None:
             libraries = libraries_at_hand(self._cache, self._picture_folder)
             if not libraries:
-                self.remark("Better begun from pictures: frida-painter models fetch stamps openclipart openmoji")
+                self.remark("Better begun from pictures: frida-painter models fetch words")
                 return None
             self._pictures = PictureIndex(libraries, self.sentences(), self._kept)
             unnamed = sum(one.unnamed for one in libraries if isinstance(one, PictureFolder))

@@ -100,7 +100,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
   function fetching() {
     const kinds = Object.keys(LATER).filter((kind) => kind in house.abilities && !house.abilities[kind].ready);
     if (!kinds.length) return null;
-    const names = [...new Set(kinds.flatMap((kind) => house.abilities[kind].missing))];
+    const names = [...new Set(kinds.flatMap((kind) => house.abilities[kind].fetch))];
     const words = kinds.map((kind) => LATER[kind]);
     const told = words.length > 1 ? `${words.slice(0, -1).join(", ")} or ${words.at(-1)}` : words[0];
     return h("p", { class: "label advice" }, `To paint from ${told}, the program needs networks that are not installed. Run this command once in a terminal, then reload this page:`,
