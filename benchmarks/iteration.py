@@ -17,6 +17,7 @@ from functools import partial
 import torch
 from torch import Tensor
 
+from frida_painter.brush.spread import CoverageSpread
 from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
 from frida_painter.planning.initialize import uniform
 from frida_painter.planning.interlace import interlaced
@@ -84,12 +85,9 @@ def parts(strokes: Strokes, scene: Scene) -> dict[str, float]:
         lambda: pixel_to_map(leaves["position"], leaves["angle"], grid, scene.model.frame, scene.rows)
     )
     places = affine.detach().requires_grad_()
-    spread = scene.spread
-    laying, painted = timed(  # as `render_moments` does
-        lambda: torch.stack(composite_moments(marks, places, leaves["color"], canvas, spread, bare_cells_answer=False))
-    )
+    laying, painted = timed(lambda: laid(marks, places, leaves["color"], canvas, scene.spread))
     picture = painted.detach().requires_grad_()
-    judging, loss = timed(lambda: scene.objective(picture[0], picture[1]))
+    judging, loss = timed(lambda: scene.objective(picture[:3], picture[3]))
     return {
         "stroke model, forward": model_forward,
         "placing, forward": placing,
@@ -99,6 +97,12 @@ def parts(strokes: Strokes, scene: Scene) -> dict[str, float]:
         "placing, backward": cpu_seconds(partial(affine.backward, places.grad)),
         "stroke model, backward": cpu_seconds(partial(magnitude.backward, marks.grad)),
     }
+
+
+def laid(marks: Tensor, places: Tensor, color: Tensor, canvas: Tensor, spread: CoverageSpread) -> Tensor:
+    """Mean and variance in one tensor [4, H, W], as `render_moments` computes them."""
+    mean, variance = composite_moments(marks, places, color, canvas, spread, bare_cells_answer=False)
+    return torch.cat((mean, variance[None]))
 
 
 def timed(work: Callable[[], Tensor]) -> tuple[float, Tensor]:

@@ -20,13 +20,13 @@ def test_what_matters_more_counts_more_and_noise_costs_its_variance() -> None:
     noise = 0.1 * torch.randn(200, 3, GRID.rows, GRID.columns, generator=chance)
     for judge in (plain, weighed):
         seen = torch.stack([judge(picture + one) for one in noise]).mean()
-        told = judge(picture) + judge.of_variance(torch.full_like(picture, 0.01))
+        told = judge(picture) + judge.of_variance(torch.full_like(picture[0], 0.01))
         assert torch.isclose(seen, told, rtol=0.02)
 
 
 def test_the_mean_over_the_rows_turns_is_what_the_whole_picture_is_judged_as() -> None:
     chance = torch.Generator().manual_seed(1)
-    target, picture, variance = torch.rand(3, 3, GRID.rows, GRID.columns, generator=chance)
+    target, picture, (variance, *_) = torch.rand(3, 3, GRID.rows, GRID.columns, generator=chance)
     matters = torch.rand(GRID.rows, GRID.columns, generator=chance)
     for judge in (Replication.of(target, GRID), Replication.of(target, GRID, matters / matters.mean())):
         turns = [Rows(4, first) for first in range(4)]

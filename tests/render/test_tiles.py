@@ -31,10 +31,10 @@ from frida_painter.render import tiles  # noqa: E402
 
 def with_gradients(composite, tensors: Scene, spread: CoverageSpread, device: torch.device) -> list[Tensor]:
     """Both moments, and the gradients of a random mixture of them to all tensors and the canvas's variance."""
-    uncertain = upstream(tensors.canvas, 3).square() * 0.1
+    uncertain = upstream(tensors.canvas[0], 3).square() * 0.1
     leaves = [tensor.detach().to(device).requires_grad_() for tensor in (*tensors, uncertain)]
     mean, variance = composite(*leaves[:4], spread, leaves[4])
-    first, second = upstream(mean.cpu(), 1).to(mean), upstream(mean.cpu(), 2).to(mean)
+    first, second = upstream(mean.cpu(), 1).to(mean), upstream(variance.cpu(), 2).to(mean)
     gradients = torch.autograd.grad((first * mean).sum() + (second * variance).sum(), leaves, allow_unused=True)
     zeros = [torch.zeros_like(leaf) if part is None else part for leaf, part in zip(leaves, gradients, strict=True)]
     return [part.detach().cpu() for part in (mean, variance, *zeros)]

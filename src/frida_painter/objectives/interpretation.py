@@ -45,7 +45,7 @@ class WeightedObjective:
                 self._limit = float(self.recognition(begun))
 
     def __call__(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
-        """picture, variance [3, H, W] -> a number, the less the better; differentiable."""
+        """picture [3, H, W], variance [H, W] -> a number, the less the better; differentiable."""
         total = picture.new_zeros(())
         for weight, term in self._terms:
             total = total + weight * (term.objective(picture) + _of_variance(term, variance))

@@ -19,7 +19,7 @@ class Objective(Protocol):
     def __call__(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
         """picture [3, H, W] in [0, 1] -> a number.
 
-        variance [3, H, W]: of the pixels about the picture, which then is the mean of what may come; what is
+        variance [H, W]: of the pixels about the picture, which then is the mean of what may come; what is
         judged is the expectation, as far as the goal can tell it.
         """
 
@@ -43,7 +43,7 @@ class ObjectiveTerm:
 
     validation: where the objective looks at a picture in another way every time, or could be fooled,
     what says in the end whether a picture is good: steady, and best by a network kept aside.
-    of_variance: what pixels that vary by so much [3, H, W] about a picture add to its objective on average, exact for
+    of_variance: what pixels that vary by so much [H, W] about a picture add to its objective on average, exact for
     squared errors; None where that is not known.
     recognizes: whether the validation says how far a picture is from being recognised as what is meant.
     on_rows: the term for pictures that have some rows of the grid only, where the objective is a mean over pixels; None

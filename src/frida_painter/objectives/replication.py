@@ -34,7 +34,7 @@ class Replication:
         return self._mean((picture - self.target.to(picture)).square())
 
     def of_variance(self, variance: Tensor) -> Tensor:
-        """What pixels that vary by so much [3, H, W] add on average: E[(C - T)^2] = (M - T)^2 + Var C."""
+        """What pixels that vary by so much [H, W] add on average: E[(C - T)^2] = (M - T)^2 + Var C."""
         return self._mean(variance)
 
     def on_rows(self, rows: Rows) -> Self:

@@ -18,14 +18,14 @@ from frida_painter.strokes import Strokes
 def stacked_moments(
     strokes: Sequence[Strokes], scenes: Sequence[Scene], magnitudes: Sequence[Tensor] | None = None
 ) -> Moments:
-    """Mean and variance of the picture [3, H, W] after strokes of several brushes, each laid over what came before.
+    """Mean [3, H, W] and variance [H, W] of the picture after strokes of several brushes, each laid over what came before.
 
     scenes: one for each part, with its brush, on the canvas of the first; magnitudes: the maps [n, h, w] of each
     part's strokes, to differentiate in, by default what its stroke model says.
     """
     rows = scenes[0].rows
     mean = rows.of(scenes[0].canvas)
-    variance = torch.zeros_like(mean)
+    variance = torch.zeros_like(mean[0])
     for number, (part, scene) in enumerate(zip(strokes, scenes, strict=True)):
         if len(part) == 0:
             continue

@@ -16,17 +16,15 @@ _SUMS = {"reassoc", "contract", "nsz"}
 
 
 @njit(nogil=True, cache=True)
-def run(spans, i, y):  # type: ignore[no-untyped-def]
-    """Of stroke i on row y: its first column, where its packed pixels begin, and how many they are.
+def run(firsts, offsets, k):  # type: ignore[no-untyped-def]
+    """Of segment k of `Spans`: its first column, where its packed pixels begin, and how many they are.
 
     Unsigned, so that no index made of them could count from an array's end: that would keep the
-    compiler from vectorising.
+    compiler from vectorising. It takes two arrays and not the spans, of which every call would count the references to
+    all five, twice: that takes longer than the pixels of a run.
     """
-    if spans.top[i] <= y < spans.bottom[i]:
-        k = spans.segment[i] + y - spans.top[i]
-        start = spans.offset[k]
-        return np.uint64(spans.first[k]), np.uint64(start), np.uint64(spans.offset[k + 1] - start)
-    return np.uint64(0), np.uint64(0), np.uint64(0)
+    start = offsets[k]
+    return np.uint64(firsts[k]), np.uint64(start), np.uint64(offsets[k + 1] - start)
 
 
 # fastmath is inherited from the caller unless it is refused by name.
@@ -69,6 +67,7 @@ def _border(mark, box, bordered):  # type: ignore[no-untyped-def]
 @njit(nogil=True, cache=True, fastmath=_SUMS)
 def sample(begin, end, magnitude, affine, boxes, columns, spans, base, alpha):  # type: ignore[no-untyped-def]
     """Coverage of strokes begin to end - 1 at their packed pixels, to alpha[offset - base]."""
+    tops, bottoms, segments, firsts, offsets = spans
     _, h, w = magnitude.shape
     number = magnitude.dtype.type
     stride = w + 2
@@ -76,12 +75,13 @@ def sample(begin, end, magnitude, affine, boxes, columns, spans, base, alpha):  
     cell = np.empty(len(columns), np.uint32)
     right_share, below_share = np.empty_like(columns), np.empty_like(columns)
     for i in range(begin, end):
-        if spans.top[i] < spans.bottom[i]:
+        place = affine[i]
+        if tops[i] < bottoms[i]:
             _border(magnitude[i], boxes[i], bordered)
-        for y in range(spans.top[i], spans.bottom[i]):
-            left, start, count = run(spans, i, y)
+        for y in range(tops[i], bottoms[i]):
+            left, start, count = run(firsts, offsets, segments[i] + y - tops[i])
             packed = start - np.uint64(base)
-            _locate(affine[i], columns, left, count, number(y), stride, cell, right_share, below_share)
+            _locate(place, columns, left, count, number(y), stride, cell, right_share, below_share)
             for p in range(count):
                 at = cell[p]
                 upper_left, upper_right = bordered[at], bordered[at + 1]
@@ -94,11 +94,12 @@ def sample(begin, end, magnitude, affine, boxes, columns, spans, base, alpha):  
 @njit(nogil=True, cache=True, fastmath=_SUMS)
 def blend(begin, end, strokes, spans, base, alpha, color, picture):  # type: ignore[no-untyped-def]
     """Lays strokes[0] to strokes[1] - 1 in order over bands begin to end - 1 of the picture [3, H, W]."""
+    tops, bottoms, segments, firsts, offsets = spans
     for band in range(begin, end):
         for i in range(strokes[0], strokes[1]):
             red, green, blue = color[i, 0], color[i, 1], color[i, 2]
-            for y in range(max(spans.top[i], band * BAND), min(spans.bottom[i], (band + 1) * BAND)):
-                left, start, count = run(spans, i, y)
+            for y in range(max(tops[i], band * BAND), min(bottoms[i], (band + 1) * BAND)):
+                left, start, count = run(firsts, offsets, segments[i] + y - tops[i])
                 packed = start - np.uint64(base)
                 for p in range(count):
                     cover, x = alpha[packed + p], left + p
@@ -116,6 +117,7 @@ def pull_through(begin, end, spans, alpha, color, canvas, gradient, through, slo
     g . (c - C) times what the strokes above let through; to_color [bands, n, 3] comes as zeros and receives each
     band's part of the gradient to the colours.
     """
+    tops, bottoms, segments, firsts, offsets = spans
     _, height, width = canvas.shape
     beneath = np.empty((BAND, width), canvas.dtype)
     for band in range(begin, end):
@@ -130,8 +132,8 @@ def pull_through(begin, end, spans, alpha, color, canvas, gradient, through, slo
                         under[x] += down[x] * below[x]
             for i in range(len(color)):
                 red, green, blue = color[i, 0], color[i, 1], color[i, 2]
-                for y in range(max(spans.top[i], top), min(spans.bottom[i], top + BAND)):
-                    left, start, count = run(spans, i, y)
+                for y in range(max(tops[i], top), min(bottoms[i], top + BAND)):
+                    left, start, count = run(firsts, offsets, segments[i] + y - tops[i])
                     for p in range(count):
                         x = left + p
                         paint = red * gradient[0, y, x] + green * gradient[1, y, x] + blue * gradient[2, y, x]
@@ -139,8 +141,8 @@ def pull_through(begin, end, spans, alpha, color, canvas, gradient, through, slo
                         slope[start + p] = rise
                         beneath[y - top, x] += alpha[start + p] * rise
         for i in range(len(color) - 1, -1, -1):
-            for y in range(max(spans.top[i], top), min(spans.bottom[i], top + BAND)):
-                left, start, count = run(spans, i, y)
+            for y in range(max(tops[i], top), min(bottoms[i], top + BAND)):
+                left, start, count = run(firsts, offsets, segments[i] + y - tops[i])
                 if len(slope) > 0:
                     for p in range(count):
                         slope[start + p] *= through[y, left + p]
@@ -165,6 +167,7 @@ def pull_to_strokes(begin, end, magnitude, affine, boxes, columns, spans, slope,
     only: the gradient, and that times its share to the right, below, and both. What the four cells around it receive
     follows from their sums, once per cell instead of once per sample.
     """
+    tops, bottoms, segments, firsts, offsets = spans
     _, h, w = magnitude.shape
     number = magnitude.dtype.type
     stride = w + 2
@@ -174,16 +177,16 @@ def pull_to_strokes(begin, end, magnitude, affine, boxes, columns, spans, slope,
     by_column, by_row = np.empty_like(columns), np.empty_like(columns)
     moments = np.empty(((h + 2) * stride, 4), magnitude.dtype)
     for i in range(begin, end):
-        if spans.top[i] == spans.bottom[i]:
+        if tops[i] == bottoms[i]:
             continue
-        top, bottom = boxes[i, 0], boxes[i, 1]
+        place, top, bottom = affine[i], boxes[i, 0], boxes[i, 1]
         if len(to_affine) > 0:
             _border(magnitude[i], boxes[i], bordered)
         if len(to_map) > 0:
             moments[top * stride : (bottom + 2) * stride] = number(0)
-        for y in range(spans.top[i], spans.bottom[i]):
-            left, start, count = run(spans, i, y)
-            _locate(affine[i], columns, left, count, number(y), stride, cell, right_share, below_share)
+        for y in range(tops[i], bottoms[i]):
+            left, start, count = run(firsts, offsets, segments[i] + y - tops[i])
+            _locate(place, columns, left, count, number(y), stride, cell, right_share, below_share)
             if len(to_affine) > 0:
                 for p in range(count):
                     at = cell[p]

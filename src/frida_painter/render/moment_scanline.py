@@ -32,7 +32,7 @@ def composite_moments(
     Tensors, threads and `bare_cells_answer` as in `scanline.composite`; differentiable (once) in all five tensors.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
-    tensors = magnitude, affine, color, canvas, torch.zeros_like(canvas) if variance is None else variance
+    tensors = magnitude, affine, color, canvas, torch.zeros_like(canvas[0]) if variance is None else variance
     if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors):
         apply: Callable[..., tuple[Tensor, Tensor]] = _Moments.apply
         return apply(*tensors, spread, bare_cells_answer)

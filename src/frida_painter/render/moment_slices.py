@@ -28,7 +28,7 @@ def composite_moments(
     Tensors as in `slices.composite`; differentiable (once) in all five.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
-    variance = torch.zeros_like(canvas) if variance is None else variance
+    variance = torch.zeros_like(canvas[0]) if variance is None else variance
     tensors = magnitude, affine, color, canvas, variance
     if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors):
         apply: Callable[..., tuple[Tensor, Tensor]] = _Moments.apply
@@ -69,7 +69,7 @@ class _Moments(torch.autograd.Function):
 
         def remember(i: int, mean: Tensor, variance: Tensor) -> None:
             top, bottom, left, right = reach[i]
-            below[i] = mean[:, top:bottom, left:right].clone(), variance[:, top:bottom, left:right].clone()
+            below[i] = mean[:, top:bottom, left:right].clone(), variance[top:bottom, left:right].clone()
 
         _climb(affine, color, canvas, uncertain, ctx.spread, marks, covers, visit=remember)
         asked = batches(reach, magnitude, affine, by_shape=True)
@@ -80,7 +80,7 @@ class _Moments(torch.autograd.Function):
         share, full = ctx.spread
         for i in sorted(rises, reverse=True):
             top, bottom, left, right = reach[i]
-            from_mean, from_variance = (part[:, top:bottom, left:right] for part in (to_mean, to_variance))
+            from_mean, from_variance = (part[..., top:bottom, left:right] for part in (to_mean, to_variance))
             cover = torch.zeros_like(from_mean[0])
             if i in covers:
                 cover[slices_inside(marks[i], reach[i])] = covers[i]
@@ -88,9 +88,9 @@ class _Moments(torch.autograd.Function):
             away, keeps, bare = mean - color[i][:, None, None], 1 - cover, full - cover
             doubt = share * cover * bare.clamp(min=0)
             rising = torch.where(bare > 0, share * (bare - cover), 0)
-            by_variance = rising * (varied + away.square()) - 2 * keeps * varied
-            rises[i].copy_((from_variance * by_variance - from_mean * away).sum(0))
-            crossed = 2 * doubt * away * from_variance
+            by_variance = rising * (varied + away.square().mean(0)) - 2 * keeps * varied
+            rises[i].copy_(from_variance * by_variance - (from_mean * away).sum(0))
+            crossed = 2 / 3 * doubt * away * from_variance
             to_color[i] = (cover * from_mean - crossed).sum((1, 2))
             from_mean.mul_(keeps).add_(crossed)
             from_variance.mul_(keeps.square() + doubt)
@@ -119,7 +119,7 @@ def _climb(
 ) -> tuple[Tensor, Tensor]:
     """The moments; `visit` is shown those under each stroke before it is laid down.
 
-    canvas, uncertain [3, H, W]: mean and variance of the canvas.
+    canvas [3, H, W], uncertain [H, W]: mean and variance of the canvas.
     """
     mean = canvas.detach().clone(memory_format=torch.contiguous_format)
     variance = uncertain.detach().clone(memory_format=torch.contiguous_format)
@@ -128,9 +128,9 @@ def _climb(
         visit(i, mean, variance)
         if i not in covers:
             continue
-        under, varies, cover = mean[:, top:bottom, left:right], variance[:, top:bottom, left:right], covers[i].detach()
+        under, varies, cover = mean[:, top:bottom, left:right], variance[top:bottom, left:right], covers[i].detach()
         away, doubt = under - paints[i], spread.variance(cover)
-        varies.mul_((1 - cover).square() + doubt).add_(doubt * away.square())
+        varies.mul_((1 - cover).square() + doubt).add_(doubt * away.square().mean(0))
         under.sub_(cover * away)
     # The reference lays 0 times the paint everywhere, so what is not finite spoils the whole picture.
     sound = affine.isfinite().all() & color.isfinite().all()

@@ -68,7 +68,10 @@ def render(
 
 
 class Moments(NamedTuple):
-    """What a picture is on average, and how much it varies about that: mean, variance [3, H, W], of sRGB."""
+    """What a picture is on average, mean [3, H, W], and how much it varies about that, variance [H, W]; of sRGB.
+
+    The variance is the mean of those of the three channels: no squared error needs to know more.
+    """
 
     mean: Tensor
     variance: Tensor
@@ -87,7 +90,7 @@ def composite_moments(
     """Lays strokes of uncertain coverage over a canvas in order, by the fastest path for these tensors.
 
     As `composite`, `magnitude` being the mean coverage and `spread` how its variance follows from that; variance
-    [3, H, W]: that of the canvas, None where it is certain. Equals `reference.composite_moments`.
+    [H, W]: that of the canvas, None where it is certain. Equals `reference.composite_moments`.
     """
     if canvas.device.type == "cpu" and find_spec("numba") is not None:
         from frida_painter.render import moment_scanline
@@ -112,14 +115,14 @@ def render_moments(
     spread: CoverageSpread,
     rows: Rows = ALL_ROWS,
 ) -> Moments:
-    """Mean and variance of the picture [3, H, W] that strokes leave, as `render` draws it.
+    """Mean [3, H, W] and variance [H, W] of the picture that strokes leave, as `render` draws it.
 
     spread: of the marks' coverage, from stroke to stroke. Where they do not vary, the mean is `render`'s picture.
     rows: which rows are rendered, as `render` says.
     """
     if spread.share == 0:
         picture = render(strokes, stroke_model, canvas, size, rows)
-        return Moments(picture, torch.zeros_like(picture))
+        return Moments(picture, torch.zeros_like(picture[0]))
     grid = PixelGrid(size, *canvas.shape[1:])
     magnitude = stroke_model(strokes.thickness, strokes.length, strokes.bend)
     affine = pixel_to_map(strokes.position, strokes.angle, grid, stroke_model.frame, rows)

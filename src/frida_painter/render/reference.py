@@ -41,23 +41,25 @@ def composite_moments(
     """Mean and variance of the picture that strokes leave whose coverage is only known by its own moments.
 
     magnitude: the mean coverage of each stroke, [n, h, w] in [0, 1]; spread: its variance. Strokes vary independently
-    of one another. affine, color, canvas: as in `composite`; variance [3, H, W]: of the canvas, where strokes of
-    another kind are on it already, None: it is certain. Returns mean and variance [3, H, W], differentiable.
+    of one another. affine, color, canvas: as in `composite`; variance [H, W], the mean of those of the channels: of the
+    canvas, where strokes of another kind are on it already, None: it is certain. Returns mean [3, H, W] and variance
+    [H, W], differentiable.
 
     With a the coverage, m its mean and v its variance, C' = C - a (C - c), and a and C independent:
-    E[C'] = M - m (M - c), Var[C'] = ((1 - m)^2 + v) Var[C] + v (M - c)^2.
+    E[C'] = M - m (M - c), Var[C'] = ((1 - m)^2 + v) Var[C] + v (M - c)^2. The factors are the same for all channels, so
+    that the mean of their variances follows from itself and the mean of (M - c)^2.
     """
     _, height, width = canvas.shape
     column = torch.arange(width, dtype=canvas.dtype, device=canvas.device).expand(height, width)
     row = torch.arange(height, dtype=canvas.dtype, device=canvas.device)[:, None].expand(height, width)
-    mean, variance = canvas, torch.zeros_like(canvas) if variance is None else variance
+    mean, variance = canvas, torch.zeros_like(canvas[0]) if variance is None else variance
     for mark, place, paint in zip(magnitude, affine, color, strict=True):
         map_column = place[0, 0] * column + place[0, 1] * row + place[0, 2]  # [H, W]
         map_row = place[1, 0] * column + place[1, 1] * row + place[1, 2]  # [H, W]
         cover = bilinear(mark, map_column, map_row)  # [H, W]
         doubt = spread.variance(cover)
         away = mean - paint[:, None, None]
-        variance = ((1 - cover).square() + doubt) * variance + doubt * away.square()
+        variance = ((1 - cover).square() + doubt) * variance + doubt * away.square().mean(0)
         mean = mean - cover * away
     return mean, variance
 

@@ -53,22 +53,29 @@ def _cover(right_share, below_share, value_0, value_1, value_2, value_3):
 
 
 @triton.jit
-def _laid(mean, variance, paint, cover, share, full):
-    """One channel's moments after a stroke of that mean coverage."""
-    away, keeps = mean - paint, 1 - cover
-    doubt = share * cover * tl.maximum(full - cover, 0)
-    return mean - cover * away, (keeps * keeps + doubt) * variance + doubt * away * away
+def _away(red, green, blue, paint):
+    """How far means are from the paint in three channels, and the mean of the squares."""
+    red, green, blue = red - tl.load(paint), green - tl.load(paint + 1), blue - tl.load(paint + 2)
+    return red, green, blue, (red * red + green * green + blue * blue) / 3
 
 
 @triton.jit
-def _store(planes, at, plane, inside, red, green, blue, red_varies, green_varies, blue_varies):
-    """Writes the moments of three channels as six planes."""
+def _laid(red, green, blue, variance, paint, cover, share, full):
+    """The moments after a stroke of that mean coverage."""
+    from_red, from_green, from_blue, apart = _away(red, green, blue, paint)
+    keeps = 1 - cover
+    doubt = share * cover * tl.maximum(full - cover, 0)
+    variance = (keeps * keeps + doubt) * variance + doubt * apart
+    return red - cover * from_red, green - cover * from_green, blue - cover * from_blue, variance
+
+
+@triton.jit
+def _store(planes, at, plane, inside, red, green, blue, variance):
+    """Writes the mean of three channels and the variance as four planes."""
     tl.store(planes + at, red, inside)
     tl.store(planes + at + plane, green, inside)
     tl.store(planes + at + 2 * plane, blue, inside)
-    tl.store(planes + at + 3 * plane, red_varies, inside)
-    tl.store(planes + at + 4 * plane, green_varies, inside)
-    tl.store(planes + at + 5 * plane, blue_varies, inside)
+    tl.store(planes + at + 3 * plane, variance, inside)
 
 
 @triton.jit
@@ -79,8 +86,6 @@ def _load(planes, at, plane, inside):
         tl.load(planes + at + plane, inside, 0),
         tl.load(planes + at + 2 * plane, inside, 0),
         tl.load(planes + at + 3 * plane, inside, 0),
-        tl.load(planes + at + 4 * plane, inside, 0),
-        tl.load(planes + at + 5 * plane, inside, 0),
     )
 
 
@@ -90,43 +95,51 @@ def lay(
     strokes, height, width, rows, columns, segment,
     KEEP: tl.constexpr, ROWS: tl.constexpr, COLUMNS: tl.constexpr,
 ):  # fmt: skip
-    """Mean and variance [6, H, W] of the canvas [6, H, W], of which they are given too, after all strokes.
+    """Mean and variance [4, H, W] of the canvas [4, H, W], of which they are given too, after all strokes.
 
-    KEEP: whether those under every stroke whose number divides by `segment` go to kept [segments, 6, H, W].
+    KEEP: whether those under every stroke whose number divides by `segment` go to kept [segments, 4, H, W].
     """
     top, left = tl.program_id(1) * ROWS, tl.program_id(0) * COLUMNS
     y, x = top + tl.arange(0, ROWS)[:, None], left + tl.arange(0, COLUMNS)[None, :]
     inside = (y < height) & (x < width)
     plane = height * width
-    leap = tl.full((), 6, tl.int64) * plane  # from the moments of one picture to those of the next
+    leap = tl.full((), 4, tl.int64) * plane  # from the moments of one picture to those of the next
     at = y * width + x
     share, full = tl.load(numbers), tl.load(numbers + 1)
-    red, green, blue, red_varies, green_varies, blue_varies = _load(canvas, at, plane, inside)
+    red, green, blue, variance = _load(canvas, at, plane, inside)
     for stroke in range(strokes):
         if KEEP:  # noqa: SIM102 - what is not kept is not compiled
             if stroke % segment == 0:
                 begun = kept + (stroke // segment) * leap
-                _store(begun, at, plane, inside, red, green, blue, red_varies, green_varies, blue_varies)
+                _store(begun, at, plane, inside, red, green, blue, variance)
         if _touches(boxes, stroke, top, left, ROWS, COLUMNS):
             _, right, below, v_0, v_1, v_2, v_3, _, _, _, _ = _cells(maps, affine, stroke, x, y, inside, rows, columns)
             cover = _cover(right, below, v_0, v_1, v_2, v_3)
             paint = color + 3 * stroke
-            red, red_varies = _laid(red, red_varies, tl.load(paint), cover, share, full)
-            green, green_varies = _laid(green, green_varies, tl.load(paint + 1), cover, share, full)
-            blue, blue_varies = _laid(blue, blue_varies, tl.load(paint + 2), cover, share, full)
-    _store(moments, at, plane, inside, red, green, blue, red_varies, green_varies, blue_varies)
+            red, green, blue, variance = _laid(red, green, blue, variance, paint, cover, share, full)
+    _store(moments, at, plane, inside, red, green, blue, variance)
 
 
 @triton.jit
-def _pulled(mean, variance, paint, cover, share, full, to_mean, to_variance):
-    """One channel of the way back through a stroke over these moments: gradients to coverage and paint, and onwards."""
-    away, keeps = mean - paint, 1 - cover
-    bare = tl.maximum(full - cover, 0)
+def _pulled(red, green, blue, variance, paint, cover, share, full, to_red, to_green, to_blue, to_variance):
+    """The way back through a stroke over these moments: gradients to coverage and three of the paint, and onwards."""
+    from_red, from_green, from_blue, apart = _away(red, green, blue, paint)
+    keeps, bare = 1 - cover, tl.maximum(full - cover, 0)
     doubt = share * cover * bare
     rising = tl.where(bare > 0, share * (bare - cover), 0)
-    to_cover = to_variance * (rising * (variance + away * away) - 2 * keeps * variance) - to_mean * away
-    crossed = 2 * doubt * away * to_variance
-    return to_cover, cover * to_mean - crossed, keeps * to_mean + crossed, (keeps * keeps + doubt) * to_variance
+    to_cover = to_variance * (rising * (variance + apart) - 2 * keeps * variance)
+    to_cover -= to_red * from_red + to_green * from_green + to_blue * from_blue
+    crossed = 2 * doubt * to_variance / 3
+    return (
+        to_cover,
+        cover * to_red - crossed * from_red,
+        cover * to_green - crossed * from_green,
+        cover * to_blue - crossed * from_blue,
+        keeps * to_red + crossed * from_red,
+        keeps * to_green + crossed * from_green,
+        keeps * to_blue + crossed * from_blue,
+        (keeps * keeps + doubt) * to_variance,
+    )
 
 
 @triton.jit
@@ -147,63 +160,54 @@ def pull(
     strokes, height, width, rows, columns, segment, segments,
     BARE_ANSWERS: tl.constexpr, ROWS: tl.constexpr, COLUMNS: tl.constexpr,
 ):  # fmt: skip
-    """The gradients, from those to the moments, gradients [6, H, W], to all that `lay` was given.
+    """The gradients, from those to the moments, gradients [4, H, W], to all that `lay` was given.
 
-    kept: as `lay` left it; states [segment, 6, H, W]: memory for the moments under the strokes of one segment;
+    kept: as `lay` left it; states [segment, 4, H, W]: memory for the moments under the strokes of one segment;
     scale [1]: whole numbers to 1; to_maps [n, rows, columns], to_strokes [n, 9] (six of the place, three of the
-    colour): int64, of zeros; to_canvas [6, H, W]. BARE_ANSWERS: whether cells are wanted around which nothing is.
+    colour): int64, of zeros; to_canvas [4, H, W]. BARE_ANSWERS: whether cells are wanted around which nothing is.
     """
     top, left = tl.program_id(1) * ROWS, tl.program_id(0) * COLUMNS
     y, x = top + tl.arange(0, ROWS)[:, None], left + tl.arange(0, COLUMNS)[None, :]
     inside = (y < height) & (x < width)
     plane = height * width
-    leap = tl.full((), 6, tl.int64) * plane  # from the moments of one picture to those of the next
+    leap = tl.full((), 4, tl.int64) * plane  # from the moments of one picture to those of the next
     at = y * width + x
     share, full, unit = tl.load(numbers), tl.load(numbers + 1), tl.load(scale)
-    to_red, to_green, to_blue, by_red, by_green, by_blue = _load(gradients, at, plane, inside)
+    to_red, to_green, to_blue, to_variance = _load(gradients, at, plane, inside)
     for back in range(segments):
         number = segments - 1 - back
         first = number * segment
         count = tl.minimum(segment, strokes - first)
-        red, green, blue, red_varies, green_varies, blue_varies = _load(kept + number * leap, at, plane, inside)
+        red, green, blue, variance = _load(kept + number * leap, at, plane, inside)
         for index in range(count):  # the moments under each stroke, found anew
             stroke = first + index
             if _touches(boxes, stroke, top, left, ROWS, COLUMNS):
                 state = states + index * leap
-                _store(state, at, plane, inside, red, green, blue, red_varies, green_varies, blue_varies)
+                _store(state, at, plane, inside, red, green, blue, variance)
                 _, right, below, v_0, v_1, v_2, v_3, _, _, _, _ = _cells(
                     maps, affine, stroke, x, y, inside, rows, columns
                 )
                 cover = _cover(right, below, v_0, v_1, v_2, v_3)
                 paint = color + 3 * stroke
-                red, red_varies = _laid(red, red_varies, tl.load(paint), cover, share, full)
-                green, green_varies = _laid(green, green_varies, tl.load(paint + 1), cover, share, full)
-                blue, blue_varies = _laid(blue, blue_varies, tl.load(paint + 2), cover, share, full)
+                red, green, blue, variance = _laid(red, green, blue, variance, paint, cover, share, full)
         tl.debug_barrier()  # what one thread of the program wrote, another may read
         for index in range(count):
             stroke = first + count - 1 - index
             if _touches(boxes, stroke, top, left, ROWS, COLUMNS):
                 state = states + (count - 1 - index) * leap
-                red, green, blue, red_varies, green_varies, blue_varies = _load(state, at, plane, inside)
+                red, green, blue, variance = _load(state, at, plane, inside)
                 cell, right, below, v_0, v_1, v_2, v_3, on_0, on_1, on_2, on_3 = _cells(
                     maps, affine, stroke, x, y, inside, rows, columns
                 )
                 cover = _cover(right, below, v_0, v_1, v_2, v_3)
                 paint, sums = color + 3 * stroke, to_strokes + 9 * stroke
-                slope, mixed, to_red, by_red = _pulled(
-                    red, red_varies, tl.load(paint), cover, share, full, to_red, by_red
+                slope, of_red, of_green, of_blue, to_red, to_green, to_blue, to_variance = _pulled(
+                    red, green, blue, variance, paint, cover, share, full, to_red, to_green, to_blue, to_variance
                 )
-                _add(sums, 6, mixed, unit)
-                more, mixed, to_green, by_green = _pulled(
-                    green, green_varies, tl.load(paint + 1), cover, share, full, to_green, by_green
-                )
-                slope += more
-                _add(sums, 7, mixed, unit)
-                more, mixed, to_blue, by_blue = _pulled(
-                    blue, blue_varies, tl.load(paint + 2), cover, share, full, to_blue, by_blue
-                )
-                slope = tl.where(inside, slope + more, 0)
-                _add(sums, 8, mixed, unit)
+                slope = tl.where(inside, slope, 0)
+                _add(sums, 6, of_red, unit)
+                _add(sums, 7, of_green, unit)
+                _add(sums, 8, of_blue, unit)
                 by_column = slope * ((v_1 - v_0) * (1 - below) + (v_3 - v_2) * below)
                 by_row = slope * ((v_2 - v_0) * (1 - right) + (v_3 - v_1) * right)
                 _add(sums, 0, by_column * x, unit)
@@ -222,4 +226,4 @@ def pull(
                 tl.atomic_add(corner + columns, _whole(lower * (1 - right)), on_2, sem="relaxed")
                 tl.atomic_add(corner + columns + 1, _whole(lower * right), on_3, sem="relaxed")
         tl.debug_barrier()  # before the next segment's moments take their place
-    _store(to_canvas, at, plane, inside, to_red, to_green, to_blue, by_red, by_green, by_blue)
+    _store(to_canvas, at, plane, inside, to_red, to_green, to_blue, to_variance)

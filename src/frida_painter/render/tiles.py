@@ -46,10 +46,10 @@ def composite_moments(
     they are the same bits every time.
     """
     magnitude, affine, color = magnitude.to(canvas.dtype), affine.to(canvas.dtype), color.to(canvas.dtype)
-    variance = torch.zeros_like(canvas) if variance is None else variance
+    variance = torch.zeros_like(canvas[0]) if variance is None else variance
     if len(magnitude) == 0:
         return canvas.clone(), variance.clone()
-    moments = torch.cat((canvas, variance))
+    moments = torch.cat((canvas, variance[None]))
     tensors = magnitude.contiguous(), affine.contiguous(), color.contiguous(), moments
     if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors):
         apply: Callable[..., tuple[Tensor, Tensor]] = _Tiles.apply
@@ -66,7 +66,7 @@ class _Tiles(torch.autograd.Function):
         magnitude: Tensor,
         affine: Tensor,
         color: Tensor,
-        canvas: Tensor,  # mean and variance, [6, H, W]
+        canvas: Tensor,  # mean and variance, [4, H, W]
         spread: CoverageSpread,
         bare_cells_answer: bool,
     ) -> tuple[Tensor, Tensor]:
@@ -74,7 +74,7 @@ class _Tiles(torch.autograd.Function):
         ctx.spread, ctx.bare = spread, bare_cells_answer and ctx.needs_input_grad[0]
         boxes = _boxes(magnitude, affine, canvas, bare=ctx.bare)
         segments = -(-len(magnitude) // _segment(len(magnitude)))
-        kept = canvas.new_empty(segments, 6, *canvas.shape[1:])
+        kept = canvas.new_empty(segments, 4, *canvas.shape[1:])
         ctx.save_for_backward(*tensors, boxes, kept)
         return _lay(*tensors, boxes, spread, kept)
 
@@ -84,12 +84,12 @@ class _Tiles(torch.autograd.Function):
         magnitude, affine, color, canvas, boxes, kept = ctx.saved_tensors
         n, rows, columns = magnitude.shape
         _, height, width = canvas.shape
-        gradients = torch.cat((of_mean, of_variance)).contiguous()
+        gradients = torch.cat((of_mean, of_variance[None])).contiguous()
         scale = _scale(magnitude, affine, color, canvas, gradients)
         to_maps = torch.zeros_like(magnitude, dtype=torch.int64)
         to_strokes = torch.zeros(n, 9, dtype=torch.int64, device=canvas.device)
         to_canvas = torch.empty_like(canvas)
-        states = canvas.new_empty(_segment(n), 6, height, width)
+        states = canvas.new_empty(_segment(n), 4, height, width)
         tile_kernels.pull[_grid(canvas)](
             magnitude, affine, color, boxes, _numbers(ctx.spread, canvas), kept, states, gradients, scale,
             to_maps, to_strokes, to_canvas,
@@ -111,10 +111,10 @@ def _lay(
     spread: CoverageSpread,
     kept: Tensor | None,
 ) -> tuple[Tensor, Tensor]:
-    """The moments; kept [segments, 6, H, W] is filled with those under the first stroke of every segment."""
+    """The moments; kept [segments, 4, H, W] is filled with those under the first stroke of every segment."""
     n, rows, columns = magnitude.shape
     _, height, width = canvas.shape
-    moments = canvas.new_empty(6, height, width)
+    moments = canvas.new_empty(4, height, width)
     tile_kernels.lay[_grid(canvas)](
         magnitude, affine, color, boxes, _numbers(spread, canvas), canvas, moments, moments if kept is None else kept,
         n, height, width, rows, columns, _segment(n),
@@ -123,7 +123,7 @@ def _lay(
     # The reference lays 0 times the paint everywhere, so what is not finite spoils the whole picture.
     sound = affine.isfinite().all() & color.isfinite().all()
     moments = torch.where(sound, moments, torch.nan)
-    return moments[:3], moments[3:]
+    return moments[:3], moments[3]
 
 
 def _boxes(magnitude: Tensor, affine: Tensor, canvas: Tensor, *, bare: bool) -> Tensor:
@@ -140,7 +140,8 @@ def _scale(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, gra
     """
     apart = 2 * torch.maximum(canvas.abs().amax(), color.abs().amax()).clamp(min=0.5)
     strongest = magnitude.abs().amax().clamp(min=1)
-    of_mean, of_variance = gradients.abs().sum((1, 2)).view(2, 3).sum(1).unbind()
+    by_plane = gradients.abs().sum((1, 2))
+    of_mean, of_variance = by_plane[:3].sum(), by_plane[3]
     most = (apart * of_mean + 6 * apart.square() * of_variance) * strongest * max(canvas.shape)
     return (_MARGIN / most.clamp(min=1e-9) + 0 * affine.sum()).reshape(1)
 
