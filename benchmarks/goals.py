@@ -20,7 +20,7 @@ from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
-from frida_painter.session.opening import limit_threads
+from frida_painter.session.opening import prepare_process
 from measure import Table, arguments, broad_brush, canvas_like, cpu_seconds, photograph, publish
 
 STROKES, COLORS = 100, 12
@@ -78,7 +78,7 @@ def main() -> None:
     kinds = goals()
     parser.add_argument("--goals", nargs="+", choices=kinds, default=list(kinds), help="kinds of goals to be planned")
     options = parser.parse_args()
-    limit_threads()
+    prepare_process()
     little = Effort().scaled(0.03)
     how = {"rows": 64, "strokes": 6, "effort": little} if options.quick else {
         "rows": 256, "strokes": STROKES, "effort": Effort()

@@ -36,7 +36,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.planning.refine import discretize
 from frida_painter.planning.scene import on_device
 from frida_painter.render import composite_moments, reference
-from frida_painter.session.opening import limit_threads
+from frida_painter.session.opening import prepare_process
 from measure import Table, arguments, blank_scene, broad_brush, canvas_like, hardware, photograph, publish
 
 CANVAS = CanvasSize(0.3556, 0.2794)
@@ -225,7 +225,7 @@ def main() -> int:
     if device.type == "cuda" and not torch.cuda.is_available():
         print(NO_GPU.format(version=torch.__version__), file=sys.stderr)
         return 2
-    limit_threads()
+    prepare_process()
     name = name_of(device)
     agrees, differences = agreement(options, device, name)
     speed, times = iterations(options, device, name)

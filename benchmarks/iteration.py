@@ -26,6 +26,7 @@ from frida_painter.planning.refine import discretize
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints
 from frida_painter.render import composite_moments
+from frida_painter.session.opening import prepare_process
 from frida_painter.strokes import Strokes
 from measure import Table, arguments, blank_scene, broad_brush, cpu_seconds, photograph, publish, wall_seconds
 from original import OriginalPlan, PaperNetwork
@@ -54,7 +55,7 @@ def compare(
         torch.set_num_threads(threads)
         seconds = interleaved(clock, works, options.repeats if threads == 1 else max(1, options.repeats // 2))
         found[name] = {work: value / (iterations if work in (OURS, ALL_ROWS) else 1) for work, value in seconds.items()}
-    torch.set_num_threads(1)
+    prepare_process()
     return found
 
 
@@ -121,7 +122,7 @@ def main() -> None:
     if options.quick:
         options.no_wall = True
         options.strokes, options.rows, options.repeats = 12, 64, 1
-    torch.set_num_threads(1)
+    prepare_process()
     scene, target = blank_scene(photograph("astronaut"), CANVAS, options.rows, broad_brush())
     strokes = uniform(options.strokes, scene.limits, CANVAS, torch.Generator().manual_seed(0))
     strokes, paints = discretize(strokes, scene, min(COLORS, options.strokes), 0)

@@ -22,7 +22,7 @@ from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.runs.ground_choice import settled_ground
 from frida_painter.runs.opening import open_planner
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.opening import limit_threads
+from frida_painter.session.opening import prepare_process
 from measure import Table, arguments, publish
 
 STROKES = 100
@@ -76,7 +76,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--folder", type=Path)
     options = parser.parse_args()
-    limit_threads()
+    prepare_process()
     prompts, spec = prompts_of(options.prompts), RunSpec.of(strokes=STROKES)
     if options.quick:
         prompts, spec, options.seeds = prompts[:1] + prompts[-1:], QUICK, options.seeds[:1]

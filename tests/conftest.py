@@ -20,7 +20,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """One thread for each test process, and for whatever it starts, as `limit_threads` has it for people.
+    """One thread for each test process, and for whatever it starts, as `prepare_process` has it for people.
 
     Two workers with a pool of threads each wait for one another on two cores: the same tests then take up to
     six times the processor time, and their sums come in another order on every machine.

@@ -1,4 +1,7 @@
 import math
+import platform
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +26,33 @@ from frida_painter.virtual.studio import VirtualStudio, open_studio
 from frida_painter.virtual.table import PlacementError
 
 SIZE = CanvasSize(0.20, 0.15)
+
+
+_COUNTING = """
+import resource
+import numpy as np
+from frida_painter.session.opening import prepare_process
+
+def faults():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(20):
+        blocks = [np.empty(2_000_000, np.float32) for _ in range(3)]
+        for block in blocks:
+            block.fill(1)
+        del blocks, block
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+prepare_process()
+faults()
+print(faults())
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries are not told how to keep memory")
+def test_a_process_that_plans_keeps_its_memory() -> None:
+    """Where each block comes from the system anew, twenty times three of them are some 100,000 pages."""
+    counted = subprocess.run([sys.executable, "-c", _COUNTING], capture_output=True, text=True, check=True)
+    assert int(counted.stdout) < 5_000
 
 
 def four_of(record: Calibration) -> Calibration:

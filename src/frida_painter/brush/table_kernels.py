@@ -35,90 +35,128 @@ class TableArrays(NamedTuple):
 
 @njit(cache=True)
 def part_by_part(place, spans, table):  # type: ignore[no-untyped-def]
-    """The numbers [n] of the strokes at place [3, n], those of one part one after another: its basis is cached."""
+    """The numbers [n] of the strokes at place [3, n], those of one part one after another, and their parts [n]."""
     part = np.zeros(place.shape[1], np.int64)
     for axis in range(3):
         for i in range(place.shape[1]):
             span = np.int64(place[axis, i] * np.float32(spans[axis]))
             part[i] += table.part_of[axis, min(max(span, 0), spans[axis] - 1)]
-    return np.argsort(part)
+    order = np.argsort(part)
+    return order, part[order]
 
 
 @njit(cache=True, fastmath=_SUMS)
 def look_up(place, spans, table, maps):  # type: ignore[no-untyped-def]
-    """Magnitudes of n strokes at place [3, n] in [0, 1], to maps [n, rows x columns], which come as zeros."""
+    """Magnitudes of n strokes at place [3, n] in [0, 1], to maps [n, rows x columns], which come as zeros.
+
+    Four strokes of a part look at its basis together: reading it takes longer than computing with it.
+    """
     rank, most = table.basis.shape[1:]
     weight, slope = np.empty((3, 4), np.float32), np.empty((3, 4), np.float32)
     first = np.empty(3, np.int64)
-    coordinates, logits = np.empty(rank, np.float32), np.empty(most, np.float32)
+    coordinates, logits = np.empty((4, rank), np.float32), np.empty((4, most), np.float32)
     bits = np.empty(most, np.int32)
-    for i in part_by_part(place, spans, table):
-        part = _weigh(place[:, i], spans, table, first, weight, slope)
-        _sum_up(table.coefficients[part], first, weight, coordinates)
-        count = table.counts[part]
-        line = logits[:count]
-        line[:] = table.mean[part, :count]
-        for r in range(0, rank, 4):
-            a, b, c, d = coordinates[r], coordinates[r + 1], coordinates[r + 2], coordinates[r + 3]
-            one, two = table.basis[part, r, :count], table.basis[part, r + 1, :count]
-            three, four = table.basis[part, r + 2, :count], table.basis[part, r + 3, :count]
+    order, parts = part_by_part(place, spans, table)
+    begin = 0
+    while begin < len(order):
+        part = parts[begin]
+        four = order[begin : begin + 4][parts[begin : begin + 4] == part]
+        count, cells = table.counts[part], table.cells[part]
+        for j in range(4):  # where there are fewer, the last one is looked at again
+            _weigh(place[:, four[min(j, len(four) - 1)]], spans, table, first, weight, slope)
+            _sum_up(table.coefficients[part], first, weight, coordinates[j])
+            logits[j, :count] = table.mean[part, :count]
+        _add_up(coordinates, table.basis[part], count, logits[0], logits[1], logits[2], logits[3])
+        for j in range(len(four)):
+            line, mark = logits[j, :count], maps[four[j]]
+            _squash(line, bits[:count], table.beyond)
             for k in range(count):
-                line[k] += (a * one[k] + b * two[k]) + (c * three[k] + d * four[k])
-        _squash(line, bits[:count], table.beyond)
-        cells, mark = table.cells[part], maps[i]
+                mark[cells[k]] = line[k]
+        begin += len(four)
+
+
+@njit(cache=True, fastmath=_SUMS)
+def _add_up(coordinates, basis, count, one, two, three, four):  # type: ignore[no-untyped-def]
+    """Adds to four lines of logits the maps of a basis [rank, most], by coordinates [4, rank]; four maps at a time."""
+    for r in range(0, len(basis), 4):
+        a, b, c, d = basis[r], basis[r + 1], basis[r + 2], basis[r + 3]
+        share = coordinates[:, r : r + 4]
+        a1, b1, c1, d1 = share[0, 0], share[0, 1], share[0, 2], share[0, 3]
+        a2, b2, c2, d2 = share[1, 0], share[1, 1], share[1, 2], share[1, 3]
+        a3, b3, c3, d3 = share[2, 0], share[2, 1], share[2, 2], share[2, 3]
+        a4, b4, c4, d4 = share[3, 0], share[3, 1], share[3, 2], share[3, 3]
         for k in range(count):
-            mark[cells[k]] = line[k]
+            one[k] += (a1 * a[k] + b1 * b[k]) + (c1 * c[k] + d1 * d[k])
+            two[k] += (a2 * a[k] + b2 * b[k]) + (c2 * c[k] + d2 * d[k])
+            three[k] += (a3 * a[k] + b3 * b[k]) + (c3 * c[k] + d3 * d[k])
+            four[k] += (a4 * a[k] + b4 * b[k]) + (c4 * c[k] + d4 * d[k])
 
 
 @njit(cache=True, fastmath=_SUMS)
 def pull_back(place, spans, table, maps, upstream, to_place):  # type: ignore[no-untyped-def]
-    """From gradients to the maps, both [n, rows x columns], to those of the places [3, n]."""
+    """From gradients to the maps, both [n, rows x columns], to those of the places [3, n]; four strokes together."""
     rank, most = table.basis.shape[1:]
     weight, slope = np.empty((3, 4), np.float32), np.empty((3, 4), np.float32)
     first = np.empty(3, np.int64)
-    pull, magnitude = np.empty(most, np.float32), np.empty(most, np.float32)
-    upon = np.empty(rank, np.float32)
+    pull, magnitude = np.zeros((4, most), np.float32), np.empty(most, np.float32)
+    upon = np.empty((4, rank), np.float32)
     rim = table.beyond * (_ONE + table.beyond)
     scale = _ONE / (_ONE + np.float32(2) * table.beyond)
-    for i in part_by_part(place, spans, table):
-        part = _weigh(place[:, i], spans, table, first, weight, slope)
-        count = table.counts[part]
-        cells, mark, above = table.cells[part], maps[i], upstream[i]
-        for k in range(count):
-            magnitude[k] = mark[cells[k]]
-            pull[k] = above[cells[k]]
-        for k in range(count):
-            inside = magnitude[k] - magnitude[k] * magnitude[k]
-            pull[k] *= (inside + rim) * scale if inside > np.float32(0) else np.float32(0)
-        for r in range(0, rank, 4):
-            one, two = table.basis[part, r, :count], table.basis[part, r + 1, :count]
-            three, four = table.basis[part, r + 2, :count], table.basis[part, r + 3, :count]
-            a = b = c = d = np.float32(0)
+    order, parts = part_by_part(place, spans, table)
+    begin = 0
+    while begin < len(order):
+        part = parts[begin]
+        four = order[begin : begin + 4][parts[begin : begin + 4] == part]
+        count, cells, along = table.counts[part], table.cells[part], table.coefficients[part]
+        for j in range(len(four)):
+            mark, above, line = maps[four[j]], upstream[four[j]], pull[j]
             for k in range(count):
-                a += pull[k] * one[k]
-                b += pull[k] * two[k]
-                c += pull[k] * three[k]
-                d += pull[k] * four[k]
-            upon[r], upon[r + 1], upon[r + 2], upon[r + 3] = a, b, c, d
-        along = table.coefficients[part]
-        x = y = z = np.float32(0)
-        for p in range(4):
-            for q in range(4):
-                for s in range(4):
-                    row = along[first[0] + p, first[1] + q, first[2] + s]
-                    dot = np.float32(0)
-                    for r in range(rank):
-                        dot += row[r] * upon[r]
-                    x += slope[0, p] * weight[1, q] * weight[2, s] * dot
-                    y += weight[0, p] * slope[1, q] * weight[2, s] * dot
-                    z += weight[0, p] * weight[1, q] * slope[2, s] * dot
-        to_place[0, i], to_place[1, i], to_place[2, i] = x, y, z
+                magnitude[k] = mark[cells[k]]
+                line[k] = above[cells[k]]
+            for k in range(count):
+                inside = magnitude[k] - magnitude[k] * magnitude[k]
+                line[k] *= (inside + rim) * scale if inside > np.float32(0) else np.float32(0)
+        _dot(pull[0], pull[1], pull[2], pull[3], table.basis[part], count, upon)
+        for j in range(len(four)):
+            i = four[j]
+            _weigh(place[:, i], spans, table, first, weight, slope)
+            x = y = z = np.float32(0)
+            for p in range(4):
+                for q in range(4):
+                    for s in range(4):
+                        row = along[first[0] + p, first[1] + q, first[2] + s]
+                        dot = np.float32(0)
+                        for r in range(rank):
+                            dot += row[r] * upon[j, r]
+                        x += slope[0, p] * weight[1, q] * weight[2, s] * dot
+                        y += weight[0, p] * slope[1, q] * weight[2, s] * dot
+                        z += weight[0, p] * weight[1, q] * slope[2, s] * dot
+            to_place[0, i], to_place[1, i], to_place[2, i] = x, y, z
+        begin += len(four)
+
+
+@njit(cache=True, fastmath=_SUMS)
+def _dot(one, two, three, four, basis, count, upon):  # type: ignore[no-untyped-def]
+    """The products of four lines with the maps of a basis [rank, most], to upon [4, rank]; two maps at a time."""
+    for r in range(0, len(basis), 2):
+        a, b = basis[r], basis[r + 1]
+        a1 = a2 = a3 = a4 = b1 = b2 = b3 = b4 = np.float32(0)
+        for k in range(count):
+            a1 += one[k] * a[k]
+            a2 += two[k] * a[k]
+            a3 += three[k] * a[k]
+            a4 += four[k] * a[k]
+            b1 += one[k] * b[k]
+            b2 += two[k] * b[k]
+            b3 += three[k] * b[k]
+            b4 += four[k] * b[k]
+        upon[0, r], upon[1, r], upon[2, r], upon[3, r] = a1, a2, a3, a4
+        upon[0, r + 1], upon[1, r + 1], upon[2, r + 1], upon[3, r + 1] = b1, b2, b3, b4
 
 
 @njit(cache=True, fastmath=_SUMS)
 def _weigh(place, spans, table, first, weight, slope):  # type: ignore[no-untyped-def]
-    """Fills in, per axis, the first of four knots inside the part, their weights and slopes; returns the part."""
-    part = 0
+    """Fills in, per axis, the first of four knots inside the part, their weights and slopes."""
     for axis in range(3):
         at = place[axis] * np.float32(spans[axis])
         span = min(max(np.int64(np.floor(at)), 0), spans[axis] - 1)
@@ -133,9 +171,7 @@ def _weigh(place, spans, table, first, weight, slope):  # type: ignore[no-untype
         slope[axis, 1] = (np.float32(3) * t * t - np.float32(4) * t) * half
         slope[axis, 2] = (np.float32(4) * s - np.float32(3) * s * s) * half
         slope[axis, 3] = t * t * half
-        part += table.part_of[axis, span]
         first[axis] = table.first_of[axis, span]
-    return part
 
 
 @njit(cache=True, fastmath=_SUMS)

@@ -99,9 +99,9 @@ def calibrate(
     from frida_painter.calibration import PROCEDURES
     from frida_painter.cli.calibration import easel_spec, lead_all
     from frida_painter.runs.calibrating import CalibrationSetup, default_record, easel_of
-    from frida_painter.session.opening import limit_threads
+    from frida_painter.session.opening import prepare_process
 
-    limit_threads()
+    prepare_process()
     spec = easel_spec(robot, camera, workspace, canvas, brush, seed, placement_error)
     names = PROCEDURES if what is What.all else (what.value,)
     with easel_of(spec) as here:

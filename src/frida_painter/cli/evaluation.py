@@ -52,11 +52,11 @@ def evaluate_model(
     from frida_painter.brush.measure import evaluate, likelihood
     from frida_painter.brush.weights import load_stroke_model
     from frida_painter.report.training_page import evaluation_page
-    from frida_painter.session.opening import limit_threads
+    from frida_painter.session.opening import prepare_process
 
     if page is not None and page.suffix != ".html":
         raise ConfigError(f"--page was given {str(page)!r}; a page goes into a file that ends in .html.")
-    limit_threads()
+    prepare_process()
     model = load_stroke_model(weights)
     strokes = StrokeLibrary.load(library)
     found, foretold = evaluate(model, strokes), likelihood(model, strokes)

@@ -47,14 +47,14 @@ def paint(
     from frida_painter import images
     from frida_painter.brush.flaw import Flaw
     from frida_painter.brush.kinds import brush_kind
-    from frida_painter.session.opening import limit_threads, open_virtual_easel
+    from frida_painter.session.opening import open_virtual_easel, prepare_process
     from frida_painter.session.procedures.dialogue import lead
     from frida_painter.session.procedures.strokes import StrokesProgress, strokes, unfinished
 
     kind = brush_kind(brush)
     if out.suffix != ".npz":
         raise ConfigError(f"--out was given {str(out)!r}; stroke libraries end in .npz.")
-    limit_threads()
+    prepare_process()
     if unfinished(out).exists():
         print(f"Going on with the strokes in {unfinished(out)}.")
     with _bar() as bar:

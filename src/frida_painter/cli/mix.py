@@ -59,9 +59,9 @@ def mix(
     from frida_painter.mixing.recipe import recipes
     from frida_painter.report.mixing_sheet import mixing_sheet
     from frida_painter.report.palette_sheet import sheet_file
-    from frida_painter.session.opening import limit_threads
+    from frida_painter.session.opening import prepare_process
 
-    limit_threads()
+    prepare_process()
     owned = read_paints(paints) if paints else usual_paints()
     for layer, palette, wanted in _wanted(what):
         of, sheet = ("", out) if layer == 1 else (f", layer {layer}", out.with_name(sheet_file(out.name, layer)))

@@ -77,9 +77,9 @@ def paint(
         from frida_painter.cli.leading import Leader, ready_planner, say_films
         from frida_painter.cli.stop_signal import stop_on_signals
         from frida_painter.runs.run import PaintingRun
-        from frida_painter.session.opening import limit_threads
+        from frida_painter.session.opening import prepare_process
 
-        limit_threads()
+        prepare_process()
         with stop_on_signals() as stop, PaintingRun(spec, given["out"]) as run:
             say_films(run.spec)
             run.load_easel(launch)
@@ -116,9 +116,9 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
     from frida_painter.report.palette_sheet import palette_sheet, sheet_file
     from frida_painter.runs.folder import new_folder
     from frida_painter.runs.run import PaintingRun
-    from frida_painter.session.opening import limit_threads
+    from frida_painter.session.opening import prepare_process
 
-    limit_threads()
+    prepare_process()
     with stop_on_signals() as stop, PaintingRun(spec_of(photo, given)) as run:
         ready_planner(run, stop, given["out"])
         folder = new_folder(given["out"], run.spec.name, PLAN_ROOM)

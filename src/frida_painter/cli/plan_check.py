@@ -23,7 +23,7 @@ from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easels import open_easel, robot_named
 from frida_painter.session.forecast import duration
 from frida_painter.session.names import MACHINES, SAWYER_SIM, SIMULATED, VIRTUAL, require_known, state_folder
-from frida_painter.session.opening import limit_threads, loaded_record
+from frida_painter.session.opening import loaded_record, prepare_process
 from frida_painter.session.rehearsal import Rehearsal, rehearse
 from frida_painter.session.timetable import Timetable
 from frida_painter.session.timing import reckon
@@ -37,7 +37,7 @@ _SOME_CAMERA = "opencv:0"  # a person's easel has to have one; nothing is photog
 
 def check_plan(plan: Path, robot: str | None, workspace: Path | None, calibration: Path | None, out: Path) -> bool:
     """Whether all of the plan can be painted there; prints why not, and draws those strokes into `out`."""
-    limit_threads()
+    prepare_process()
     loaded = Plan.load(plan)
     there = _place(loaded, robot, workspace)
     place = there.workspace

@@ -52,19 +52,19 @@ def resume(
     from frida_painter.runs.folder import are_there
     from frida_painter.runs.reopening import history_of
     from frida_painter.runs.run import PaintingRun
-    from frida_painter.session.opening import limit_threads
+    from frida_painter.session.opening import prepare_process
 
     if (history := history_of(folder)).finished:
         if are_there(folder, history.painted):
             say(f"This painting is finished: {history.painted} strokes, and nothing is left to do.")
             return
         say(f"This painting is finished: {history.painted} strokes. Its page and pictures are made again.")
-        limit_threads()
+        prepare_process()
         with PaintingRun.reopen(folder) as run:
             tell(run.resume(), history.painted, history.seconds)
         return
     started = time.monotonic()
-    limit_threads()
+    prepare_process()
     with ExitStack() as stack:
         run = stack.enter_context(PaintingRun.reopen(folder, accept_changes=accept_changes, pace=pace))
         require_person(run.spec, asked=not yes)

@@ -65,7 +65,7 @@ def train(
     from frida_painter.brush.measure import cross_validate
     from frida_painter.brush.training import TrainingProgress
     from frida_painter.report.training_page import training_page
-    from frida_painter.session.opening import limit_threads
+    from frida_painter.session.opening import prepare_process
 
     if out.suffix != ".safetensors" or out.is_dir():
         raise ConfigError(f"--out was given {str(out)!r}; weights go into a file that ends in .safetensors.")
@@ -75,7 +75,7 @@ def train(
         raise ConfigError("--folds was given 1; a library is parted into at least 2 folds, or 0 for none.")
     kind = brush_kind(brush) if brush is not None else None
     strokes = StrokeLibrary.load(library)
-    limit_threads()  # as fast as several here, and the same weights whatever the number of cores
+    prepare_process()  # as fast as several here, and the same weights whatever the number of cores
     # Whether the weights can be written is known before minutes are spent on them.
     with storage.replacing(out) as unfinished, _bar() as bar:
         if folds:

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from frida_painter.experiments import outcome
 from frida_painter.experiments.outcome import Notify, Outcome
 from frida_painter.session.forecast import duration
-from frida_painter.session.opening import limit_threads
+from frida_painter.session.opening import prepare_process
 
 UNFINISHED = "unfinished"
 """The folder, in that of an experiment, in which finished parts wait."""
@@ -25,7 +25,7 @@ def conduct(name: str, out: Path, experiment: Callable[[Path, Notify], Outcome])
     """
     folder = out / name
     unfinished = folder / UNFINISHED
-    limit_threads()
+    prepare_process()
     started = time.monotonic()
     console = Console(stderr=True, highlight=False)
     bar = Progress(

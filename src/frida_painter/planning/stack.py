@@ -18,7 +18,7 @@ from frida_painter.strokes import Strokes
 def stacked_moments(
     strokes: Sequence[Strokes], scenes: Sequence[Scene], magnitudes: Sequence[Tensor] | None = None
 ) -> Moments:
-    """Mean [3, H, W] and variance [H, W] of the picture after strokes of several brushes, each laid over what came before.
+    """Mean [3, H, W] and variance [H, W] of the picture after strokes of several brushes, each over the one before.
 
     scenes: one for each part, with its brush, on the canvas of the first; magnitudes: the maps [n, h, w] of each
     part's strokes, to differentiate in, by default what its stroke model says.

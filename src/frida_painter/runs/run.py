@@ -59,7 +59,7 @@ from frida_painter.session.events import Event, Looked, Notify, Resumed, Stopped
 from frida_painter.session.history import History
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.opening import on_record
+from frida_painter.session.opening import on_record, prepare_process
 from frida_painter.session.page_events import Finishing
 from frida_painter.session.painting import Painting, ResumeState
 
@@ -150,7 +150,7 @@ class PaintingRun:
         if self._reopened is None and self.spec.palette is not None:
             self.mixed = read_palette(self.spec.palette, self.spec.colors)
         threads = torch.get_num_threads()
-        torch.set_num_threads(1)  # tensors are small, and torch's idle threads spin: twice the time on two cores
+        prepare_process()
         self._stack.callback(torch.set_num_threads, threads)
         if self._reopened is not None:
             self._stack.callback(self._reopened.journal.close)

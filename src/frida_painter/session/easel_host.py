@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Any, NoReturn
 
-import torch
 from pydantic import TypeAdapter
 
 from frida_painter.calibration import Calibration
@@ -37,6 +36,7 @@ from frida_painter.hardware.workspace import Workspace
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easels import is_simulated, lock_path, machines, open_easel
 from frida_painter.session.names import LIVE_PICTURE, STOP_FILE
+from frida_painter.session.opening import prepare_process
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def main(wire_file: int, line_file: int) -> None:
     # Ctrl-C and a closed terminal concern the painting; it says here what is to be done.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    torch.set_num_threads(1)
+    prepare_process()
     wire, line = Wire(socket.socket(fileno=wire_file)), socket.socket(fileno=line_file)
     try:
         order = EaselOrder.of(wire.receive()[0]["order"])

@@ -17,7 +17,7 @@ from frida_painter.errors import ConfigError, FridaError, RobotStopped
 from frida_painter.planning.optimize import Step
 from frida_painter.runs.run import PaintingRun
 from frida_painter.session.events import Failed, Stopped
-from frida_painter.session.opening import limit_threads
+from frida_painter.session.opening import prepare_process
 from frida_painter.session.page_events import PlanMade, PlanPreview, Rests
 from frida_painter.web.asking import Asker
 from frida_painter.web.calibration_worker import calibrate
@@ -40,7 +40,7 @@ def main() -> None:
     folder.live.mkdir(exist_ok=True)
     feed = Feed(folder)
     stop = StopWatch(folder.stop, folder.path.parent)
-    limit_threads()
+    prepare_process()
     try:
         job = Job(folder, StudioEasel.take(json.loads(easel)), feed, stop, Asker(folder, feed, stop))
         work(what, job, folder.plan(int(number)))
