@@ -101,6 +101,24 @@ def test_of_words_that_make_one_name_the_last_says_what_it_is(tmp_path: Path) ->
     assert found is not None and found.caption == "high mountain"
 
 
+def test_another_kind_is_no_picture_of_the_thing(tmp_path: Path) -> None:
+    library = Library("drawings", {"1": (("sewing machine",), 0.8, RED)})
+    index = PictureIndex([library], WordBag(), tmp_path)
+    for name, exact in (("sewing machine", True), ("washing machine", False), ("machine", True)):
+        found = index.find(Thing(name, "machine"), f"a {name}", nowhere)
+        assert found is not None and found.exact is exact, name
+
+
+def test_of_two_things_that_one_picture_shows_the_first_is_not_only_a_kind_of_the_second(tmp_path: Path) -> None:
+    library = Library("drawings", {"1": (("spider web",), 0.8, RED), "2": (("spider in web",), 0.4, BLUE)})
+    index = PictureIndex([library], WordBag(), tmp_path)
+    whole = Thing("spider in web", "spider in web")
+    found = index.find(whole, "a spider in a web", nowhere, shows=("spider", "web"))
+    assert found is not None and found.caption == "spider in web"
+    found = index.find(whole, "a web", nowhere, shows=("web", "spider"))
+    assert found is not None
+
+
 def test_a_hyphen_makes_a_name_of_its_own(tmp_path: Path) -> None:
     library = Library("drawings", {"1": (("jack-o'-lantern",), 0.8, RED), "2": (("paper lantern",), 0.0, BLUE)})
     found = PictureIndex([library], WordBag(), tmp_path).find(Thing("lantern", "lantern"), "a lantern", nowhere)

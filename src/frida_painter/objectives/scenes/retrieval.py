@@ -132,6 +132,8 @@ class PictureIndex:
             entry = self._entries[at]
             if cut_out and _is_modified(entry, thing):
                 continue
+            if shows and shows[0] in _named(entry.title)[:-1]:  # a spider web shows no spider
+                continue
             try:
                 shown = entry.library.pictures(entry.file)
             except ImageError:
@@ -174,7 +176,8 @@ class PictureIndex:
         if thing.noun == thing.name:
             return named
         is_one = torch.tensor([_named(entry.title)[-1:] == [thing.noun] for entry in self._entries])
-        noun = self._captioned(thing.noun).masked_fill(is_one, 1)  # an older man is a man
+        is_one &= named >= _LEAST  # an older man is a man, and a slot machine no sewing machine
+        noun = self._captioned(thing.noun).masked_fill(is_one, 1)
         return ((1 - _NOUN) * named + _NOUN * noun).masked_fill(noun < _SPEAKS, 0)  # stones are no stone bridge
 
     def _captioned(self, words: str) -> Tensor:
@@ -212,7 +215,13 @@ def _is_modified(entry: _Entry, thing: Thing) -> bool:
 
 
 def _is_called(entry: _Entry, thing: Thing) -> bool:
-    """Whether a title has the very word, or ends in it as a sailboat does, or a synonym."""
+    """Whether a title has the very word, or ends in it as a sailboat does, or a synonym, and means no other kind.
+
+    A washing machine is no sewing machine, where a machine may be one.
+    """
+    kind, wanted = set(_named(entry.title)[:-1]), set(thing.name.split()[:-1])
+    if kind and wanted and not kind & wanted:
+        return False
     words = _title(entry, thing).split()
     names = (thing.noun, *(other.split()[-1].lower() for other in synonyms(thing.name)))
     return any(word.endswith(name) for word in words for name in names)
