@@ -434,12 +434,18 @@ def test_a_look_that_fails_when_the_paint_is_dry_pauses_and_nothing_is_painted_b
 TAN = (0.784, 0.659, 0.471)
 
 
-def test_a_canvas_that_was_not_toned_pauses_before_anything_is_planned() -> None:
+PALE = (0.929, 0.890, 0.800)
+
+
+@pytest.mark.parametrize(("ground", "name"), [(TAN, "#c8a878"), (PALE, "#ede3cc")])
+def test_a_canvas_that_was_not_toned_pauses_before_anything_is_planned(
+    ground: tuple[float, float, float], name: str
+) -> None:
     evening = Evening(3)
-    evening.planner.ground = TAN
-    with pytest.raises(PaintingPaused, match="to be #c8a878, and the canvas shows #ffffff"):
+    evening.planner.ground = ground
+    with pytest.raises(PaintingPaused, match=f"to be {name}, and the canvas shows #ffffff"):
         evening.run()
-    assert evening.easel.operator.toned == [TAN]
+    assert evening.easel.operator.toned == [ground], "a pale ground is no white paper"
     assert evening.kinds() == ["GroundWanted", "Paused"] and evening.painted() == []
 
 

@@ -4,11 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.errors import ConfigError, FrameRejected
 from frida_painter.hardware.easel import Easel
+from frida_painter.palette import to_lab
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.margin import Color, is_evenly, light_by_margin, share_unlike
@@ -16,6 +18,14 @@ from frida_painter.plan import WHITE
 
 TOLERANCE = 20.0
 """CIELAB within which a canvas that a person has toned by hand has the ground that was wanted."""
+
+_SURE = 5.0  # CIELAB within which the camera knows a colour
+
+
+def has_ground(canvas: Tensor, ground: Color) -> bool:
+    """Whether the canvas [3, H, W] has that ground (sRGB), and is not white paper, to which a pale ground is near."""
+    from_white = float((to_lab(torch.tensor(ground)) - to_lab(torch.tensor(WHITE))).norm())
+    return is_evenly(canvas, ground, min(TOLERANCE, max(_SURE, from_white / 2)))
 
 
 def _never(sentence: str, canvas: Tensor) -> bool:

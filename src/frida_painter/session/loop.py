@@ -24,13 +24,12 @@ from torch import Tensor
 
 from frida_painter.errors import FridaError
 from frida_painter.palette import Palette, to_hex
-from frida_painter.perception.margin import is_evenly
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.session.batch_executor import BatchExecutor
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
-from frida_painter.session.canvas_start import TOLERANCE
+from frida_painter.session.canvas_start import has_ground
 from frida_painter.session.events import Event, Failed, Finished, LayerBegun, Notify, Paused, Resumed, Stopped
 from frida_painter.session.execution_monitor import ExecutionMonitor
 from frida_painter.session.interruptions import Interruptions, StopAsked
@@ -160,7 +159,7 @@ class PaintingSession:
 
     def _begin(self, strokes: int, colors: int, plan: Plan | None) -> None:
         canvas, ground = self.look(), self.planner.ground
-        if ground != WHITE and not is_evenly(canvas, ground, TOLERANCE):
+        if ground != WHITE and not has_ground(canvas, ground):
             canvas = self._tone(ground)
         self._progress.canvas.saw(canvas, 0)
         self._began_at = self.brushwork.last_motion
@@ -191,7 +190,7 @@ class PaintingSession:
         """Has the canvas toned and returns it as it is then, [3, H, W]; pauses once where it has another colour."""
         self._executor.tone(ground)
         canvas = self.look()
-        if not is_evenly(canvas, ground, TOLERANCE):
+        if not has_ground(canvas, ground):
             seen = to_hex(canvas.flatten(1).median(1).values)
             self.interruptions.pause(
                 f"The ground is to be {to_hex(torch.tensor(ground))}, and the canvas shows {seen} in the middle of all "
