@@ -1,4 +1,4 @@
-"""What every session needs before it begins: threads, a device, an easel by its record, paper for strokes."""
+"""What every session needs before it begins: threads, memory, a device, an easel by its record, paper for strokes."""
 
 import ctypes
 import sys
@@ -17,27 +17,18 @@ from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.table import PlacementError
 
 PAPER = CanvasSize(0.42, 0.297)
-
-
 _KEPT, _LARGEST = 512 * 2**20, 32 * 2**20  # bytes that are kept, and of a block that is; mallopt allows no larger one
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
 
 
 def prepare_process() -> None:
-    """One thread for tensors, for this process, which keeps its memory: they are small, and torch's idle threads spin.
+    """Has this process compute on one thread, and keep up to half a gigabyte of memory that it frees.
 
-    Measured on two cores, planning with torch's default took twice the time.
+    Tensors are small, and torch's idle threads spin: on two cores, planning with torch's default took twice the time.
+    An iteration of the planner frees and takes blocks of some MB, which glibc may hand back each time, for
+    some 2,000 page faults; C libraries that cannot be told otherwise are left as they are.
     """
     torch.set_num_threads(1)
-    keep_memory()
-
-
-def keep_memory() -> None:
-    """Has this process keep memory that it frees, up to half a gigabyte, instead of asking for it again.
-
-    An iteration of the planner frees and takes blocks of some MB; glibc may hand each back to the system, whose pages
-    then took 3 of its 15 ms. Nothing happens where the C library cannot be told so.
-    """
     if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "mallopt"):  # musl has none
         library.mallopt(_M_MMAP_THRESHOLD, _LARGEST)
         library.mallopt(_M_TRIM_THRESHOLD, _KEPT)

@@ -81,10 +81,9 @@ def known() -> tuple[NamedWeights, ...]:
 
 def words() -> tuple[NamedWeights, ...]:
     """Everything that painting from words uses, but for CLIP, in the order of its use."""
-    return (
-        *(named(name) for name in ("minilm", "english", *(f"efficientnet-lite{variant}" for variant in range(3)))),
-        *(_stamps(), _abcs(), _openclipart(), _fluent(), _flashcards(), _openmoji()),
-    )
+    networks = "minilm", "english", "efficientnet-lite0", "efficientnet-lite1", "efficientnet-lite2"
+    pictures = "stamps", "abcs", "openclipart", "fluent", "flashcards", "openmoji"
+    return tuple(named(name) for name in (*networks, *pictures))
 
 
 def named(name: str) -> NamedWeights:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -93,6 +94,7 @@ class PictureIndex:
         self._meanings = torch.cat(parts)
         longest = max(len(entry.rows) for entry in self._entries)
         self._titles = torch.tensor([entry.rows[0] for entry in self._entries])
+        self._kinds = np.array([" ".join(_named(entry.title)[-1:]) for entry in self._entries])
         self._words = torch.tensor(
             [entry.rows + (entry.rows[0],) * (longest - len(entry.rows)) for entry in self._entries]
         )
@@ -126,7 +128,8 @@ class PictureIndex:
         order = (similarity + _CONTEXT * context).argsort(descending=True)[: 4 * _LOOKED_AT].tolist()
         near = [at for at in order if similarity[at] >= max(least, float(similarity.max()) - _BAND)][:_LOOKED_AT]
         trusted = 1.0 if has_class(thing.noun) else _UNCLASSED
-        bare = distance(torch.tensor(_GROUND)[:, None, None].expand(3, _LOOK, _LOOK))
+        ground = torch.tensor(_GROUND)[:, None, None].expand(3, _LOOK, _LOOK)
+        bare = distance(ground)
         best, found = -float("inf"), None
         for at in near:
             entry = self._entries[at]
@@ -141,7 +144,7 @@ class PictureIndex:
             for picture in shown:
                 if cut_out and float(picture[3].mean()) > _FILLED:
                     continue
-                looks = bare - distance(lay(picture, torch.tensor(_GROUND)[:, None, None].expand(3, _LOOK, _LOOK)))
+                looks = bare - distance(lay(picture, ground))
                 worth = (
                     _EXACT * float(similarity[at])
                     + _spoken(entry, thing)
@@ -175,8 +178,8 @@ class PictureIndex:
             named = torch.maximum(named, self._captioned(other).masked_fill(named < _AGREES, 0))
         if thing.noun == thing.name:
             return named
-        is_one = torch.tensor([_named(entry.title)[-1:] == [thing.noun] for entry in self._entries])
-        is_one &= named >= _LEAST  # an older man is a man, and a slot machine no sewing machine
+        # An older man is a man, and a slot machine no sewing machine.
+        is_one = torch.from_numpy(self._kinds == thing.noun) & (named >= _LEAST)
         noun = self._captioned(thing.noun).masked_fill(is_one, 1)
         return ((1 - _NOUN) * named + _NOUN * noun).masked_fill(noun < _SPEAKS, 0)  # stones are no stone bridge
 
@@ -209,9 +212,8 @@ def _is_modified(entry: _Entry, thing: Thing) -> bool:
     named = _named(_title(entry, thing))
     endings = [word.removeprefix(thing.noun) for word in entry.title.split() if word.startswith(thing.noun)]
     is_derived = any(ending not in ("", "s", "es") for ending in endings)
-    if any(word.endswith(f"-{thing.noun}") for word in named) and thing.noun not in named:
-        return True
-    return thing.noun not in named[-1:] and (thing.noun in named or is_derived)
+    is_joined = any(word.endswith(f"-{thing.noun}") for word in named)
+    return thing.noun not in named[-1:] and (thing.noun in named or is_derived or is_joined)
 
 
 def _is_called(entry: _Entry, thing: Thing) -> bool:
