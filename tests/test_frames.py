@@ -6,7 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError
-from frida_painter.frames import CanvasSize, MapFrame, PixelGrid, Rows, pixel_to_map, whole_turns_removed
+from frida_painter.frames import (
+    CanvasSize,
+    MapFrame,
+    PixelGrid,
+    Rows,
+    pixel_to_map,
+    pixel_to_map_plainly,
+    whole_turns_removed,
+)
 from frida_painter.render.reference import composite
 
 SIDES = st.floats(0.03, 3)
@@ -111,6 +119,24 @@ def test_the_derivatives_of_pixel_to_map_are_those_of_its_values(rows: Rows) -> 
     )
     leaves = position.requires_grad_(), angle.requires_grad_()
     assert torch.autograd.gradcheck(lambda at, turn: pixel_to_map(at / 100, turn, grid, frame, rows), leaves)
+
+
+@given(GRIDS, st.integers(1, 20), st.integers(0, 2**31), st.sampled_from((torch.float64, torch.float32)))
+def test_compiled_pixel_to_map_is_the_plain_one(grid: PixelGrid, count: int, seed: int, dtype: torch.dtype) -> None:
+    frame, rows, chance = MapFrame(-0.02, 0.09, -0.03, 0.04, 20, 31), Rows(3, 2), torch.Generator().manual_seed(seed)
+    position, angle = (
+        torch.rand(count, 2, generator=chance, dtype=dtype),
+        torch.randn(count, generator=chance).to(dtype),
+    )
+    upstream = torch.randn(count, 2, 3, generator=chance).to(dtype)
+    found = []
+    for place in (pixel_to_map, pixel_to_map_plainly):
+        leaves = position.clone().requires_grad_(), angle.clone().requires_grad_()
+        affine = place(*leaves, grid, frame, rows)
+        found.append((affine.detach(), *torch.autograd.grad((affine * upstream).sum(), leaves)))
+    for one, other in zip(*found, strict=True):
+        largest = float(other.abs().amax())
+        torch.testing.assert_close(one, other, rtol=0, atol=(1e-12 if dtype == torch.float64 else 1e-5) * largest)
 
 
 @given(GRIDS, SHARES, st.floats(-10, 10), st.integers(1, 20), st.integers(0, 19))

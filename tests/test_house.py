@@ -29,6 +29,7 @@ LAYERS = (
     (
         "canvas_size",
         "frames",
+        "frame_kernels",
         "strokes",
         "palette",
         "drawing",

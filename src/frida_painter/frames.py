@@ -2,11 +2,12 @@
 
 Canvas: metres, origin at the bottom-left corner, x right, y up. Pixels: row down, column right;
 the centre of pixel (row, column) lies at (row, column), so a picture of n rows reaches from -0.5
-to n - 0.5. This is the only module in which y flips.
+to n - 0.5. Only here, and in frame_kernels.py, y flips.
 """
 
 import math
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any, Self
 
 import torch
@@ -101,48 +102,62 @@ def pixel_to_map(position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFra
     """The affine maps from picture pixels to cells of each stroke's magnitude map.
 
     position [n, 2] metres, angle [n] radians -> [n, 2, 3], such that
-    (map column, map row) = A @ (pixel column, pixel row, 1). Differentiable (once).
+    (map column, map row) = A @ (pixel column, pixel row, 1). Differentiable (on the CPU once).
     rows: which of the grid's rows the picture has; pixel row i is row first + i every of the grid.
     """
-    affine: Tensor = _PixelToMap.apply(position, angle, grid, frame, rows)  # type: ignore[no-untyped-call]
-    return affine
+    if angle.device.type == "cpu" and find_spec("numba") is not None:
+        affine: Tensor = _PixelToMap.apply(position, angle, grid, frame, rows)  # type: ignore[no-untyped-call]
+        return affine
+    return pixel_to_map_plainly(position, angle, grid, frame, rows)
+
+
+def pixel_to_map_plainly(position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFrame, rows: Rows) -> Tensor:
+    """`pixel_to_map` by PyTorch, on any device."""
+    (corner_x, corner_y), (across, down) = _corner(grid, rows)
+    cell_x, cell_y = frame.pitch
+    cos, sin = torch.cos(angle), torch.sin(angle)
+    x, y = corner_x - position[:, 0], corner_y - position[:, 1]
+    # Turned back by the stroke's angle, then counted in cells; y flips once more inside the map.
+    column = (cos * x + sin * y - frame.left) / cell_x - 0.5
+    row = (sin * x - cos * y + frame.top) / cell_y - 0.5
+    to_column = torch.stack((cos * (across / cell_x), -sin * (down / cell_x), column), -1)
+    to_row = torch.stack((sin * (across / cell_y), cos * (down / cell_y), row), -1)
+    return torch.stack((to_column, to_row), 1)
+
+
+def _corner(grid: PixelGrid, rows: Rows) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Where on the canvas the centre of pixel (0, 0) of those rows lies, and how far it is to the next; metres."""
+    across, pitch = grid.pitch
+    return (0.5 * across, grid.size.height - (rows.first + 0.5) * pitch), (across, rows.every * pitch)
 
 
 class _PixelToMap(torch.autograd.Function):
-    """`pixel_to_map`, with its derivatives in closed form: it is asked for in every iteration of a plan."""
+    """`pixel_to_map` by compiled loops, with its derivatives in closed form: every iteration of a plan asks for it."""
 
     @staticmethod
     def forward(context: Any, position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFrame, rows: Rows) -> Tensor:
-        across, pitch = grid.pitch
-        down = rows.every * pitch
-        cell_x, cell_y = frame.pitch
-        cos, sin = torch.cos(angle), torch.sin(angle)
-        # Metres from the stroke's start to the centre of pixel (0, 0).
-        x = 0.5 * across - position[:, 0]
-        y = grid.size.height - (rows.first + 0.5) * pitch - position[:, 1]
-        along, aside = cos * x + sin * y, sin * x - cos * y
-        # Turned back by the stroke's angle, then counted in cells; y flips once more inside the map.
-        affine = torch.empty(len(angle), 2, 3, dtype=angle.dtype, device=angle.device)
-        affine[:, 0, 0] = cos * (across / cell_x)
-        affine[:, 0, 1] = sin * (-down / cell_x)
-        affine[:, 0, 2] = (along - frame.left) / cell_x - 0.5
-        affine[:, 1, 0] = sin * (across / cell_y)
-        affine[:, 1, 1] = cos * (down / cell_y)
-        affine[:, 1, 2] = (aside + frame.top) / cell_y - 0.5
-        context.save_for_backward(cos, sin, along, aside)
-        context.pitches = across, down, cell_x, cell_y
+        from frida_painter import frame_kernels
+
+        affine = angle.new_empty(len(angle), 2, 3)
+        places = tuple(tensor.detach().contiguous().numpy() for tensor in (position, angle))
+        corner, pitch = _corner(grid, rows)
+        number = places[1].dtype.type
+        known = tuple(tuple(map(number, metres)) for metres in (corner, pitch, (frame.left, frame.top), frame.pitch))
+        frame_kernels.place(places, known, affine.numpy())
+        context.save_for_backward(position, angle)
+        context.known = known
         return affine
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(context: Any, *upstream: Tensor) -> tuple[Tensor | None, ...]:
-        cos, sin, along, aside = context.saved_tensors
-        across, down, cell_x, cell_y = context.pitches
-        column, row = upstream[0][:, 0] / cell_x, upstream[0][:, 1] / cell_y
-        (a, b, c), (d, e, f) = column.unbind(1), row.unbind(1)
-        to_position = torch.stack((-(cos * c + sin * f), cos * f - sin * c), -1)
-        to_angle = cos * (across * d - down * b) - sin * (across * a + down * e) - aside * c + along * f
-        return to_position, to_angle, None, None, None
+        from frida_painter import frame_kernels
+
+        places = [tensor.detach().contiguous() for tensor in context.saved_tensors]
+        found = [torch.empty_like(tensor) for tensor in places]
+        arrays, to_places = (tuple(tensor.numpy() for tensor in tensors) for tensors in (places, found))
+        frame_kernels.pull_back(arrays, context.known, upstream[0].contiguous().numpy(), to_places)
+        return *found, None, None, None
 
 
 def whole_turns_removed(angle: Tensor) -> Tensor:

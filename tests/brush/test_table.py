@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from frida_painter.brush.stroke_function import StrokeFunction
-from frida_painter.brush.table import StrokeTable, TableDetail, _Lookup
+from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.brush.weights import load_stroke_model
 from marks import SMALL, ribbon, shapes
 
@@ -66,14 +66,15 @@ def test_the_same_model_gives_the_same_table(table):
 @pytest.mark.parametrize("parts", [(1, 1), (2, 3), (9, 9)])
 def test_the_compiled_loops_give_what_plain_pytorch_does(parts):
     table = StrokeTable.of(ribbon(), detail=TableDetail((2, 5, 4), 7, parts=parts))
-    edges = torch.tensor([0.0, 0.2, 0.4, 0.5, 0.6, 0.75, 0.8, 1.0])
+    edges = torch.tensor([-0.3, 0.0, 0.2, 0.4, 0.5, 0.6, 0.75, 0.8, 1.0, 1.4])
     chance = torch.rand(3, 50, generator=torch.Generator().manual_seed(4))
     place = torch.cat((chance, torch.cartesian_prod(edges, edges, edges).T), 1)
     upstream = torch.randn(place.shape[1], 24, 42, generator=torch.Generator().manual_seed(5))
     found = []
-    for look_up in (lambda at: _Lookup.apply(at, table), table.plainly):
+    (shortest, longest), (least, most) = table.limits.length, table.limits.bend
+    for look_up in (table, lambda *shape: table.plainly(table.places(*shape).clamp(0, 1))):
         at = place.clone().requires_grad_()
-        maps = look_up(at)
+        maps = look_up(at[0], shortest + at[1] * (longest - shortest), least + at[2] * (most - least)).flatten(1)
         (slope,) = torch.autograd.grad((maps * upstream.flatten(1)).sum(), at)
         found.append((maps.detach(), slope))
     (maps, slope), (plain_maps, plain_slope) = found

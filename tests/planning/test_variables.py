@@ -1,14 +1,18 @@
+import math
+
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from frida_painter.frames import CanvasSize
 from frida_painter.palette import Palette, to_lab
 from frida_painter.planning.variables import Paints, Variables, as_palette
-from frida_painter.strokes import GROUPS
+from frida_painter.strokes import GROUPS, StrokeLimits
 from scenes import some_strokes
 
 F64 = torch.float64
+SIZE, LIMITS = CanvasSize(0.3, 0.2), StrokeLimits((0.006, 0.06), (-0.02, 0.02))
 
 
 def random_paints(strokes: int, colors: int, seed: int) -> Paints:
@@ -116,6 +120,59 @@ def test_colours_that_may_change_become_those_of_paint_and_mixed_ones_stay(count
     for given_paints, may_change in ((None, True), (paints, True), (paints, False)):
         variables = Variables(strokes, given_paints, vary_colors=may_change, light_to_dark=True)
         before = variables.strokes()
-        variables.set_(strokes, lambda color: color.clamp(min=0.25))
+        variables.bring_inside(LIMITS, SIZE, lambda color: color.clamp(min=0.25))
         wanted = before.color.clamp(min=0.25) if may_change else before.color
         assert torch.allclose(variables.strokes().color, wanted, rtol=0, atol=1e-12)
+
+
+class Plain(Variables):
+    """Without compiled loops."""
+
+    _compiled = False
+
+
+@given(st.integers(1, 20), st.integers(0, 2**31), st.sampled_from((F64, torch.float32)))
+def test_compiled_strokes_and_their_slopes_are_the_plain_ones(count: int, seed: int, dtype: torch.dtype) -> None:
+    chance, strokes = torch.Generator().manual_seed(seed), some_strokes(count, seed, dtype)
+    order = torch.randperm(count, generator=chance)
+    upstream = {name: torch.randn(part.shape, generator=chance).to(part) for name, part in strokes.arrays().items()}
+    found = []
+    for kind in (Variables, Plain):
+        variables = kind(strokes, None, vary_colors=True, light_to_dark=True)
+        back = variables.strokes(order)
+        total = sum((part * upstream[name]).sum() for name, part in back.arrays().items())
+        found.append((back.detach(), *torch.autograd.grad(total, variables.leaves)))
+    (strokes, *slopes), (plain, *plain_slopes) = found
+    for one, other in zip(
+        (*strokes.arrays().values(), *slopes), (*plain.arrays().values(), *plain_slopes), strict=True
+    ):
+        torch.testing.assert_close(one, other, atol=1e-12 if dtype == F64 else 1e-6, rtol=1e-6)
+
+
+@given(st.integers(1, 20), st.integers(0, 2**31), st.floats(0.01, 50))
+def test_strokes_are_brought_inside_as_they_are_projected(count: int, seed: int, astray: float) -> None:
+    strokes, chance = some_strokes(count, seed, F64), torch.Generator().manual_seed(seed)
+    found = []
+    wild = astray * torch.randn(count, 6, generator=chance, dtype=F64)
+    wild[: count // 2, 4] *= chance.initial_seed() % 2  # some that are straight
+    for kind in (Variables, Plain):
+        variables = kind(strokes, None, vary_colors=False, light_to_dark=True)
+        with torch.no_grad():
+            variables.shape += wild
+        wanted = variables.strokes().detach().project(LIMITS, SIZE)
+        variables.bring_inside(LIMITS, SIZE, lambda color: color)
+        inside = variables.strokes().detach()
+        inside.check(LIMITS, SIZE)
+        for name in GROUPS:
+            assert torch.allclose(getattr(inside, name), getattr(wanted, name), rtol=0, atol=1e-10), name
+        found.append(variables.shape.detach())
+    torch.testing.assert_close(*found, atol=1e-9, rtol=0)
+
+
+def test_a_shape_that_is_not_finite_stays_so() -> None:
+    for kind in (Variables, Plain):
+        variables = kind(some_strokes(3), None, vary_colors=False, light_to_dark=True)
+        with torch.no_grad():
+            variables.shape[1, 3] = math.nan
+        variables.bring_inside(LIMITS, SIZE, lambda color: color)
+        assert variables.shape.isfinite().all(1).tolist() == [True, False, True]

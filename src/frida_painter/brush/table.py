@@ -143,14 +143,17 @@ class StrokeTable(nn.Module):
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
         """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""
-        (shortest, longest), (least, most) = self.limits.length, self.limits.bend
-        place = torch.stack((thickness, (length - shortest) / (longest - shortest), (bend - least) / (most - least)))
-        place = place.clamp(0, 1)
-        if place.device.type == "cpu" and place.dtype == self.basis.dtype == torch.float32 and find_spec("numba"):
-            maps: Tensor = _Lookup.apply(place, self)  # type: ignore[no-untyped-call]
+        at = thickness, length, bend
+        if length.device.type == "cpu" and length.dtype == self.basis.dtype == torch.float32 and find_spec("numba"):
+            maps: Tensor = _Lookup.apply(*at, self)  # type: ignore[no-untyped-call]
         else:
-            maps = self.plainly(place)
+            maps = self.plainly(self.places(*at).clamp(0, 1))
         return maps.view(-1, self.frame.rows, self.frame.columns)
+
+    def places(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
+        """Where such strokes stand in the table [3, n], in [0, 1] inside the limits."""
+        (shortest, longest), (least, most) = self.limits.length, self.limits.bend
+        return torch.stack((thickness, (length - shortest) / (longest - shortest), (bend - least) / (most - least)))
 
     def plainly(self, place: Tensor) -> Tensor:
         """The maps [n, rows x columns] at places [3, n] in [0, 1], by PyTorch on any device in any precision."""
@@ -182,13 +185,16 @@ class _Lookup(torch.autograd.Function):
     """`StrokeTable.plainly` by compiled loops, which touch only the cells of a stroke's own part."""
 
     @staticmethod
-    def forward(context: Any, place: Tensor, table: StrokeTable) -> Tensor:
+    def forward(context: Any, thickness: Tensor, length: Tensor, bend: Tensor, table: StrokeTable) -> Tensor:
         from frida_painter.brush import table_kernels
 
+        asked = table.places(thickness, length, bend)
+        place = asked.clamp(0, 1)
         maps = place.new_zeros(place.shape[1], table.frame.rows * table.frame.columns)
-        table_kernels.look_up(place.numpy(), table.detail.spans, table.arrays(), maps.numpy())
-        context.save_for_backward(place, maps)
-        context.table = table
+        arrays = table.arrays()
+        table_kernels.look_up(place.numpy(), table.detail.spans, arrays, maps.numpy())
+        context.save_for_backward(place, maps, asked == place)
+        context.table, context.arrays = table, arrays
         return maps
 
     @staticmethod
@@ -196,11 +202,13 @@ class _Lookup(torch.autograd.Function):
     def backward(context: Any, *upstream: Tensor) -> tuple[Tensor | None, ...]:
         from frida_painter.brush import table_kernels
 
-        place, maps = context.saved_tensors
+        place, maps, inside = context.saved_tensors
         table, to_place = context.table, torch.empty_like(place)
         arrays = (tensor.detach().contiguous().numpy() for tensor in (maps, upstream[0], to_place))
-        table_kernels.pull_back(place.numpy(), table.detail.spans, table.arrays(), *arrays)
-        return to_place, None
+        table_kernels.pull_back(place.numpy(), table.detail.spans, context.arrays, *arrays)
+        to_thickness, to_length, to_bend = (to_place * inside).unbind()
+        (shortest, longest), (least, most) = table.limits.length, table.limits.bend
+        return to_thickness, to_length / (longest - shortest), to_bend / (most - least), None
 
 
 def _edges(detail: TableDetail, axis: int) -> list[tuple[int, int]]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 from torch import Tensor
+from torch.nn.functional import mse_loss
 
 from frida_painter import images
 
@@ -31,18 +32,19 @@ class Replication:
 
     def __call__(self, picture: Tensor) -> Tensor:
         """How far a picture [3, H, W] is from the target."""
-        return self._mean((picture - self.target.to(picture)).square())
+        target = self.target.to(picture)
+        if self.matters is None:
+            return mse_loss(picture, target)
+        root = self.matters.to(picture).sqrt()
+        return mse_loss(root * picture, root * target)
 
     def of_variance(self, variance: Tensor) -> Tensor:
         """What pixels that vary by so much [H, W] add on average: E[(C - T)^2] = (M - T)^2 + Var C."""
-        return self._mean(variance)
+        return variance.mean() if self.matters is None else (self.matters.to(variance) * variance).mean()
 
     def on_rows(self, rows: Rows) -> Self:
         """The same for pictures that have these rows only."""
         return type(self)(rows.of(self.target), None if self.matters is None else rows.of(self.matters))
-
-    def _mean(self, error: Tensor) -> Tensor:
-        return error.mean() if self.matters is None else (self.matters.to(error) * error).mean()
 
 
 def spread(importance: Tensor, rows: int, columns: int) -> Tensor:

@@ -128,9 +128,8 @@ def optimize_together(
         laid = tuple((brush, strokes.detach()) for brush, strokes in zip(brushes, current, strict=True))
         readings.add(_Reading(iteration, loss.detach(), _made_sound(loss, leaves), laid))
         adam.step(pace * 0.5**failures * _rhythm(iteration, iterations))
-        with torch.no_grad():
-            for each, scene in zip(variables, scenes, strict=True):
-                each.set_(each.strokes().project(scene.limits, scene.size), scene.in_paint)
+        for each, scene in zip(variables, scenes, strict=True):
+            each.bring_inside(scene.limits, scene.size, scene.in_paint)
         if not readings.full and iteration + 1 < iterations:
             continue
         heard, failed, least = readings.read(best.loss)

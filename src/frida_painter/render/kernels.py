@@ -65,8 +65,11 @@ def _border(mark, box, bordered):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
-def sample(begin, end, magnitude, affine, boxes, columns, spans, base, alpha):  # type: ignore[no-untyped-def]
-    """Coverage of strokes begin to end - 1 at their packed pixels, to alpha[offset - base]."""
+def sample(begin, end, magnitude, affine, boxes, columns, spans, base, sampled):  # type: ignore[no-untyped-def]
+    """Coverage of strokes begin to end - 1 at their packed pixels, to sampled[0, offset - base].
+
+    To sampled[1] and sampled[2] goes by how much it rises from one map column and one map row to the next.
+    """
     tops, bottoms, segments, firsts, offsets = spans
     _, h, w = magnitude.shape
     number = magnitude.dtype.type
@@ -74,6 +77,7 @@ def sample(begin, end, magnitude, affine, boxes, columns, spans, base, alpha):  
     bordered = np.zeros((h + 2) * stride, magnitude.dtype)
     cell = np.empty(len(columns), np.uint32)
     right_share, below_share = np.empty_like(columns), np.empty_like(columns)
+    alpha, by_column, by_row = sampled[0], sampled[1], sampled[2]
     for i in range(begin, end):
         place = affine[i]
         if tops[i] < bottoms[i]:
@@ -84,11 +88,12 @@ def sample(begin, end, magnitude, affine, boxes, columns, spans, base, alpha):  
             _locate(place, columns, left, count, number(y), stride, cell, right_share, below_share)
             for p in range(count):
                 at = cell[p]
-                upper_left, upper_right = bordered[at], bordered[at + 1]
-                lower_left, lower_right = bordered[at + stride], bordered[at + stride + 1]
-                upper = upper_left + right_share[p] * (upper_right - upper_left)
-                lower = lower_left + right_share[p] * (lower_right - lower_left)
+                upper_left, lower_left = bordered[at], bordered[at + stride]
+                above, under = bordered[at + 1] - upper_left, bordered[at + stride + 1] - lower_left
+                upper, lower = upper_left + right_share[p] * above, lower_left + right_share[p] * under
                 alpha[packed + p] = upper + below_share[p] * (lower - upper)
+                by_column[packed + p] = above + below_share[p] * (under - above)
+                by_row[packed + p] = lower - upper
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
@@ -160,71 +165,54 @@ def pull_through(begin, end, spans, alpha, color, canvas, gradient, through, slo
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
-def pull_to_strokes(begin, end, magnitude, affine, boxes, columns, spans, slope, to_affine, to_map):  # type: ignore[no-untyped-def]
+def pull_to_strokes(begin, end, affine, boxes, columns, spans, sampled, slope, to_affine, to_map):  # type: ignore[no-untyped-def]
     """Gradients to the affine maps [n, 2, 3] and to the maps [n, h, w] of strokes begin to end - 1; both come as zeros.
 
-    Either is left out where it has no strokes. For the map each sample adds four numbers to its own upper-left cell
-    only: the gradient, and that times its share to the right, below, and both. What the four cells around it receive
-    follows from their sums, once per cell instead of once per sample.
+    Either is left out where it has no strokes. sampled [3, packed]: as `sample` left it; slope (packed): the gradient
+    to the coverage.
     """
     tops, bottoms, segments, firsts, offsets = spans
-    _, h, w = magnitude.shape
-    number = magnitude.dtype.type
+    _, h, w = to_map.shape
+    number = slope.dtype.type
     stride = w + 2
-    bordered = np.zeros((h + 2) * stride, magnitude.dtype)
     cell = np.empty(len(columns), np.uint32)
     right_share, below_share = np.empty_like(columns), np.empty_like(columns)
-    by_column, by_row = np.empty_like(columns), np.empty_like(columns)
-    moments = np.empty(((h + 2) * stride, 4), magnitude.dtype)
+    bordered = np.empty((h + 2) * stride, slope.dtype)
+    by_column, by_row = sampled[1], sampled[2]
     for i in range(begin, end):
         if tops[i] == bottoms[i]:
             continue
         place, top, bottom = affine[i], boxes[i, 0], boxes[i, 1]
         if len(to_affine) > 0:
-            _border(magnitude[i], boxes[i], bordered)
-        if len(to_map) > 0:
-            moments[top * stride : (bottom + 2) * stride] = number(0)
-        for y in range(tops[i], bottoms[i]):
-            left, start, count = run(firsts, offsets, segments[i] + y - tops[i])
-            _locate(place, columns, left, count, number(y), stride, cell, right_share, below_share)
-            if len(to_affine) > 0:
-                for p in range(count):
-                    at = cell[p]
-                    upper_left, upper_right = bordered[at], bordered[at + 1]
-                    lower_left, lower_right = bordered[at + stride], bordered[at + stride + 1]
-                    upper, lower = upper_right - upper_left, lower_right - lower_left
-                    by_column[p] = slope[start + p] * (upper + below_share[p] * (lower - upper))
-                    by_row[p] = slope[start + p] * (lower_left - upper_left + right_share[p] * (lower - upper))
+            for y in range(tops[i], bottoms[i]):
+                left, start, count = run(firsts, offsets, segments[i] + y - tops[i])
                 column_sum = column_x = row_sum = row_x = number(0)
                 for p in range(count):
-                    column_sum += by_column[p]
-                    column_x += by_column[p] * columns[left + p]
-                    row_sum += by_row[p]
-                    row_x += by_row[p] * columns[left + p]
+                    by_columns, by_rows = slope[start + p] * by_column[start + p], slope[start + p] * by_row[start + p]
+                    column_sum += by_columns
+                    column_x += by_columns * columns[left + p]
+                    row_sum += by_rows
+                    row_x += by_rows * columns[left + p]
                 to_affine[i, 0, 0] += column_x
                 to_affine[i, 0, 1] += column_sum * number(y)
                 to_affine[i, 0, 2] += column_sum
                 to_affine[i, 1, 0] += row_x
                 to_affine[i, 1, 1] += row_sum * number(y)
                 to_affine[i, 1, 2] += row_sum
-            if len(to_map) > 0:
-                for p in range(count):
-                    sums, rise = moments[cell[p]], slope[start + p]
-                    below = rise * below_share[p]
-                    sums[0] += rise
-                    sums[1] += rise * right_share[p]
-                    sums[2] += below
-                    sums[3] += below * right_share[p]
         if len(to_map) > 0:
+            bordered[top * stride : (bottom + 2) * stride] = number(0)
+            for y in range(tops[i], bottoms[i]):
+                left, start, count = run(firsts, offsets, segments[i] + y - tops[i])
+                _locate(place, columns, left, count, number(y), stride, cell, right_share, below_share)
+                for p in range(count):
+                    at, rise = cell[p], slope[start + p]
+                    lower = rise * below_share[p]
+                    upper = rise - lower
+                    bordered[at] += upper - upper * right_share[p]
+                    bordered[at + 1] += upper * right_share[p]
+                    bordered[at + stride] += lower - lower * right_share[p]
+                    bordered[at + stride + 1] += lower * right_share[p]
             for row in range(top, bottom):
-                here = (row + 1) * stride + 1
-                mine, before = moments[here:], moments[here - 1 :]
-                over, corner = moments[here - stride :], moments[here - stride - 1 :]
-                line = to_map[i, row]
-                for p in range(boxes[i, 2], boxes[i, 3]):
-                    line[p] = (
-                        (mine[p, 0] - mine[p, 1] - mine[p, 2] + mine[p, 3])
-                        + (before[p, 1] - before[p, 3])
-                        + (over[p, 2] - over[p, 3])
-                        + corner[p, 3]
-                    )
+                middle, line = bordered[(row + 1) * stride + 1 :], to_map[i, row]
+                for column in range(boxes[i, 2], boxes[i, 3]):
+                    line[column] = middle[column]

@@ -41,7 +41,7 @@ def composite_moments(
 
 
 class _Moments(torch.autograd.Function):
-    """`composite_moments` with its gradients; of the forward pass it keeps one coverage per covered pixel."""
+    """`composite_moments` with its gradients; of the forward pass it keeps three numbers per covered pixel."""
 
     @staticmethod
     def forward(
@@ -57,24 +57,24 @@ class _Moments(torch.autograd.Function):
         whole = bare_cells_answer and ctx.needs_input_grad[0]
         moments, laid = _lay(magnitude, affine, color, canvas, variance, spread, keep=True, whole=whole)
         ctx.spread = spread
-        ctx.save_for_backward(magnitude, affine, color, canvas, variance, torch.from_numpy(laid.alpha))
-        ctx.laid = laid._replace(alpha=laid.alpha[:0])
+        ctx.save_for_backward(magnitude, affine, color, canvas, variance, torch.from_numpy(laid.sampled))
+        ctx.laid = laid._replace(sampled=laid.sampled[:, :0])
         return moments
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, of_mean: Tensor, of_variance: Tensor) -> tuple[Tensor | None, ...]:
-        magnitude, affine, color, canvas, variance, alpha = (array(tensor) for tensor in ctx.saved_tensors)
+        magnitude, affine, color, canvas, variance, sampled = (array(tensor) for tensor in ctx.saved_tensors)
         wants_map, wants_affine, wants_color, wants_canvas, wants_variance, *_ = ctx.needs_input_grad
-        laid: Laid = ctx.laid._replace(alpha=alpha)
+        laid: Laid = ctx.laid._replace(sampled=sampled)
         to_mean, to_variance = array(of_mean).copy(), array(of_variance).copy()
         bands = bands_of(canvas)
-        to_color, slope = np.zeros((len(bands), *color.shape), canvas.dtype), np.empty_like(laid.alpha)
+        to_color, slope = np.zeros((len(bands), *color.shape), canvas.dtype), np.empty_like(sampled[0])
         spread = _numbers(ctx.spread, canvas)
         with Team() as team:
             team.share(
                 bands, moment_kernels.pull_through,
-                laid.spans, laid.alpha, color, spread, canvas, variance, to_mean, to_variance, slope, to_color,
+                laid.spans, sampled[0], color, spread, canvas, variance, to_mean, to_variance, slope, to_color,
             )  # fmt: skip
             to_affine, to_map = pull_to_strokes(team, magnitude, affine, laid, slope, wants_affine, wants_map)
         return (

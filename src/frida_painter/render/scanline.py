@@ -47,7 +47,7 @@ def composite(
 
 
 class _Scanline(torch.autograd.Function):
-    """`composite` with its gradients; of the forward pass it keeps one coverage per covered pixel."""
+    """`composite` with its gradients; of the forward pass it keeps three numbers per covered pixel."""
 
     @staticmethod
     def forward(
@@ -56,22 +56,24 @@ class _Scanline(torch.autograd.Function):
         picture = array(canvas).copy()
         whole = bare_cells_answer and ctx.needs_input_grad[0]
         laid = lay(magnitude, affine, color, (picture,), kernels.blend, array(color), keep=True, whole=whole)
-        ctx.save_for_backward(magnitude, affine, color, canvas, torch.from_numpy(laid.alpha))
-        ctx.laid = laid._replace(alpha=laid.alpha[:0])
+        ctx.save_for_backward(magnitude, affine, color, canvas, torch.from_numpy(laid.sampled))
+        ctx.laid = laid._replace(sampled=laid.sampled[:, :0])
         return torch.from_numpy(picture)
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
-        magnitude, affine, color, canvas, alpha = (array(tensor) for tensor in ctx.saved_tensors)
+        magnitude, affine, color, canvas, sampled = (array(tensor) for tensor in ctx.saved_tensors)
         wants_map, wants_affine, wants_color, wants_canvas, _ = ctx.needs_input_grad
-        laid: Laid = ctx.laid._replace(alpha=alpha)
+        laid: Laid = ctx.laid._replace(sampled=sampled)
         g, through = array(gradient), np.ones_like(canvas[0])
         bands = bands_of(canvas)
         to_color = np.zeros((len(bands), *color.shape), canvas.dtype)
-        slope = np.empty(len(laid.alpha) if wants_map or wants_affine else 0, canvas.dtype)
+        slope = np.empty(laid.sampled.shape[1] if wants_map or wants_affine else 0, canvas.dtype)
         with Team() as team:
-            team.share(bands, kernels.pull_through, laid.spans, laid.alpha, color, canvas, g, through, slope, to_color)
+            team.share(
+                bands, kernels.pull_through, laid.spans, laid.sampled[0], color, canvas, g, through, slope, to_color
+            )
             to_affine, to_map = pull_to_strokes(team, magnitude, affine, laid, slope, wants_affine, wants_map)
         return (
             to_map,
@@ -83,10 +85,13 @@ class _Scanline(torch.autograd.Function):
 
 
 class Laid(NamedTuple):
-    """How strokes were laid: where their pixels are, their packed coverages, the boxes of cells [n, 4] that matter."""
+    """How strokes were laid: where their pixels are, and the boxes of cells [n, 4] that matter.
+
+    sampled [3, packed]: their coverage, and by how much it rises from one map column and one map row to the next.
+    """
 
     spans: Spans
-    alpha: Array
+    sampled: Array
     boxes: Array
 
 
@@ -112,18 +117,18 @@ def lay(
     pixels = spans.offset[spans.segment]  # [n + 1], where each stroke's packed pixels begin
     batches = _batches(pixels)
     largest = max((int(pixels[last] - pixels[first]) for first, last in batches), default=0)
-    alpha = np.empty(spans.pixels if keep else largest, maps.dtype)
+    sampled = np.empty((3, spans.pixels if keep else largest), maps.dtype)
     columns, bands = column_numbers(width, places), bands_of(pictures[0])
     with Team() as team:
         for first, last in batches:
             base = 0 if keep else int(pixels[first])
-            team.share(range(first, last), kernels.sample, maps, places, boxes, columns, spans, base, alpha)
-            team.share(bands, blend, (first, last), spans, base, alpha, *arguments, *pictures)
+            team.share(range(first, last), kernels.sample, maps, places, boxes, columns, spans, base, sampled)
+            team.share(bands, blend, (first, last), spans, base, sampled[0], *arguments, *pictures)
     # The reference lays 0 times the paint everywhere, so what is not finite spoils the whole picture.
     if not (np.isfinite(places).all() and bool(torch.isfinite(color).all())):
         for picture in pictures:
             picture.fill(np.nan)
-    return Laid(spans, alpha, boxes)
+    return Laid(spans, sampled, boxes)
 
 
 def pull_to_strokes(
@@ -137,7 +142,7 @@ def pull_to_strokes(
     width = int(laid.spans.first.max(initial=0) + np.diff(laid.spans.offset).max(initial=0))
     team.share(
         range(len(magnitude)), kernels.pull_to_strokes,
-        magnitude, affine, laid.boxes, column_numbers(width, affine), laid.spans, slope, to_affine, to_map,
+        affine, laid.boxes, column_numbers(width, affine), laid.spans, laid.sampled, slope, to_affine, to_map,
     )  # fmt: skip
     return torch.from_numpy(to_affine) if wants_affine else None, torch.from_numpy(to_map) if wants_map else None
 

@@ -1,0 +1,80 @@
+"""Between the optimiser's numbers and strokes on the CPU, compiled by numba; the plain ways in variables.py are twins.
+
+A stroke's numbers are its middle x and y, angle, length, bend and thickness, each in its unit, as variables.py tells.
+"""
+
+import math
+
+from numba import njit
+
+
+@njit(cache=True)
+def start_of(numbers, unit):  # type: ignore[no-untyped-def]
+    """Where a stroke of these numbers [6] starts, and the cosine and sine of its angle."""
+    half = unit.dtype.type(0.5)
+    angle, length, bend = numbers[2] * unit[2], half * numbers[3] * unit[3], half * numbers[4] * unit[4]
+    cos, sin = math.cos(angle), math.sin(angle)
+    x = numbers[0] * unit[0] - cos * length + sin * bend
+    return x, numbers[1] * unit[1] - sin * length - cos * bend, cos, sin
+
+
+@njit(cache=True)
+def to_strokes(shape, unit, order, position, angle, length, bend, thickness):  # type: ignore[no-untyped-def]
+    """Fills in the strokes of shape [n, 6], in that order [n]."""
+    for i in range(len(order)):
+        numbers = shape[order[i]]
+        position[i, 0], position[i, 1], _, _ = start_of(numbers, unit)
+        angle[i], length[i], bend[i] = numbers[2] * unit[2], numbers[3] * unit[3], numbers[4] * unit[4]
+        thickness[i] = numbers[5] * unit[5]
+
+
+@njit(cache=True)
+def pull_to_shape(shape, unit, order, position, angle, length, bend, thickness, to_shape):  # type: ignore[no-untyped-def]
+    """From gradients to the strokes in that order [n] to those to their shape [n, 6]."""
+    half = unit.dtype.type(0.5)
+    for i in range(len(order)):
+        numbers, to = shape[order[i]], to_shape[order[i]]
+        _, _, cos, sin = start_of(numbers, unit)
+        along, aside = half * numbers[3] * unit[3], half * numbers[4] * unit[4]
+        x, y = position[i, 0], position[i, 1]
+        to[0], to[1] = x * unit[0], y * unit[1]
+        turned = x * (sin * along + cos * aside) + y * (sin * aside - cos * along)
+        to[2] = (angle[i] + turned) * unit[2]
+        to[3] = (length[i] - half * (cos * x + sin * y)) * unit[3]
+        to[4] = (bend[i] + half * (sin * x - cos * y)) * unit[4]
+        to[5] = thickness[i] * unit[5]
+
+
+@njit(cache=True)
+def bring_inside(shape, unit, length, bend, width, height):  # type: ignore[no-untyped-def]
+    """`Strokes.project` for shape [n, 6], in place; length and bend: (least, most), in its precision like the rest."""
+    none, half, one = unit.dtype.type(0), unit.dtype.type(0.5), unit.dtype.type(1)
+    for i in range(len(shape)):
+        numbers = shape[i]
+        x, y, cos, sin = start_of(numbers, unit)
+        along = _between(numbers[3] * unit[3], length[0], length[1])
+        aside = _between(numbers[4] * unit[4], bend[0], bend[1])
+        x += _way_back(x, cos * along, -sin * aside, width)
+        y += _way_back(y, sin * along, cos * aside, height)
+        numbers[0] = (x + half * (cos * along - sin * aside)) / unit[0]
+        numbers[1] = (y + half * (sin * along + cos * aside)) / unit[1]
+        numbers[3], numbers[4] = along / unit[3], aside / unit[4]
+        numbers[5] = _between(numbers[5] * unit[5], none, one) / unit[5]
+
+
+@njit(cache=True)
+def _between(value, least, most):  # type: ignore[no-untyped-def]
+    """The nearest value in that range; NaN stays what it is."""
+    return least if value < least else most if value > most else value
+
+
+@njit(cache=True)
+def _way_back(start, along, aside, most):  # type: ignore[no-untyped-def]
+    """How far a path start + along t + 3 aside t (1 - t), t in [0, 1], has to move to lie between 0 and most."""
+    number = type(most)
+    lowest, highest = min(start, start + along), max(start, start + along)
+    if abs(number(3) * aside) >= number(1e-12):
+        turn = _between(number(0.5) + along / (number(6) * aside), number(0), number(1))
+        there = start + turn * along + number(3) * turn * (number(1) - turn) * aside
+        lowest, highest = min(lowest, there), max(highest, there)
+    return max(-lowest, number(0)) - max(highest - most, number(0))
