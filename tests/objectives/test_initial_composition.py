@@ -198,3 +198,27 @@ def test_under_a_sky_there_is_land_and_that_sky(encoders: QuickEncoders) -> None
     scene = scene_of("a strawberry under the night sky", GRID, encoders, 0)
     assert "No picture" not in " ".join(encoders.remarks) and not scene.is_alone
     assert float((scene.picture[:, 2] - scene.picture[:, -2]).abs().amax(0).mean()) > 0.05, "sky and land"
+
+
+@pytest.mark.parametrize("word", ["over", "in front of"])
+def test_mountains_are_a_place(encoders: QuickEncoders, word: str) -> None:
+    index = encoders.picture_index()
+    assert index is not None
+    index.nearest = lambda thing: 1.0  # type: ignore[method-assign]  # everything has a picture of its own
+    mountains = Thing("mountain", "mountain", count=None, plural="mountains")
+    reading = Reading((Thing("strawberry", "strawberry"), mountains), (Relation(0, word, 1),))
+    encoders.prompts = lambda: SimpleNamespace(read=lambda prompt: reading)  # type: ignore[method-assign]
+    scene_of(f"a strawberry {word} mountains", GRID, encoders, 0)
+    assert ", on mountains;" in encoders.remarks[0] and "No picture" not in " ".join(encoders.remarks)
+
+
+@pytest.mark.parametrize("uncounted", [True, False])
+def test_of_what_is_only_measured_the_measure_has_no_picture(
+    encoders: QuickEncoders, monkeypatch: pytest.MonkeyPatch, uncounted: bool
+) -> None:
+    monkeypatch.setattr("frida_painter.objectives.scenes.retrieval._FILLED", 2.0)  # these pictograms fill their boxes
+    things = (Thing("umbrella", "umbrella"), Thing("strawberry", "strawberry", uncounted=uncounted))
+    reading = Reading(things, (Relation(0, "of", 1),))
+    encoders.prompts = lambda: SimpleNamespace(read=lambda prompt: reading)  # type: ignore[method-assign]
+    scene_of("an umbrella of strawberry", GRID, encoders, 0)
+    assert ("umbrella" in encoders.remarks[0]) is not uncounted and "'strawberry' (openmoji)" in encoders.remarks[0]

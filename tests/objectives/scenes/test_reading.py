@@ -84,6 +84,19 @@ def test_an_article_makes_one_of_what_looks_like_many(reader: PromptReader) -> N
     assert broccoli.count == 1
 
 
+@pytest.mark.parametrize(
+    ("prompt", "uncounted"),
+    [
+        ("a cup of coffee", ["coffee"]),
+        ("two cups of tea", ["tea"]),
+        ("a bowl of cherries", []),
+        ("a photo of the cat", []),
+    ],
+)
+def test_what_is_measured_is_not_counted(reader: PromptReader, prompt: str, uncounted: list[str]) -> None:
+    assert [thing.noun for thing in reader.read(prompt).things if thing.uncounted] == uncounted
+
+
 def test_without_the_grammar_a_prompt_is_one_thing() -> None:
     assert PromptReader(None).read("a red fox in the snow").things == (Thing("red fox in the snow", "snow"),)
 

@@ -101,6 +101,12 @@ def test_of_words_that_make_one_name_the_last_says_what_it_is(tmp_path: Path) ->
     assert found is not None and found.caption == "high mountain"
 
 
+def test_what_something_else_is_on_is_not_shown_by_its_picture(tmp_path: Path) -> None:
+    index = PictureIndex([Library("drawings", {"1": (("owl on branch",), 0.8, RED)})], WordBag(), tmp_path)
+    assert index.find(Thing("branch", "branch"), "a branch", nowhere) is not None
+    assert index.find(Thing("branch", "branch"), "a branch", nowhere, cut_out=True) is None
+
+
 def test_another_kind_is_no_picture_of_the_thing(tmp_path: Path) -> None:
     library = Library("drawings", {"1": (("sewing machine",), 0.8, RED)})
     index = PictureIndex([library], WordBag(), tmp_path)

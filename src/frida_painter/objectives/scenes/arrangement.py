@@ -23,6 +23,9 @@ _HIDDEN = 0.4  # of its height, which is hidden in what it is in
 _CROWDED = 0.6  # of its size, that a thing has at least beside others on the same thing
 _BRIMS = 0.8  # of the fullest row below it, from which a row of a picture is below the rim
 _HOLDS = 0.6  # of a picture's fullest row, that a row of what holds something has: a foot does not
+_FITS, _SPREADS = 0.85, 1.7  # of the width of what it is in, that a thing has at most; the same of a neck's
+_NECK = 0.25  # of a picture's fullest row, that every row of a neck has
+_ENDS = 0.95  # of the height, up to which a neck is looked at: an end may be round
 _SIDE = 256  # pixels of one of several copies
 _OF_WORD = {
     "on": "on", "on top of": "on", "upon": "on", "onto": "on", "riding": "on",
@@ -146,9 +149,12 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
     if kind in ("in", "around"):
         inner, outer = (mine, other) if kind == "in" else (other, mine)
         # It looks out over the rim, before what rises above that, as a handle or a sail.
-        most = min(0.8 * outer.height, 0.85 * outer.width * inner.height / max(inner.width, 1e-6))
+        rim, necked = _rim(outer.picture)
+        most = min(
+            0.8 * outer.height, (_SPREADS if necked else _FITS) * outer.width * inner.height / max(inner.width, 1e-6)
+        )
         size = min(most, max(inner.height, _INSIDE * outer.height))
-        rim = outer.y + outer.height * _rim(outer.picture)
+        rim = outer.y + outer.height * rim
         inner = replace(inner, height=size, x=outer.x, y=rim - _HIDDEN * size, depth=outer.depth + 1, hidden=_HIDDEN)
         return (inner, outer) if kind == "in" else (outer, inner)
     if kind == "under":
@@ -208,12 +214,23 @@ def _top(picture: Tensor, share: float) -> float:
     return 1 - sorted(tops)[len(tops) // 2] / seen.shape[0] if tops else 1.0
 
 
-def _rim(picture: Tensor) -> float:
-    """How high the rim of what holds something is, as a share of its height: above it, it is narrower than below."""
-    full = (picture[3] > 0.5).float().mean(1).flip(0)  # from below
+def _rim(picture: Tensor) -> tuple[float, bool]:
+    """How high the rim of what holds something is, as a share of its height, and whether it is that of a neck.
+
+    Above a rim, what holds something is narrower than below: there rise a handle or a sail. A neck, as of a vase, is
+    full up to its end, which is no point.
+    """
+    seen = (picture[3] > 0.5).flip(0)  # from below
+    full = seen.float().mean(1)
     widest = full.cummax(0).values
     narrow = (full < _BRIMS * widest) & (widest >= _HOLDS * full.max())
-    return int(narrow.nonzero()[0]) / len(full) if bool(narrow.any()) else 1.0
+    if not bool(narrow.any()):
+        return 1.0, False
+    first, end = int(narrow.nonzero()[0]), round(_ENDS * len(full))
+    above = seen[first : max(end, first + 1)]
+    runs = (above[:, 1:] & ~above[:, :-1]).sum(1) + above[:, 0]
+    is_neck = bool((full[first : max(end, first + 1)] >= _NECK * full.max()).all()) and bool((runs == 1).all())
+    return (1.0, True) if is_neck else (first / len(full), False)
 
 
 def _hollow(picture: Tensor) -> bool:

@@ -42,7 +42,8 @@ class Thing:
     name: what it is called, in the singular, with its adjectives and without its colour, as "old man"; noun: the last
     word of it; color: the word for its colour, as "dark blue", or nothing; count: the number of them that was said;
     None: several, without a number; doing: the verb for what it does, as "sleep", or nothing; plural: the noun as it
-    was said, where it was a plural with a form of its own, as "scissors".
+    was said, where it was a plural with a form of its own, as "scissors"; uncounted: whether nothing counted it, not
+    even an article, as the "coffee" in a cup of coffee.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Thing:
     count: int | None = 1
     doing: str = ""
     plural: str = ""
+    uncounted: bool = False
 
     @property
     def shown(self) -> int:
@@ -231,7 +233,8 @@ def _described(noun: Token, whole: Token) -> Thing:
     count = _number(numbers[0].lower_) if numbers else None
     count = 1 if count is None and not plural else count
     said = noun.lower_ if plural and noun.lower_ != lemma.lower() else ""
-    return Thing(" ".join([*name, lemma]), lemma, color, count, plural=said)
+    uncounted = not plural and not numbers and not _children(whole, "det", "poss")
+    return Thing(" ".join([*name, lemma]), lemma, color, count, plural=said, uncounted=uncounted)
 
 
 def _belongs(word: Token, noun: Token) -> bool:

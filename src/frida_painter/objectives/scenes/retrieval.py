@@ -205,7 +205,8 @@ def _spoken(entry: _Entry, thing: Thing) -> float:
 
 
 def _is_modified(entry: _Entry, thing: Thing) -> bool:
-    """Whether a title names another thing by the word: a mountain goat is no mountain, and a fencer is no fence.
+    """Whether a title names another thing by the word, as a mountain goat is no mountain, and a fencer is no fence, or
+    one that is there: an owl on a branch is no branch.
 
     Of words that make one name the last says what it is, but a hyphen makes a name of its own: a jack-o'-lantern.
     """
@@ -213,7 +214,8 @@ def _is_modified(entry: _Entry, thing: Thing) -> bool:
     endings = [word.removeprefix(thing.noun) for word in entry.title.split() if word.startswith(thing.noun)]
     is_derived = any(ending not in ("", "s", "es") for ending in endings)
     is_joined = any(word.endswith(f"-{thing.noun}") for word in named)
-    return thing.noun not in named[-1:] and (thing.noun in named or is_derived or is_joined)
+    is_around = re.search(rf"\b(?:on|in|with) (?:\w+ )*{re.escape(thing.noun)}\b", _title(entry, thing)) is not None
+    return thing.noun not in named[-1:] and (thing.noun in named or is_derived or is_joined or is_around)
 
 
 def _is_called(entry: _Entry, thing: Thing) -> bool:

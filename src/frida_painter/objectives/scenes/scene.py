@@ -34,8 +34,10 @@ from frida_painter.objectives.text import Text
 _WHOLE = 0.80  # similarity of a caption to two things and what is between them, from which it shows both
 _PART = 0.75  # the same for what a thing has
 _HELD = 0.72  # the same for "a bowl of cherries"
+_NAMED_ALONE = 0.9  # the same for coffee, where there is no cup of coffee
 _UNDER = ("under", "beneath", "underneath", "below")
 _BY_THINGS = (*_UNDER, "beside", "next to", "behind", "in front of", "with")
+_BEFORE = ("behind", "in front of")  # mountains, but no mountain, are the place of what is before them
 _CARRIED = ("on", "on top of", "upon", "riding", "in", "inside", "from")  # a duck on a tractor is not on a lake
 _SUPPORTS = ("on", "on top of", "upon")
 _ROUNDING = 1e-3
@@ -169,12 +171,14 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
     for number, thing in enumerate(reading.things):
         beside = {one.word for one in reading.relations if one.object == number and one.word in _BY_THINGS}
         under_sky = bool(beside) and beside <= set(_UNDER) and named_place(thing.noun, sentences) is SKY
-        if beside and not under_sky:
+        if beside and not under_sky and not (thing.count is None and beside <= set(_BEFORE)):
             continue
         subject_only = len(reading.things) == 1
         # What has a picture of its own is a thing: a tree is no forest.
         least = 0.0 if index is None else index.nearest(thing) - _ROUNDING
         place = named_place(thing.noun, sentences, least)
+        if place is None and thing.count is None and thing.plural and number:  # mountains, and no mountain
+            place = named_place(thing.plural, sentences, least)
         if place is None and any(one.object == number and one.word in _SUPPORTS for one in reading.relations):
             # Of a table that carries things, its top is shown.
             top = named_place(thing.noun, sentences)
@@ -220,10 +224,15 @@ def _found(
         first, second = reading.things[relation.subject], reading.things[relation.object]
         if relation.subject in merged or relation.object in merged:
             continue
-        called = f"{first.name} {relation.word} {second.color} {second.name}".replace("  ", " ")
+        measured = relation.word == "of" and second.uncounted
+        # Of coffee a cup is the measure, whatever is said of the cup.
+        called = f"{first.noun if measured else first.name} {relation.word} {second.color} {second.name}"
+        called = called.replace("  ", " ")
         least = _HELD if relation.word == "of" else _WHOLE
         looks, nouns = _looks(called, encoders, seed), (first.noun, second.noun)
         whole = index.find(Thing(called, called), prompt, looks, least=least, shows=nouns)
+        if whole is None and measured:
+            whole = index.find(second, prompt, _looks(second.name, encoders, seed), least=_NAMED_ALONE, cut_out=True)
         if whole is not None:
             things[relation.subject] = SceneThing(first, whole)
             merged |= {relation.subject, relation.object}
