@@ -65,6 +65,17 @@ def test_marks_that_are_as_they_were_meant_change_next_to_nothing() -> None:
     assert abs(found.correction("small")) < 0.0001
 
 
+@pytest.mark.parametrize("paint", [1.0, 0.94])
+def test_of_paint_that_is_hardly_seen_on_its_ground_nothing_is_learned(paint: float) -> None:
+    """The colours' own errors would be taken for thin marks."""
+    strokes = some(3)
+    strokes = strokes.with_groups(color=torch.full_like(strokes.color, paint))
+    seen = (marks(strokes, 0.0) - SCENE.canvas) * 0.6 + SCENE.canvas + 0.01
+    assert measure_touch(strokes, UNKNOWN, SCENE, seen) == UNKNOWN
+    dark = strokes.with_groups(color=torch.full_like(strokes.color, 0.3))
+    assert measure_touch(dark, UNKNOWN, SCENE, marks(dark, 0.0005)) != UNKNOWN
+
+
 def test_it_is_not_learned_what_makes_strokes_kept_aside_worse() -> None:
     strokes = some(4)
     every_fourth = torch.arange(len(strokes)) % 4 == 3

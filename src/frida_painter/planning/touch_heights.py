@@ -17,6 +17,7 @@ from torch import Tensor
 
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.calibration import BrushRecord, Calibration
+from frida_painter.frames import PixelGrid
 from frida_painter.planning.least_squares import gauss_newton
 from frida_painter.planning.scene import Scene
 from frida_painter.strokes import Strokes
@@ -31,6 +32,9 @@ _UNTOLD = 0.0003  # metres: marks in a painting differ from those in a stroke li
 _USUAL, _STEPS = (0.2, 0.0005, 0.01), (0.03, 0.0005, 0.01)
 _ROUNDS = 5
 _CORRELATED = 0.006  # metres over which a mark differs from the model in the same way
+# Of sRGB, by which a stroke has to differ from what is below it: on its own colour, errors of colour would be learned.
+_CONTRAST = 0.1
+_ALONG, _FEWEST = 7, 4  # points of a path that are looked at; strokes that have to tell something
 _KEPT_ASIDE = 4  # of so many strokes one is not learned from
 # Units of thickness below the lightest touch at which a stroke leaves no mark: at that touch its ends are pressed by
 # 0.2, its middle by next to nothing.
@@ -99,8 +103,11 @@ def measure_touch(landed: Strokes, known: TouchHeights, before: Scene, seen: Ten
     brush = before.model.brush
     if brush not in known.depths:
         return known
-    aside = torch.arange(len(landed)) % _KEPT_ASIDE == _KEPT_ASIDE - 1
-    learned_from, kept_aside = _visible(landed, aside, before)
+    aside = torch.arange(len(landed), device=landed.angle.device) % _KEPT_ASIDE == _KEPT_ASIDE - 1
+    tells = _contrast(landed, before) >= _CONTRAST
+    if int(tells.sum()) < _FEWEST:
+        return known
+    learned_from, kept_aside = _visible(landed, tells, aside, before)
     if not (learned_from.any() and kept_aside.any()):
         return known
 
@@ -144,10 +151,19 @@ class _TouchingOrNot:
         return self._model(thickness.clamp(0, 1), length, bend) * left[:, None, None]
 
 
-def _visible(strokes: Strokes, aside: Tensor, scene: Scene) -> tuple[Tensor, Tensor]:
-    """Where strokes are seen that are not `aside` [n], and where those that are, both [H, W]."""
-    white = aside.to(strokes.color)[:, None].expand(-1, 3)
-    shown = replace(scene, canvas=torch.full_like(scene.canvas, 0.5)).render(strokes.with_groups(color=white))[0]
+def _contrast(strokes: Strokes, scene: Scene) -> Tensor:
+    """By how much each stroke's colour differs from the canvas along its path, in the band that differs most, [n]."""
+    grid = PixelGrid(scene.size, *scene.canvas.shape[1:])
+    at = grid.to_pixels(strokes.path(torch.linspace(0, 1, _ALONG).to(strokes.angle))).round().long()  # [n, t, 2]
+    column, row = at[..., 0].clamp(0, grid.columns - 1), at[..., 1].clamp(0, grid.rows - 1)
+    below = scene.canvas[:, row, column].permute(1, 2, 0)  # [n, t, 3]
+    return (strokes.color[:, None] - below).abs().mean(1).amax(1)
+
+
+def _visible(strokes: Strokes, tells: Tensor, aside: Tensor, scene: Scene) -> tuple[Tensor, Tensor]:
+    """Where strokes are seen that tell something [n] and are not `aside` [n], and where those that are, both [H, W]."""
+    shade = torch.where(tells, aside.to(strokes.color), 0.5)[:, None].expand(-1, 3)
+    shown = replace(scene, canvas=torch.full_like(scene.canvas, 0.5)).render(strokes.with_groups(color=shade))[0]
     return shown < 0.45, shown > 0.55
 
 

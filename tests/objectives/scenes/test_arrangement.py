@@ -50,6 +50,13 @@ def test_under_a_table_is_between_its_legs_and_under_the_moon_is_below_it() -> N
     assert moon.y > 0.5 * castle.height and moon.height < castle.height
 
 
+def test_a_kite_that_is_flown_is_in_the_air_and_a_ball_that_is_kicked_is_not() -> None:
+    boy, kite = put("flying", thing(0, 1.2), thing(1, 0.6, "air"))
+    assert kite.y > 0.5 * boy.height
+    boy, ball = put("kicking", thing(0, 1.2), thing(1, 0.2))
+    assert ball.y == boy.y
+
+
 def test_over_is_above_and_behind_is_hidden() -> None:
     bee, flower = put("above", thing(0, 0.015, "air"), thing(1, 0.4))
     assert bee.y >= flower.height

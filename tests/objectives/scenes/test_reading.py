@@ -13,7 +13,7 @@ import torch
 
 from frida_painter import extras, weights
 from frida_painter.errors import WeightsError
-from frida_painter.objectives.scenes.reading import PromptReader, Reading, Thing, paint_of
+from frida_painter.objectives.scenes.reading import MOST_THINGS, PromptReader, Reading, Thing, paint_of
 
 SENTENCES = (Path(__file__).parent / "sentences.txt").read_text("utf-8").splitlines()
 Parts = tuple[list[tuple[str, str, int | None, str]], set[str], set[str]]
@@ -95,6 +95,19 @@ def test_an_article_makes_one_of_what_looks_like_many(reader: PromptReader) -> N
 )
 def test_what_is_measured_is_not_counted(reader: PromptReader, prompt: str, uncounted: list[str]) -> None:
     assert [thing.noun for thing in reader.read(prompt).things if thing.uncounted] == uncounted
+
+
+def test_a_name_is_no_further_thing_and_a_picture_is_what_it_shows(reader: PromptReader) -> None:
+    assert [thing.noun for thing in reader.read("my cat Tom").things] == ["cat"]
+    (truck,) = reader.read("I want a picture of a big red truck").things[-1:]
+    assert (truck.noun, truck.color) == ("truck", "red")
+
+
+def test_of_very_many_things_the_first_are_painted(reader: PromptReader) -> None:
+    reading = reader.read("a cat and " * 30 + "a dog")
+    assert len(reading.things) == MOST_THINGS and reading.too_many
+    assert all(max(one.subject, one.object) < MOST_THINGS for one in reading.relations)
+    assert not reader.read("a cat and a dog").too_many
 
 
 def test_without_the_grammar_a_prompt_is_one_thing() -> None:

@@ -107,6 +107,38 @@ def test_what_something_else_is_on_is_not_shown_by_its_picture(tmp_path: Path) -
     assert index.find(Thing("branch", "branch"), "a branch", nowhere, cut_out=True) is None
 
 
+def test_own_pictures_go_before_all_others_unless_they_are_damaged(tmp_path: Path) -> None:
+    photos = Library("photos", {"1": (("door",), 0.8, RED)})
+    for files, taken in (({"2": (("old door to tom",), 1.0, BLUE)}, "own"), ({"3": (("door",), 1.0, ())}, "photos")):
+        index = PictureIndex([Library("own", files, own=True), photos], WordBag(), tmp_path / taken)
+        for cut_out in (False, True):
+            found = index.find(Thing("door", "door"), "a door", nowhere, cut_out=cut_out)
+            assert found is not None and found.library.name == taken and found.exact
+        assert index.faults == ([] if taken == "own" else ["3 is damaged."] * 2)
+        assert index.has_own(Thing("door", "door")) and not index.has_own(Thing("gate", "gate"))
+
+
+def test_who_does_something_has_hands_and_feet(tmp_path: Path) -> None:
+    class Figures(Library):
+        def pictures(self, file: str) -> list[Tensor]:
+            (head,) = super().pictures(file)
+            return [head if file == "head" else head.repeat(1, 2, 1)]
+
+    index = PictureIndex(
+        [Figures("people", {"head": (("boy",), 0.9, RED), "figure": (("boy",), 0.7, BLUE)})], WordBag(), tmp_path
+    )
+    for upright in (False, True):
+        found = index.find(Thing("boy", "boy"), "a boy", nowhere, upright=upright)
+        assert found is not None and (found.picture.shape[1] > found.picture.shape[2]) is upright
+
+
+def test_a_colour_in_brackets_is_part_of_a_caption(tmp_path: Path) -> None:
+    ducks = {"1": (("Duck (Yellow)",), 0.8, RED), "2": (("Duck (walking)",), 0.8, BLUE)}
+    index = PictureIndex([Library("stamps", ducks)], WordBag(), tmp_path)
+    found = index.find(Thing("duck", "duck", "yellow"), "a yellow duck", nowhere)
+    assert found is not None and found.caption == "yellow duck"
+
+
 def test_another_kind_is_no_picture_of_the_thing(tmp_path: Path) -> None:
     library = Library("drawings", {"1": (("sewing machine",), 0.8, RED)})
     index = PictureIndex([library], WordBag(), tmp_path)

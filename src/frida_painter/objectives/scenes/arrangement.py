@@ -91,7 +91,8 @@ def arranged(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -
             one = rest[0]
             placed[one.object] = _beside(list(placed.values()), _alone(parts, one.object, sizes))
         rest.remove(one)
-        kind = _OF_WORD.get(one.word, "beside")
+        done_with = "with" if known[one.object] == "air" else "beside"  # a kite that is flown is up
+        kind = _OF_WORD.get(one.word, done_with if one.word.endswith("ing") else "beside")
         if one.subject not in placed:
             mine, other, number = _alone(parts, one.subject, sizes), placed[one.object], one.subject
             placed[number], placed[one.object] = _put(mine, other, kind, known[number], known[one.object])

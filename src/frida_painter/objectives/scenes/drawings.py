@@ -29,6 +29,7 @@ _SEEN = 0.05  # opacity from which a pixel is part of a thing
 _ALIKE = 14  # of 255, by which a ground's colours may differ from each other
 _UNITS = {"": 1.0, "px": 1.0, "pt": 96 / 72, "pc": 16.0, "mm": 96 / 25.4, "cm": 96 / 2.54, "in": 96.0, "em": 16.0}
 _LARGEST = 1e7  # units of an SVG's side
+_FADING = 0.15  # of a picture's shorter side, over which its edges fade
 _MARGIN = 0.3  # of a page's side, around it
 _NEVER = ("script", "foreignObject", "animate", "set", "animateTransform", "animateMotion", "a")
 _LINK = ("href", "{http://www.w3.org/1999/xlink}href")
@@ -63,6 +64,16 @@ def trimmed(drawing: Tensor, name: str) -> Tensor:
     if len(rows) == 0:
         raise ImageError(f"{name} shows nothing: all of it is transparent.")
     return drawing[:, int(rows[0]) : int(rows[-1]) + 1, int(columns[0]) : int(columns[-1]) + 1].contiguous()
+
+
+def faded(drawing: Tensor) -> Tensor:
+    """A picture [4, h, w] whose edges fade into what is behind it."""
+    rows, columns = drawing.shape[1:]
+    reach = max(1.0, _FADING * min(rows, columns))
+    down, across = (torch.arange(side) + 0.5 for side in (rows, columns))
+    edge = torch.minimum(torch.minimum(down, rows - down)[:, None], torch.minimum(across, columns - across)[None])
+    share = (edge / reach).clamp(0, 1)
+    return torch.cat((drawing[:3], drawing[3:] * (share * share * (3 - 2 * share))[None]))
 
 
 def without_ground(drawing: Tensor) -> Tensor:

@@ -184,7 +184,7 @@ def _member(archive: Path, file: str, name: str) -> bytes:
 def _said_of(path: Path) -> str:
     """What a picture of a person's own shows; "" where nothing says it."""
     said, beside = "", path.with_suffix(".txt")
-    if beside.is_file():
+    if beside.is_file() and not beside.is_symlink():
         with suppress(ImageError), storage.opened(beside, "a caption", _MOST_CAPTIONS, ImageError) as file:
             said = " ".join(file.readline(_MOST_CAPTION).decode("utf-8", "replace").split())
     if not _LATIN.search(said):  # the sentence encoder knows English

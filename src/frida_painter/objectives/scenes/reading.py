@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 _PLURAL = 3  # things that are painted for a plural without a number
 _MOST = 12
+MOST_THINGS = 12
+"""Things of a prompt that are painted, the first ones."""
 _NUMBERS = ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
 _MANY = ("many", "several", "some", "few", "both")
 _GROUPS = {"pair": 2, "couple": 2, "trio": 3, "dozen": 12}
@@ -71,11 +73,12 @@ class Relation:
 
 @dataclass(frozen=True)
 class Reading:
-    """The things of a prompt, their relations, and the nouns of what must not be seen."""
+    """The things of a prompt, their relations, and the nouns of what must not be seen; too_many: there were more."""
 
     things: tuple[Thing, ...]
     relations: tuple[Relation, ...] = ()
     absent: tuple[str, ...] = ()
+    too_many: bool = False
 
 
 class PromptReader:
@@ -108,7 +111,7 @@ class PromptReader:
             walk.sentence(sentence.root)
         plain = re.sub("^(an?|the) ", "", text)
         things = tuple(walk.things) or (Thing(plain, plain.rpartition(" ")[2]),)
-        return Reading(things, tuple(dict.fromkeys(walk.relations)), tuple(dict.fromkeys(walk.absent)))
+        return Reading(things, tuple(dict.fromkeys(walk.relations)), tuple(dict.fromkeys(walk.absent)), walk.too_many)
 
 
 class _Walk:
@@ -119,6 +122,7 @@ class _Walk:
         self.things: list[Thing] = []
         self.relations: list[Relation] = []
         self.absent: list[str] = []
+        self.too_many = False
 
     def sentence(self, root: Token) -> None:
         """Starts at the nouns that a depiction shows, at a verb, or at the root itself."""
@@ -146,18 +150,24 @@ class _Walk:
 
         whole: the word on which the noun's own adjectives and numbers hang, where that is a verb.
         """
+        if len(self.things) >= MOST_THINGS:
+            self.too_many = True
+            return []
+        if _is_depiction(noun) and (shown := _shown(noun)) is not None:
+            return self._thing(shown)
         counted = next((word for word in _children(noun, "prep") if word.lower_ == "of"), None)
         inner = None if counted is None or noun.lemma_ not in _GROUPS else _child(counted, "pobj")
         if inner is not None:
             numbers = self._thing(inner)
-            first = self.things[numbers[0]]
-            self.things[numbers[0]] = replace(first, count=_GROUPS[noun.lemma_])
+            for first in numbers[:1]:
+                self.things[first] = replace(self.things[first], count=_GROUPS[noun.lemma_])
             self._hanging(noun, numbers, but=counted)
             return numbers
         number = len(self.things)
         self.things.append(_described(noun, whole or noun))
         before = len(self.relations)
-        joined = [at for other in _children(noun, "conj", "appos") if _is_noun(other) for at in self._thing(other)]
+        others = [one for one in _children(noun, "conj", "appos") if _is_noun(one) and not _is_called(one)]
+        joined = [at for other in others for at in self._thing(other)]
         if joined and not _children(noun, "prep", "acl", "relcl"):
             # "A teapot and three cups on a table": what is said of the last place is said of all.
             no_place = (*_PARTS, self.things[joined[-1]].doing)
@@ -279,6 +289,11 @@ def _child(word: Token, *kinds: str) -> Token | None:
 
 def _is_noun(word: Token) -> bool:
     return word.pos_ in ("NOUN", "PROPN", "PRON")
+
+
+def _is_called(noun: Token) -> bool:
+    """Whether a noun is only the name of the one before it, as in "my cat Tom"."""
+    return bool(noun.dep_ == "appos" and noun.pos_ == "PROPN")
 
 
 def _is_depiction(noun: Token) -> bool:

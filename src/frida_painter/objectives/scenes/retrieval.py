@@ -14,7 +14,7 @@ from frida_painter.objectives.compositing import lay
 from frida_painter.objectives.encoders.conse import has_class, synonyms
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.scenes.libraries import PictureLibrary
-from frida_painter.objectives.scenes.reading import Thing
+from frida_painter.objectives.scenes.reading import Thing, paint_of
 from frida_painter.palette import to_lab
 
 _LEAST = 0.55  # similarity of a caption to a thing, below which it speaks of something else
@@ -26,6 +26,7 @@ _LOOKED_AT = 9
 _EXACT = 1.5  # of similarity, against how a picture looks
 _KEYWORD = 0.05  # less than a title
 _COLORED = 0.1  # more, at the most, for a caption that has the colour too
+_SAME = 0.95  # similarity of a caption to the name with its colour, from which it says both
 _AGREED = 0.4  # of a keyword, however little the title agrees with it
 _NOUN = 0.35  # share of the last word of a name in what a name means
 _CONTEXT = 0.15  # of the similarity of a caption to the whole prompt
@@ -36,6 +37,7 @@ _NEARER, _FARTHER = 0.4, 0.25  # the most that looking nearer to the words than 
 _UNCLASSED = 0.3  # of that, where the networks know no class of that kind and take what is near for it
 _REALISM = 0.6  # of a photograph before a sign
 _OWN = 0.3  # of a person's own picture
+_FROM_HEAD_TO_FOOT, _TALL = 0.3, 1.3  # of who is shown so, by height over width: who does something has hands and feet
 _FLAT = 0.4  # of its realism, against a picture of flat areas alone: a drawing, whatever its file says
 _PLAIN = 0.25  # against drawings without colour, and pictures that are no cut-outs
 _COLORFUL = 8.0  # chroma
@@ -74,12 +76,16 @@ class _Entry:
 
 
 class PictureIndex:
-    """All captions of several libraries as directions, computed once and kept in the folder `keep`."""
+    """All captions of several libraries as directions, computed once and kept in the folder `keep`.
+
+    faults: what was wrong with the person's own pictures that could not be read, one sentence each.
+    """
 
     def __init__(self, libraries: Sequence[PictureLibrary], sentences: SentenceEncoder, keep: Path) -> None:
         self._sentences = sentences
         self._entries: list[_Entry] = []
         self._meanings = torch.zeros(0, 1)
+        self.faults: list[str] = []
         parts: list[Tensor] = []
         before = 0
         for library in libraries:
@@ -108,41 +114,50 @@ class PictureIndex:
         least: float = 0.0,
         shows: Sequence[str] = (),
         cut_out: bool = False,
+        upright: bool = False,
     ) -> FoundPicture | None:
-        """The picture that shows a thing best; None where none does.
+        """The picture that shows a thing best, a person's own before all others; None where none does.
 
         distance: how far a picture [3, h, w] looks from the thing, to networks; 0 is near. least: similarity that a
         caption needs, where nothing that is only similar will do; shows: words of each of which the caption speaks;
         cut_out: whether it stands among others, so that no picture with a ground of its own, and of no other thing of
-        a similar name, will do.
+        a similar name, will do, unless it is a person's own; upright: whether it is somebody from head to foot.
         """
         similarity = self._similarity(thing)
         for words in shows:
             speaks = self._captioned(words)  # a banana alone is no monkey with a banana
             similarity = similarity.masked_fill((speaks < _SPEAKS) | (speaks > similarity), 0)
-        exact = float(similarity.max()) >= (least or _LEAST)
+        own = self._own(thing, similarity, shows)
+        exact = bool(own) or float(similarity.max()) >= (least or _LEAST)
         if (least or cut_out) and not exact:
             return None
         least = least or (_LEAST if exact else _AKIN)
         context = self._similar(prompt)[self._titles]
         order = (similarity + _CONTEXT * context).argsort(descending=True)[: 4 * _LOOKED_AT].tolist()
-        near = [at for at in order if similarity[at] >= max(least, float(similarity.max()) - _BAND)][:_LOOKED_AT]
+        near = [at for at in order if similarity[at] >= max(least, float(similarity.max()) - _BAND)]
+        mine = sorted(own, key=lambda at: -float(similarity[at]))[:_LOOKED_AT]
+        near = [*mine, *(at for at in near[:_LOOKED_AT] if at not in own)]
         trusted = 1.0 if has_class(thing.noun) else _UNCLASSED
         ground = torch.tensor(_GROUND)[:, None, None].expand(3, _LOOK, _LOOK)
         bare = distance(ground)
         best, found = -float("inf"), None
         for at in near:
+            if at not in own and found is not None and found.library.is_own:
+                break
             entry = self._entries[at]
-            if cut_out and _is_modified(entry, thing):
+            is_own = entry.library.is_own
+            if cut_out and not is_own and _is_modified(entry, thing):
                 continue
-            if shows and shows[0] in _named(entry.title)[:-1]:  # a spider web shows no spider
+            if shows and not is_own and shows[0] in _named(entry.title)[:-1]:  # a spider web shows no spider
                 continue
             try:
                 shown = entry.library.pictures(entry.file)
-            except ImageError:
+            except ImageError as fault:
+                if is_own:
+                    self.faults.append(str(fault))
                 continue
             for picture in shown:
-                if cut_out and float(picture[3].mean()) > _FILLED:
+                if cut_out and not is_own and has_ground(picture):
                     continue
                 looks = bare - distance(lay(picture, ground))
                 worth = (
@@ -151,11 +166,12 @@ class PictureIndex:
                     + _CONTEXT * float(context[at])
                     + trusted * max(-_FARTHER, min(looks, _NEARER))
                     + _prior(entry, picture)
+                    + _FROM_HEAD_TO_FOOT * (upright and picture.shape[1] > _TALL * picture.shape[2])
                 )
                 if worth > best:
                     best = worth
                     several = thing.count in _SEVERAL and thing.plural in entry.title.split()
-                    named = exact and (float(similarity[at]) >= _NAMED or _is_called(entry, thing))
+                    named = at in own or (exact and (float(similarity[at]) >= _NAMED or _is_called(entry, thing)))
                     found = FoundPicture(picture, entry.title, entry.library, float(similarity[at]), named, several)
         return found
 
@@ -163,13 +179,28 @@ class PictureIndex:
         """How like the thing the captions are that are most like it."""
         return float(self._similarity(thing).max())
 
+    def has_own(self, thing: Thing) -> bool:
+        """Whether one of the person's own pictures is of the thing."""
+        return bool(self._own(thing, self._similarity(thing)))
+
+    def _own(self, thing: Thing, similarity: Tensor, shows: Sequence[str] = ()) -> list[int]:
+        """The person's own pictures that are called by the thing, or are nearly called so; shows: by all of these."""
+        names = [{thing.noun, thing.plural} - {""}] if not shows else [{noun} for noun in shows]
+        found = []
+        for at, entry in enumerate(self._entries):
+            if entry.library.is_own:
+                words = set(entry.title.split() if shows else _named(entry.title))
+                if similarity[at] >= _NAMED or all(words & name for name in names):
+                    found.append(at)
+        return found
+
     def _similarity(self, thing: Thing) -> Tensor:
         """How like the thing each picture's captions are, [n]."""
         named = self._captioned(thing.name)
         if thing.color:
-            named = torch.maximum(
-                named, torch.minimum(self._captioned(f"{thing.color} {thing.name}"), named + _COLORED)
-            )
+            colored = self._captioned(f"{thing.color} {thing.name}")
+            said = torch.where(colored >= _SAME, colored + _COLORED, torch.minimum(colored, named + _COLORED))
+            named = torch.maximum(named, said)
         if thing.doing:
             named = torch.maximum(named, self._captioned(f"{thing.name} {thing.doing}"))
         if thing.plural and thing.count in _SEVERAL:
@@ -237,10 +268,12 @@ def _named(title: str) -> list[str]:
 
 
 def _title(entry: _Entry, thing: Thing) -> str:
-    """The title, with the thing in the singular where one picture may show the several that were asked for."""
-    if not thing.plural or thing.count not in _SEVERAL:
-        return entry.title
-    return " ".join(thing.noun if word == thing.plural else word for word in entry.title.split())
+    """The title without the thing's colour, and in the singular where one picture may show the several asked for."""
+    color, title = thing.color.split(), entry.title
+    words = [word for word in title.split() if word not in color] if color else title.split()
+    if thing.plural and thing.count in _SEVERAL:
+        words = [thing.noun if word == thing.plural else word for word in words]
+    return " ".join(words) or title
 
 
 def _prior(entry: _Entry, picture: Tensor) -> float:
@@ -256,7 +289,12 @@ def _prior(entry: _Entry, picture: Tensor) -> float:
     worth -= _PLAIN * flat * float((lab[:, 0] < _BLACK).float().mean() > _SILHOUETTE) * (not own)
     worth -= _PLAIN * flat * (chroma < _COLORFUL and not own)
     worth -= _PLAIN * (float(picture[3].mean()) < _SKETCHY)
-    return worth - _PLAIN * (float(picture[3].mean()) > _FILLED and not own)
+    return worth - _PLAIN * (has_ground(picture) and not own)
+
+
+def has_ground(picture: Tensor) -> bool:
+    """Whether a picture [4, h, w] is no cut-out, but a rectangle with a ground of its own."""
+    return float(picture[3].mean()) > _FILLED
 
 
 def _flatness(picture: Tensor) -> float:
@@ -268,6 +306,8 @@ def _flatness(picture: Tensor) -> float:
 
 
 def _cleaned(caption: str) -> str:
-    """A caption without article, numbers, underscores and what is in brackets, in small letters."""
-    plain = " ".join(re.sub(r"\(.*?\)|[^a-zA-Z' -]+", " ", caption).split()).lower()
-    return re.sub("^(an?|the|another|some) ", "", plain) or caption
+    """A caption without article, numbers, underscores and what is in brackets, but for a colour; in small letters."""
+    colors = [word for word in re.findall(r"\((.*?)\)", caption.lower()) if paint_of(word) is not None]
+    plain = re.sub(r"\(.*?\)|[^a-zA-Z' -]+", " ", caption)
+    plain = re.sub("^(an?|the|another|some|my|our) ", "", " ".join(plain.split()).lower())
+    return " ".join([*colors[:1], plain]).strip() or caption

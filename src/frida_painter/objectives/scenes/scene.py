@@ -12,8 +12,9 @@ from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.recoloring import is_colored, recolored
 from frida_painter.objectives.scenes.arrangement import ScenePart, arranged, copies
 from frida_painter.objectives.scenes.composition import ComposedScene, composed
-from frida_painter.objectives.scenes.reading import Reading, Relation, Thing, paint_of
-from frida_painter.objectives.scenes.retrieval import FoundPicture, PictureIndex
+from frida_painter.objectives.scenes.drawings import faded
+from frida_painter.objectives.scenes.reading import MOST_THINGS, Reading, Relation, Thing, paint_of
+from frida_painter.objectives.scenes.retrieval import FoundPicture, PictureIndex, has_ground
 from frida_painter.objectives.scenes.settings import (
     CLEAR,
     DAY,
@@ -28,7 +29,7 @@ from frida_painter.objectives.scenes.settings import (
     named_place,
     named_weather,
 )
-from frida_painter.objectives.scenes.world import known_like
+from frida_painter.objectives.scenes.world import is_person, known_like
 from frida_painter.objectives.text import Text
 
 _WHOLE = 0.80  # similarity of a caption to two things and what is between them, from which it shows both
@@ -37,7 +38,7 @@ _HELD = 0.72  # the same for "a bowl of cherries"
 _NAMED_ALONE = 0.9  # the same for coffee, where there is no cup of coffee
 _UNDER = ("under", "beneath", "underneath", "below")
 _BY_THINGS = (*_UNDER, "beside", "next to", "behind", "in front of", "with")
-_BEFORE = ("behind", "in front of")  # mountains, but no mountain, are the place of what is before them
+_BEFORE = ("behind", "in front of")  # a forest and mountains, but no mountain, are the place of what is before them
 _CARRIED = ("on", "on top of", "upon", "riding", "in", "inside", "from")  # a duck on a tractor is not on a lake
 _SUPPORTS = ("on", "on top of", "upon")
 _ROUNDING = 1e-3
@@ -112,6 +113,10 @@ def scene_of(
         place = HILLS if place is PAPER and asked else place
         setting = replace(setting, place=place, is_named=asked)
     things = _dressed(things, relations, sentences)
+    among = len(shown) > 1 or setting.is_named
+    pasted = [
+        one for one in shown if among and one.found and one.found.library.is_own and has_ground(one.found.picture)
+    ]
     parts: list[ScenePart | None] = []
     for number, one in enumerate(things):
         if one is None or one.found is None:
@@ -121,7 +126,8 @@ def scene_of(
         if one.thing.doing == "flying":
             known = known._replace(where="air")
         between = any(relation.object == number and relation.word == "between" for relation in relations)
-        parts.append(ScenePart(copies(one.colored, one.thing.shown, known.where, seed + number, apart=between), known))
+        picture = faded(one.colored) if any(one is each for each in pasted) else one.colored
+        parts.append(ScenePart(copies(picture, one.thing.shown, known.where, seed + number, apart=between), known))
     known_parts = [part.known for part in parts if part is not None]
     over = {
         one.subject for one in reading.relations if one.word in ("over", "above", "across") and one.object in settled
@@ -129,6 +135,13 @@ def scene_of(
     in_the_air = bool(known_parts) and (all(part.where == "air" for part in known_parts) or _subjects(things, over))
     scene = composed(arranged(parts, relations), setting, grid, seed, in_the_air=in_the_air)
     _tell(reading, things, setting, encoders, use)
+    for one in pasted:
+        encoders.remark(
+            f"Your picture of {one.thing.name[:_TITLE]!r} has a ground of its own, whose edges fade; as a PNG without "
+            "its ground it would stand free."
+        )
+    for fault in dict.fromkeys(() if index is None else index.faults):
+        encoders.remark(f"Of your own pictures one cannot be used: {fault}")
     return scene
 
 
@@ -171,11 +184,12 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
     for number, thing in enumerate(reading.things):
         beside = {one.word for one in reading.relations if one.object == number and one.word in _BY_THINGS}
         under_sky = bool(beside) and beside <= set(_UNDER) and named_place(thing.noun, sentences) is SKY
-        if beside and not under_sky and not (thing.count is None and beside <= set(_BEFORE)):
+        if beside and not under_sky and not beside <= set(_BEFORE):
             continue
         subject_only = len(reading.things) == 1
         # What has a picture of its own is a thing: a tree is no forest.
         least = 0.0 if index is None else index.nearest(thing) - _ROUNDING
+        least = max(least, _NAMED_ALONE) if beside <= set(_BEFORE) and beside else least
         place = named_place(thing.noun, sentences, least)
         if place is None and thing.count is None and thing.plural and number:  # mountains, and no mountain
             place = named_place(thing.plural, sentences, least)
@@ -231,7 +245,11 @@ def _found(
         least = _HELD if relation.word == "of" else _WHOLE
         looks, nouns = _looks(called, encoders, seed), (first.noun, second.noun)
         whole = index.find(Thing(called, called), prompt, looks, least=least, shows=nouns)
-        if whole is None and measured:
+        if whole is not None and not whole.library.is_own and (index.has_own(first) or index.has_own(second)):
+            whole = None
+        if whole is not None and not set(second.color.split()) <= set(whole.caption.split()) and not measured:
+            whole = None
+        if whole is None and measured and not index.has_own(first):
             whole = index.find(second, prompt, _looks(second.name, encoders, seed), least=_NAMED_ALONE, cut_out=True)
         if whole is not None:
             things[relation.subject] = SceneThing(first, whole)
@@ -241,7 +259,8 @@ def _found(
     for number, thing in enumerate(reading.things):
         if number not in settled and number not in merged:
             looks, least = _looks(thing.name, encoders, seed), _PART if number in had else 0.0
-            found = index.find(thing, prompt, looks, least=least, cut_out=bool(relations))
+            upright = bool(thing.doing or relations) and is_person(thing.name, encoders.sentences())
+            found = index.find(thing, prompt, looks, least=least, cut_out=bool(relations), upright=upright)
             once = replace(thing, count=1) if found is not None and found.several else thing
             things[number] = None if number in had and found is None else SceneThing(once, found)
     held = [one for one in relations if one.word == "of"]
@@ -281,6 +300,8 @@ def _tell(
     told = " and ".join(one.told for one in shown) or "no picture of a thing"
     place = f", on {setting.words}" if setting.is_named else ""
     encoders.remark(f"{use.capitalize()} {told}{place}{made}.")
+    if reading.too_many:
+        encoders.remark(f"The words name more than {MOST_THINGS} things; the first ones are painted.")
     missing = [one.thing.name[:_TITLE] for one in things if one is not None and not (one.found and one.found.exact)]
     if missing:
         encoders.remark(

@@ -19,6 +19,7 @@ from frida_painter.palette import from_lab, to_lab
 Color = tuple[float, float, float]
 _PAPER: Color = (1.0, 1.0, 1.0)
 _EDGE = 0.03  # of the height, over which two bands pass into each other
+_COVERED = 0.75  # of the land, by snow that falls
 _GLOW = 0.12  # of the height, above the horizon, that has the light of a low sun: about a row of the broad brush
 
 
@@ -68,7 +69,7 @@ class Weather:
 
 PAPER = Place("bare paper", (), (), _PAPER, _PAPER, 0.5)
 PLACES = (
-    Place("the sea", ("sea", "ocean", "harbour", "coast", "wave"), ("sailing boat", "ship", "whale", "fish"),
+    Place("the sea", ("sea", "ocean", "harbour", "coast", "wave"), ("sailing boat", "ship", "whale", "fish", "island"),
           (0.80, 0.89, 0.95), (0.22, 0.46, 0.66), 0.70, is_water=True),
     Place("a lake", ("lake", "pond", "river", "water"), ("swan", "duck", "frog", "lily pad", "boat"),
           (0.82, 0.90, 0.94), (0.36, 0.58, 0.68), 0.66, 0.08, is_water=True),
@@ -116,8 +117,8 @@ LIGHTS = (
 GREY = LIGHTS[3]
 CLEAR = Weather("clear", (), _PAPER)
 WEATHERS = (
-    Weather("rain", ("rain", "rainy", "downpour", "storm"), (0.86, 0.90, 0.95), rain=16),
-    Weather("snow", ("snowfall", "snowing", "snowy", "blizzard"), (1.0, 1.0, 1.0), flakes=18),
+    Weather("rain", ("rain", "rainy", "downpour", "storm", "thunderstorm"), (0.86, 0.90, 0.95), rain=16),
+    Weather("snow", ("snowfall", "snowing", "snowy", "blizzard", "snowstorm"), (1.0, 1.0, 1.0), flakes=18),
     Weather("fog", ("fog", "mist", "misty", "haze"), (0.90, 0.91, 0.92), fog=0.6),
 )
 _Part = TypeVar("_Part", Place, Light, Weather)
@@ -155,6 +156,8 @@ class Setting:
         glow = _below(rows, place.horizon - _GLOW)[None]
         picture = torch.lerp(picture, low[:, None, None].expand_as(picture), glow.expand_as(picture))
         land = torch.tensor(place.below) * shade
+        if self.weather.flakes and place.is_open and not place.is_water:  # it lies on the land as well
+            land = torch.lerp(land, torch.tensor(self.weather.color) * shade, _COVERED)
         if place.is_water:  # water mirrors the sky
             land = torch.lerp(land, low, 0.25)
         if place.relief:

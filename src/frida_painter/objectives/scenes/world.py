@@ -8,6 +8,7 @@ import torch
 
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
+_PEOPLE = ("person", "man", "woman", "child", "boy", "girl")
 _NEIGHBOURS = 3
 _SHARPNESS = 0.05  # of similarity, over which a neighbour's say falls to a third
 
@@ -36,3 +37,10 @@ def known_like(name: str, sentences: SentenceEncoder) -> Known:
     share = (similarity / _SHARPNESS).softmax(0)
     heights = torch.tensor([things[at].height for at in nearest.tolist()])
     return Known(name, float((share * heights.log()).sum().exp()), things[int(nearest[0])].where)
+
+
+def is_person(name: str, sentences: SentenceEncoder) -> bool:
+    """Whether what is called so is most like people, of all that is known."""
+    things = [thing.name for thing in known_things()]
+    meanings = sentences.embed([name, *things])
+    return things[int((meanings[1:] @ meanings[0]).argmax())] in _PEOPLE
