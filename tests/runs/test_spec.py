@@ -84,6 +84,11 @@ def test_few_strokes_bring_their_own_colors_and_replans() -> None:
         ({"minutes": -20.0}, "--minutes was given -20.0; it is a number from 1 to 10000"),
         ({"minutes": float("nan")}, "--minutes was given nan; it is a number from 1 to 10000"),
         ({"minutes": 20.0, "robot": "human"}, "--minutes is the robot's time, and with --robot human a person paints"),
+        (
+            {"minutes": 30.0, "brushes": "broad,medium,fine"},
+            "--minutes is 30, and between 3 layers paint dries for 40 min",
+        ),
+        ({"minutes": 20.0, "layers": 2}, "--minutes is 20, and between 2 layers paint dries for 20 minutes; give more"),
         ({"minutes": float("inf")}, "--minutes was given inf; it is a number from 1 to 10000"),
         ({"strokes": 5, "colors": 6}, "6 colors for 5 strokes; give at most as many colors as strokes"),
         ({"strokes": 5, "colors": 5, "replans": 5}, "5 replans for 5 strokes; .* at most 4"),

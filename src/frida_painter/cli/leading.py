@@ -193,13 +193,19 @@ def tell(outcome: RunOutcome, of: int, seconds: float) -> None:
         say(f"Stopped before there was a plan; nothing was painted. ({folder})")
         return
     painted = painting.painted
-    begun = f"{painted} strokes" if painted == of else f"Stopped after {painted} of {of} strokes; what was made is kept"
+    finished = painted == of or (outcome.trouble is None and painting.rest is not None and len(painting.rest) == 0)
+    begun = f"{painted} strokes" if finished else f"Stopped after {painted} of {of} strokes; what was made is kept"
     say(
         f"{begun} in {duration(seconds)}.",
+        *(
+            [f"  {of - painted} of {of} strokes were left out: those that would be missed least."]
+            if finished and painted < of
+            else []
+        ),
         f"  The painting  {folder / 'painting.png'}",
         *([f"  The film      {folder / 'film.mp4'}"] if (folder / "film.mp4").exists() else []),
         *([f"  The arm       {folder / ARM_FILM}"] if (folder / ARM_FILM).exists() else []),
         f"  The page      {outcome.page}",
         *([f"  The easel     {outcome.calibration}, with what was learned of it"] if outcome.calibration else []),
-        *([f"  To go on      frida-painter resume {folder}"] if painted < of else []),
+        *([f"  To go on      frida-painter resume {folder}"] if not finished else []),
     )

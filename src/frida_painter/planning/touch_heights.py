@@ -33,7 +33,7 @@ _USUAL, _STEPS = (0.2, 0.0005, 0.01), (0.03, 0.0005, 0.01)
 _ROUNDS = 5
 _CORRELATED = 0.006  # metres over which a mark differs from the model in the same way
 # Of sRGB, by which a stroke has to differ from what is below it: on its own colour, errors of colour would be learned.
-_CONTRAST = 0.1
+_CONTRAST = 0.06
 _ALONG, _FEWEST = 7, 4  # points of a path that are looked at; strokes that have to tell something
 _KEPT_ASIDE = 4  # of so many strokes one is not learned from
 # Units of thickness below the lightest touch at which a stroke leaves no mark: at that touch its ends are pressed by

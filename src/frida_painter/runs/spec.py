@@ -255,6 +255,11 @@ class RunSpec(BaseModel):
             )
         if self.minutes is not None and self.by_hand:
             raise ValueError(f"--minutes is the robot's time, and with --robot {HUMAN} a person paints; leave it out")
+        if self.minutes is not None and self._dryings * self.drying >= self.minutes:
+            raise ValueError(
+                f"--minutes is {self.minutes:g}, and between {self._dryings + 1} layers paint dries for "
+                f"{self._dryings * self.drying:g} minutes; give more minutes, fewer brushes or --layers, less --drying"
+            )
         if self.arm_meshes is not None and self.robot != SAWYER_SIM:
             raise ValueError(f"--arm-meshes is for the film of --robot {SAWYER_SIM}; leave it out")
         return self
@@ -361,6 +366,11 @@ class RunSpec(BaseModel):
             return WORDS_BRUSHES
         hurried = self.minutes is not None and self.minutes < 6 * self.drying
         return FEWER_BRUSHES if self.strokes < _FEWEST_FOR_ALL or hurried else USUAL_BRUSHES
+
+    @property
+    def _dryings(self) -> int:
+        """How often a layer dries before the next one, of the layers that were asked for."""
+        return max(len(self.brush_names) if self._names_brushes else 1, self.layers or 1) - 1
 
     @property
     def is_words(self) -> bool:
