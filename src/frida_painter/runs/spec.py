@@ -258,7 +258,7 @@ class RunSpec(BaseModel):
         if self.minutes is not None and self._dryings * self.drying >= self.minutes:
             raise ValueError(
                 f"--minutes is {self.minutes:g}, and between {self._dryings + 1} layers paint dries for "
-                f"{self._dryings * self.drying:g} minutes; give more minutes, fewer brushes or --layers, less --drying"
+                f"{self._dryings * self.drying:g} minutes; give more minutes, fewer brushes or --layers, or less drying"
             )
         if self.arm_meshes is not None and self.robot != SAWYER_SIM:
             raise ValueError(f"--arm-meshes is for the film of --robot {SAWYER_SIM}; leave it out")
