@@ -55,6 +55,8 @@ def test_few_strokes_bring_their_own_colors_and_replans() -> None:
         ({"brushes": "broad:60%,fine:30%"}, "the shares make 90 %; together they make 100 %"),
         ({"brushes": "broad:100%,fine:0%"}, "above 0 % and at most 100 %; leave brushes out that paint nothing"),
         ({"brushes": "broad:nan%,fine:40%"}, "a share is above 0 %"),
+        ({"brushes": "broad:inf,fine:40%"}, "'broad:inf' is no share; write it in percent, as broad:60%,medium:40%"),
+        ({"brushes": "broad:0.6,fine:0.4"}, "'broad:0.6' is no share; write it in percent"),
         ({"brushes": "broad:x%,fine:40%"}, "the share 'x%' of 'broad' is not a number"),
         ({"brushes": ",".join(["fine"] * 9)}, "9 brushes were given; there are at most 8 layers"),
         ({"brushes": 3}, "--brushes was given 3; it is a name or a path"),

@@ -24,7 +24,15 @@ def seeds_of(text: str) -> tuple[int, ...]:
     return seeds
 
 
-BrushName = Annotated[str, typer.Option(metavar="NAME", help="The brush: fine, medium or broad.")]
+def _brush(name: str) -> str:
+    """The name of a brush that has a stroke model, asked before any work begins. Raises WeightsError."""
+    from frida_painter.brush.weights import load_stroke_model  # whoever asks for help waits for no network
+
+    load_stroke_model(name)
+    return name
+
+
+BrushName = Annotated[str, typer.Option(parser=_brush, metavar="NAME", help="The brush: fine, medium or broad.")]
 Seed = Annotated[int, typer.Option(parser=_seed, metavar="N", help="Random seed.")]
 Seeds = Annotated[
     Any,

@@ -131,6 +131,8 @@ def brush_shares(text: str) -> tuple[tuple[str, float | None], ...]:
         name, colon, share = part.strip().rpartition(":") if part.rstrip().endswith("%") else (part.strip(), "", "")
         if not name:
             raise ValueError(f"{text[:60]!r} names no brush at one place; write broad or broad:60%,medium:40%")
+        if not colon and re.fullmatch(r".+:\s*(\d[\d.]*|inf|nan)", part.strip()):
+            raise ValueError(f"{part.strip()[:40]!r} is no share; write it in percent, as broad:60%,medium:40%")
         try:
             found.append((name.strip(), float(share.rstrip("%")) / 100 if colon else None))
         except ValueError as error:
