@@ -76,14 +76,17 @@ def test_a_process_that_dies_or_hangs_is_replaced_and_its_task_done_again(engine
     assert ended.value == "done" and ended.error is None
 
 
-def test_a_process_that_is_killed_while_it_starts_is_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("death", [BrokenProcessPool, EOFError, ConnectionResetError])
+def test_a_process_that_is_killed_while_it_starts_is_started_again(
+    death: type[Exception], monkeypatch: pytest.MonkeyPatch
+) -> None:
     class DiesAtFirst(ProcessPoolExecutor):
         starts = 0
 
         def submit(self, *words, **more):
             DiesAtFirst.starts += 1
             if DiesAtFirst.starts in (1, 2):
-                raise BrokenProcessPool
+                raise death
             return super().submit(*words, **more)
 
     monkeypatch.setattr(engines, "ProcessPoolExecutor", DiesAtFirst)

@@ -127,6 +127,81 @@ def test_a_changed_photograph_is_another(tmp_path: Path, photo: Path, engine: He
     assert fp.sweep(asked(photo, 1), tmp_path / "sweep").done_before == 0
 
 
+def test_a_photograph_that_changes_while_the_sweep_begins_is_noticed(
+    tmp_path: Path, photo: Path, engine: Here, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copy = storage.copy
+
+    def late(source: Path, *rest: Any) -> None:
+        Image.new("RGB", (120, 90), "red").save(source)
+        copy(source, *rest)
+
+    monkeypatch.setattr(storage, "copy", late)
+    with pytest.raises(ConfigError, match=r"coffee\.png has changed while the sweep began; call it once more"):
+        fp.sweep(asked(photo), tmp_path / "s")
+    monkeypatch.setattr(storage, "copy", copy)
+    assert len(fp.sweep(asked(photo), tmp_path / "s").records) == 3
+
+
+def test_a_damaged_copy_is_made_again(tmp_path: Path, photo: Path, engine: Here) -> None:
+    fp.sweep(asked(photo), tmp_path / "s")
+    (copy,) = (tmp_path / "s" / "inputs").iterdir()
+    copy.write_bytes(copy.read_bytes()[:100])
+    fp.sweep(asked(photo, seeds=4), tmp_path / "s")
+    assert copy.read_bytes() == photo.read_bytes()
+
+
+def test_photographs_of_one_name_are_told_apart(tmp_path: Path, photo: Path, engine: Here) -> None:
+    names = []
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        Image.open(photo).rotate(90 * len(names)).save(tmp_path / folder / "me.png")
+        names.append(str(tmp_path / folder / "me.png"))
+    made = fp.sweep({"settings": SMALL, "grid": {"image": names, "seed": [0]}}, tmp_path / "s")
+    assert [run.labels["image"] for run in made.runs] == ["a/me.png", "b/me.png"]
+    words = fp.sweep({"settings": SMALL, "grid": {"text": ["a red/green apple", "a pear"]}}, tmp_path / "w")
+    assert [run.labels["text"] for run in words.runs] == ["a red/green apple", "a pear"]
+
+
+def test_a_folder_of_a_run_that_is_spoiled_stops_no_other(tmp_path: Path, photo: Path, engine: Here) -> None:
+    made = fp.sweep(asked(photo), tmp_path / "s")
+    first, second, third = (tmp_path / "s" / "runs" / run.key for run in made.runs)
+    shutil.rmtree(first)
+    first.write_text("hi")
+    (third / "result.json").write_text((second / "result.json").read_text())
+    again = fp.sweep(asked(photo), tmp_path / "s")
+    assert set(again.failures) == {first.name} and set(again.records) == {second.name, third.name}
+    assert json.loads((third / "result.json").read_text())["key"] == third.name
+
+
+def test_what_a_killed_first_write_leaves_is_no_other_sweep(tmp_path: Path, photo: Path, engine: Here) -> None:
+    folder = tmp_path / "s"
+    folder.mkdir()
+    (folder / ".sweep-ab12cd34.json").touch()
+    assert len(fp.sweep(asked(photo), folder).records) == 3
+
+
+def test_files_that_python_names_are_found_from_anywhere(
+    tmp_path: Path, photo: Path, engine: Here, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    fp.sweep(asked(Path(photo.name)), "s")
+    monkeypatch.chdir("/")
+    assert len(status_of(tmp_path / "s").runs) == 3
+
+
+@pytest.mark.parametrize("goal", [5, "coffee.png", ["coffee.png"]])
+def test_a_goal_that_is_no_list_of_tables_is_refused(tmp_path: Path, engine: Here, goal: Any) -> None:
+    with pytest.raises(ConfigError, match=r"goal was given .*; it is a list of tables"):
+        fp.sweep({"settings": {**SMALL, "goal": goal}}, tmp_path / "s")
+
+
+@pytest.mark.parametrize("title", ["../../away", "/tmp/away", "a\x00b", "..."])
+def test_a_title_does_not_lead_out_of_the_folder_of_sweeps(title: str) -> None:
+    folder = sweeps.default_folder(sweeps.SweepSpec(title=title))
+    assert folder.parent == Path("sweeps") and folder.name and "\x00" not in folder.name and folder.name != ".."
+
+
 def test_two_drivers_do_not_share_a_folder(tmp_path: Path, photo: Path, engine: Here) -> None:
     def second(assignment: Assignment) -> None:
         with pytest.raises(SweepBusy, match="Another process works on"):

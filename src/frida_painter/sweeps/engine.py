@@ -199,7 +199,7 @@ class _Worker:
             try:
                 self._pid = pool.submit(os.getpid).result(_STARTING)
                 self._pool = pool
-            except (BrokenProcessPool, TimeoutError) as error:
+            except (BrokenProcessPool, TimeoutError, EOFError, OSError) as error:  # the server of forks may die as well
                 failure = error
                 pool.shutdown(wait=False, cancel_futures=True)
         if self._pool is not None:

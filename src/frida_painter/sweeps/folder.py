@@ -18,12 +18,14 @@ from filelock import FileLock, Timeout
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError, StorageError, SweepBusy
+from frida_painter.runs.folder import content_hash
 from frida_painter.sweeps.spec import SweepSpec
 
 SWEEP = "sweep.json"
 TABLE = "table.parquet"
 _FORMAT = "frida-painter sweep"
 _LOCK = ".lock"
+_CUT_OFF = ".sweep-*.json"  # what a driver leaves that is killed while it writes the first file
 _ROOM = 100 * 2**20  # bytes
 
 
@@ -48,8 +50,9 @@ class RunFolder:
             lock.release()
 
     def record(self) -> dict[str, Any] | None:
-        """What came out; None where it is not done, or where what is there is damaged."""
-        return self._read("result.json", "the result of a run")
+        """What came out; None where it is not done, or where what is there is damaged, or of another run."""
+        record = self._read("result.json", "the result of a run")
+        return record if record is not None and record.get("key") == self.path.name else None
 
     def keep(self, record: Mapping[str, Any]) -> None:
         """Writes what came out, which makes the run done. Raises StorageError."""
@@ -89,7 +92,8 @@ class SweepFolder:
         storage.require_space(self.path, _ROOM)
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            if not self.is_begun and any(one.name != _LOCK for one in self.path.iterdir()):
+            known = {_LOCK, *(one.name for one in self.path.glob(_CUT_OFF))}
+            if not self.is_begun and any(one.name not in known for one in self.path.iterdir()):
                 raise StorageError(
                     f"{storage.shown(self.path)} holds something that is no sweep; choose a new folder with --out."
                 )
@@ -143,10 +147,16 @@ class SweepFolder:
         return SweepSpec.of(**kept["sweep"]), kept["files"], kept["slots"]
 
     def copy_of(self, path: Path, content: str) -> Path:
-        """The copy of a picture by its hash, made where it is not there yet. Raises ConfigError where it cannot be."""
+        """The copy of a picture by its hash, made where none is there that is as it was.
+
+        Raises ConfigError where it cannot be made, or where the picture has changed since its hash was taken.
+        """
         copy = self.path / "inputs" / f"{path.stem[:60]}-{content[:16]}{path.suffix.lower()}"
-        if not copy.exists():
+        if not copy.is_file() or content_hash(copy) != content:
             storage.copy(path, copy, "a picture of the sweep", storage.MAX_BYTES, ConfigError)
+            if content_hash(copy) != content:
+                copy.unlink()
+                raise ConfigError(f"{storage.shown(path)} has changed while the sweep began; call it once more.")
         return copy
 
     def require_space(self) -> None:

@@ -106,7 +106,7 @@ def label(value: Any) -> Value:
         return " + ".join(str(label(one)) for one in value)
     if isinstance(value, dict):
         return ", ".join(f"{name} {label(one)}" for name, one in value.items() if name != "weight" or one != 1)
-    if isinstance(value, str) and "/" in value:
+    if isinstance(value, str) and "/" in value and Path(value).suffix:
         return Path(value).name
     return value if isinstance(value, str | int | float | bool) or value is None else str(value)
 

@@ -77,7 +77,13 @@ class SweepSpec(BaseModel):
     def from_toml(cls, path: Path) -> Self:
         """A description from a TOML file; files in it are named relative to it."""
         values = storage.read_toml(path, "a sweep (TOML)", _MOST_BYTES, _EXAMPLE)
-        base = path.absolute().parent
+        made = cls.of_files(values, path.absolute().parent)
+        return made if made.title else made.model_copy(update={"title": path.stem.replace("_", " ").replace("-", " ")})
+
+    @classmethod
+    def of_files(cls, values: dict[str, Any], base: Path) -> Self:
+        """A checked description, in which files are named relative to a folder."""
+        values = dict(values)
         for name in ("settings", "grid"):
             if isinstance(values.get(name), dict):
                 values[name] = {field: _found(field, value, base) for field, value in values[name].items()}
@@ -86,8 +92,7 @@ class SweepSpec(BaseModel):
                 {field: _found(field, value, base) for field, value in run.items()} if isinstance(run, dict) else run
                 for run in values["runs"]
             ]
-        made = cls.of(**values)
-        return made if made.title else made.model_copy(update={"title": path.stem.replace("_", " ").replace("-", " ")})
+        return cls.of(**values)
 
     @property
     def count(self) -> int:
@@ -128,6 +133,12 @@ class SweepSpec(BaseModel):
 def run_spec(fields: Fields) -> RunSpec:
     """The run of these fields; what the name of a kind of goal says is added to its goal. Raises ConfigError."""
     kinds = goal_kinds().by_name
+    for part in ("goal", "initial"):
+        given = fields.get(part, [])
+        if not isinstance(given, list | tuple) or any(isinstance(one, str | int | float) for one in given):
+            raise ConfigError(
+                f'{part} was given {str(given)[:40]!r}; it is a list of tables, as [{{ image = "a.jpg" }}].'
+            )
     goal = [*fields.get("goal", []), *({name: fields[name]} for name in kinds if name in fields)]
     rest = {name: value for name, value in fields.items() if name not in kinds and name not in ("goal", PLAN)}
     return RunSpec.of(**rest, goal=goal)

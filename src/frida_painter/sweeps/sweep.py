@@ -1,8 +1,9 @@
 """A sweep from its description to its folder: what was done is not done again, and what fails stops nothing else."""
 
 import platform
+import re
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -95,7 +96,7 @@ def refuse_many(spec: SweepSpec, most: int | None) -> None:
 
 def default_folder(spec: SweepSpec) -> Path:
     """Where a sweep goes when nobody says otherwise."""
-    return Path("sweeps") / ("-".join(spec.title.split()) or "sweep")
+    return Path("sweeps") / (re.sub(r"[^\w.]+", "-", spec.title).strip("-.") or "sweep")
 
 
 def open_engine(
@@ -121,7 +122,7 @@ def open_engine(
 def _spec_of(what: str | Path | SweepSpec | Mapping[str, Any]) -> SweepSpec:
     if isinstance(what, SweepSpec):
         return what
-    return SweepSpec.of(**what) if isinstance(what, Mapping) else SweepSpec.from_toml(Path(what))
+    return SweepSpec.of_files(dict(what), Path.cwd()) if isinstance(what, Mapping) else SweepSpec.from_toml(Path(what))
 
 
 class _Driver:
@@ -198,7 +199,8 @@ class _Driver:
             "key": run.key, "kind": run.kind, "labels": dict(run.labels), "error": str(error),
             "times": {"ended": datetime.now(UTC).isoformat(timespec="milliseconds")}, "host": platform.node(),
         }  # fmt: skip
-        self._place.run(run.key).keep_failure(failure)
+        with suppress(StorageError):  # something else stands where its folder was: the others go on
+            self._place.run(run.key).keep_failure(failure)
         self._failures[run.key] = failure
         self._tally.failed(run)
 
