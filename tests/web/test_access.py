@@ -96,8 +96,9 @@ def test_what_another_page_loads_is_refused_before_its_token_is_looked_at(
     assert client.get("/", params={"token": right}).status_code == 200
 
 
-def test_a_link_that_was_clicked_on_another_page_opens_the_studio(studio: Studio) -> None:
-    clicked = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
+@pytest.mark.parametrize("aim", ["document", "empty"])
+def test_a_link_that_was_clicked_on_another_page_opens_the_studio(studio: Studio, aim: str) -> None:
+    clicked = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": aim}
     client = studio.client()
     assert client.get("/", headers=clicked).status_code == 200, "the browser may keep its cookie back: go on from here"
     assert client.get("/", headers={"Accept": "text/html"}).status_code == 401

@@ -179,10 +179,10 @@ class AuthMiddleware:
         if headers.getlist("host") != [host := headers.get("host", "")] or host not in self._hosts:
             return _refused(403, "The studio does not go by this name; use the address that it printed.")
         here = headers.get("sec-fetch-site", "none") in ("none", "same-origin")
-        # A link that was clicked on another page; what such a page loads or sends by itself looks different.
-        clicked = method == "GET" and [headers.get(f"sec-fetch-{name}") for name in ("mode", "dest")] == [
-            "navigate", "document"
-        ]  # fmt: skip
+        # A link that was clicked on another page; what such a page loads or sends by itself, a frame as well, looks
+        # different. Of some clicks Chromium does not tell that they lead to a document.
+        way, aim = (headers.get(f"sec-fetch-{name}") for name in ("mode", "dest"))
+        clicked = method == "GET" and way == "navigate" and aim in ("document", "empty")
         if not here and not clicked:
             return _refused(403, "Another page asked for this.")
         if method == "GET" and b"token=" in scope["query_string"]:
