@@ -11,8 +11,11 @@ canvas in turn, as the planner does; it is timed with all rows as well, and its 
 import statistics
 from argparse import Namespace
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -37,34 +40,73 @@ CPU = "CPU, 1 thread"
 OURS, ALL_ROWS, FROZEN, LEARNING = "ours", "ours, all rows", "network frozen", "network with gradients"
 
 
-def compare(
-    strokes: Strokes, paints: Paints, scene: Scene, target: Tensor, options: Namespace
-) -> dict[str, dict[str, float]]:
-    """Seconds per iteration, by clock and by what iterates."""
-    iterations = 2 if options.quick else 40
-    works = {
-        name: partial(optimize, strokes, seen, iterations=iterations, paints=paints)
-        for name, seen in ((OURS, scene), (ALL_ROWS, replace(scene, objective_on_rows=None)))
-    }
-    for name, gradients in ((FROZEN, False), (LEARNING, True)):
-        plan = OriginalPlan(strokes, PaperNetwork(scene.model.frame, weight_gradients=gradients))
-        works[name] = partial(plan.iterate, scene.canvas, scene.size, target)
-    found = {}
-    clocks = [(1, cpu_seconds, CPU), (2, wall_seconds, "wall, 2 threads")]
-    for threads, clock, name in clocks[:1] if options.no_wall else clocks:
-        torch.set_num_threads(threads)
-        seconds = interleaved(clock, works, options.repeats if threads == 1 else max(1, options.repeats // 2))
-        found[name] = {work: value / (iterations if work in (OURS, ALL_ROWS) else 1) for work, value in seconds.items()}
+@dataclass(frozen=True)
+class Case:
+    """What is iterated: strokes in the paints of a palette on a blank canvas, towards a photograph."""
+
+    strokes: Strokes
+    paints: Paints
+    scene: Scene
+    target: Tensor
+
+    @classmethod
+    def of(cls, options: Namespace) -> Self:
+        scene, target = blank_scene(photograph("astronaut"), CANVAS, options.rows, broad_brush())
+        strokes = uniform(options.strokes, scene.limits, CANVAS, torch.Generator().manual_seed(0))
+        return cls(*discretize(strokes, scene, min(COLORS, options.strokes), 0), scene, target)
+
+    def ours(self, iterations: int) -> dict[str, Callable[[], object]]:
+        return {
+            name: partial(optimize, self.strokes, seen, iterations=iterations, paints=self.paints)
+            for name, seen in ((OURS, self.scene), (ALL_ROWS, replace(self.scene, objective_on_rows=None)))
+        }
+
+    def papers(self) -> dict[str, Callable[[], object]]:
+        network = partial(PaperNetwork, self.scene.model.frame)
+        plans = {
+            name: OriginalPlan(self.strokes, network(weight_gradients=gradients))
+            for name, gradients in ((FROZEN, False), (LEARNING, True))
+        }
+        seen = self.scene.canvas, self.scene.size, self.target
+        return {name: partial(plan.iterate, *seen) for name, plan in plans.items()}
+
+
+def measured(pipe: Connection, options: Namespace, iterations: int | None) -> None:
+    """Answers each (work, threads) that is asked for with CPU and wall seconds of an iteration, until None comes."""
     prepare_process()
+    case = Case.of(options)
+    works = case.papers() if iterations is None else case.ours(iterations)
+    while (asked := pipe.recv()) is not None:
+        name, threads = asked
+        torch.set_num_threads(threads)
+        clock = cpu_seconds if threads == 1 else wall_seconds
+        pipe.send(clock(works[name]) / (iterations or 1))
+
+
+def compare(options: Namespace) -> dict[str, dict[str, float]]:
+    """Median seconds per iteration, by clock and by what iterates; all take turns, and the first turn warms up.
+
+    Ours and the paper's are in processes of their own, so that the memory of one is not in the other's way.
+    """
+    context, iterations, pipes = get_context("spawn"), 2 if options.quick else 40, []
+    for count in (iterations, None):
+        pipe, other = context.Pipe()
+        context.Process(target=measured, args=(other, options, count), daemon=True).start()
+        pipes.append(pipe)
+    asked = {OURS: pipes[0], ALL_ROWS: pipes[0], FROZEN: pipes[1], LEARNING: pipes[1]}
+    found = {}
+    for clock, threads in ((CPU, 1),) if options.no_wall else ((CPU, 1), ("wall, 2 threads", 2)):
+        turns = 1 + (options.repeats if threads == 1 else max(1, options.repeats // 2))
+        rounds = [{name: answer(pipe, name, threads) for name, pipe in asked.items()} for _ in range(turns)]
+        found[clock] = {name: statistics.median(seconds[name] for seconds in rounds[1:]) for name in asked}
+    for pipe in pipes:
+        pipe.send(None)
     return found
 
 
-def interleaved(
-    clock: Callable[[Callable[[], object]], float], works: dict[str, Callable[[], object]], turns: int
-) -> dict[str, float]:
-    """Median seconds of all works, which take turns; one turn before warms up."""
-    rounds = [{name: clock(work) for name, work in works.items()} for _ in range(turns + 1)][1:]
-    return {name: statistics.median(seconds[name] for seconds in rounds) for name in works}
+def answer(pipe: Connection, name: str, threads: int) -> float:
+    pipe.send((name, threads))
+    return float(pipe.recv())
 
 
 def breakdown(strokes: Strokes, scene: Scene, whole: float, repeats: int) -> dict[str, float]:
@@ -80,10 +122,12 @@ def parts(strokes: Strokes, scene: Scene) -> dict[str, float]:
     canvas = scene.rows.of(scene.canvas)
     leaves = {name: part.clone().requires_grad_() for name, part in strokes.arrays().items()}
     grid = PixelGrid(scene.size, *scene.canvas.shape[1:])
-    model_forward, magnitude = timed(lambda: scene.model(leaves["thickness"], leaves["length"], leaves["bend"]))
+    shapes = leaves["thickness"], leaves["length"], leaves["bend"]
+    model_forward, magnitude = timed(lambda: scene.model.windows(*shapes)[0])
     marks = magnitude.detach().requires_grad_()
+    shift = scene.model.windows(*shapes)[1]
     placing, affine = timed(
-        lambda: pixel_to_map(leaves["position"], leaves["angle"], grid, scene.model.frame, scene.rows)
+        lambda: pixel_to_map(leaves["position"], leaves["angle"], grid, scene.model.frame, scene.rows) - shift
     )
     places = affine.detach().requires_grad_()
     laying, painted = timed(lambda: laid(marks, places, leaves["color"], canvas, scene.spread))
@@ -123,17 +167,15 @@ def main() -> None:
         options.no_wall = True
         options.strokes, options.rows, options.repeats = 12, 64, 1
     prepare_process()
-    scene, target = blank_scene(photograph("astronaut"), CANVAS, options.rows, broad_brush())
-    strokes = uniform(options.strokes, scene.limits, CANVAS, torch.Generator().manual_seed(0))
-    strokes, paints = discretize(strokes, scene, min(COLORS, options.strokes), 0)
-    found = compare(strokes, paints, scene, target, options)
+    found = compare(options)
+    case = Case.of(options)
     whole = found[CPU][OURS]
-    shares = breakdown(strokes, scene, whole, 3 if options.quick else 30)
-    _, height, width = scene.canvas.shape
-    case = f"{options.strokes} strokes, {height} x {width} pixels"
+    shares = breakdown(case.strokes, case.scene, whole, 3 if options.quick else 30)
+    _, height, width = case.scene.canvas.shape
+    told = f"{options.strokes} strokes, {height} x {width} pixels"
     tables = [
         Table(
-            f"One planning iteration, {case}",
+            f"One planning iteration, {told}",
             ("clock", "as the paper describes it", "seconds", "ours, all rows", "ours", "faster", "at least", "aim"),
             [
                 (
@@ -146,7 +188,7 @@ def main() -> None:
             ],
         ),
         Table(
-            f"Where an iteration of ours goes, {case}, CPU time of one thread",
+            f"Where an iteration of ours goes, {told}, CPU time of one thread",
             ("part", "ms", "share"),
             [(name, f"{seconds * 1000:.2f}", f"{seconds / whole:.0%}") for name, seconds in shares.items()],
         ),

@@ -24,6 +24,7 @@ LAYERS = (
         "sheet",
         "video",
         "model_folder",
+        "compiled",
         "weights",
     ),
     (

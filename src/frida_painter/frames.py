@@ -7,7 +7,6 @@ to n - 0.5. Only here, and in frame_kernels.py, y flips.
 
 import math
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import Any, Self
 
 import torch
@@ -16,6 +15,7 @@ from torch import Tensor
 from frida_painter.canvas_size import LARGEST_CANVAS as LARGEST_CANVAS
 from frida_painter.canvas_size import SMALLEST_CANVAS as SMALLEST_CANVAS
 from frida_painter.canvas_size import CanvasSize as CanvasSize
+from frida_painter.compiled import compiles_for
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def pixel_to_map(position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFra
     (map column, map row) = A @ (pixel column, pixel row, 1). Differentiable (on the CPU once).
     rows: which of the grid's rows the picture has; pixel row i is row first + i every of the grid.
     """
-    if angle.device.type == "cpu" and find_spec("numba") is not None:
+    if compiles_for(angle):
         affine: Tensor = _PixelToMap.apply(position, angle, grid, frame, rows)  # type: ignore[no-untyped-call]
         return affine
     return pixel_to_map_plainly(position, angle, grid, frame, rows)

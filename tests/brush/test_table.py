@@ -69,17 +69,32 @@ def test_the_compiled_loops_give_what_plain_pytorch_does(parts):
     edges = torch.tensor([-0.3, 0.0, 0.2, 0.4, 0.5, 0.6, 0.75, 0.8, 1.0, 1.4])
     chance = torch.rand(3, 50, generator=torch.Generator().manual_seed(4))
     place = torch.cat((chance, torch.cartesian_prod(edges, edges, edges).T), 1)
-    upstream = torch.randn(place.shape[1], 24, 42, generator=torch.Generator().manual_seed(5))
+    upstream = torch.randn(place.shape[1], *table.window, generator=torch.Generator().manual_seed(5))
     found = []
     (shortest, longest), (least, most) = table.limits.length, table.limits.bend
-    for look_up in (table, lambda *shape: table.plainly(table.places(*shape).clamp(0, 1))):
+    for look_up in (table.windows, lambda *shape: table.plainly(table.places(*shape).clamp(0, 1))):
         at = place.clone().requires_grad_()
-        maps = look_up(at[0], shortest + at[1] * (longest - shortest), least + at[2] * (most - least)).flatten(1)
-        (slope,) = torch.autograd.grad((maps * upstream.flatten(1)).sum(), at)
-        found.append((maps.detach(), slope))
-    (maps, slope), (plain_maps, plain_slope) = found
+        maps, shift = look_up(at[0], shortest + at[1] * (longest - shortest), least + at[2] * (most - least))
+        (slope,) = torch.autograd.grad((maps * upstream).sum(), at)
+        found.append((maps.detach(), shift, slope))
+    (maps, shift, slope), (plain_maps, plain_shift, plain_slope) = found
+    assert torch.equal(shift, plain_shift)
     torch.testing.assert_close(maps, plain_maps, atol=2e-6, rtol=0)
     torch.testing.assert_close(slope, plain_slope, atol=2e-5 * float(plain_slope.abs().amax()), rtol=1e-3)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_windows_hold_all_paint_where_they_say_it_is(dtype):
+    table = StrokeTable.of(ribbon().to(dtype), torch.zeros((), dtype=dtype), DETAIL)
+    shape = shapes(40, seed=6, dtype=dtype)
+    whole, (windows, shift) = table(*shape), table.windows(*shape)
+    rows, columns = table.window
+    assert rows * columns < 24 * 42, "a frame is mostly empty"
+    for frame, window, place in zip(whole, windows, shift, strict=True):
+        assert place[:, :2].eq(0).all()
+        left, top = place[:, 2].long().tolist()
+        there = frame[top : top + rows, left : left + columns]
+        assert torch.equal(there, window) and frame.sum() == pytest.approx(float(window.sum()))
 
 
 def test_a_shape_that_is_not_finite_gives_no_number(table):

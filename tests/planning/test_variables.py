@@ -131,14 +131,18 @@ class Plain(Variables):
     _compiled = False
 
 
-@given(st.integers(1, 20), st.integers(0, 2**31), st.sampled_from((F64, torch.float32)))
-def test_compiled_strokes_and_their_slopes_are_the_plain_ones(count: int, seed: int, dtype: torch.dtype) -> None:
+@given(st.integers(1, 20), st.integers(0, 2**31), st.sampled_from((F64, torch.float32)), st.booleans())
+def test_compiled_strokes_and_their_slopes_are_the_plain_ones(
+    count: int, seed: int, dtype: torch.dtype, with_paints: bool
+) -> None:
     chance, strokes = torch.Generator().manual_seed(seed), some_strokes(count, seed, dtype)
+    chosen = random_paints(count, 3, seed)
+    paints = Paints(chosen.color.to(dtype), chosen.paint) if with_paints else None
     order = torch.randperm(count, generator=chance)
     upstream = {name: torch.randn(part.shape, generator=chance).to(part) for name, part in strokes.arrays().items()}
     found = []
     for kind in (Variables, Plain):
-        variables = kind(strokes, None, vary_colors=True, light_to_dark=True)
+        variables = kind(strokes, paints, vary_colors=True, light_to_dark=True)
         back = variables.strokes(order)
         total = sum((part * upstream[name]).sum() for name, part in back.arrays().items())
         found.append((back.detach(), *torch.autograd.grad(total, variables.leaves)))

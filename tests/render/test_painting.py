@@ -38,7 +38,7 @@ def test_cpu_tensors_take_the_scanlines(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_without_numba_plain_pytorch_renders(monkeypatch: pytest.MonkeyPatch) -> None:
     tensors = scene(3, (4, 4), (6, 6))
-    monkeypatch.setattr(painting, "find_spec", lambda name: None)
+    monkeypatch.setattr(painting, "compiles_for", lambda canvas: False)
     monkeypatch.setattr(scanline, "composite", lambda *_: pytest.fail("took the scanlines"))
     assert_same(with_gradients(composite, tensors), with_gradients(reference.composite, tensors))
 

@@ -11,7 +11,6 @@ docs/stroke-model.md states error and speed.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import Any, Self
 
 import numpy as np
@@ -22,6 +21,7 @@ from frida_painter.brush import spline
 from frida_painter.brush.spread import CoverageSpread, spread_of
 from frida_painter.brush.squash import BEYOND, squash, unsquash
 from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.compiled import array, compiles_for
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 
@@ -50,6 +50,9 @@ class StrokeTable(nn.Module):
     count as the nearest ones inside. Differentiable once, in thickness, length and bend. The
     buffers follow `.to()` to another precision or device. In float32 on the CPU, compiled loops do
     the work (table_kernels.py); elsewhere plain PyTorch does, to the same effect.
+
+    window: rows and columns of the smallest window of the frame that holds the marks of any one part, wherever that
+    part has it. Renderers draw windows: a frame is mostly empty.
     """
 
     coefficients: Tensor  # [parts, knots of thickness, of length, of bend, rank]
@@ -59,6 +62,8 @@ class StrokeTable(nn.Module):
     counts: Tensor  # [parts], how many there are
     part_of: Tensor  # [3, spans], what each span of each axis adds to the number of the part
     first_of: Tensor  # [3, spans], the first knot of each span inside its part
+    corners: Tensor  # [parts, 2], column and row of each part's window in the frame
+    inside: Tensor  # [parts, most], `cells` as indices into the window, one beyond all where there are fewer
 
     def __init__(self, model: StrokeModel, detail: TableDetail, kept: Mapping[str, Tensor]) -> None:
         """kept: the buffers by name."""
@@ -69,7 +74,9 @@ class StrokeTable(nn.Module):
         self.spread: CoverageSpread = spread_of(model)
         self.detail = detail
         part_of, first_of = _places_of_spans(detail)
-        for name, buffer in {**kept, "part_of": part_of, "first_of": first_of}.items():
+        self.window, corners, inside = _windows(kept["cells"], kept["counts"], model.frame)
+        derived = {"part_of": part_of, "first_of": first_of, "corners": corners, "inside": inside}
+        for name, buffer in {**kept, **derived}.items():
             self.register_buffer(name, buffer, persistent=name in kept)
 
     @classmethod
@@ -143,20 +150,31 @@ class StrokeTable(nn.Module):
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
         """thickness [n] in [0, 1], length [n] and bend [n] in metres -> magnitude [n, rows, columns] in [0, 1]."""
+        maps, shift = self.windows(thickness, length, bend)
+        left, top = shift[:, :, 2].long().unbind(1)
+        row, column = (torch.arange(side, device=maps.device) for side in self.window)
+        cell = (top[:, None, None] + row[:, None]) * self.frame.columns + left[:, None, None] + column  # [n, h, w]
+        whole = maps.new_zeros(len(maps), self.frame.rows * self.frame.columns)
+        return whole.scatter(1, cell.flatten(1), maps.flatten(1)).view(-1, self.frame.rows, self.frame.columns)
+
+    def windows(self, thickness: Tensor, length: Tensor, bend: Tensor) -> tuple[Tensor, Tensor]:
+        """What `forward` gives, of each stroke's window alone: magnitude [n, h, w], and where the windows are.
+
+        The latter as what is taken from `frames.pixel_to_map` of the frame, [n, 2, 3], for that of the windows.
+        """
         at = thickness, length, bend
-        if length.device.type == "cpu" and length.dtype == self.basis.dtype == torch.float32 and find_spec("numba"):
-            maps: Tensor = _Lookup.apply(*at, self)  # type: ignore[no-untyped-call]
-        else:
-            maps = self.plainly(self.places(*at).clamp(0, 1))
-        return maps.view(-1, self.frame.rows, self.frame.columns)
+        if compiles_for(length) and length.dtype == self.basis.dtype == torch.float32:
+            found: tuple[Tensor, Tensor] = _Lookup.apply(*at, self)  # type: ignore[no-untyped-call]
+            return found
+        return self.plainly(self.places(*at).clamp(0, 1))
 
     def places(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
         """Where such strokes stand in the table [3, n], in [0, 1] inside the limits."""
         (shortest, longest), (least, most) = self.limits.length, self.limits.bend
         return torch.stack((thickness, (length - shortest) / (longest - shortest), (bend - least) / (most - least)))
 
-    def plainly(self, place: Tensor) -> Tensor:
-        """The maps [n, rows x columns] at places [3, n] in [0, 1], by PyTorch on any device in any precision."""
+    def plainly(self, place: Tensor) -> tuple[Tensor, Tensor]:
+        """The windows at places [3, n] in [0, 1], by PyTorch on any device in any precision."""
         looked = [spline.weights(axis, pieces) for axis, pieces in zip(place, self.detail.spans, strict=True)]
         part = self.part_of[1, looked[1][0]] + self.part_of[2, looked[2][0]]
         first = [self.first_of[axis, span] for axis, (span, _) in enumerate(looked)]
@@ -167,14 +185,15 @@ class StrokeTable(nn.Module):
             row, self.coefficients.flatten(0, 3), per_sample_weights=share, mode="sum"
         )
         logits = torch.baddbmm(self.mean[part][:, None], coordinates[:, None], self.basis[part])[:, 0]
-        maps = logits.new_zeros(len(part), self.frame.rows * self.frame.columns + 1)
-        return maps.scatter(1, self.cells[part], squash(logits))[:, :-1]
+        maps = logits.new_zeros(len(part), math.prod(self.window) + 1)
+        maps = maps.scatter(1, self.inside[part], squash(logits))[:, :-1].view(-1, *self.window)
+        return maps, nn.functional.pad(self.corners[part].to(maps)[:, :, None], (2, 0))
 
     def arrays(self) -> Any:
         """The buffers as the compiled loops take them."""
         from frida_painter.brush.table_kernels import TableArrays
 
-        names = (*_KEPT, "part_of", "first_of")
+        names = ("coefficients", "basis", "mean", "counts", "part_of", "first_of", "corners", "inside")
         return TableArrays(**{name: self.get_buffer(name).numpy() for name in names}, beyond=np.float32(BEYOND))
 
 
@@ -185,17 +204,21 @@ class _Lookup(torch.autograd.Function):
     """`StrokeTable.plainly` by compiled loops, which touch only the cells of a stroke's own part."""
 
     @staticmethod
-    def forward(context: Any, thickness: Tensor, length: Tensor, bend: Tensor, table: StrokeTable) -> Tensor:
+    def forward(
+        context: Any, thickness: Tensor, length: Tensor, bend: Tensor, table: StrokeTable
+    ) -> tuple[Tensor, Tensor]:
         from frida_painter.brush import table_kernels
 
         asked = table.places(thickness, length, bend)
         place = asked.clamp(0, 1)
-        maps = place.new_zeros(place.shape[1], table.frame.rows * table.frame.columns)
+        maps, shift = place.new_empty(place.shape[1], *table.window), place.new_zeros(place.shape[1], 2, 3)
         arrays = table.arrays()
-        table_kernels.look_up(place.numpy(), table.detail.spans, arrays, maps.numpy())
-        context.save_for_backward(place, maps, asked == place)
+        flat = maps.view(len(maps), math.prod(table.window))
+        table_kernels.look_up(place.numpy(), table.detail.spans, arrays, flat.numpy(), shift.numpy())
+        context.save_for_backward(place, flat, asked == place)
+        context.mark_non_differentiable(shift)
         context.table, context.arrays = table, arrays
-        return maps
+        return maps, shift
 
     @staticmethod
     @torch.autograd.function.once_differentiable
@@ -204,7 +227,7 @@ class _Lookup(torch.autograd.Function):
 
         place, maps, inside = context.saved_tensors
         table, to_place = context.table, torch.empty_like(place)
-        arrays = (tensor.detach().contiguous().numpy() for tensor in (maps, upstream[0], to_place))
+        arrays = map(array, (maps, upstream[0].view_as(maps), to_place))
         table_kernels.pull_back(place.numpy(), table.detail.spans, context.arrays, *arrays)
         to_thickness, to_length, to_bend = (to_place * inside).unbind()
         (shortest, longest), (least, most) = table.limits.length, table.limits.bend
@@ -222,6 +245,19 @@ def _sizes(detail: TableDetail) -> tuple[int, tuple[int, ...], int]:
     edges = [_edges(detail, axis) for axis in (0, 1)]
     knots = (detail.spans[0] + 3, *(max(last - first for first, last in axis) + 3 for axis in edges))
     return len(edges[0]) * len(edges[1]), knots, -(-detail.rank // 4) * 4
+
+
+def _windows(cells: Tensor, counts: Tensor, frame: MapFrame) -> tuple[tuple[int, int], Tensor, Tensor]:
+    """Size, corners [parts, 2] and cells [parts, most] of the windows that hold those cells of a frame."""
+    used = cells < frame.rows * frame.columns
+    ends = []  # of each axis: the first and the last row or column of each part
+    for place, beyond in ((cells // frame.columns, frame.rows), (cells % frame.columns, frame.columns)):
+        first, last = place.masked_fill(~used, beyond), place.masked_fill(~used, -1)
+        ends.append((first.amin(1).where(counts > 0, 0), last.amax(1).where(counts > 0, 0)))
+    rows, columns = (int((last - first).max()) + 1 for first, last in ends)
+    top, left = ends[0][0].clamp(max=frame.rows - rows), ends[1][0].clamp(max=frame.columns - columns)
+    inside = (cells // frame.columns - top[:, None]) * columns + cells % frame.columns - left[:, None]
+    return (rows, columns), torch.stack((left, top), 1), inside.where(used, rows * columns)
 
 
 def _places_of_spans(detail: TableDetail) -> tuple[Tensor, Tensor]:

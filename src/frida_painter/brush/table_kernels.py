@@ -26,10 +26,11 @@ class TableArrays(NamedTuple):
     coefficients: Array
     basis: Array
     mean: Array
-    cells: Array
     counts: Array
     part_of: Array
     first_of: Array
+    corners: Array
+    inside: Array
     beyond: np.float32
 
 
@@ -45,9 +46,11 @@ def part_by_part(place, spans, table):  # type: ignore[no-untyped-def]
     return order, part[order]
 
 
-@njit(cache=True, fastmath=_SUMS)
-def look_up(place, spans, table, maps):  # type: ignore[no-untyped-def]
-    """Magnitudes of n strokes at place [3, n] in [0, 1], to maps [n, rows x columns], which come as zeros.
+@njit(cache=True, fastmath=_SUMS, error_model="numpy")
+def look_up(place, spans, table, maps, shift):  # type: ignore[no-untyped-def]
+    """Magnitudes of n strokes at place [3, n] in [0, 1], to windows [n, rows x columns].
+
+    shift [n, 2, 3] comes as zeros, and tells where they are as `StrokeTable.windows` does.
 
     Four strokes of a part look at its basis together: reading it takes longer than computing with it.
     """
@@ -61,7 +64,7 @@ def look_up(place, spans, table, maps):  # type: ignore[no-untyped-def]
     while begin < len(order):
         part = parts[begin]
         four = order[begin : begin + 4][parts[begin : begin + 4] == part]
-        count, cells = table.counts[part], table.cells[part]
+        count, cells = table.counts[part], table.inside[part]
         for j in range(4):  # where there are fewer, the last one is looked at again
             _weigh(place[:, four[min(j, len(four) - 1)]], spans, table, first, weight, slope)
             _sum_up(table.coefficients[part], first, weight, coordinates[j])
@@ -69,6 +72,8 @@ def look_up(place, spans, table, maps):  # type: ignore[no-untyped-def]
         _add_up(coordinates, table.basis[part], count, logits[0], logits[1], logits[2], logits[3])
         for j in range(len(four)):
             line, mark = logits[j, :count], maps[four[j]]
+            shift[four[j], 0, 2], shift[four[j], 1, 2] = table.corners[part, 0], table.corners[part, 1]
+            mark[:] = np.float32(0)
             _squash(line, bits[:count], table.beyond)
             for k in range(count):
                 mark[cells[k]] = line[k]
@@ -94,7 +99,7 @@ def _add_up(coordinates, basis, count, one, two, three, four):  # type: ignore[n
 
 @njit(cache=True, fastmath=_SUMS)
 def pull_back(place, spans, table, maps, upstream, to_place):  # type: ignore[no-untyped-def]
-    """From gradients to the maps, both [n, rows x columns], to those of the places [3, n]; four strokes together."""
+    """From gradients to the windows, both [n, rows x columns], to those of the places [3, n]; four strokes together."""
     rank, most = table.basis.shape[1:]
     weight, slope = np.empty((3, 4), np.float32), np.empty((3, 4), np.float32)
     first = np.empty(3, np.int64)
@@ -107,7 +112,7 @@ def pull_back(place, spans, table, maps, upstream, to_place):  # type: ignore[no
     while begin < len(order):
         part = parts[begin]
         four = order[begin : begin + 4][parts[begin : begin + 4] == part]
-        count, cells, along = table.counts[part], table.cells[part], table.coefficients[part]
+        count, cells, along = table.counts[part], table.inside[part], table.coefficients[part]
         for j in range(len(four)):
             mark, above, line = maps[four[j]], upstream[four[j]], pull[j]
             for k in range(count):
@@ -186,7 +191,7 @@ def _sum_up(coefficients, first, weight, coordinates):  # type: ignore[no-untype
                     coordinates[r] += share * row[r]
 
 
-@njit(cache=True, fastmath=_SUMS)
+@njit(cache=True, fastmath=_SUMS, error_model="numpy")  # Python's division looks for zeros, one number at a time
 def _squash(line, bits, beyond):  # type: ignore[no-untyped-def]
     """`squash` in place; e^-x is 2^n times a polynomial, and 2^n is written bit by bit."""
     for k in range(len(line)):

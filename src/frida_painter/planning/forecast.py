@@ -111,11 +111,11 @@ def _error_and_chance(strokes: Sequence[Strokes], scenes: Sequence[Scene], targe
     parts = [(part, scene) for part, scene in zip(strokes, scenes, strict=True) if len(part)]
     if not parts or all(scene.spread.share == 0 for _, scene in parts):
         return _error(strokes, scenes, target), 0.0
-    marks, on = [part for part, _ in parts], [replace(scene, canvas=scenes[0].canvas) for _, scene in parts]
+    laid, on = [part for part, _ in parts], [replace(scene, canvas=scenes[0].canvas) for _, scene in parts]
     with torch.no_grad():
-        magnitudes = [scene.model(part.thickness, part.length, part.bend) for part, scene in parts]
-    magnitudes = [each.detach().requires_grad_() for each in magnitudes]
-    mean, variance = stacked_moments(marks, on, magnitudes)
+        marks = [scene.marks(part) for part, scene in zip(laid, on, strict=True)]
+    magnitudes = [each.magnitude.requires_grad_() for each in marks]
+    mean, variance = stacked_moments(laid, on, marks)
     error = (mean - target).square().mean() + variance.mean()
     slopes = torch.autograd.grad(error, magnitudes)
     by_chance = 0.0

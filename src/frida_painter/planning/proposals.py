@@ -11,7 +11,7 @@ import torch.nn.functional as functional
 from torch import Tensor
 
 from frida_painter.brush.stroke_model import StrokeModel
-from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
+from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.palette import to_lab
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints
@@ -43,9 +43,7 @@ class Layers:
 
 def layers(strokes: Strokes, scene: Scene, *, light_to_dark: bool) -> Layers:
     """The layers of strokes that are in painting order; where any order will do, the one place is on top."""
-    grid = PixelGrid(scene.size, *scene.canvas.shape[1:])
-    magnitude = scene.model(strokes.thickness, strokes.length, strokes.bend)
-    affine = pixel_to_map(strokes.position, strokes.angle, grid, scene.model.frame)
+    magnitude, affine = scene.marks(strokes)
     ends = _ends(strokes, light_to_dark)
     below, picture = [], scene.canvas
     for part in ends:

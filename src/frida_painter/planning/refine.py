@@ -6,7 +6,6 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from frida_painter.frames import PixelGrid, pixel_to_map
 from frida_painter.palette import Palette
 from frida_painter.planning.distinct_paints import HARDLY_APART, distinct
 from frida_painter.planning.initialize import best_proposals, insert
@@ -35,10 +34,7 @@ def loss_without(strokes: Strokes, scene: Scene, target: Tensor, generator: torc
     |D_i|^2 is the mean of (z.D_i)^2 over random signs z (Hutchinson's estimator), a derivative too.
     """
     with torch.no_grad():
-        magnitude = scene.model(strokes.thickness, strokes.length, strokes.bend)
-        affine = pixel_to_map(
-            strokes.position, strokes.angle, PixelGrid(scene.size, *scene.canvas.shape[1:]), scene.model.frame
-        )
+        magnitude, affine = scene.marks(strokes)
     magnitude.requires_grad_()
     picture = composite(magnitude, affine, strokes.color, scene.canvas, bare_cells_answer=False)
 

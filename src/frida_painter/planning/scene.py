@@ -10,9 +10,9 @@ from torch import Tensor, nn
 from frida_painter.brush.dip import painted_area
 from frida_painter.brush.spread import CoverageSpread, spread_of
 from frida_painter.brush.stroke_model import StrokeModel
-from frida_painter.frames import ALL_ROWS, CanvasSize, Rows
+from frida_painter.frames import ALL_ROWS, CanvasSize, PixelGrid, Rows
 from frida_painter.objectives.objective import Objective
-from frida_painter.render import Moments, render, render_moments
+from frida_painter.render import Marks, Moments, marks_of, render, render_moments
 from frida_painter.strokes import StrokeLimits, Strokes
 
 # Marks vary more in a painting than in a stroke library: paint lies on paint that may be wet, the brush is not always
@@ -56,6 +56,10 @@ class Scene:
     def in_paint(self, color: Tensor) -> Tensor:
         """sRGB [..., 3] as near as paint comes to it: in [0, 1], and no band darker than in the darkest paint."""
         return color.clamp(0, 1) if self.darkest is None else torch.maximum(color.clamp(max=1), self.darkest)
+
+    def marks(self, strokes: Strokes) -> Marks:
+        """The marks that the brush makes of strokes, on the rows that are looked at."""
+        return marks_of(strokes, self.model, PixelGrid(self.size, *self.canvas.shape[1:]), self.rows)
 
     def render(self, strokes: Strokes) -> Tensor:
         """The picture [3, H, W] that the strokes, in their order, would make of the canvas."""

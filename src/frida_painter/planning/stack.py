@@ -8,34 +8,27 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from frida_painter.frames import PixelGrid, pixel_to_map
 from frida_painter.objectives.objective import Objective
 from frida_painter.planning.scene import Scene
-from frida_painter.render import Moments, composite_moments
+from frida_painter.render import Marks, Moments, composite_moments
 from frida_painter.strokes import Strokes
 
 
 def stacked_moments(
-    strokes: Sequence[Strokes], scenes: Sequence[Scene], magnitudes: Sequence[Tensor] | None = None
+    strokes: Sequence[Strokes], scenes: Sequence[Scene], marks: Sequence[Marks] | None = None
 ) -> Moments:
     """Mean [3, H, W] and variance [H, W] of the picture after strokes of several brushes, each over the one before.
 
-    scenes: one for each part, with its brush, on the canvas of the first; magnitudes: the maps [n, h, w] of each
-    part's strokes, to differentiate in, by default what its stroke model says.
+    scenes: one for each part, with its brush, on the canvas of the first; marks: those of each part's strokes, to
+    differentiate in, by default what its stroke model says.
     """
-    rows = scenes[0].rows
-    mean = rows.of(scenes[0].canvas)
+    mean = scenes[0].rows.of(scenes[0].canvas)
     variance = torch.zeros_like(mean[0])
     for number, (part, scene) in enumerate(zip(strokes, scenes, strict=True)):
         if len(part) == 0:
             continue
-        model = scene.model
-        grid = PixelGrid(scene.size, *scene.canvas.shape[1:])
-        affine = pixel_to_map(part.position, part.angle, grid, model.frame, rows)
-        magnitude = model(part.thickness, part.length, part.bend) if magnitudes is None else magnitudes[number]
-        mean, variance = composite_moments(
-            magnitude, affine, part.color, mean, scene.spread, variance, bare_cells_answer=False
-        )
+        laid = scene.marks(part) if marks is None else marks[number]
+        mean, variance = composite_moments(*laid, part.color, mean, scene.spread, variance, bare_cells_answer=False)
     return Moments(mean, variance)
 
 

@@ -5,6 +5,7 @@ A stroke's numbers are its middle x and y, angle, length, bend and thickness, ea
 
 import math
 
+import numpy as np
 from numba import njit
 
 
@@ -46,6 +47,22 @@ def pull_to_shape(shape, unit, order, position, angle, length, bend, thickness, 
 
 
 @njit(cache=True)
+def to_colors(color, number, found, unit):  # type: ignore[no-untyped-def]
+    """Fills in found [n, 3]: of colours [k, 3], the one of each number [n], in their unit."""
+    for i in range(len(number)):
+        for band in range(3):
+            found[i, band] = color[number[i], band] * unit
+
+
+@njit(cache=True)
+def pull_to_colors(upstream, number, to_color, unit):  # type: ignore[no-untyped-def]
+    """From gradients to found [n, 3] to those to the colours [k, 3], which come as zeros."""
+    for i in range(len(number)):
+        for band in range(3):
+            to_color[number[i], band] += upstream[i, band] * unit
+
+
+@njit(cache=True)
 def bring_inside(shape, unit, length, bend, width, height):  # type: ignore[no-untyped-def]
     """`Strokes.project` for shape [n, 6], in place; length and bend: (least, most), in its precision like the rest."""
     none, half, one = unit.dtype.type(0), unit.dtype.type(0.5), unit.dtype.type(1)
@@ -60,6 +77,16 @@ def bring_inside(shape, unit, length, bend, width, height):  # type: ignore[no-u
         numbers[1] = (y + half * (sin * along + cos * aside)) / unit[1]
         numbers[3], numbers[4] = along / unit[3], aside / unit[4]
         numbers[5] = _between(numbers[5] * unit[5], none, one) / unit[5]
+
+
+@njit(cache=True, error_model="numpy")
+def step(leaf, slope, mean, square, first, second, length, spread, epsilon):  # type: ignore[no-untyped-def]
+    """A step of Adam for numbers [n], in place; the plain way in adam.py is its twin."""
+    one = leaf.dtype.type(1)
+    for i in range(len(leaf)):
+        mean[i] += (one - first) * (slope[i] - mean[i])
+        square[i] = second * square[i] + (one - second) * slope[i] * slope[i]
+        leaf[i] -= length * mean[i] / (np.sqrt(square[i]) / spread + epsilon)
 
 
 @njit(cache=True)

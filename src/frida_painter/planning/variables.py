@@ -9,13 +9,13 @@ optimiser's memory stays with its stroke.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from frida_painter.compiled import array, compiles_for
 from frida_painter.frames import CanvasSize
 from frida_painter.palette import Palette, to_lab
 from frida_painter.strokes import StrokeLimits, Strokes
@@ -61,27 +61,25 @@ class Variables:
 
     def strokes(self, order: Tensor | None = None) -> Strokes:
         """The strokes as they stand, in that order [n] or the variables' own; differentiable in the leaves."""
-        paint, color = self.paint, self.color * _COLOR_UNIT
-        if order is not None:
-            paint = order if paint is None else paint[order]
         look: Callable[..., tuple[Tensor, ...]] = _AsStrokes.apply
-        parts = look(self.shape, self._unit, order) if self._compiled else self._plainly(order)
-        position, angle, length, bend, thickness = parts
-        return Strokes(position, angle, length, bend, thickness, color if paint is None else color[paint])
+        if self._compiled:
+            return Strokes(*look(self.shape, self.color, self._unit, order, self.paint))
+        return Strokes(*self._plainly(order))
 
     def _plainly(self, order: Tensor | None) -> tuple[Tensor, ...]:
-        """Position [n, 2], angle, length, bend and thickness [n] of the strokes in that order, by PyTorch anywhere."""
-        shape = self.shape if order is None else self.shape[order]
+        """Position [n, 2], angle, length, bend, thickness [n], color [n, 3] of the strokes so, by PyTorch anywhere."""
+        order = torch.arange(len(self.shape), device=self.shape.device) if order is None else order
+        shape, color = self.shape[order], self.color * _COLOR_UNIT
         x, y, angle, length, bend, thickness = (shape * self._unit).unbind(1)
         cos, sin = torch.cos(angle), torch.sin(angle)
         # From the middle of the stroke, (l/2, b/2) in its own frame, back to its start.
         start = torch.stack((x - cos * length / 2 + sin * bend / 2, y - sin * length / 2 - cos * bend / 2), -1)
-        return start, angle, length, bend, thickness
+        return start, angle, length, bend, thickness, color[order if self.paint is None else self.paint[order]]
 
     @property
     def _compiled(self) -> bool:
         """Whether compiled loops do the work (variable_kernels.py); elsewhere PyTorch does, to the same effect."""
-        return self.shape.device.type == "cpu" and find_spec("numba") is not None
+        return compiles_for(self.shape)
 
     def bring_inside(self, limits: StrokeLimits, size: CanvasSize, in_paint: Callable[[Tensor], Tensor]) -> None:
         """Makes them those of the nearest strokes that a machine may paint (`Strokes.project`).
@@ -94,7 +92,7 @@ class Variables:
 
                 number, limits = _number(self.shape), limits.within(size)
                 length, bend = (tuple(map(number, of)) for of in (limits.length, limits.bend))
-                shape, unit = self.shape.numpy(), self._unit.numpy()
+                shape, unit = array(self.shape), array(self._unit)
                 variable_kernels.bring_inside(shape, unit, length, bend, number(size.width), number(size.height))
                 torch.autograd.graph.increment_version(self.shape)
             else:
@@ -127,28 +125,33 @@ class _AsStrokes(torch.autograd.Function):
     """`Variables._plainly` by compiled loops, with its derivatives in closed form."""
 
     @staticmethod
-    def forward(context: Any, shape: Tensor, unit: Tensor, order: Tensor | None) -> tuple[Tensor, ...]:
+    def forward(
+        context: Any, shape: Tensor, color: Tensor, unit: Tensor, order: Tensor | None, paint: Tensor | None
+    ) -> tuple[Tensor, ...]:
         from frida_painter.planning import variable_kernels
 
         order = torch.arange(len(shape)) if order is None else order
-        found = shape.new_empty(len(shape), 2), *(shape.new_empty(len(shape)) for _ in range(4))
-        variable_kernels.to_strokes(*_arrays(shape, unit, order, *found))
-        context.save_for_backward(shape, unit, order)
-        return found
+        colored = order if paint is None else paint[order]
+        found = [shape.new_empty(len(shape), *sides) for sides in ((2,), (), (), (), (), (3,))]
+        variable_kernels.to_strokes(*map(array, (shape, unit, order, *found[:-1])))
+        variable_kernels.to_colors(array(color), array(colored), array(found[-1]), _number(color)(_COLOR_UNIT))
+        context.save_for_backward(shape, unit, order, colored)
+        context.colors = len(color)
+        return tuple(found)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(context: Any, *upstream: Tensor) -> tuple[Tensor | None, ...]:
         from frida_painter.planning import variable_kernels
 
-        to_shape = torch.empty_like(context.saved_tensors[0])
-        variable_kernels.pull_to_shape(*_arrays(*context.saved_tensors, *upstream, to_shape))
-        return to_shape, None, None
-
-
-def _arrays(*tensors: Tensor) -> list[np.ndarray[Any, Any]]:
-    """The tensors as the compiled loops take them."""
-    return [tensor.detach().contiguous().numpy() for tensor in tensors]
+        *shaped, colored = context.saved_tensors
+        to_shape, to_color = torch.empty_like(shaped[0]), None
+        variable_kernels.pull_to_shape(*map(array, (*shaped, *upstream[:-1], to_shape)))
+        if context.needs_input_grad[1]:
+            to_color = upstream[-1].new_zeros(context.colors, 3)
+            unit = _number(to_color)(_COLOR_UNIT)
+            variable_kernels.pull_to_colors(array(upstream[-1]), array(colored), array(to_color), unit)
+        return to_shape, to_color, None, None, None
 
 
 def _number(like: Tensor) -> type[np.floating[Any]]:

@@ -166,7 +166,7 @@ def pull_through(begin, end, spans, alpha, color, canvas, gradient, through, slo
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
 def pull_to_strokes(begin, end, affine, boxes, columns, spans, sampled, slope, to_affine, to_map):  # type: ignore[no-untyped-def]
-    """Gradients to the affine maps [n, 2, 3] and to the maps [n, h, w] of strokes begin to end - 1; both come as zeros.
+    """Gradients to the affine maps [n, 2, 3], which come as zeros, and to the maps [n, h, w] of those strokes.
 
     Either is left out where it has no strokes. sampled [3, packed]: as `sample` left it; slope (packed): the gradient
     to the coverage.
@@ -180,6 +180,8 @@ def pull_to_strokes(begin, end, affine, boxes, columns, spans, sampled, slope, t
     bordered = np.empty((h + 2) * stride, slope.dtype)
     by_column, by_row = sampled[1], sampled[2]
     for i in range(begin, end):
+        if len(to_map) > 0:
+            to_map[i] = number(0)
         if tops[i] == bottoms[i]:
             continue
         place, top, bottom = affine[i], boxes[i, 0], boxes[i, 1]

@@ -13,8 +13,9 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from frida_painter.brush.spread import CoverageSpread
+from frida_painter.compiled import array
 from frida_painter.render import moment_kernels
-from frida_painter.render.scanline import Laid, Team, array, bands_of, lay, pull_to_strokes
+from frida_painter.render.scanline import Laid, Team, bands_of, lay, pull_to_strokes
 
 
 def composite_moments(

@@ -9,7 +9,9 @@ from torch import Tensor
 from frida_painter.brush.spread import CoverageSpread
 from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.brush.table import StrokeTable
-from frida_painter.frames import ALL_ROWS, CanvasSize, PixelGrid, Rows, pixel_to_map
+from frida_painter.compiled import compiles_for
+from frida_painter.frames import ALL_ROWS, CanvasSize, PixelGrid, Rows
+from frida_painter.render.marks import marks_of
 from frida_painter.strokes import Strokes
 
 
@@ -29,7 +31,7 @@ def composite(
     Tensors on the CPU go to compiled scanlines if numba is installed, those on a GPU to compiled tiles
     if Triton is; all others go to plain PyTorch, on their own device. All equal `reference.composite`.
     """
-    if canvas.device.type == "cpu" and find_spec("numba") is not None:
+    if compiles_for(canvas):
         # Imported here because loading the compiler takes a second that a CUDA user need not pay.
         from frida_painter.render import scanline
 
@@ -60,11 +62,10 @@ def render(
     asked for, nothing is kept, so that any size fits which the picture itself fits.
     """
     grid = PixelGrid(size, *canvas.shape[1:])
-    magnitude = stroke_model(strokes.thickness, strokes.length, strokes.bend)
-    affine = pixel_to_map(strokes.position, strokes.angle, grid, stroke_model.frame, rows)
+    marks = marks_of(strokes, stroke_model, grid, rows)
     # A table's maps are cut off at zero, where their slope is zero as well.
     answers = not isinstance(stroke_model, StrokeTable)
-    return composite(magnitude, affine, strokes.color, rows.of(canvas), bare_cells_answer=answers)
+    return composite(*marks, strokes.color, rows.of(canvas), bare_cells_answer=answers)
 
 
 class Moments(NamedTuple):
@@ -92,7 +93,7 @@ def composite_moments(
     As `composite`, `magnitude` being the mean coverage and `spread` how its variance follows from that; variance
     [H, W]: that of the canvas, None where it is certain. Equals `reference.composite_moments`.
     """
-    if canvas.device.type == "cpu" and find_spec("numba") is not None:
+    if compiles_for(canvas):
         from frida_painter.render import moment_scanline
 
         given = magnitude, affine, color, canvas, spread, variance
@@ -124,7 +125,6 @@ def render_moments(
         picture = render(strokes, stroke_model, canvas, size, rows)
         return Moments(picture, torch.zeros_like(picture[0]))
     grid = PixelGrid(size, *canvas.shape[1:])
-    magnitude = stroke_model(strokes.thickness, strokes.length, strokes.bend)
-    affine = pixel_to_map(strokes.position, strokes.angle, grid, stroke_model.frame, rows)
+    marks = marks_of(strokes, stroke_model, grid, rows)
     answers = not isinstance(stroke_model, StrokeTable)
-    return composite_moments(magnitude, affine, strokes.color, rows.of(canvas), spread, bare_cells_answer=answers)
+    return composite_moments(*marks, strokes.color, rows.of(canvas), spread, bare_cells_answer=answers)

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from frida_painter.compiled import array
 from frida_painter.render import kernels
 from frida_painter.render.spans import Array, Spans, find_spans, painted_boxes, whole_maps
 
@@ -138,7 +139,7 @@ def pull_to_strokes(
     if not (wants_affine or wants_map):
         return None, None
     nothing = slice(None if wants_affine else 0), slice(None if wants_map else 0)
-    to_affine, to_map = np.zeros_like(affine[nothing[0]]), np.zeros_like(magnitude[nothing[1]])
+    to_affine, to_map = np.zeros_like(affine[nothing[0]]), np.empty_like(magnitude[nothing[1]])
     width = int(laid.spans.first.max(initial=0) + np.diff(laid.spans.offset).max(initial=0))
     team.share(
         range(len(magnitude)), kernels.pull_to_strokes,
@@ -165,11 +166,6 @@ def _batches(pixels: Array) -> list[tuple[int, int]]:
 def column_numbers(width: int, like: Array) -> Array:
     """0, 1, 2, ..., some lanes beyond the width, because samples are located in whole vectors."""
     return np.arange(width + kernels.LANES, dtype=like.dtype)
-
-
-def array(tensor: Tensor) -> Array:
-    """The numbers of a tensor, without its gradient."""
-    return tensor.detach().contiguous().numpy()
 
 
 class Team:

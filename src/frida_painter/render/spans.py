@@ -111,7 +111,7 @@ def _find_rows(affine, boxes, height, width, slack, top, bottom):  # type: ignor
         bottom[i] = max(top[i], min(bottom[i], height))
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offset):  # type: ignore[no-untyped-def]
     """Fills in where the run of each row begins, and after it how many columns it has."""
     number = affine.dtype.type
@@ -142,7 +142,7 @@ def _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offs
             offset[k + 1] = max(right - left, 0)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def _clip(least, most, slope, shift, low, high):  # type: ignore[no-untyped-def]
     """The part of [least, most] in which slope x + shift lies in [low, high]."""
     if slope == 0:
