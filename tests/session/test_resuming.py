@@ -243,18 +243,35 @@ def test_another_plan_is_noticed(world: World, undisturbed: Undisturbed, tmp_pat
     _, history = reread(tmp_path)
     kept = resuming.kept_plan(tmp_path, history)
     assert kept is not None and kept.foreign
-    (line,) = resuming.changes(history, {"strokes": STROKES}, RESTS_ON, kept)
+    (line,) = resuming.changes(tmp_path, history, {"strokes": STROKES}, RESTS_ON, kept)
     assert line.startswith(f"plan: it was {plan.digest[:12]}, and is {kept.plan.digest[:12]}")
     plan.part(slice(6)).save(tmp_path / "plan.json")
     with pytest.raises(PlanError, match="has 6 strokes, of which 6 are painted"):
         resuming.kept_plan(tmp_path, history)
 
 
-def test_changed_settings_and_files_are_told_one_by_one() -> None:
+def test_photographs_that_are_not_as_they_were_taken_are_told(world: World, tmp_path: Path) -> None:
+    """Fault F33: what decides how the painting goes on was changed before resuming."""
+    killed(world, tmp_path, ended(6))
+    _, history = reread(tmp_path)
+    first, second, *_ = history.photographs
+
+    def told() -> list[str]:
+        return resuming.changes(tmp_path, history, {"strokes": STROKES}, RESTS_ON, None)
+
+    assert told() == []
+    (tmp_path / first).unlink()
+    (tmp_path / second).write_bytes((tmp_path / second).read_bytes()[:1000])
+    assert told() == [f"{first}: it is gone", f"{second}: it is another one than was taken"]
+    history.photographs[second] = None  # an earlier program did not take down what it was like
+    assert told() == [f"{first}: it is gone"]
+
+
+def test_changed_settings_and_files_are_told_one_by_one(tmp_path: Path) -> None:
     """Fault F33: the plan or the settings were changed before resuming."""
     history = History({"strokes": 12, "effort": 1.0, "old": 1}, {"goal": "a" * 64, "brush": "none"})
     told = resuming.changes(
-        history, {"strokes": 12, "effort": 2.0, "new": None}, {"goal": "b" * 64, "brush": "gone"}, None
+        tmp_path, history, {"strokes": 12, "effort": 2.0, "new": None}, {"goal": "b" * 64, "brush": "gone"}, None
     )
     assert told == [
         "effort: it was 1.0, and is 2.0",

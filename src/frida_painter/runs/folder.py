@@ -91,6 +91,7 @@ def rests_on(spec: RunSpec, folder: Path) -> dict[str, str]:
     files = {
         "goal": folder / GOAL,
         CALIBRATION_RECORD: spec.calibration,
+        CALIBRATION: folder / CALIBRATION,
         "workspace": spec.workspace,
         **({} if spec.studio_canvas is None else {"studio canvas": spec.studio_canvas}),
         "brush": None,

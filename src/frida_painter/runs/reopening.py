@@ -11,7 +11,7 @@ from frida_painter.perception.frame_check import FrameCheck
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.report.doubt import doubt
-from frida_painter.runs.folder import CALIBRATION_RECORD, SETTINGS, read_goal, read_spec
+from frida_painter.runs.folder import CALIBRATION, CALIBRATION_RECORD, SETTINGS, read_goal, read_spec
 from frida_painter.runs.folder import rests_on as hashes
 from frida_painter.runs.spec import SETTLED, RunSpec, upgraded
 from frida_painter.session import resuming
@@ -92,7 +92,10 @@ def _require_unchanged(
     begun = RunSpec.of(**upgraded(history.settings)).record()
     history.settings = begun
     diary = missing(folder / DIARY, "the diary of a virtual studio") if spec.simulated else 0
-    changes = resuming.changes(history, spec.record(), hashes(spec, folder), plan, diary)
+    rests_on = hashes(spec, folder)
+    if CALIBRATION not in history.rests_on:  # earlier programs did not take it down
+        del rests_on[CALIBRATION]
+    changes = resuming.changes(folder, history, spec.record(), rests_on, plan, diary)
     settled = [name for name in SETTLED if begun[name] != spec.record()[name]]
     if not changes or (accept_changes and not settled):
         return

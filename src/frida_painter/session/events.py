@@ -268,13 +268,15 @@ class StrokeLeftOut:
 class Photographed:
     """A photograph was taken by which something is decided; None where there was no room to keep it.
 
-    captured_at: s of the robot's clock; sequence: the camera's number; light: of the room, [3][terms].
+    captured_at: s of the robot's clock; sequence: the camera's number; light: of the room, [3][terms]; content: sha256
+    of the file, None where there is none, and in journals of earlier programs.
     """
 
     photograph: str | None
     captured_at: float
     sequence: int
     light: list[list[float]] | None
+    content: str | None = None
 
 
 @dataclass(frozen=True)

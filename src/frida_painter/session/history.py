@@ -51,7 +51,8 @@ class History:
     that are done or were given up; in_doubt: the number of the stroke that was begun and not ended;
     drying: the last word of a layer that dries on the canvas, and when it was written; light: of the last look,
     [3, terms]; held: the brush that a robot with a rack holds, "" for none, None where it broke off while it changed
-    it; looks, dips, cleanings, runs: how many there were; given_up:
+    it; looks, dips, cleanings, runs: how many there were; photographs: the sha256 of those
+    that were kept, by file, None where an earlier program took them; given_up:
     numbers of strokes in doubt that were skipped, and of those that a person left out; region: the file of
     what a person drew over the canvas, and whether only there it may be painted, None where nothing is
     protected; goal: the folder of the goal that it is painted towards since it was changed, "" before;
@@ -70,6 +71,7 @@ class History:
     held: str | None = ""
     looks: int = 0
     last_photograph: str | None = None
+    photographs: dict[str, str | None] = field(default_factory=dict)
     region: tuple[str, bool] | None = None
     goal: str = ""
     dips: int = 0
@@ -120,10 +122,12 @@ class History:
             case PlanAdopted(plan, done, photograph, error, information):
                 touch = TouchHeights(event.depths, event.lower, event.touch_information)
                 self.plannings.append(Planning(plan, done, photograph, Placement(error, information, touch)))
-            case Photographed(photograph=photograph, light=light):
+            case Photographed(photograph=photograph, light=light, content=content):
                 self.looks += 1
                 self.light = light
-                self.last_photograph = photograph or self.last_photograph
+                if photograph is not None:
+                    self.last_photograph = photograph
+                    self.photographs[photograph] = content
             case MotionBegan(stroke=int(stroke)):
                 self.in_doubt = stroke
             case StrokePainted(done=done):

@@ -45,6 +45,7 @@ from frida_painter.session.names import JOURNAL
 
 PLAN = "plan.json"
 PHOTOGRAPHS = "photographs"
+A_PHOTOGRAPH = "a photograph of the canvas"
 
 
 class Journal:
@@ -137,9 +138,10 @@ class Journal:
         """A photograph was taken for planning; it is kept as the camera gave it where there is room for it."""
         name = f"{PHOTOGRAPHS}/look-{self._looks:04d}.png"
         self._looks += 1
-        self._photograph = name if self._keep(frame.image, name) else None
+        content = self._keep(frame.image, name)
+        self._photograph = None if content is None else name
         light_now = None if light is None else light.logarithm.tolist()
-        self.tell(Photographed(self._photograph, frame.captured_at, frame.sequence, light_now))
+        self.tell(Photographed(self._photograph, frame.captured_at, frame.sequence, light_now, content))
 
     def tell(self, event: Written) -> None:
         """Writes an event down; when this returns, it is on the disk."""
@@ -152,14 +154,16 @@ class Journal:
             with contextlib.suppress(StorageError):
                 self.tell(event)
 
-    def _keep(self, photograph: NDArray[np.uint8], name: str) -> bool:
+    def _keep(self, photograph: NDArray[np.uint8], name: str) -> str | None:
+        """sha256 of the file; None where there is none."""
         if self._book is None:
-            return False
+            return None
+        path = self._book.path.parent / name
         try:
-            images.save_exactly(photograph, self._book.path.parent / name)
+            images.save_exactly(photograph, path)
+            return storage.sha256(path, A_PHOTOGRAPH)
         except StorageError:
-            return False
-        return True
+            return None
 
 
 def _who() -> dict[str, Any]:

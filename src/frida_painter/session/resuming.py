@@ -10,9 +10,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images
+from frida_painter import images, storage
 from frida_painter.calibration import Calibration
-from frida_painter.errors import CalibrationError, FrameRejected, ImageError, PlanError
+from frida_painter.errors import CalibrationError, FrameRejected, ImageError, PlanError, StorageError
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
@@ -24,7 +24,7 @@ from frida_painter.planning.region import Region, region_of
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import PHOTOGRAPH_ROWS, CanvasObserver
 from frida_painter.session.history import History, Planning
-from frida_painter.session.journal import PHOTOGRAPHS, PLAN
+from frida_painter.session.journal import A_PHOTOGRAPH, PHOTOGRAPHS, PLAN
 from frida_painter.session.names import DIARY
 from frida_painter.session.operator import brush_in_hand
 from frida_painter.session.procedures.dialogue import Answer, Question
@@ -64,6 +64,7 @@ def kept_plan(folder: Path, history: History) -> KeptPlan | None:
 
 
 def changes(
+    folder: Path,
     history: History,
     settings: Mapping[str, Any],
     rests_on: Mapping[str, str],
@@ -84,6 +85,9 @@ def changes(
         for name in sorted({*history.rests_on, *rests_on})
         if history.rests_on.get(name) != rests_on.get(name)
     ]
+    lines += [
+        f"{name}: it is {fault}" for name in history.photographs if (fault := _fault(folder, name, history)) is not None
+    ]
     if history.missing:
         lines.append(f"journal: its last {_records(history.missing)} gone, and their strokes would be painted again")
     if diary_missing:
@@ -92,6 +96,17 @@ def changes(
         noted = history.plannings[-1].digest
         lines.append(f"plan: it was {_short(noted)}, and is {_short(kept.plan.digest)}, of {len(kept.plan)} strokes")
     return lines
+
+
+def _fault(folder: Path, name: str, history: History) -> str | None:
+    """What has become of a photograph that the painting goes by; None where it is as it was taken."""
+    if not storage.exists(folder / name):
+        return "gone"
+    try:
+        content = storage.sha256(folder / name, A_PHOTOGRAPH)
+    except StorageError:
+        return "no file that can be read"
+    return None if history.photographs[name] in (None, content) else "another one than was taken"
 
 
 def recall_brush(hand: Brushwork, history: History, answer: Callable[[Question], Answer] | None) -> None:
