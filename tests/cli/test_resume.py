@@ -115,7 +115,7 @@ def test_a_killed_painting_is_finished_and_its_story_is_whole(resume: Resume, pa
     history = told(painting)
     assert history.finished and history.given_up == [7] and history.runs == 2
     result = json.loads((painting / "result.json").read_text())
-    assert result["strokes_painted"] == 10 and result["sittings"] == 2 and result["strokes_given_up"] == [7]
+    assert result["strokes_painted"] == 9 and result["sittings"] == 2 and result["strokes_given_up"] == [7]
     assert [look["strokes"] for look in result["looks"]] == [5] and result["settings"]["photo"] == "coffee.jpg"
     assert result["plan_digest"] == Plan.load(painting).digest
     assert set(result["files"]) == {path.name for path in painting.iterdir() if path.name[0] != "."}

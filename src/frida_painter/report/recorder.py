@@ -342,7 +342,7 @@ class Recorder:
                 "stopped": self._stopped,
                 "settings": self.settings,
                 "strokes_planned": len(plan),
-                "strokes_painted": painting.painted,
+                "strokes_painted": painting.painted - len(self._given_up),
                 "dips": self._dips,
                 "cleanings": self._cleanings,
                 "seconds": round(time.monotonic() - self._started, 3),
