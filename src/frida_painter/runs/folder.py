@@ -111,7 +111,8 @@ def are_there(folder: Path, strokes: int) -> bool:
     filmed = (folder / "film.mp4").exists() or not any((folder / SKETCHBOOK).glob("glimpse-*"))
     names = ("painting.png", "index.html", "strokes.svg", "strokes.csv", "palette.png", "plan.png")
     done = result.get("strokes_painted", 0) + len(result.get("strokes_given_up", ()))
-    return done >= strokes and result.get("stopped") is False and filmed and all((folder / name).exists() for name in names)
+    is_done = done >= strokes and result.get("stopped") is False
+    return is_done and filmed and all((folder / name).exists() for name in names)
 
 
 def _quoted(text: str) -> str:
