@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from frida_painter import extras, weights
-from frida_painter.errors import WeightsError
+from frida_painter.errors import ConfigError, WeightsError
 from frida_painter.objectives.scenes.reading import MOST_THINGS, PromptReader, Reading, Thing, paint_of
 
 SENTENCES = (Path(__file__).parent / "sentences.txt").read_text("utf-8").splitlines()
@@ -52,6 +52,31 @@ def got(reading: Reading) -> Parts:
     nouns = [thing.noun.lower() for thing in reading.things]
     relations = {short(f"{nouns[one.subject]} {one.word} {nouns[one.object]}") for one in reading.relations}
     return sorted(things, key=str), relations, set(reading.absent)
+
+
+@pytest.mark.parametrize(
+    ("prompt", "things", "absent"),
+    [
+        ("a kitten playing with a ball of wool", ["kitten", "ball", "wool"], []),
+        ("a stone building by the sea", ["stone building", "sea"], []),
+        ("an oil painting of a ship", ["ship"], []),
+        ("two swans facing each other on a lake", ["swan", "lake"], []),
+        ("no cats on the sofa", ["sofa"], ["cat"]),
+        ("zero cats and a dog", ["dog"], ["cat"]),
+        ("in the rain", ["rain"], []),
+    ],
+)
+def test_words_in_ing_and_what_is_not_there_are_read_rightly(
+    reader: PromptReader, prompt: str, things: list[str], absent: list[str]
+) -> None:
+    read = reader.read(prompt)
+    assert ([one.name for one in read.things], list(read.absent)) == (things, absent)
+
+
+@pytest.mark.parametrize("prompt", ["no cats", "zero dogs", "without a cat"])
+def test_words_that_say_only_what_must_not_be_seen_are_refused(reader: PromptReader, prompt: str) -> None:
+    with pytest.raises(ConfigError, match="say what to paint"):
+        reader.read(prompt)
 
 
 def test_at_least_95_of_100_sentences_are_read_rightly(reader: PromptReader) -> None:

@@ -9,13 +9,13 @@ import re
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import torch
 from torch import Tensor
 
 from frida_painter import extras
-from frida_painter.errors import WeightsError
+from frida_painter.errors import ConfigError, WeightsError
 from frida_painter.palette import from_lab, to_lab
 
 if TYPE_CHECKING:
@@ -31,6 +31,8 @@ _MANY = ("many", "several", "some", "few", "both")
 _GROUPS = {"pair": 2, "couple": 2, "trio": 3, "dozen": 12}
 _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph", "image", "portrait", "watercolor",
                 "watercolour")  # fmt: skip
+_MADE = ("building", "carving", "clothing", "crossing", "engraving", "etching", "evening", "railing", "wedding")
+_EACH_OTHER = ("other", "another", "itself", "himself", "herself", "themselves")
 _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
 _VIVID = 72.0  # chroma
 _PARTS = ("of", "with")  # what follows is part of the thing before alone
@@ -89,7 +91,7 @@ class PromptReader:
 
     def __init__(self, folder: Path | None) -> None:
         self._language: Language | None = None
-        self._verbs: frozenset[str] = frozenset()
+        self._words: _Words | None = None
         if folder is None:
             return
         extras.require("words", "spacy", "Reading a prompt")
@@ -100,25 +102,38 @@ class PromptReader:
         except (OSError, ValueError) as cause:
             raise WeightsError(f"{folder} does not hold the English grammar; fetch english again.") from cause
         lemmas: Any = self._language.get_pipe("lemmatizer")
-        self._verbs = frozenset(lemmas.lookups.get_table("lemma_index")["verb"])
+        index = lemmas.lookups.get_table("lemma_index")
+        self._words = _Words(frozenset(index["verb"]), frozenset(index["adj"]))
 
     def read(self, prompt: str) -> Reading:
-        """What the prompt says. A prompt without any noun is one thing that is called like the prompt."""
+        """What the prompt says. A prompt without any noun is one thing that is called like the prompt.
+
+        Raises ConfigError where it says only what must not be seen.
+        """
         text = prompt[:_LONGEST].strip().rstrip(".!")
         text = text.lower() if text.isupper() else text[:1].lower() + text[1:]
-        walk = _Walk(self._verbs)
+        walk = _Walk(self._words or _Words(frozenset(), frozenset()))
         for sentence in self._language(text).sents if self._language is not None else ():
             walk.sentence(sentence.root)
+        if walk.absent and not walk.things:
+            raise ConfigError(f"The words {text[:60]!r} say only what must not be seen; say what to paint.")
         plain = re.sub("^(an?|the) ", "", text)
         things = tuple(walk.things) or (Thing(plain, plain.rpartition(" ")[2]),)
         return Reading(things, tuple(dict.fromkeys(walk.relations)), tuple(dict.fromkeys(walk.absent)), walk.too_many)
 
 
+class _Words(NamedTuple):
+    """What the grammar's lexicon knows as verbs and as adjectives."""
+
+    verbs: frozenset[str]
+    adjectives: frozenset[str]
+
+
 class _Walk:
     """Collects the things of a dependency tree."""
 
-    def __init__(self, verbs: frozenset[str]) -> None:
-        self._verbs = verbs
+    def __init__(self, words: _Words) -> None:
+        self._words = words
         self.things: list[Thing] = []
         self.relations: list[Relation] = []
         self.absent: list[str] = []
@@ -126,30 +141,47 @@ class _Walk:
 
     def sentence(self, root: Token) -> None:
         """Starts at the nouns that a depiction shows, at a verb, or at the root itself."""
-        if root.pos_ in ("VERB", "AUX") or self._is_participle(root):
-            subjects = [word for word in root.lefts if _is_noun(word)]
-            self._clause(root, self._thing(subjects[-1], root) if subjects else [])
-        elif _is_depiction(root) and (shown := _shown(root)) is not None:
+        actor = self._actor(root)
+        if _is_depiction(root) and (shown := _shown(root)) is not None:
             self._hanging(root, self._thing(shown), but=shown.head)
+        elif root.pos_ in ("VERB", "AUX") or actor is not None:
+            self._clause(root, [] if actor is None else self._thing(actor, root))
+        elif root.pos_ == "ADP":
+            self._preposition(root, [])
         else:
             self._thing(root)
         for noun in root.subtree:
-            if noun.dep_ == "preconj" and _is_noun(
-                noun
-            ):  # "a lemon and two pears", where the parser takes it for "both"
+            # "A lemon and two pears", where the parser takes the lemon for a "both".
+            if noun.dep_ == "preconj" and _is_noun(noun):
                 self._thing(noun)
 
-    def _is_participle(self, noun: Token) -> bool:
-        """Whether a last word is what the noun before it does, as in "a zebra drinking from a river"."""
-        before = _child(noun, "compound")
-        stem = noun.text.removesuffix("ing")
-        return before is not None and stem != noun.text and bool(self._verbs & {stem, f"{stem}e", stem[:-1]})
+    def _actor(self, root: Token) -> Token | None:
+        """Who does what the root of a sentence says; None where it is no verb, or nobody is named.
+
+        A last word may be what the word before it does, as in "a zebra drinking from a river", though it is read as a
+        noun and the zebra as part of its name. What the lexicon knows as no adjective may be read as one.
+        """
+        if root.pos_ in ("VERB", "AUX"):
+            return next((word for word in reversed(list(root.lefts)) if _is_noun(word)), None)
+        before = next((one for one in reversed(_children(root, "compound", "amod")) if one.i < root.i), None)
+        stem = root.text.removesuffix("ing")
+        if before is None or stem == root.text or root.lower_ in _MADE:
+            return None
+        is_name = before.dep_ == "compound" or before.lower_ not in self._words.adjectives
+        return before if is_name and self._words.verbs & {stem, f"{stem}e", stem[:-1]} else None
 
     def _thing(self, noun: Token, whole: Token | None = None) -> list[int]:
         """The numbers of this noun and of those joined to it by "and"; what hangs on them is read too.
 
         whole: the word on which the noun's own adjectives and numbers hang, where that is a verb.
         """
+        if noun.lower_ in _EACH_OTHER:
+            return []
+        if _is_none(noun):
+            self.absent.append(noun.lemma_)
+            present = [at for other in _joined(noun) for at in self._thing(other)]
+            self._hanging(noun, present)
+            return present
         if len(self.things) >= MOST_THINGS:
             self.too_many = True
             return []
@@ -166,8 +198,7 @@ class _Walk:
         number = len(self.things)
         self.things.append(_described(noun, whole or noun))
         before = len(self.relations)
-        others = [one for one in _children(noun, "conj", "appos") if _is_noun(one) and not _is_called(one)]
-        joined = [at for other in others for at in self._thing(other)]
+        joined = [at for other in _joined(noun) for at in self._thing(other)]
         if joined and not _children(noun, "prep", "acl", "relcl"):
             # "A teapot and three cups on a table": what is said of the last place is said of all.
             no_place = (*_PARTS, self.things[joined[-1]].doing)
@@ -199,7 +230,7 @@ class _Walk:
                 for one in further:
                     self._preposition(one, subjects, f"{said} {noun.lower_}")
                 continue
-            if said == "without" or any(child.lower_ == "no" for child in _children(noun, "det")):
+            if said == "without":
                 self.absent.append(noun.lemma_)
                 continue
             self._relate(subjects, said, self._object(noun, subjects))
@@ -289,6 +320,16 @@ def _child(word: Token, *kinds: str) -> Token | None:
 
 def _is_noun(word: Token) -> bool:
     return word.pos_ in ("NOUN", "PROPN", "PRON")
+
+
+def _joined(noun: Token) -> list[Token]:
+    """The nouns that are joined to one by "and", or stand beside it; not what is only its name."""
+    return [one for one in _children(noun, "conj", "appos") if _is_noun(one) and not _is_called(one)]
+
+
+def _is_none(noun: Token) -> bool:
+    """Whether there is none of it, as of "no cats"."""
+    return any(child.lower_ in ("no", "zero", "0") for child in _children(noun, "det", "nummod"))
 
 
 def _is_called(noun: Token) -> bool:

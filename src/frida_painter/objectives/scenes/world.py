@@ -32,8 +32,7 @@ def known_things() -> tuple[Known, ...]:
 def known_like(name: str, sentences: SentenceEncoder) -> Known:
     """A thing of that name: as high as the things that are most like it, in the mean; where the nearest is."""
     things = known_things()
-    meanings = sentences.embed([name, *(thing.name for thing in things)])
-    similarity, nearest = (meanings[1:] @ meanings[0]).topk(_NEIGHBOURS)
+    similarity, nearest = _likeness(name, sentences).topk(_NEIGHBOURS)
     share = (similarity / _SHARPNESS).softmax(0)
     heights = torch.tensor([things[at].height for at in nearest.tolist()])
     return Known(name, float((share * heights.log()).sum().exp()), things[int(nearest[0])].where)
@@ -41,6 +40,10 @@ def known_like(name: str, sentences: SentenceEncoder) -> Known:
 
 def is_person(name: str, sentences: SentenceEncoder) -> bool:
     """Whether what is called so is most like people, of all that is known."""
-    things = [thing.name for thing in known_things()]
-    meanings = sentences.embed([name, *things])
-    return things[int((meanings[1:] @ meanings[0]).argmax())] in _PEOPLE
+    return known_things()[int(_likeness(name, sentences).argmax())].name in _PEOPLE
+
+
+def _likeness(name: str, sentences: SentenceEncoder) -> torch.Tensor:
+    """How like each of the known things it is, [n]."""
+    meanings = sentences.embed([name, *(thing.name for thing in known_things())])
+    return meanings[1:] @ meanings[0]
