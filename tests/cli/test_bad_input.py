@@ -101,7 +101,7 @@ def photo(tmp_path: Path) -> str:
         (("--out", "x" * 300), ("cannot be written",)),
         (("--colour", "3"), ("--colour",)),
         (("--palette", "nowhere.json"), ("nowhere.json does not exist",)),
-        (("--palette", "."), ("is a folder; give a palette",)),
+        (("--palette", "."), ("is no palette (JSON)",)),
         (("--palette", "odd.toml"), ("--colors",)),
         (("--palette", "odd.json"), ("paint 2: 'red' is not a colour",)),
         (("--palette", "two.json", "--colors", "3"), ("two.json has 2 paints, and 3 are wanted",)),

@@ -432,10 +432,8 @@ def _count_of(palette: Path) -> int:
     """The number of paints of a palette file. Raises ConfigError, also for a photograph, which shows any number."""
     from frida_painter.palette import Palette  # with it come tensors
 
-    if palette.is_dir():
-        raise ConfigError(f"--palette {palette} is a folder; give a palette (JSON), or a photograph of swatches.")
     if palette.suffix.lower() != ".json":
-        raise ConfigError(f"How many swatches {palette} shows is not known; say it with --colors.")
+        raise ConfigError(f"{palette} is no palette (JSON); how many swatches a photograph shows, --colors says.")
     return len(Palette.load(palette))
 
 
