@@ -1,7 +1,9 @@
 """The engines: every task ends once, whatever becomes of the processes that do it."""
 
 import os
+import socket
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -14,6 +16,7 @@ import pytest
 import sweep_works
 from frida_painter.errors import ConfigError, TryFailed, WorkerUnfit
 from frida_painter.sweeps import engine as engines
+from frida_painter.sweeps import ray_engine
 from frida_painter.sweeps.engine import Engine, LocalEngine, TaskLimits, slots_here
 from frida_painter.sweeps.ray_engine import RayEngine
 from frida_painter.sweeps.sweep import open_engine
@@ -156,6 +159,24 @@ def test_an_address_that_does_not_answer_is_named(address: str) -> None:
     with pytest.raises(ConfigError, match="does not answer") as refused:
         RayEngine(TaskLimits(), 1, address)
     assert address in str(refused.value)
+
+
+@pytest.mark.parametrize("said", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n"], ids=["silent", "a web server"])
+def test_what_listens_and_is_no_ray_is_not_waited_for(monkeypatch: pytest.MonkeyPatch, said: bytes) -> None:
+    pytest.importorskip("ray", reason='Ray is not installed; say: pip install "frida-painter[ray]"')
+    monkeypatch.setattr(ray_engine, "_ANSWERING", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def answer() -> None:
+            line, _ = server.accept()
+            lines.append(line)
+            line.sendall(said)
+
+        lines: list[socket.socket] = []
+        threading.Thread(target=answer, daemon=True).start()
+        with pytest.raises(ConfigError, match="does not answer"):
+            RayEngine(TaskLimits(), 1, f"127.0.0.1:{server.getsockname()[1]}")
+        lines[0].close()
 
 
 def test_without_ray_its_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

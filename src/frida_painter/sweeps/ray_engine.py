@@ -21,6 +21,8 @@ from frida_painter.sweeps.engine import Ended, Task, TaskLimits, Work, within_li
 _AHEAD = 2  # tasks for each slot that Ray is told of before they can begin
 _MOST_AHEAD = 10_000
 _ANSWERING = 5.0  # seconds
+_SETTINGS = b"\x04"  # the type of the frame with which every speaker of HTTP/2 begins, as Ray's are (RFC 9113, 3.4)
+_HELLO = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes(3) + _SETTINGS + bytes(5)
 _MB = 2**20
 _OBJECTS = 100 * _MB  # bytes for values between processes; those of a sweep are small
 _SILENT = {"log_to_driver": False, "logging_level": logging.CRITICAL + 1}  # a failure is told by the sweep
@@ -145,7 +147,10 @@ def _require_answer(address: str) -> None:
     try:
         if not host or not port.isdigit():
             raise OSError("it is not HOST:PORT")
-        socket.create_connection((host, int(port)), timeout=_ANSWERING).close()
+        with socket.create_connection((host, int(port)), timeout=_ANSWERING) as line:
+            line.sendall(_HELLO)
+            if "RAY_USE_TLS" not in os.environ and line.recv(9)[3:4] != _SETTINGS:
+                raise OSError("what listens there is no Ray")
     except (OSError, OverflowError) as error:
         raise ConfigError(
             f"--address {address[:80]} does not answer ({error}); give the address that `ray start --head` named, like "
