@@ -156,7 +156,7 @@ class _AsStrokes(torch.autograd.Function):
 
 def _number(like: Tensor) -> type[np.floating[Any]]:
     """A number as precise as the tensor's."""
-    return like.detach().numpy().dtype.type
+    return array(like).dtype.type
 
 
 def as_palette(strokes: Strokes, paints: Paints) -> tuple[Strokes, Palette, Tensor]:
