@@ -120,7 +120,7 @@ def _refuse_impossible(matrix: NDArray[np.float64], places: NDArray[np.float64])
             "The dots that were found lie on one line, which tells nothing about the rest of the canvas; "
             "repeat the robot calibration."
         )
-    if (area < 0).any():
+    if (area <= -_SINGULAR).any():  # the sign of one that is flat is chance
         raise CalibrationError(
             "The robot paints mirrored: one of its axes runs the other way than the workspace says. Mend the "
             "workspace, then repeat the robot calibration."
