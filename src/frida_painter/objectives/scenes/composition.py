@@ -21,6 +21,9 @@ _ALOFT = 0.40  # of the height, where the middle of what hangs in the air is
 _AMID = 0.62  # of the height that a single thing fills where its place is shown too
 _THIRD = 0.07  # of the width, by which a thing that leaves room is off the middle
 _LIT = 0.55  # how far things take the colour of the light
+_SOFT = 12  # the part of a height, over which a ground that goes on is smoothed
+_DARKENED = 0.75  # the same of a picture that brings its own ground
+_CUT_OFF = 0.15  # the most of its length or height that is cut off to fill the canvas
 _PALE = 22.0  # of Lab, by which colours differ from bare paper that are seen on it
 _LOST = 0.35  # share of a thing's outline, which is that pale, from which it is not seen on paper
 _RIM = 7  # pixels across, of which an outline is made
@@ -63,6 +66,50 @@ def composed(
         ground = with_contrast(tone, where, colors)
     is_alone = len(things) == 1 and not setting.is_named
     return _under(setting, torch.lerp(ground, colors, where), where, seed, is_alone=is_alone)
+
+
+def photographed(picture: Tensor, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
+    """A picture [4, h, w] with a ground of its own, which fills the canvas in the setting's light and weather.
+
+    What does not fit is cut off where the picture has the fewest edges; where that would be much of it, its ground goes
+    on to the sides instead.
+    """
+    sides = grid.rows / picture.shape[1], grid.columns / picture.shape[2]
+    scale = min(max(sides), min(sides) / (1 - _CUT_OFF))
+    large = resized(picture, scale * (1 + 1e-6))[:3]
+    large = _extended(_extended(large, grid.columns).mT, grid.rows).mT
+    top, left = (_busiest(large, side, size) for side, size in ((1, grid.rows), (2, grid.columns)))
+    colors = simplified(large[:, top : top + grid.rows, left : left + grid.columns].clamp(0, 1).contiguous())
+    if setting.light != DAY:
+        shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
+        colors = colors * torch.lerp(torch.ones_like(shade), shade, _DARKENED)
+    return _under(setting, colors, torch.ones(grid.rows, grid.columns), seed, is_alone=False)
+
+
+def _extended(picture: Tensor, columns: int) -> Tensor:
+    """A picture [3, h, w] whose ground goes on, ever softer, to both sides until it has so many columns."""
+    missing = max(0, columns - picture.shape[2])
+    if missing == 0:
+        return picture
+    soft = 2 * (picture.shape[1] // _SOFT) + 1
+    wide = functional.pad(picture[None], (missing // 2, missing - missing // 2, 0, 0), mode="replicate")
+    blurred = functional.avg_pool2d(functional.pad(wide, (0, 0, soft // 2, soft // 2), mode="replicate"), (soft, 1), 1)
+    place = torch.arange(columns)
+    away = torch.maximum(missing // 2 - place, place - (missing // 2 + picture.shape[2] - 1)).clamp(min=0)
+    return torch.lerp(wide, blurred, (away / (0.25 * soft)).clamp(max=1.0))[0]
+
+
+def _busiest(picture: Tensor, side: int, size: int) -> int:
+    """Where a part of that size begins along a side of a picture [3, H, W] that has most of its edges."""
+    other = 3 - side
+    edges = picture.diff(dim=side).abs().sum((0, other))
+    room = picture.shape[side] - size
+    if room <= 0:
+        return 0
+    sums = torch.cat((torch.zeros(1), edges.cumsum(0)))
+    within = sums[size - 1 :] - sums[: len(sums) - size + 1]
+    best = within >= within.max() - 1e-3 * float(edges.sum())
+    return int(best.nonzero().flatten().float().mean().round())  # of equal ones the middle
 
 
 def _under(setting: Setting, picture: Tensor, where: Tensor, seed: int, *, is_alone: bool) -> ComposedScene:

@@ -28,7 +28,15 @@ _MOST_CAPTION, _MOST_CAPTIONS = 300, 2**20  # bytes of the first line, and of al
 _LATIN = re.compile("[A-Za-z]{2}")
 _OUTLINES = "line"  # id of the layer of a pictogram that holds them
 _PHOTOGRAPH = 0.8  # realism
-_DRAWN = {"stamps": 0.4, "abcs": 0.4, "openclipart": 0.4, "fluent": 0.35, "flashcards": 0.2}  # realism of drawings
+_DRAWN = {
+    "stamps": 0.4,
+    "abcs": 0.4,
+    "openclipart": 0.4,
+    "fluent": 0.35,
+    "flashcards": 0.2,
+    "gcompris": 0.3,
+    "costumes": 0.2,
+}  # realism of drawings
 _FLAT_ENOUGH = 0.25  # of what is drawn, that must be left without outlines
 
 

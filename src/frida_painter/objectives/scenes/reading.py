@@ -29,6 +29,7 @@ MOST_THINGS = 12
 _NUMBERS = ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
 _MANY = ("many", "several", "some", "few", "both")
 _GROUPS = {"pair": 2, "couple": 2, "trio": 3, "dozen": 12}
+_GATHERED = {**_GROUPS, "family": 4, "group": 4, "row": 4, "line": 4}  # of things, where "of" follows
 _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph", "image", "portrait", "watercolor",
                 "watercolour")  # fmt: skip
 _MADE = ("building", "carving", "clothing", "crossing", "engraving", "etching", "evening", "railing", "wedding")
@@ -188,11 +189,11 @@ class _Walk:
         if _is_depiction(noun) and (shown := _shown(noun)) is not None:
             return self._thing(shown)
         counted = next((word for word in _children(noun, "prep") if word.lower_ == "of"), None)
-        inner = None if counted is None or noun.lemma_ not in _GROUPS else _child(counted, "pobj")
+        inner = None if counted is None or noun.lemma_ not in _GATHERED else _child(counted, "pobj")
         if inner is not None:
             numbers = self._thing(inner)
             for first in numbers[:1]:
-                self.things[first] = replace(self.things[first], count=_GROUPS[noun.lemma_])
+                self.things[first] = replace(self.things[first], count=_GATHERED[noun.lemma_])
             self._hanging(noun, numbers, but=counted)
             return numbers
         number = len(self.things)

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ _AGREED = 0.4  # of a keyword, however little the title agrees with it
 _NOUN = 0.35  # share of the last word of a name in what a name means
 _CONTEXT = 0.15  # of the similarity of a caption to the whole prompt
 _WORD, _OTHERS = 0.15, 0.05  # for the very word, for all of several words, and for each word too many
+_SAID = 0.3  # for the word for what it does, and for a name that begins with the colour: a red panda
 _MODIFIES = 0.4  # against a title in which the word only says more of another
 _FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # what follows is not what is named
 _NEARER, _FARTHER = 0.4, 0.25  # the most that looking nearer to the words than a bare ground, or farther, counts
@@ -123,6 +124,7 @@ class PictureIndex:
         cut_out: whether it stands among others, so that no picture with a ground of its own, and of no other thing of
         a similar name, will do, unless it is a person's own; upright: whether it is somebody from head to foot.
         """
+        thing = _in_small_letters(thing)
         similarity = self._similarity(thing)
         for words in shows:
             speaks = self._captioned(words)  # a banana alone is no monkey with a banana
@@ -177,10 +179,11 @@ class PictureIndex:
 
     def nearest(self, thing: Thing) -> float:
         """How like the thing the captions are that are most like it."""
-        return float(self._similarity(thing).max())
+        return float(self._similarity(_in_small_letters(thing)).max())
 
     def has_own(self, thing: Thing) -> bool:
         """Whether one of the person's own pictures is of the thing."""
+        thing = _in_small_letters(thing)
         return bool(self._own(thing, self._similarity(thing)))
 
     def _own(self, thing: Thing, similarity: Tensor, shows: Sequence[str] = ()) -> list[int]:
@@ -202,7 +205,8 @@ class PictureIndex:
             said = torch.where(colored >= _SAME, colored + _COLORED, torch.minimum(colored, named + _COLORED))
             named = torch.maximum(named, said)
         if thing.doing:
-            named = torch.maximum(named, self._captioned(f"{thing.name} {thing.doing}"))
+            for words in (f"{thing.name} {thing.doing}", f"{thing.doing} {thing.name}"):
+                named = torch.maximum(named, self._captioned(words))
         if thing.plural and thing.count in _SEVERAL:
             named = torch.maximum(named, self._captioned(f"{thing.name.removesuffix(thing.noun)}{thing.plural}"))
         for other in synonyms(thing.name):
@@ -231,6 +235,8 @@ def _spoken(entry: _Entry, thing: Thing) -> float:
     others = max(0, len(words) - len(thing.name.split()) - 1)
     name = thing.name.split()
     worth = -_MODIFIES * _is_modified(entry, thing) - _OTHERS * others
+    worth += _SAID * bool(thing.doing and thing.doing in entry.title.split())
+    worth += _SAID * bool(thing.color and entry.title == f"{thing.color} {thing.name}")
     worth += _WORD * (thing.noun in words) + _WORD * (title == thing.name)
     return worth + _WORD * (len(name) > 1 and set(name) <= set(words))
 
@@ -262,15 +268,20 @@ def _is_called(entry: _Entry, thing: Thing) -> bool:
     return any(word.endswith(name) for word in words for name in names)
 
 
+def _in_small_letters(thing: Thing) -> Thing:
+    """The thing as captions call it: the Eiffel Tower is the eiffel tower."""
+    return replace(thing, name=thing.name.lower(), noun=thing.noun.lower(), plural=thing.plural.lower())
+
+
 def _named(title: str) -> list[str]:
     """The words of a title that name what it shows; the last one says what it is."""
     return _FURTHER.split(title)[0].split()
 
 
 def _title(entry: _Entry, thing: Thing) -> str:
-    """The title without the thing's colour, and in the singular where one picture may show the several asked for."""
-    color, title = thing.color.split(), entry.title
-    words = [word for word in title.split() if word not in color] if color else title.split()
+    """The title without the thing's colour and what it does; in the singular where one picture may show several."""
+    told, title = {*thing.color.split(), thing.doing}, entry.title
+    words = [word for word in title.split() if word not in told]
     if thing.plural and thing.count in _SEVERAL:
         words = [thing.noun if word == thing.plural else word for word in words]
     return " ".join(words) or title

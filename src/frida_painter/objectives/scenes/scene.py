@@ -11,8 +11,9 @@ from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.recoloring import is_colored, recolored
 from frida_painter.objectives.scenes.arrangement import ScenePart, arranged, copies
-from frida_painter.objectives.scenes.composition import ComposedScene, composed
+from frida_painter.objectives.scenes.composition import ComposedScene, composed, photographed
 from frida_painter.objectives.scenes.drawings import faded
+from frida_painter.objectives.scenes.people import with_figures
 from frida_painter.objectives.scenes.reading import MOST_THINGS, Reading, Relation, Thing, paint_of
 from frida_painter.objectives.scenes.retrieval import FoundPicture, PictureIndex, has_ground
 from frida_painter.objectives.scenes.settings import (
@@ -42,6 +43,7 @@ _BEFORE = ("behind", "in front of")  # a forest and mountains, but no mountain, 
 _CARRIED = ("on", "on top of", "upon", "riding", "in", "inside", "from")  # a duck on a tractor is not on a lake
 _SUPPORTS = ("on", "on top of", "upon")
 _ROUNDING = 1e-3
+_BETTER = 0.08  # of similarity, by which a picture with a ground says more exactly what the thing is
 _SURE = 0.8  # similarity from which a word of a name says where a thing is: a watering can is not in water
 _IMPLIED = 0.42  # similarity to what is found at a place, from which things imply it
 _TITLE = 60  # characters of a name in a remark
@@ -100,8 +102,18 @@ def scene_of(
     sentences = encoders.sentences()
     if len(settled) == len(reading.things) and setting.place is not PAPER:
         reading = _peopled(reading, setting, sentences)
-    things, relations = _found(reading, settled, prompt, index, encoders, seed)
+    reading = with_figures(reading)
+    things, relations = _found(reading, settled, prompt, index, encoders, seed, in_place=setting.place is not PAPER)
     shown = [one for one in things if one is not None and one.found is not None]
+    whole = next((one for one in shown if _fills_the_canvas(one, shown, setting)), None)
+    if whole is not None and whole.found is not None:
+        left_out = [one.thing.name[:_TITLE] for one in shown if one is not whole]
+        _tell(reading, [whole], replace(setting, is_named=False), encoders, use)
+        if left_out:
+            encoders.remark(
+                f"That picture has a ground of its own and fills the canvas; {', '.join(left_out)} could not be added."
+            )
+        return photographed(whole.colored, setting, grid, seed)
     if setting.place is PAPER:
         carried = {id(things[one.subject]) for one in relations if one.word in _CARRIED}
         standing = [one for one in shown if id(one) not in carried] or shown
@@ -143,6 +155,13 @@ def scene_of(
     for fault in dict.fromkeys(() if index is None else index.faults):
         encoders.remark(f"Of your own pictures one cannot be used: {fault}")
     return scene
+
+
+def _fills_the_canvas(one: SceneThing, shown: list[SceneThing], setting: Setting) -> bool:
+    """Whether a picture has a ground of its own: a person's own only where it is all that there is."""
+    if one.found is None or not has_ground(one.found.picture):
+        return False
+    return not one.found.library.is_own or (len(shown) == 1 and not setting.is_named and one.thing.shown == 1)
 
 
 def _dressed(
@@ -226,9 +245,19 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
 
 
 def _found(
-    reading: Reading, settled: set[int], prompt: str, index: PictureIndex | None, encoders: EncoderRegistry, seed: int
+    reading: Reading,
+    settled: set[int],
+    prompt: str,
+    index: PictureIndex | None,
+    encoders: EncoderRegistry,
+    seed: int,
+    *,
+    in_place: bool,
 ) -> tuple[list[SceneThing | None], list[Relation]]:
-    """A picture for each thing; where one shows two things and what is between them, it is the first one's."""
+    """A picture for each thing; where one shows two things and what is between them, it is the first one's.
+
+    in_place: whether they are somewhere that is painted too, so that pictures without a ground are wanted.
+    """
     things: list[SceneThing | None] = [None] * len(reading.things)
     if index is None:
         return [SceneThing(thing, None) for thing in reading.things], []
@@ -256,11 +285,21 @@ def _found(
             merged |= {relation.subject, relation.object}
             relations = [one for one in relations if not {one.subject, one.object} & {relation.object}]
     had = {one.object for one in relations if one.word == "with"}  # parts, such as a roof, belong to their whole
+    leading = next((number for number in range(len(things)) if number not in settled), None)
     for number, thing in enumerate(reading.things):
         if number not in settled and number not in merged:
             looks, least = _looks(thing.name, encoders, seed), _PART if number in had else 0.0
-            upright = bool(thing.doing or relations) and is_person(thing.name, encoders.sentences())
-            found = index.find(thing, prompt, looks, least=least, cut_out=bool(relations), upright=upright)
+            upright = bool(thing.doing or relations or in_place) and is_person(thing.name, encoders.sentences())
+            among = bool(relations or in_place)
+            found = index.find(thing, prompt, looks, least=least, cut_out=among, upright=upright)
+            if among and number == leading and not (found is not None and found.library.is_own):
+                whole = index.find(thing, prompt, looks, least=least, upright=upright)
+                if (
+                    whole is not None
+                    and whole.exact
+                    and (found is None or not found.exact or whole.similarity > found.similarity + _BETTER)
+                ):
+                    found = whole
             once = replace(thing, count=1) if found is not None and found.several else thing
             things[number] = None if number in had and found is None else SceneThing(once, found)
     held = [one for one in relations if one.word == "of"]
