@@ -77,6 +77,7 @@ OWN_FILES = {
     "web/folder.py",
     "weights/cache.py",  # what was fetched
     "weights/debian.py",
+    "weights/picture_archive.py",  # our tables
     "weights/wheel.py",
 }
 READING = {"read_bytes", "read_text", "copyfile", "imread", "fromfile", "loadtxt", "genfromtxt", "safe_open", "memmap"}

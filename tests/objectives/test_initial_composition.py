@@ -21,7 +21,8 @@ GRID = PixelGrid.of_height(CANVAS, 48)
 
 
 @pytest.fixture
-def encoders(tmp_path: Path) -> QuickEncoders:
+def encoders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> QuickEncoders:
+    monkeypatch.setattr("frida_painter.objectives.scenes.retrieval._FILLED", 2.0)  # these pictograms fill their boxes
     index, quick = index_of(tmp_path), QuickEncoders()
     quick.picture_index = lambda: index  # type: ignore[method-assign]
     return quick
@@ -66,7 +67,6 @@ def test_what_is_carried_says_nothing_of_the_place(
         return PAPER
 
     monkeypatch.setattr("frida_painter.objectives.scenes.scene.implied_place", implied)
-    monkeypatch.setattr("frida_painter.objectives.scenes.retrieval._FILLED", 2.0)  # these pictograms fill their boxes
     initial_composition(Goal((TextTerm(f"a strawberry {word} an umbrella"),)), GRID, encoders, 0)
     assert set(asked) == standing
 
@@ -142,7 +142,6 @@ def test_in_a_style_picture_that_is_begun_with_the_thing_is_seen_and_matters_mos
 def test_of_a_table_that_carries_things_the_top_is_shown(
     encoders: QuickEncoders, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("frida_painter.objectives.scenes.retrieval._FILLED", 2.0)  # these pictograms fill their boxes
     index = encoders.picture_index()
     assert index is not None
     index.nearest = lambda thing: 1.0  # type: ignore[method-assign]  # everything has a picture of its own
@@ -216,7 +215,6 @@ def test_mountains_are_a_place(encoders: QuickEncoders, word: str) -> None:
 def test_of_what_is_only_measured_the_measure_has_no_picture(
     encoders: QuickEncoders, monkeypatch: pytest.MonkeyPatch, uncounted: bool
 ) -> None:
-    monkeypatch.setattr("frida_painter.objectives.scenes.retrieval._FILLED", 2.0)  # these pictograms fill their boxes
     things = (Thing("umbrella", "umbrella"), Thing("strawberry", "strawberry", uncounted=uncounted))
     reading = Reading(things, (Relation(0, "of", 1),))
     encoders.prompts = lambda: SimpleNamespace(read=lambda prompt: reading)  # type: ignore[method-assign]

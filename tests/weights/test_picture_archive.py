@@ -9,7 +9,15 @@ from pathlib import Path
 import pytest
 
 from frida_painter.errors import WeightsError
-from frida_painter.weights.picture_archive import character_name, repack_abcs, repack_flashcards, repack_fluent
+from frida_painter.weights.picture_archive import (
+    character_name,
+    repack_abcs,
+    repack_costumes,
+    repack_flashcards,
+    repack_fluent,
+    repack_gcompris,
+)
+from qt import resource
 
 
 def tar_of(files: dict[str, bytes], packed_as: str) -> bytes:
@@ -46,6 +54,24 @@ def test_pictures_are_called_by_their_names_and_folders(tmp_path: Path) -> None:
         "cartoon/fruit_n_veg/pear.jpg": ["pear", "fruit and veg"],
         "cartoon/construction/barn.jpg": ["barn", "construction"],
     }
+
+
+def test_pictures_are_called_as_our_tables_say(tmp_path: Path) -> None:
+    below = "usr/share/scratch/Media/Costumes/"
+    known = ("People/dan3.gif", "Animals/crab2.gif", "Fantasy/gobo1.gif")
+    repack_costumes(debian(tmp_path / "c.deb", {below + name: b"c" for name in known}), tmp_path / "c.zip")
+    assert captions(tmp_path / "c.zip") == {"People/dan3.gif": ["dancing man"], "cartoon/Animals/crab2.gif": ["crab"]}
+    erase = resource({"gcompris": {"src": {"activities": {"erase": {"resource": {"nubian_ibex.webp": b"i"}}}}}})
+    match = resource({"babymatch": {"resource": {"images": {"sofa.svg": b"<svg/>", "star.svg": b"<svg/>"}}}})
+    below = "usr/share/gcompris-qt/rcc/"
+    packed = {f"{below}erase.rcc": erase, f"{below}babymatch.rcc": match, f"{below}menu.rcc": b"no resource"}
+    repack_gcompris(debian(tmp_path / "g.deb", packed), tmp_path / "g.zip")
+    assert captions(tmp_path / "g.zip") == {
+        "erase/nubian_ibex.webp": ["ibex"],
+        "cartoon/babymatch/images/sofa.svg": ["sofa"],
+    }
+    with pytest.raises(WeightsError, match=r"erase\.rcc.*damaged Qt resource"):
+        repack_gcompris(debian(tmp_path / "d.deb", {f"{below}erase.rcc": erase[:-4]}), tmp_path / "d.zip")
 
 
 def test_modelled_pictures_are_called_by_their_characters(tmp_path: Path) -> None:

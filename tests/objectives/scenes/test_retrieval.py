@@ -132,6 +132,24 @@ def test_who_does_something_has_hands_and_feet(tmp_path: Path) -> None:
         assert found is not None and (found.picture.shape[1] > found.picture.shape[2]) is upright
 
 
+def test_a_picture_that_does_what_was_said_or_has_the_colour_in_its_name_goes_before(tmp_path: Path) -> None:
+    known = {"1": (("woman",), 0.8, RED), "2": (("dancing woman",), 0.5, BLUE), "3": (("red panda",), 0.2, RED),
+             "4": (("panda",), 0.8, BLUE)}  # fmt: skip
+    index = PictureIndex([Library("pictures", known)], WordBag(), tmp_path)
+    cases = {"dancing woman": Thing("woman", "woman", doing="dancing"), "woman": Thing("woman", "woman"),
+             "red panda": Thing("panda", "panda", "red"), "panda": Thing("panda", "panda")}  # fmt: skip
+    for title, thing in cases.items():
+        found = index.find(thing, title, nowhere)
+        assert found is not None and found.caption == title and found.exact
+
+
+def test_names_are_found_by_their_letters_whatever_their_size(tmp_path: Path) -> None:
+    known = {"1": (("tower",), 0.8, RED), "2": (("Eiffel Tower",), 0.8, BLUE)}
+    index = PictureIndex([Library("pictures", known)], WordBag(), tmp_path)
+    found = index.find(Thing("Eiffel Tower", "Tower"), "the Eiffel Tower", nowhere)
+    assert found is not None and found.caption == "eiffel tower" and found.exact
+
+
 def test_a_colour_in_brackets_is_part_of_a_caption(tmp_path: Path) -> None:
     ducks = {"1": (("Duck (Yellow)",), 0.8, RED), "2": (("Duck (walking)",), 0.8, BLUE)}
     index = PictureIndex([Library("stamps", ducks)], WordBag(), tmp_path)

@@ -1,5 +1,6 @@
 """A scene as one picture: its things on a ground, told from it by light and dark, with what falls over them."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -7,6 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.compositing import laid, resized
 from frida_painter.objectives.scenes.arrangement import Placed
@@ -21,6 +23,8 @@ _ALOFT = 0.40  # of the height, where the middle of what hangs in the air is
 _AMID = 0.62  # of the height that a single thing fills where its place is shown too
 _THIRD = 0.07  # of the width, by which a thing that leaves room is off the middle
 _LIT = 0.55  # how far things take the colour of the light
+_BROAD = 0.03  # of the height: half of a mark of the broad brush
+_SHARP = 2.0  # by which a picture becomes sharp sooner than its thing is wholly there
 _SOFT = 12  # the part of a height, over which a ground that goes on is smoothed
 _DARKENED = 0.75  # the same of a picture that brings its own ground
 _CUT_OFF = 0.15  # the most of its length or height that is cut off to fill the canvas
@@ -68,22 +72,34 @@ def composed(
     return _under(setting, torch.lerp(ground, colors, where), where, seed, is_alone=is_alone)
 
 
-def photographed(picture: Tensor, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
-    """A picture [4, h, w] with a ground of its own, which fills the canvas in the setting's light and weather.
+def photographed(picture: Tensor, where: Tensor, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
+    """A picture [3, h, w] with a ground of its own, which fills the canvas in the setting's light and weather.
 
-    What does not fit is cut off where the picture has the fewest edges; where that would be much of it, its ground goes
-    on to the sides instead.
+    where: how much of its thing is where in it, [h, w] in [0, 1]; around it the ground is softer, and costs fewer
+    strokes. What does not fit is cut off where there is least of the thing; where that would be much of the picture,
+    its ground goes on to the sides instead.
     """
     sides = grid.rows / picture.shape[1], grid.columns / picture.shape[2]
     scale = min(max(sides), min(sides) / (1 - _CUT_OFF))
-    large = resized(picture, scale * (1 + 1e-6))[:3]
+    rows, columns = (math.ceil(scale * side - 1e-6) for side in picture.shape[1:])
+    large = images.fit(torch.cat((picture, where[None])), rows, columns)
     large = _extended(_extended(large, grid.columns).mT, grid.rows).mT
-    top, left = (_busiest(large, side, size) for side, size in ((1, grid.rows), (2, grid.columns)))
-    colors = simplified(large[:, top : top + grid.rows, left : left + grid.columns].clamp(0, 1).contiguous())
+    top, left = (_busiest(large[3], side, size) for side, size in enumerate((grid.rows, grid.columns)))
+    cut = large[:, top : top + grid.rows, left : left + grid.columns].clamp(0, 1).contiguous()
+    colors = torch.lerp(simplified(_softened(cut[:3])), simplified(cut[:3]), (_SHARP * cut[3]).clamp(max=1.0))
     if setting.light != DAY:
         shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
         colors = colors * torch.lerp(torch.ones_like(shade), shade, _DARKENED)
-    return _under(setting, colors, torch.ones(grid.rows, grid.columns), seed, is_alone=False)
+    return _under(setting, colors, cut[3], seed, is_alone=False)
+
+
+def _softened(picture: Tensor) -> Tensor:
+    """A picture [3, H, W] without what is smaller than a mark of the broad brush."""
+    near = max(1, round(_BROAD * picture.shape[1]))
+    for _ in range(2):
+        around = functional.pad(picture[None], (near,) * 4, mode="replicate")
+        picture = functional.avg_pool2d(around, 2 * near + 1, 1)[0]
+    return picture
 
 
 def _extended(picture: Tensor, columns: int) -> Tensor:
@@ -99,16 +115,11 @@ def _extended(picture: Tensor, columns: int) -> Tensor:
     return torch.lerp(wide, blurred, (away / (0.25 * soft)).clamp(max=1.0))[0]
 
 
-def _busiest(picture: Tensor, side: int, size: int) -> int:
-    """Where a part of that size begins along a side of a picture [3, H, W] that has most of its edges."""
-    other = 3 - side
-    edges = picture.diff(dim=side).abs().sum((0, other))
-    room = picture.shape[side] - size
-    if room <= 0:
-        return 0
-    sums = torch.cat((torch.zeros(1), edges.cumsum(0)))
-    within = sums[size - 1 :] - sums[: len(sums) - size + 1]
-    best = within >= within.max() - 1e-3 * float(edges.sum())
+def _busiest(where: Tensor, side: int, size: int) -> int:
+    """Where a part of that size begins along a side of a picture that has most of what is where [H, W]."""
+    sums = torch.cat((torch.zeros(1), where.sum(1 - side).cumsum(0)))
+    within = sums[size:] - sums[:-size]
+    best = within >= within.max() - 1e-3 * float(sums[-1])
     return int(best.nonzero().flatten().float().mean().round())  # of equal ones the middle
 
 

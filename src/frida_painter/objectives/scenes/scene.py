@@ -11,6 +11,7 @@ from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.recoloring import is_colored, recolored
 from frida_painter.objectives.scenes.arrangement import ScenePart, arranged, copies
+from frida_painter.objectives.scenes.attention import attended
 from frida_painter.objectives.scenes.composition import ComposedScene, composed, photographed
 from frida_painter.objectives.scenes.drawings import faded
 from frida_painter.objectives.scenes.people import with_figures
@@ -113,7 +114,8 @@ def scene_of(
             encoders.remark(
                 f"That picture has a ground of its own and fills the canvas; {', '.join(left_out)} could not be added."
             )
-        return photographed(whole.colored, setting, grid, seed)
+        picture, words = whole.colored[:3], Text(whole.thing.name, encoders.readers(), seed)
+        return photographed(picture, attended(picture, words.glance, seed), setting, grid, seed)
     if setting.place is PAPER:
         carried = {id(things[one.subject]) for one in relations if one.word in _CARRIED}
         standing = [one for one in shown if id(one) not in carried] or shown

@@ -1,0 +1,80 @@
+"""Scenes of pictures made up here: an ibex before rocks fills its picture, a tree and a goat stand free."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import torch
+from torch import Tensor
+
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.scenes.composition import ComposedScene
+from frida_painter.objectives.scenes.libraries import Captioned
+from frida_painter.objectives.scenes.reading import Reading, Relation, Thing
+from frida_painter.objectives.scenes.retrieval import PictureIndex
+from frida_painter.objectives.scenes.scene import scene_of
+from networks import QuickEncoders, WordBag
+from scenes import CANVAS
+
+GRID = PixelGrid.of_height(CANVAS, 48)
+TREE, GOAT = Thing("tree", "tree"), Thing("goat", "goat")
+IBEX, PANDA = Thing("ibex", "ibex"), Thing("panda", "panda", "red")
+
+
+class Pictures:
+    name, credit, is_own = "pictures", "", False
+
+    def captioned(self) -> Sequence[Captioned]:
+        return [Captioned(said, (said,), 0.8) for said in ("ibex", "red panda", "panda", "tree", "goat")]
+
+    def pictures(self, file: str) -> list[Tensor]:
+        picture = torch.rand(4, 60, 90, generator=torch.Generator().manual_seed(1))
+        picture[3] = 1
+        if file in ("tree", "goat", "panda"):
+            picture[3, :20, :40] = 0
+        return [picture]
+
+
+class OwnPictures(Pictures):
+    name, is_own = "your pictures", True
+
+
+def encoders(folder: Path, reading: Reading, library: Pictures | None = None) -> QuickEncoders:
+    index, quick = PictureIndex([library or Pictures()], WordBag(), folder), QuickEncoders()
+    quick.picture_index = lambda: index  # type: ignore[method-assign]
+    quick.prompts = lambda: SimpleNamespace(read=lambda prompt: reading)  # type: ignore[method-assign, assignment, return-value]
+    return quick
+
+
+def filled(scene: ComposedScene) -> bool:
+    """Whether no paper is left at the sides."""
+    return float(scene.picture[:, :, [0, -1]].amin()) < 0.9
+
+
+@pytest.mark.parametrize("thing", [IBEX, PANDA])
+def test_what_only_a_picture_with_a_ground_shows_fills_the_canvas(tmp_path: Path, thing: Thing) -> None:
+    seen = encoders(tmp_path, Reading((thing, TREE), (Relation(0, "under", 1),)))
+    scene = scene_of("under a tree", GRID, seen, 0)
+    assert filled(scene) and not scene.is_alone
+    assert "tree could not be added" in seen.remarks[1]
+
+
+def test_what_stands_free_stands_among_others(tmp_path: Path) -> None:
+    seen = encoders(tmp_path, Reading((GOAT, TREE), (Relation(0, "under", 1),)))
+    assert not filled(scene_of("a goat under a tree", GRID, seen, 0))
+    assert "'goat' (pictures) and 'tree' (pictures)" in seen.remarks[0] and len(seen.remarks) == 1
+
+
+def test_among_others_a_thing_that_is_not_the_first_has_no_ground(tmp_path: Path) -> None:
+    seen = encoders(tmp_path, Reading((GOAT, IBEX), (Relation(0, "beside", 1),)))
+    scene_of("a goat beside an ibex", GRID, seen, 0)
+    assert "'goat'" in seen.remarks[0] and "No picture of 'ibex'" in seen.remarks[1]
+
+
+def test_a_picture_of_a_persons_own_fills_the_canvas_where_it_is_all_there_is(tmp_path: Path) -> None:
+    alone = encoders(tmp_path, Reading((IBEX,)), OwnPictures())
+    assert filled(scene_of("an ibex", GRID, alone, 0))
+    among = encoders(tmp_path, Reading((IBEX, GOAT), (Relation(0, "beside", 1),)), OwnPictures())
+    assert not filled(scene_of("an ibex beside a goat", GRID, among, 0))
+    assert any("whose edges fade" in remark for remark in among.remarks)
