@@ -11,8 +11,9 @@ from frida_painter.frames import PixelGrid
 from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.scenes.casting import thing_of
 from frida_painter.objectives.scenes.composition import ComposedScene
-from frida_painter.objectives.scenes.scene import scene_of, thing_of
+from frida_painter.objectives.scenes.scene import scene_of
 from frida_painter.objectives.style_scene import composited_into_style
 
 _KEPT = 60.0  # weight of the composition beside the words' own: networks give things colours that they do not have

@@ -37,6 +37,7 @@ _EACH_OTHER = ("other", "another", "itself", "himself", "herself", "themselves")
 _BASIC = ("black", "white", "red", "green", "yellow", "blue", "brown", "purple", "pink", "orange", "gray", "grey")
 _VIVID = 72.0  # chroma
 _PARTS = ("of", "with")  # what follows is part of the thing before alone
+_LABEL = 60
 _LONGEST = 400  # characters; more is no description of one picture
 
 
@@ -63,6 +64,11 @@ class Thing:
     def shown(self) -> int:
         """How many of them are painted: 1 to 12."""
         return _PLURAL if self.count is None else max(1, min(self.count, _MOST))
+
+    @property
+    def label(self) -> str:
+        """Its name for a sentence, 60 characters at the most."""
+        return self.name[:_LABEL]
 
 
 @dataclass(frozen=True)

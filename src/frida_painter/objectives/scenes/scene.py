@@ -1,22 +1,19 @@
 """From a prompt to a scene: it is read, pictures of its things are found, and they are composed in their setting."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-
-import torch
-from torch import Tensor
+from dataclasses import replace
 
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.objectives.recoloring import is_colored, recolored
+from frida_painter.objectives.scenes.appearance import has_ground
 from frida_painter.objectives.scenes.arrangement import ScenePart, arranged, copies
 from frida_painter.objectives.scenes.attention import attended
+from frida_painter.objectives.scenes.casting import NAMED_ALONE, SceneThing, cast
 from frida_painter.objectives.scenes.composition import ComposedScene, composed, photographed
 from frida_painter.objectives.scenes.drawings import faded
 from frida_painter.objectives.scenes.people import with_figures
 from frida_painter.objectives.scenes.reading import MOST_THINGS, Reading, Relation, Thing, paint_of
-from frida_painter.objectives.scenes.retrieval import FoundPicture, PictureIndex, has_ground
+from frida_painter.objectives.scenes.retrieval import PictureIndex
 from frida_painter.objectives.scenes.settings import (
     CLEAR,
     DAY,
@@ -31,67 +28,17 @@ from frida_painter.objectives.scenes.settings import (
     named_place,
     named_weather,
 )
-from frida_painter.objectives.scenes.world import is_person, known_like
+from frida_painter.objectives.scenes.world import known_like
 from frida_painter.objectives.text import Text
 
-_WHOLE = 0.80  # similarity of a caption to two things and what is between them, from which it shows both
-_PART = 0.75  # the same for what a thing has
-_HELD = 0.72  # the same for "a bowl of cherries"
-_NAMED_ALONE = 0.9  # the same for coffee, where there is no cup of coffee
 _UNDER = ("under", "beneath", "underneath", "below")
 _BY_THINGS = (*_UNDER, "beside", "next to", "behind", "in front of", "with")
 _BEFORE = ("behind", "in front of")  # a forest and mountains, but no mountain, are the place of what is before them
 _CARRIED = ("on", "on top of", "upon", "riding", "in", "inside", "from")  # a duck on a tractor is not on a lake
 _SUPPORTS = ("on", "on top of", "upon")
 _ROUNDING = 1e-3
-_BETTER = 0.08  # of similarity, by which a picture with a ground says more exactly what the thing is
 _SURE = 0.8  # similarity from which a word of a name says where a thing is: a watering can is not in water
 _IMPLIED = 0.42  # similarity to what is found at a place, from which things imply it
-_TITLE = 60  # characters of a name in a remark
-
-
-@dataclass(frozen=True)
-class SceneThing:
-    """A thing of a scene, and its picture, if one was found."""
-
-    thing: Thing
-    found: FoundPicture | None
-
-    @property
-    def colored(self) -> Tensor:
-        """The picture that was found, in the colour that the words name, unless it has it."""
-        assert self.found is not None
-        color, paint = self.thing.color, paint_of(self.thing.color)
-        named = set(color.split()) <= set(self.found.caption.split())
-        if paint is None or " and " in color or named or is_colored(self.found.picture, paint):
-            return self.found.picture
-        return recolored(self.found.picture, paint)
-
-    @property
-    def told(self) -> str:
-        """The picture that was found, for a person."""
-        assert self.found is not None
-        times = f", {self.thing.shown} times" if self.thing.shown > 1 else ""
-        stands = "" if self.found.exact else f" for {self.thing.name[:_TITLE]!r}"
-        return f"{self.found.caption[:_TITLE]!r} ({self.found.library.name}{times}){stands}"
-
-    @property
-    def credit(self) -> str:
-        """Who made the picture, for the end of a sentence."""
-        assert self.found is not None
-        return f"; picture by {self.found.library.credit}" if self.found.library.credit else ""
-
-
-def thing_of(prompt: str, encoders: EncoderRegistry, seed: int) -> SceneThing | None:
-    """The first thing of a prompt that has a picture; None where none has."""
-    index = encoders.picture_index()
-    if index is None:
-        return None
-    for thing in encoders.prompts().read(prompt).things:
-        found = index.find(thing, prompt, _looks(thing.name, encoders, seed))
-        if found is not None:
-            return SceneThing(thing, found)
-    return None
 
 
 def scene_of(
@@ -104,11 +51,11 @@ def scene_of(
     if len(settled) == len(reading.things) and setting.place is not PAPER:
         reading = _peopled(reading, setting, sentences)
     reading = with_figures(reading)
-    things, relations = _found(reading, settled, prompt, index, encoders, seed, in_place=setting.place is not PAPER)
+    things, relations = cast(reading, settled, prompt, index, encoders, seed, in_place=setting.place is not PAPER)
     shown = [one for one in things if one is not None and one.found is not None]
     whole = next((one for one in shown if _fills_the_canvas(one, shown, setting)), None)
     if whole is not None and whole.found is not None:
-        left_out = [one.thing.name[:_TITLE] for one in shown if one is not whole]
+        left_out = [one.thing.label for one in shown if one is not whole]
         _tell(reading, [whole], replace(setting, is_named=False), encoders, use)
         if left_out:
             encoders.remark(
@@ -151,7 +98,7 @@ def scene_of(
     _tell(reading, things, setting, encoders, use)
     for one in pasted:
         encoders.remark(
-            f"Your picture of {one.thing.name[:_TITLE]!r} has a ground of its own, whose edges fade; as a PNG without "
+            f"Your picture of {one.thing.label!r} has a ground of its own, whose edges fade; as a PNG without "
             "its ground it would stand free."
         )
     for fault in dict.fromkeys(() if index is None else index.faults):
@@ -210,7 +157,7 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
         subject_only = len(reading.things) == 1
         # What has a picture of its own is a thing: a tree is no forest.
         least = 0.0 if index is None else index.nearest(thing) - _ROUNDING
-        least = max(least, _NAMED_ALONE) if beside <= set(_BEFORE) and beside else least
+        least = max(least, NAMED_ALONE) if beside <= set(_BEFORE) and beside else least
         place = named_place(thing.noun, sentences, least)
         if place is None and thing.count is None and thing.plural and number:  # mountains, and no mountain
             place = named_place(thing.plural, sentences, least)
@@ -246,91 +193,6 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
     return setting, settled
 
 
-def _found(
-    reading: Reading,
-    settled: set[int],
-    prompt: str,
-    index: PictureIndex | None,
-    encoders: EncoderRegistry,
-    seed: int,
-    *,
-    in_place: bool,
-) -> tuple[list[SceneThing | None], list[Relation]]:
-    """A picture for each thing; where one shows two things and what is between them, it is the first one's.
-
-    in_place: whether they are somewhere that is painted too, so that pictures without a ground are wanted.
-    """
-    things: list[SceneThing | None] = [None] * len(reading.things)
-    if index is None:
-        return [SceneThing(thing, None) for thing in reading.things], []
-    merged = set[int]()
-    relations = [one for one in reading.relations if one.subject not in settled and one.object not in settled]
-    for relation in list(relations):
-        first, second = reading.things[relation.subject], reading.things[relation.object]
-        if relation.subject in merged or relation.object in merged:
-            continue
-        measured = relation.word == "of" and second.uncounted
-        # Of coffee a cup is the measure, whatever is said of the cup.
-        called = f"{first.noun if measured else first.name} {relation.word} {second.color} {second.name}"
-        called = called.replace("  ", " ")
-        least = _HELD if relation.word == "of" else _WHOLE
-        looks, nouns = _looks(called, encoders, seed), (first.noun, second.noun)
-        whole = index.find(Thing(called, called), prompt, looks, least=least, shows=nouns)
-        if whole is not None and not whole.library.is_own and (index.has_own(first) or index.has_own(second)):
-            whole = None
-        if whole is not None and not set(second.color.split()) <= set(whole.caption.split()) and not measured:
-            whole = None
-        if whole is None and measured and not index.has_own(first):
-            whole = index.find(second, prompt, _looks(second.name, encoders, seed), least=_NAMED_ALONE, cut_out=True)
-        if whole is not None:
-            things[relation.subject] = SceneThing(first, whole)
-            merged |= {relation.subject, relation.object}
-            relations = [one for one in relations if not {one.subject, one.object} & {relation.object}]
-    had = {one.object for one in relations if one.word == "with"}  # parts, such as a roof, belong to their whole
-    leading = next((number for number in range(len(things)) if number not in settled), None)
-    for number, thing in enumerate(reading.things):
-        if number not in settled and number not in merged:
-            looks, least = _looks(thing.name, encoders, seed), _PART if number in had else 0.0
-            upright = bool(thing.doing or relations or in_place) and is_person(thing.name, encoders.sentences())
-            among = bool(relations or in_place)
-            found = index.find(thing, prompt, looks, least=least, cut_out=among, upright=upright)
-            if among and number == leading and not (found is not None and found.library.is_own):
-                whole = index.find(thing, prompt, looks, least=least, upright=upright)
-                if (
-                    whole is not None
-                    and whole.exact
-                    and (found is None or not found.exact or whole.similarity > found.similarity + _BETTER)
-                ):
-                    found = whole
-            once = replace(thing, count=1) if found is not None and found.several else thing
-            things[number] = None if number in had and found is None else SceneThing(once, found)
-    held = [one for one in relations if one.word == "of"]
-    for relation in held:  # a flock of birds is birds
-        group = things[relation.subject]
-        if group is not None and (group.found is None or not group.found.exact):
-            things[relation.subject] = None
-            relations = [one for one in relations if one != relation]
-            relations = [
-                replace(one, subject=relation.object) if one.subject == relation.subject else one for one in relations
-            ]
-    for relation in reading.relations:
-        group = things[relation.object]
-        if relation.word == "of" and relation.subject in settled and group is not None and group.thing.count is None:
-            things[relation.object] = replace(group, thing=replace(group.thing, count=7))
-    return things, relations
-
-
-def _looks(name: str, encoders: EncoderRegistry, seed: int) -> Callable[[Tensor], float]:
-    """How far pictures look from a thing, to the networks that the painting is seen through."""
-    words = Text(name, encoders.readers(), seed)
-
-    @torch.no_grad()
-    def distance(picture: Tensor) -> float:
-        return float(words.glance(picture))
-
-    return distance
-
-
 def _tell(
     reading: Reading, things: list[SceneThing | None], setting: Setting, encoders: EncoderRegistry, use: str
 ) -> None:
@@ -343,7 +205,7 @@ def _tell(
     encoders.remark(f"{use.capitalize()} {told}{place}{made}.")
     if reading.too_many:
         encoders.remark(f"The words name more than {MOST_THINGS} things; the first ones are painted.")
-    missing = [one.thing.name[:_TITLE] for one in things if one is not None and not (one.found and one.found.exact)]
+    missing = [one.thing.label for one in things if one is not None and not (one.found and one.found.exact)]
     if missing:
         encoders.remark(
             f"No picture of {', '.join(map(repr, missing))} was found; give one with --image, or a folder of your own "

@@ -1,0 +1,42 @@
+"""How a picture of a library looks, whatever it shows: whether a painting had better begin with it."""
+
+from torch import Tensor
+
+from frida_painter.palette import to_lab
+
+_REALISM = 0.6  # of a photograph before a sign
+_OWN = 0.3  # of a person's own picture
+_FLAT = 0.4  # of its realism, against a picture of flat areas alone: a drawing, whatever its file says
+_PLAIN = 0.25  # against drawings without colour, and pictures that are no cut-outs
+_COLORFUL = 8.0  # chroma
+_BLACK, _SILHOUETTE = 12.0, 0.4  # L*, and share of a picture, from which it is a silhouette
+_SKETCHY = 0.25  # share of its box that a thing fills, below which there are only lines
+_FILLED = 0.95  # share of its box, from which a picture is a rectangle
+
+
+def appearance(picture: Tensor, realism: float, *, is_own: bool) -> float:
+    """What a picture is worth before it is compared: cut-outs before rectangles, colours before outlines."""
+    seen = picture[:3, picture[3] > 0.5].T
+    if len(seen) == 0:
+        return -1.0
+    flat = _flatness(picture)
+    worth = _REALISM * realism * (1 - _FLAT * flat) + _OWN * is_own
+    lab = to_lab(seen[:: max(1, len(seen) // 2000)])
+    chroma = float(lab[:, 1:].norm(dim=1).mean())
+    worth -= _PLAIN * flat * float((lab[:, 0] < _BLACK).float().mean() > _SILHOUETTE) * (not is_own)
+    worth -= _PLAIN * flat * (chroma < _COLORFUL and not is_own)
+    worth -= _PLAIN * (float(picture[3].mean()) < _SKETCHY)
+    return worth - _PLAIN * (has_ground(picture) and not is_own)
+
+
+def has_ground(picture: Tensor) -> bool:
+    """Whether a picture [4, h, w] is no cut-out, but a rectangle with a ground of its own."""
+    return float(picture[3].mean()) > _FILLED
+
+
+def _flatness(picture: Tensor) -> float:
+    """Share of neighbours in a thing [4, h, w] of the very same colour: near 0 in photographs, near 1 in signs."""
+    opaque = picture[3] > 0.98
+    pairs = opaque[:, 1:] & opaque[:, :-1]
+    same = (picture[:3, :, 1:] == picture[:3, :, :-1]).all(0)
+    return float((same & pairs).sum()) / max(1, int(pairs.sum()))
