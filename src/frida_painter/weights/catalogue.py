@@ -161,7 +161,7 @@ def _hed() -> NamedWeights:
 def _openmoji() -> NamedWeights:
     return NamedWeights(
         "openmoji",
-        "4,495 pictograms to begin from",
+        "4,495 pictograms",
         "CC BY-SA 4.0",
         "OpenMoji, the open-source emoji and icon project, HfG Schwäbisch Gmünd",
         (
@@ -215,7 +215,7 @@ def _english() -> NamedWeights:
 def _openclipart() -> NamedWeights:
     return _package(
         "openclipart",
-        "drawings of things to begin from",
+        "drawings of things",
         "public domain",
         "the Open Clip Art Library, by many (openclipart.org)",
         Original(
@@ -231,7 +231,7 @@ def _openclipart() -> NamedWeights:
 def _stamps() -> NamedWeights:
     return _package(
         "stamps",
-        "photographs of things to begin from",
+        "photographs of things",
         "GPL-2",
         "Tux Paint's stamps, by Bill Kendrick and many others (tuxpaint.org)",
         Original(
@@ -279,7 +279,7 @@ def _flashcards() -> NamedWeights:
 def _fluent() -> NamedWeights:
     return NamedWeights(
         "fluent",
-        "modelled things to begin from",
+        "modelled things",
         "MIT",
         "Fluent Emoji, by Microsoft",
         (
