@@ -22,7 +22,7 @@ GRID = PixelGrid.of_height(CANVAS, 48)
 
 @pytest.fixture
 def encoders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> QuickEncoders:
-    monkeypatch.setattr("frida_painter.objectives.scenes.retrieval._FILLED", 2.0)  # these pictograms fill their boxes
+    monkeypatch.setattr("frida_painter.objectives.scenes.appearance._FILLED", 2.0)  # these pictograms fill their boxes
     index, quick = index_of(tmp_path), QuickEncoders()
     quick.picture_index = lambda: index  # type: ignore[method-assign]
     return quick

@@ -79,18 +79,16 @@ def cast(
 
     in_place: whether they are somewhere that is painted too, so that pictures without a ground are wanted.
     """
-    things: list[SceneThing | None] = [None] * len(reading.things)
     if index is None:
         return [SceneThing(thing, None) for thing in reading.things], []
     relations = [one for one in reading.relations if one.subject not in settled and one.object not in settled]
     caster = _Caster(reading, prompt, index, encoders, seed)
-    things, relations = caster.wholes(relations)
-    merged = {number for number, one in enumerate(things) if one is not None} | caster.in_wholes
+    things, relations, merged = caster.wholes(relations)
     had = {one.object for one in relations if one.word == "with"}  # parts, such as a roof, belong to their whole
     leading = next((number for number in range(len(things)) if number not in settled), None)
     for number, thing in enumerate(reading.things):
         if number not in settled and number not in merged:
-            among = bool(relations or in_place)
+            among = bool(relations) or in_place or thing.shown > 1
             found = caster.found(thing, among=among, is_part=number in had, leads=number == leading)
             once = replace(thing, count=1) if found is not None and found.several else thing
             things[number] = None if number in had and found is None else SceneThing(once, found)
@@ -98,14 +96,13 @@ def cast(
 
 
 class _Caster:
-    """Looks for pictures of the things of one prompt. in_wholes: things that are in a picture of another one."""
+    """Looks for pictures of the things of one prompt."""
 
     def __init__(
         self, reading: Reading, prompt: str, index: PictureIndex, encoders: EncoderRegistry, seed: int
     ) -> None:
         self._reading, self._prompt, self._index = reading, prompt, index
         self._encoders, self._seed = encoders, seed
-        self.in_wholes = set[int]()
 
     def found(self, thing: Thing, *, among: bool, is_part: bool, leads: bool) -> FoundPicture | None:
         """The picture of a thing by itself. among: others, or in a place; leads: whether all may be about it."""
@@ -120,8 +117,11 @@ class _Caster:
         is_better = found is None or not found.exact or whole.similarity > found.similarity + _BETTER
         return whole if is_better else found
 
-    def wholes(self, relations: list[Relation]) -> tuple[list[SceneThing | None], list[Relation]]:
-        """Pictures that show two things and what is between them, each as the first one's; the other relations."""
+    def wholes(self, relations: list[Relation]) -> tuple[list[SceneThing | None], list[Relation], set[int]]:
+        """Pictures that show two things and what is between them, each as the first one's.
+
+        Also the relations that are left, and the numbers of all things that have a picture then.
+        """
         things: list[SceneThing | None] = [None] * len(self._reading.things)
         merged = set[int]()
         for relation in list(relations):
@@ -131,9 +131,8 @@ class _Caster:
             if whole is not None:
                 things[relation.subject] = SceneThing(self._reading.things[relation.subject], whole)
                 merged |= {relation.subject, relation.object}
-                self.in_wholes.add(relation.object)
                 relations = [one for one in relations if not {one.subject, one.object} & {relation.object}]
-        return things, relations
+        return things, relations, merged
 
     def _whole(self, relation: Relation) -> FoundPicture | None:
         """A picture of both; of what is only measured, the picture of that."""
