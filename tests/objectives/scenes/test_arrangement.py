@@ -141,12 +141,20 @@ def test_any_relations_place_every_thing_once(said: list[tuple[int, str, int]]) 
 @pytest.mark.parametrize("where", ["ground", "air"])
 def test_copies_are_all_there(count: int, where: str) -> None:
     drawing = thing(0, 1).picture
-    together = copies(drawing, count, where, seed=3)
+    together = copies([drawing], count, where, seed=3)
     assert together.shape[0] == 4 and float(together.min()) >= 0 and float(together.max()) <= 1
-    one = _area(copies(drawing, 1, where, seed=3)) * (256 / 40) ** 2
+    one = _area(copies([drawing], 1, where, seed=3)) * (256 / 40) ** 2
     assert count * 0.35 * one <= _area(together) + (count == 1) * one <= (count + 1) * one
-    assert torch.equal(together, copies(drawing, count, where, seed=3)), "the same seed, the same place"
+    assert torch.equal(together, copies([drawing], count, where, seed=3)), "the same seed, the same place"
 
 
 def _area(drawing: Tensor) -> float:
     return float(drawing[3].sum())
+
+
+def test_several_pictures_take_turns() -> None:
+    red, blue = (thing(0, 1).picture.clone() for _ in range(2))
+    red[:3], blue[:3] = torch.tensor([1.0, 0, 0])[:, None, None], torch.tensor([0, 0, 1.0])[:, None, None]
+    together = copies([red, torch.nn.functional.pad(blue, (7, 3))], 3, "ground", seed=1)
+    seen = together[:3] * together[3:]
+    assert float(seen[0].sum()) > 1.2 * float(seen[2].sum()) > 0, "two are red and one is blue"

@@ -164,3 +164,11 @@ def test_colours_have_the_names_that_people_give_them() -> None:
 )
 def test_where_the_last_of_several_is_all_are(reader: PromptReader, prompt: str, relations: set[str]) -> None:
     assert got(reader.read(prompt))[1] == relations
+
+
+@pytest.mark.parametrize(
+    ("prompt", "count"), [("five boys walking", 5), ("a family of ducks", 4), ("a boy running", 1)]
+)
+def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, count: int) -> None:
+    (thing,) = reader.read(prompt).things
+    assert thing.count == count

@@ -258,3 +258,13 @@ def test_what_is_only_like_the_thing_does_not_show_it(tmp_path: Path) -> None:
     ):
         found = index.find(Thing(name, name.split()[-1]), f"a {name}", nowhere)
         assert found is not None and (found.caption, found.exact) == (caption, exact), name
+
+
+def test_of_several_each_may_have_a_picture_of_its_own(tmp_path: Path) -> None:
+    people = {str(at): (("man",), 0.8, color) for at, color in enumerate((RED, BLUE, GREEN))}
+    index = PictureIndex(
+        [Library("people", people), Library("others", {"4": (("man",), 0.8, RED)})], WordBag(), tmp_path
+    )
+    for count, others in ((1, 0), (2, 1), (3, 2), (9, 2)):
+        found = index.find(Thing("man", "man", count=count), "men", nowhere)
+        assert found is not None and len(found.others) == others

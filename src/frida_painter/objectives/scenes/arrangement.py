@@ -240,16 +240,17 @@ def _hollow(picture: Tensor) -> bool:
     return float(lower.mean()) < 0.5
 
 
-def copies(picture: Tensor, count: int, where: str, seed: int, *, apart: bool = False) -> Tensor:
-    """So many copies of a picture as one [4, h, w]: in rows on a floor, the rear ones smaller; scattered in the air.
+def copies(pictures: Sequence[Tensor], count: int, where: str, seed: int, *, apart: bool = False) -> Tensor:
+    """So many copies of pictures as one [4, h, w]: in rows on a floor, the rear ones smaller; scattered in the air.
 
-    apart: with room for another thing between them.
+    The pictures take turns, as high as the first one. apart: with room for another thing between them.
     """
     if count == 1:
-        return picture
+        return pictures[0]
     generator = torch.Generator().manual_seed(seed)
-    one = resized(picture, _SIDE / max(picture.shape[1:]))
-    high, wide = one.shape[1:]
+    high = max(1, round(pictures[0].shape[1] * _SIDE / max(pictures[0].shape[1:])))
+    ones = [resized(picture, high / picture.shape[1]) for picture in pictures[:count]]
+    wide = max(one.shape[2] for one in ones)
     spots: list[tuple[float, float, float]] = []  # left, bottom, size
     rows = 1 if count <= 3 else 2 if count <= 7 else 3
     for row in range(rows):
@@ -270,9 +271,9 @@ def copies(picture: Tensor, count: int, where: str, seed: int, *, apart: bool = 
         torch.zeros(1, round(height) + 2, round(right - left) + 2),
     )
     for number, (x, y, size) in sorted(enumerate(spots), key=lambda spot: -spot[1][1]):
-        copy = resized(one, size)
-        copy = copy.flip(2) if number % 2 else copy
-        top, start = round(height - y - copy.shape[1]), round(x - size * wide / 2 - left)
+        copy = resized(ones[number % len(ones)], size)
+        copy = copy.flip(2) if number // len(ones) % 2 else copy
+        top, start = round(height - y - copy.shape[1]), round(x - copy.shape[2] / 2 - left)
         area = slice(max(0, top), max(0, top) + copy.shape[1]), slice(start, start + copy.shape[2])
         over = copy[3:, : colors[:, area[0], area[1]].shape[1], : colors[:, area[0], area[1]].shape[2]]
         paint = copy[:3, : over.shape[1], : over.shape[2]]

@@ -32,11 +32,21 @@ class SceneThing:
     def colored(self) -> Tensor:
         """The picture that was found, in the colour that the words name, unless it has it."""
         assert self.found is not None
+        return self._in_color(self.found.picture)
+
+    @property
+    def each(self) -> list[Tensor]:
+        """That picture, and further ones of the same where several are wanted."""
+        assert self.found is not None
+        return [self.colored, *map(self._in_color, self.found.others)]
+
+    def _in_color(self, picture: Tensor) -> Tensor:
+        assert self.found is not None
         color, paint = self.thing.color, paint_of(self.thing.color)
         named = set(color.split()) <= set(self.found.caption.split())
-        if paint is None or " and " in color or named or is_colored(self.found.picture, paint):
-            return self.found.picture
-        return recolored(self.found.picture, paint)
+        if paint is None or " and " in color or named or is_colored(picture, paint):
+            return picture
+        return recolored(picture, paint)
 
     @property
     def told(self) -> str:

@@ -275,8 +275,9 @@ def _described(noun: Token, whole: Token) -> Thing:
     color, colored = _color(before)
     name = [word.text for word in before if word not in colored and not _is_number(word)]
     lemma = noun.text if noun.pos_ == "PROPN" else noun.lemma_
-    numbers = [word for word in whole.children if _is_number(word) and word.i < noun.i]
-    single = any(child.dep_ == "det" and child.lower_ in ("a", "an") for child in whole.children)
+    beside = [*whole.children, *(noun.children if noun is not whole else ())]
+    numbers = [word for word in beside if _is_number(word) and word.i < noun.i]
+    single = any(child.dep_ == "det" and child.lower_ in ("a", "an") for child in beside)
     plural = noun.tag_ in ("NNS", "NNPS") and not single
     count = _number(numbers[0].lower_) if numbers else None
     count = 1 if count is None and not plural else count

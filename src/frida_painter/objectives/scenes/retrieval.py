@@ -1,7 +1,8 @@
 """Pictures of the things that a prompt names: found by their captions, and chosen by looking at them."""
 
+import itertools
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -51,7 +52,7 @@ class FoundPicture:
     """A picture for a thing: colour and opacity [4, h, w], its caption and library, and how like the thing that is.
 
     exact: whether it shows the thing that was named, rather than one that is similar; several: whether it shows as many
-    of them as were asked for.
+    of them as were asked for; others: further pictures of the same, where several are wanted.
     """
 
     picture: Tensor
@@ -60,6 +61,7 @@ class FoundPicture:
     similarity: float
     exact: bool
     several: bool = False
+    others: tuple[Tensor, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,11 @@ class _Entry:
     title: str
     rows: tuple[int, ...]  # of its captions among the meanings, the title's first
     realism: float
+
+    @property
+    def kind(self) -> tuple[str, str, float]:
+        """What pictures that look alike have in common."""
+        return self.library.name, self.title, self.realism
 
 
 class PictureIndex:
@@ -153,7 +160,7 @@ class PictureIndex:
         trusted = 1.0 if has_class(thing.noun) else _UNCLASSED
         ground = torch.tensor(_GROUND)[:, None, None].expand(3, _LOOK, _LOOK)
         bare = distance(ground)
-        best, found = -float("inf"), None
+        best, chosen, found = -float("inf"), -1, None
         for at in candidates:
             if at not in own and found is not None and found.library.is_own:
                 break
@@ -175,7 +182,18 @@ class PictureIndex:
                     several = thing.count in SEVERAL and thing.plural in entry.title.split()
                     shows_it = at in own or (exact and (like >= _NAMED or is_called(entry.title, thing)))
                     found = FoundPicture(picture, entry.title, entry.library, like, shows_it, several)
-        return found
+                    chosen = at
+        if found is None or found.several or thing.shown == 1:
+            return found
+        return replace(found, others=tuple(self._alike(chosen, thing.shown - 1)))
+
+    def _alike(self, chosen: int, most: int) -> list[Tensor]:
+        """Other pictures of that library with the same title, that stand free."""
+        kind = self._entries[chosen].kind
+        alike = (entry for at, entry in enumerate(self._entries) if at != chosen and entry.kind == kind)
+        shown = (picture for entry in alike for picture in self._shown(entry)[:1])
+        others = (picture for picture in shown if not has_ground(picture))
+        return list(itertools.islice(others, most))
 
     def _shown(self, entry: _Entry) -> list[Tensor]:
         """A picture in the ways in which it can be shown; none, where it cannot be read."""

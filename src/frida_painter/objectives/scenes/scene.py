@@ -56,7 +56,7 @@ def scene_of(
     whole = next((one for one in shown if _fills_the_canvas(one, shown, setting)), None)
     if whole is not None and whole.found is not None:
         left_out = [one.thing.label for one in shown if one is not whole]
-        _tell(reading, [whole], replace(setting, is_named=False), encoders, use)
+        _tell(reading, [whole], replace(setting, is_named=False), encoders, use, index)
         if left_out:
             encoders.remark(
                 f"That picture has a ground of its own and fills the canvas; {', '.join(left_out)} could not be added."
@@ -87,22 +87,20 @@ def scene_of(
         if one.thing.doing == "flying":
             known = known._replace(where="air")
         between = any(relation.object == number and relation.word == "between" for relation in relations)
-        picture = faded(one.colored) if any(one is each for each in pasted) else one.colored
-        parts.append(ScenePart(copies(picture, one.thing.shown, known.where, seed + number, apart=between), known))
+        pictures = [faded(one.colored)] if any(one is each for each in pasted) else one.each
+        parts.append(ScenePart(copies(pictures, one.thing.shown, known.where, seed + number, apart=between), known))
     known_parts = [part.known for part in parts if part is not None]
     over = {
         one.subject for one in reading.relations if one.word in ("over", "above", "across") and one.object in settled
     }
     in_the_air = bool(known_parts) and (all(part.where == "air" for part in known_parts) or _subjects(things, over))
     scene = composed(arranged(parts, relations), setting, grid, seed, in_the_air=in_the_air)
-    _tell(reading, things, setting, encoders, use)
+    _tell(reading, things, setting, encoders, use, index)
     for one in pasted:
         encoders.remark(
             f"Your picture of {one.thing.label!r} has a ground of its own, whose edges fade; as a PNG without "
             "its ground it would stand free."
         )
-    for fault in dict.fromkeys(() if index is None else index.faults):
-        encoders.remark(f"Of your own pictures one cannot be used: {fault}")
     return scene
 
 
@@ -194,7 +192,12 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
 
 
 def _tell(
-    reading: Reading, things: list[SceneThing | None], setting: Setting, encoders: EncoderRegistry, use: str
+    reading: Reading,
+    things: list[SceneThing | None],
+    setting: Setting,
+    encoders: EncoderRegistry,
+    use: str,
+    index: PictureIndex | None,
 ) -> None:
     """What the painting began with, who made it, and what was missing."""
     shown = [one for one in things if one is not None and one.found is not None]
@@ -211,3 +214,5 @@ def _tell(
             f"No picture of {', '.join(map(repr, missing))} was found; give one with --image, or a folder of your own "
             "with --pictures."
         )
+    for fault in dict.fromkeys(() if index is None else index.faults):
+        encoders.remark(f"Of your own pictures one cannot be used: {fault}")
