@@ -268,3 +268,12 @@ def test_of_several_each_may_have_a_picture_of_its_own(tmp_path: Path) -> None:
     for count, others in ((1, 0), (2, 1), (3, 2), (9, 2)):
         found = index.find(Thing("man", "man", count=count), "men", nowhere)
         assert found is not None and len(found.others) == others
+
+
+def test_for_a_living_thing_one_of_its_kind_stands(tmp_path: Path) -> None:
+    known = {"1": (("dhole beetle",), 0.8, RED), "2": (("wolf",), 0.8, BLUE), "3": (("gear",), 0.8, GREEN)}
+    index = PictureIndex([Library("pictures", known)], WordBag(), tmp_path)
+    for among in (False, True):
+        found = index.find(Thing("dhole", "dhole"), "a dhole", nowhere, cut_out=among)
+        assert found is not None and found.caption == "wolf" and not found.exact
+    assert index.find(Thing("dhole", "dhole"), "a dhole", nowhere, least=0.7) is None

@@ -107,6 +107,8 @@ class ConSE:
 
 
 FILE = "class_names.txt"
+_LIVING = (range(398), range(991, 998))  # the classes of animals and of mushrooms
+_KIN = 6
 
 
 @cache
@@ -129,3 +131,15 @@ def synonyms(name: str) -> list[str]:
     plain = name.lower()
     known = [some for some in class_names() if any(plain == one.lower() for one in some)]
     return [one for some in known for one in some if one.lower() != plain]
+
+
+def kin(name: str) -> list[str]:
+    """What living things are called that are most like one, nearest first: "wolf" for "dhole"; nothing for others.
+
+    The classes of animals stand in the order of WordNet's kinds, so that those of a kind stand together.
+    """
+    names, plain = class_names(), name.lower()
+    at = next((number for number, some in enumerate(names) if plain in (one.lower() for one in some)), -1)
+    living = next((those for those in _LIVING if at in those), range(0))
+    near = sorted((other for other in living if 0 < abs(other - at) <= _KIN), key=lambda other: abs(other - at))
+    return list(dict.fromkeys(one.lower().split()[-1] for other in near for one in names[other]))

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from frida_painter.errors import ImageError
 from frida_painter.objectives.compositing import lay
-from frida_painter.objectives.encoders.conse import has_class, synonyms
+from frida_painter.objectives.encoders.conse import has_class, kin, synonyms
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.scenes.appearance import appearance, has_ground
 from frida_painter.objectives.scenes.libraries import PictureLibrary
@@ -29,6 +29,7 @@ from frida_painter.objectives.scenes.titles import (
 _LEAST = 0.55  # similarity of a caption to a thing, below which it speaks of something else
 _AKIN = 0.42  # the same for what stands for a thing that has no picture
 _NAMED = 0.8  # the same from which it means the thing, whatever its words: a duck (0.64) is no goose
+_FARTHER_KIN = 0.005  # less for each living thing that is less like it
 _AGREES = 0.35  # similarity to the prompt's own words that a caption needs where a synonym found it
 _BAND = 0.25  # of similarity below the best, within which pictures are looked at
 _LOOKED_AT = 9
@@ -131,9 +132,11 @@ class PictureIndex:
         for words in shows:
             speaks = self._captioned(words)  # a banana alone is no monkey with a banana
             similarity = similarity.masked_fill((speaks < _SPEAKS) | (speaks > similarity), 0)
+        akin = None if shows else self._akin(thing, similarity)
+        similarity = similarity if akin is None else akin
         own = self._own(thing, similarity, shows)
         exact = bool(own) or float(similarity.max()) >= (least or _LEAST)
-        if (least or cut_out) and not exact:
+        if (least or (cut_out and akin is None)) and not exact:
             return None
         least = least or (_LEAST if exact else _AKIN)
         context = self._similar(prompt)[self._titles]
@@ -244,6 +247,16 @@ class PictureIndex:
         is_one = torch.from_numpy(self._kinds == thing.noun) & (called >= _LEAST)
         noun = self._captioned(thing.noun).masked_fill(is_one, 1)
         return ((1 - _NOUN) * called + _NOUN * noun).masked_fill(noun < _SPEAKS, 0)  # stones are no stone bridge
+
+    def _akin(self, thing: Thing, similarity: Tensor) -> Tensor | None:
+        """How like a living thing that has no picture those of its kind are that have one; None where none has."""
+        if float(torch.maximum(similarity, self._captioned(thing.noun)).max()) >= _NAMED:
+            return None
+        akin = torch.zeros(len(self._entries))
+        for number, other in enumerate(kin(thing.name)):
+            like = max(_AKIN, _LEAST - _FARTHER_KIN * (number + 1))
+            akin = torch.maximum(akin, like * (self._captioned(other) >= _SAME))
+        return akin if float(akin.max()) > 0 else None
 
     def _captioned(self, words: str) -> Tensor:
         """The same for words: the title's, or a keyword's as far as the title agrees with it."""
