@@ -18,7 +18,8 @@ def attended(picture: Tensor, distance: Callable[[Tensor], Tensor], seed: int) -
     """How much of what words say is seen where in a picture [3, h, w], [h, w] in [0, 1]; distance: from the words.
 
     That is where the distance changes most with the colours, in the mean of several noisy looks (D. Smilkov and
-    others, "SmoothGrad: removing noise by adding noise", 2017). Three tenths of the picture count nothing.
+    others, "SmoothGrad: removing noise by adding noise", 2017). Three tenths of the picture count nothing; where no
+    change is seen at all, everything counts.
     """
     shorter = min(1.0, _SIDE / min(picture.shape[1:]))
     small = images.fit(picture, *(max(1, round(shorter * side)) for side in picture.shape[1:]))
@@ -26,12 +27,15 @@ def attended(picture: Tensor, distance: Callable[[Tensor], Tensor], seed: int) -
     change = torch.zeros(small.shape[1:])
     for _ in range(_LOOKS):
         noisy = (small + _NOISE * torch.randn(small.shape, generator=noise)).requires_grad_()
-        (slope,) = torch.autograd.grad(distance(noisy), noisy)
+        with torch.enable_grad():
+            (slope,) = torch.autograd.grad(distance(noisy), noisy)
         change += slope.abs().sum(0)
     near = max(1, round(_NEAR * min(small.shape[1:])))
     for _ in range(2):
         around = functional.pad(change[None, None], (near,) * 4, mode="replicate")
         change = functional.avg_pool2d(around, 2 * near + 1, 1)[0, 0]
+    if not float(change.max()) > 0:
+        return torch.ones(picture.shape[1:])
     low, high = torch.quantile(change, _LEAST), torch.quantile(change, _MOST)
     seen = ((change - low) / (high - low).clamp(min=1e-12)).clamp(0, 1)
     return images.fit(seen[None], *picture.shape[1:])[0]

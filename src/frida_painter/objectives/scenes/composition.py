@@ -103,7 +103,7 @@ def _softened(picture: Tensor) -> Tensor:
 
 
 def _extended(picture: Tensor, columns: int) -> Tensor:
-    """A picture [3, h, w] whose ground goes on, ever softer, to both sides until it has so many columns."""
+    """A picture [c, h, w] whose ground goes on, ever softer, to both sides until it has so many columns."""
     missing = max(0, columns - picture.shape[2])
     if missing == 0:
         return picture
