@@ -75,6 +75,8 @@ def test_among_others_a_thing_that_is_not_the_first_has_no_ground(tmp_path: Path
 def test_a_picture_of_a_persons_own_fills_the_canvas_where_it_is_all_there_is(tmp_path: Path) -> None:
     alone = encoders(tmp_path, Reading((IBEX,)), OwnPictures())
     assert filled(scene_of("an ibex", GRID, alone, 0))
+    snow = encoders(tmp_path, Reading((IBEX, Thing("snow", "snow")), (Relation(0, "in", 1),)), OwnPictures())
+    assert filled(scene_of("an ibex in snow", GRID, snow, 0)) and not any("fade" in one for one in snow.remarks)
     among = encoders(tmp_path, Reading((IBEX, GOAT), (Relation(0, "beside", 1),)), OwnPictures())
     assert not filled(scene_of("an ibex beside a goat", GRID, among, 0))
     assert any("whose edges fade" in remark for remark in among.remarks)

@@ -53,7 +53,7 @@ def scene_of(
     reading = with_figures(reading)
     things, relations = cast(reading, settled, prompt, index, encoders, seed, in_place=setting.place is not PAPER)
     shown = [one for one in things if one is not None and one.found is not None]
-    whole = next((one for one in shown if _fills_the_canvas(one, shown, setting)), None)
+    whole = next((one for one in shown if _fills_the_canvas(one, shown)), None)
     if whole is not None and whole.found is not None:
         left_out = [one.thing.label for one in shown if one is not whole]
         _tell(reading, [whole], replace(setting, is_named=False), encoders, use, index)
@@ -104,11 +104,11 @@ def scene_of(
     return scene
 
 
-def _fills_the_canvas(one: SceneThing, shown: list[SceneThing], setting: Setting) -> bool:
-    """Whether a picture has a ground of its own: a person's own only where it is all that there is."""
+def _fills_the_canvas(one: SceneThing, shown: list[SceneThing]) -> bool:
+    """Whether a picture has a ground of its own: a person's own only where it is the only one."""
     if one.found is None or not has_ground(one.found.picture):
         return False
-    return not one.found.library.is_own or (len(shown) == 1 and not setting.is_named and one.thing.shown == 1)
+    return not one.found.library.is_own or (len(shown) == 1 and one.thing.shown == 1)
 
 
 def _dressed(
