@@ -84,23 +84,24 @@ def repack_flashcards(package: Path, archive: Path) -> None:
 def repack_costumes(package: Path, archive: Path) -> None:
     """Pictures of Debian's scratch: people from head to foot, and some things, as `costumes.txt` names them."""
     below = "usr/share/scratch/Media/Costumes/"
-    _write(_listed(files_of(package, below, (".gif", ".png")), "costumes.txt"), archive)
+    _write(_listed(files_of(package, below, (".gif", ".png")), _list("costumes.txt")), archive)
 
 
 def repack_gcompris(package: Path, archive: Path) -> None:
     """Pictures of Debian's gcompris-qt-data as `gcompris.txt` names them: animals, monuments, tools and instruments."""
-    known = {file.partition("/")[0] for file in _list("gcompris.txt")}
+    known = _list("gcompris.txt")
+    activities = {file.partition("/")[0] for file in known}
 
     def files() -> Iterator[tuple[str, bytes]]:
         for path, content in files_of(package, "usr/share/gcompris-qt/rcc/", (".rcc",)):
-            if (activity := path.removesuffix(".rcc")) in known:
+            if (activity := path.removesuffix(".rcc")) in activities:
                 try:
                     for file, picture in files_in(content):
                         yield f"{activity}/{file.rpartition('/resource/')[2]}", picture
                 except ValueError as cause:
                     raise WeightsError(f"{package.name} holds {path}, and {cause}") from cause
 
-    _write(_listed(files(), "gcompris.txt"), archive)
+    _write(_listed(files(), known), archive)
 
 
 def repack_fluent(package: Path, archive: Path) -> None:
@@ -138,9 +139,10 @@ def _by_their_names(
             yield path, content, [name, kind]
 
 
-def _listed(files: Iterable[tuple[str, bytes]], table: str) -> Iterator[tuple[str, bytes, list[str]]]:
+def _listed(
+    files: Iterable[tuple[str, bytes]], known: dict[str, tuple[str, str]]
+) -> Iterator[tuple[str, bytes, list[str]]]:
     """The files that a table of ours names, drawings in a folder that says so."""
-    known = _list(table)
     for path, content in files:
         if path in known:
             kind, caption = known[path]

@@ -78,4 +78,5 @@ def test_a_class_has_other_names() -> None:
 def test_living_things_have_kin() -> None:
     assert {"dingo", "wolf", "hyena", "fox"} <= set(kin("dhole")) and kin("Dhole") == kin("dhole")
     assert "crane" in kin("American coot") and kin("dhole").index("wolf") < kin("dhole").index("fox")
+    assert "cucumber" not in kin("sea urchin") and "sea cucumber" in kin("sea urchin")
     assert kin("hair dryer") == kin("earthquake") == []

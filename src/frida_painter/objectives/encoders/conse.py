@@ -108,7 +108,7 @@ class ConSE:
 
 FILE = "class_names.txt"
 _LIVING = (range(398), range(991, 998))  # the classes of animals and of mushrooms
-_KIN = 6
+_KIN = 6  # classes before and after one, that are of its kind
 
 
 @cache
@@ -136,10 +136,12 @@ def synonyms(name: str) -> list[str]:
 def kin(name: str) -> list[str]:
     """What living things are called that are most like one, nearest first: "wolf" for "dhole"; nothing for others.
 
-    The classes of animals stand in the order of WordNet's kinds, so that those of a kind stand together.
+    The classes of animals stand in the order of WordNet's kinds, so that those of a kind stand together. The last
+    word of a name says what that is, but where it lives in the sea: a sea cucumber is none.
     """
     names, plain = class_names(), name.lower()
     at = next((number for number, some in enumerate(names) if plain in (one.lower() for one in some)), -1)
     living = next((those for those in _LIVING if at in those), range(0))
     near = sorted((other for other in living if 0 < abs(other - at) <= _KIN), key=lambda other: abs(other - at))
-    return list(dict.fromkeys(one.lower().split()[-1] for other in near for one in names[other]))
+    called = (one.lower() for other in near for one in names[other])
+    return list(dict.fromkeys(one if one.startswith("sea ") else one.split()[-1] for one in called))

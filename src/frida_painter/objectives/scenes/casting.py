@@ -121,11 +121,11 @@ class _Caster:
         found = self._index.find(thing, self._prompt, looks, least=least, cut_out=among, upright=upright)
         if not among or not leads or (found is not None and found.library.is_own):
             return found
-        whole = self._index.find(thing, self._prompt, looks, least=least, upright=upright)
-        if whole is None or not whole.exact:
+        enough = found.similarity + _BETTER if found is not None and found.exact else -1.0
+        if self._index.nearest(thing) <= enough:  # no other one can be better
             return found
-        is_better = found is None or not found.exact or whole.similarity > found.similarity + _BETTER
-        return whole if is_better else found
+        whole = self._index.find(thing, self._prompt, looks, least=least, upright=upright)
+        return whole if whole is not None and whole.exact and whole.similarity > enough else found
 
     def wholes(self, relations: list[Relation]) -> tuple[list[SceneThing | None], list[Relation], set[int]]:
         """Pictures that show two things and what is between them, each as the first one's.

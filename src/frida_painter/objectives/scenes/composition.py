@@ -10,7 +10,7 @@ from torch.nn import functional
 
 from frida_painter import images
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.compositing import laid, resized
+from frida_painter.objectives.compositing import laid, resized, softened
 from frida_painter.objectives.scenes.arrangement import Placed
 from frida_painter.objectives.scenes.falling import falling
 from frida_painter.objectives.scenes.settings import DAY, Setting, with_contrast
@@ -86,20 +86,12 @@ def photographed(picture: Tensor, where: Tensor, setting: Setting, grid: PixelGr
     large = _extended(_extended(large, grid.columns).mT, grid.rows).mT
     top, left = (_busiest(large[3], side, size) for side, size in enumerate((grid.rows, grid.columns)))
     cut = large[:, top : top + grid.rows, left : left + grid.columns].clamp(0, 1).contiguous()
-    colors = torch.lerp(simplified(_softened(cut[:3])), simplified(cut[:3]), (_SHARP * cut[3]).clamp(max=1.0))
+    ground = softened(cut[:3], max(1, round(_BROAD * grid.rows)))
+    colors = torch.lerp(simplified(ground), simplified(cut[:3]), (_SHARP * cut[3]).clamp(max=1.0))
     if setting.light != DAY:
         shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
         colors = colors * torch.lerp(torch.ones_like(shade), shade, _DARKENED)
     return _under(setting, colors, cut[3], seed, is_alone=False)
-
-
-def _softened(picture: Tensor) -> Tensor:
-    """A picture [3, H, W] without what is smaller than a mark of the broad brush."""
-    near = max(1, round(_BROAD * picture.shape[1]))
-    for _ in range(2):
-        around = functional.pad(picture[None], (near,) * 4, mode="replicate")
-        picture = functional.avg_pool2d(around, 2 * near + 1, 1)[0]
-    return picture
 
 
 def _extended(picture: Tensor, columns: int) -> Tensor:

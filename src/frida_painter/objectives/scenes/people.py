@@ -1,8 +1,9 @@
 """Words for people whom no picture shows as such: a couple is a woman and a man, children are a girl and a boy."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
-from frida_painter.objectives.scenes.reading import MOST_THINGS, Reading, Relation
+from frida_painter.objectives.scenes.reading import MOST_THINGS, Reading, Relation, Thing
 
 _SHOWN_BY = {
     "couple": ("woman", "man"), "people": ("woman", "man"), "person": ("woman", "man"), "human": ("woman", "man"),
@@ -13,16 +14,19 @@ _SHOWN_BY = {
 _ALWAYS_TWO = "couple"
 
 
-def with_figures(reading: Reading) -> Reading:
+def with_figures(reading: Reading, has_own: Callable[[Thing], bool]) -> Reading:
     """The reading, where people who do something, or are somewhere, are such as pictures from head to foot show.
 
-    Somebody alone, of whom nothing more is said, stays: that is a portrait.
+    Somebody alone, of whom nothing more is said, stays: that is a portrait. has_own: whether a person's own pictures
+    show somebody; who is shown by them stays too.
     """
     things, relations = list(reading.things), list(reading.relations)
     for number, thing in enumerate(reading.things):
         who = _SHOWN_BY.get(thing.noun)
         adjective = thing.name.removesuffix(thing.noun).strip()
         if who is None or not (reading.relations or thing.doing or adjective or thing.noun == _ALWAYS_TWO):
+            continue
+        if has_own(thing):
             continue
         several = thing.shown > 1 or thing.noun == _ALWAYS_TWO
         count = 2 if thing.noun == _ALWAYS_TWO else thing.shown

@@ -132,9 +132,9 @@ class PictureIndex:
         for words in shows:
             speaks = self._captioned(words)  # a banana alone is no monkey with a banana
             similarity = similarity.masked_fill((speaks < _SPEAKS) | (speaks > similarity), 0)
-        akin = None if shows else self._akin(thing, similarity)
-        similarity = similarity if akin is None else akin
         own = self._own(thing, similarity, shows)
+        akin = None if own or shows else self._akin(thing, similarity)
+        similarity = similarity if akin is None else akin
         exact = bool(own) or float(similarity.max()) >= (least or _LEAST)
         if (least or (cut_out and akin is None)) and not exact:
             return None

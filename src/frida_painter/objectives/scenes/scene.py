@@ -7,13 +7,13 @@ from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.scenes.appearance import has_ground
 from frida_painter.objectives.scenes.arrangement import ScenePart, arranged, copies
-from frida_painter.objectives.scenes.attention import attended
 from frida_painter.objectives.scenes.casting import NAMED_ALONE, SceneThing, cast
 from frida_painter.objectives.scenes.composition import ComposedScene, composed, photographed
 from frida_painter.objectives.scenes.drawings import faded
 from frida_painter.objectives.scenes.people import with_figures
 from frida_painter.objectives.scenes.reading import MOST_THINGS, Reading, Relation, Thing, paint_of
 from frida_painter.objectives.scenes.retrieval import PictureIndex
+from frida_painter.objectives.scenes.saliency import saliency
 from frida_painter.objectives.scenes.settings import (
     CLEAR,
     DAY,
@@ -50,7 +50,7 @@ def scene_of(
     sentences = encoders.sentences()
     if len(settled) == len(reading.things) and setting.place is not PAPER:
         reading = _peopled(reading, setting, sentences)
-    reading = with_figures(reading)
+    reading = with_figures(reading, lambda thing: index is not None and index.has_own(thing))
     things, relations = cast(reading, settled, prompt, index, encoders, seed, in_place=setting.place is not PAPER)
     shown = [one for one in things if one is not None and one.found is not None]
     whole = next((one for one in shown if _fills_the_canvas(one, shown)), None)
@@ -62,7 +62,7 @@ def scene_of(
                 f"That picture has a ground of its own and fills the canvas; {', '.join(left_out)} could not be added."
             )
         picture, words = whole.colored[:3], Text(whole.thing.name, encoders.readers(), seed)
-        return photographed(picture, attended(picture, words.glance, seed), setting, grid, seed)
+        return photographed(picture, saliency(picture, words.glance, seed), setting, grid, seed)
     if setting.place is PAPER:
         carried = {id(things[one.subject]) for one in relations if one.word in _CARRIED}
         standing = [one for one in shown if id(one) not in carried] or shown
@@ -78,13 +78,14 @@ def scene_of(
     pasted = [
         one for one in shown if among and one.found and one.found.library.is_own and has_ground(one.found.picture)
     ]
+    is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite, by somebody on the ground
     parts: list[ScenePart | None] = []
     for number, one in enumerate(things):
         if one is None or one.found is None:
             parts.append(None)
             continue
         known = known_like(one.thing.name, sentences)
-        if one.thing.doing == "flying":
+        if one.thing.doing == "flying" and not is_flown:
             known = known._replace(where="air")
         between = any(relation.object == number and relation.word == "between" for relation in relations)
         pictures = [faded(one.colored)] if any(one is each for each in pasted) else one.each

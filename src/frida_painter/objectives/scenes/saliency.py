@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 from frida_painter import images
+from frida_painter.objectives.compositing import softened
 
 _SIDE = 180  # pixels of the shorter side, at which it is looked at
 _LOOKS, _NOISE = 6, 0.08
@@ -14,7 +14,7 @@ _NEAR = 0.09  # of the shorter side, over which what is found is smoothed
 _LEAST, _MOST = 0.3, 0.97  # shares of the picture that do not count, and below which not all counts
 
 
-def attended(picture: Tensor, distance: Callable[[Tensor], Tensor], seed: int) -> Tensor:
+def saliency(picture: Tensor, distance: Callable[[Tensor], Tensor], seed: int) -> Tensor:
     """How much of what words say is seen where in a picture [3, h, w], [h, w] in [0, 1]; distance: from the words.
 
     That is where the distance changes most with the colours, in the mean of several noisy looks (D. Smilkov and
@@ -31,9 +31,7 @@ def attended(picture: Tensor, distance: Callable[[Tensor], Tensor], seed: int) -
             (slope,) = torch.autograd.grad(distance(noisy), noisy)
         change += slope.abs().sum(0)
     near = max(1, round(_NEAR * min(small.shape[1:])))
-    for _ in range(2):
-        around = functional.pad(change[None, None], (near,) * 4, mode="replicate")
-        change = functional.avg_pool2d(around, 2 * near + 1, 1)[0, 0]
+    change = softened(change[None], near)[0]
     if not float(change.max()) > 0:
         return torch.ones(picture.shape[1:])
     low, high = torch.quantile(change, _LEAST), torch.quantile(change, _MOST)
