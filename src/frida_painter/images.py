@@ -87,6 +87,17 @@ def fit(image: Tensor, rows: int, columns: int) -> Tensor:
     return resampled[0].clamp(0, 1)
 
 
+def blurred(picture: Tensor, spread: float) -> Tensor:
+    """A picture [c, h, w] blurred by a Gaussian with a standard deviation of `spread` > 0 pixels; edges go on."""
+    reach = max(1, round(2.5 * spread))
+    steps = torch.arange(-reach, reach + 1).to(picture)
+    kernel = torch.exp(-steps.square() / (2 * spread**2))
+    kernel = kernel / kernel.sum()
+    padded = functional.pad(picture[:, None], (reach,) * 4, mode="replicate")
+    rows = functional.conv2d(padded, kernel[None, None, :, None])
+    return functional.conv2d(rows, kernel[None, None, None, :])[:, 0]
+
+
 def pad(image: Tensor, rows: int, columns: int) -> Tensor:
     """The whole picture [3, H, W] in the middle of `rows` x `columns`, on white, resampled as `fit` does."""
     _, height, width = image.shape

@@ -78,6 +78,8 @@ def test_few_strokes_bring_their_own_colors_and_replans() -> None:
         ({"ground": "blurple"}, "--ground: 'blurple' is not a ground; give auto, white, or a colour such as #c8a878"),
         ({"ground": "#12345"}, "'#12345' is not a ground"),
         ({"focus": "cats"}, "--focus was given 'cats'; it is one of faces, subject, none"),
+        ({"sharpness": float("nan")}, "--sharpness was given nan; it is a number from 0 to 2"),
+        ({"sharpness": -0.1}, "--sharpness was given -0.1; it is a number from 0 to 2"),
         ({"darkest": "black"}, "--darkest: 'black' is not a colour; give one such as #202020"),
         ({"darkest": "#30303"}, "--darkest: '#30303' is not a colour"),
         ({"darkest": "#802020"}, "--darkest: #802020 is light, .* at most 102 of 255 in each band"),
@@ -166,6 +168,7 @@ def test_a_folder_painted_before_there_was_a_version_is_read(tmp_path: Path) -> 
     (tmp_path / "settings.json").write_text(json.dumps(old))
     spec = RunSpec.read(tmp_path / "settings.json")
     assert (spec.strokes, spec.fit, spec.version, spec.ground, spec.focus) == (10, "crop", 1, "white", "none")
+    assert spec.sharpness == 0
     assert RunSpec.of(**upgraded(old)).record() == spec.record(), "as its journal says too"
     assert str(spec.canvas) == "120 x 90 mm"
     for version in (2, "1", True, 1.0):

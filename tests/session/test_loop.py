@@ -1,4 +1,5 @@
 import math
+import random
 import threading
 import time
 from dataclasses import replace
@@ -46,12 +47,31 @@ def test_batches_sum_up_exactly_and_differ_by_one_at_most_but_for_a_short_first_
     assert even == batches or (batches[0] == 10 <= min(even))
 
 
-@given(st.integers(1, 500), st.integers(0, 150))
-def test_the_film_gets_as_many_glimpses_as_it_asked_for_and_the_last_stroke_is_one(strokes: int, wanted: int) -> None:
-    timelapse = Timelapse(min(wanted, strokes))
-    seen = [done for done in range(1, strokes + 1) if timelapse.wants_frame(done, strokes)]
-    assert len(seen) == min(wanted, strokes)
-    assert not seen or seen[-1] == strokes
+@given(st.integers(1, 500), st.integers(0, 150), st.randoms(use_true_random=False))
+def test_the_film_gets_as_many_frames_as_it_asked_for_each_before_the_next_ones_turn(
+    strokes: int, wanted: int, chance: random.Random
+) -> None:
+    timelapse, taken, seen = Timelapse(min(wanted, strokes)), 0, []
+    for done in range(1, strokes + 1):
+        leaves = done == strokes or chance.random() < 0.3
+        if timelapse.wants_frame(done, strokes, taken, leaves=leaves):
+            taken = timelapse.due(done, strokes)
+            seen.append((done, leaves))
+    assert len(seen) == taken == min(wanted, strokes)
+    assert not seen or seen[-1][0] == strokes
+    assert all(timelapse.due(done, strokes) == number for number, (done, _) in enumerate(seen, 1)), "evenly"
+    assert all(leaves or timelapse.due(done + 1, strokes) > timelapse.due(done, strokes) for done, leaves in seen)
+
+
+def test_a_frame_waits_until_the_hand_leaves_for_paint() -> None:
+    evening = Evening(12, replans=0, timelapse_frames=3, colors=2)
+    evening.run()
+    labels = evening.robot.labels()
+    after_home = [
+        labels[at + 1] for at, label in enumerate(labels) if label == "home" and "stroke" in labels[max(0, at - 1)]
+    ]
+    assert after_home and not any("stroke" in label for label in after_home)
+    assert sum(isinstance(event, TimelapseFrame) for event in evening.heard) == 3
 
 
 @pytest.mark.parametrize(("strokes", "replans"), [(1, 0), (1, 4), (3, 1), (7, 3), (5, 50), (12, 11)])

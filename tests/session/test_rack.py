@@ -190,10 +190,10 @@ def test_the_timetable_and_the_rehearsal_know_the_rack() -> None:
     record = here.easel.calibration
     motion = Motion(workspace, record)
     choreography = Choreography(motion, BRUSH, {"large": Choreography(motion, replace(BRUSH, name="large"))})
-    there = reckon(plan, choreography, BrushLoad(), lambda painted: 0)
+    there = reckon(plan, choreography, BrushLoad())
     three = motion.take("small").length * 2 + motion.take("large").length
     assert there.changes == pytest.approx(three / workspace.painting_speed)
-    held = reckon(plan, choreography, BrushLoad(), lambda painted: 0, held="small")
+    held = reckon(plan, choreography, BrushLoad(), held="small")
     assert held.changes == pytest.approx(there.changes * 2 / 3) and held.total < there.total
     assert there.after[0] > held.after[0]
     assert rehearse(plan, workspace, here.easel.canvas, record).passed

@@ -27,7 +27,7 @@ def a_plan(seed: int, count: int = 24) -> Plan:
     return Plan.of(strokes, palette, paint, canvas=SMALL, brush="fine", limits=FINE.limits)
 
 
-def looks(painted: int) -> int:
+def looks(painted: int, leaves: bool = False) -> int:
     """A look after every eighth stroke, as between batches and for the film."""
     return int(painted % 8 == 0)
 
@@ -58,7 +58,7 @@ def test_the_time_is_that_of_the_simulated_clock_within_a_tenth_before_and_on_th
 
 def test_what_takes_time_adds_up_and_grows_stroke_by_stroke() -> None:
     choreography = Choreography(Motion(WORKSPACE, CALIBRATION), FINE)
-    table = reckon(made_up_plan(40, 4), choreography, BrushLoad(), lambda painted: 0)
+    table = reckon(made_up_plan(40, 4), choreography, BrushLoad())
     assert table.looks == 0 and min(table.strokes, table.dips, table.washing, table.travel) > 0
     assert table.total == pytest.approx(table.after[-1])
     assert all(one < other for one, other in itertools.pairwise(table.after)) and len(table.after) == 40
@@ -67,27 +67,25 @@ def test_what_takes_time_adds_up_and_grows_stroke_by_stroke() -> None:
 def test_looks_take_time_and_a_brush_that_holds_the_paint_saves_it() -> None:
     choreography = Choreography(Motion(WORKSPACE, CALIBRATION), FINE)
     plan = made_up_plan(6, 1)
-    plain = reckon(plan, choreography, BrushLoad(), lambda painted: 0)
-    assert reckon(plan, choreography, BrushLoad(), lambda painted: 2).looks > 6 * 2 * 0.1
-    assert reckon(plan, choreography, BrushLoad(0, 1.0), lambda painted: 0).dips == 0 < plain.dips
-    assert reckon(plan, choreography, BrushLoad(1, 1.0), lambda painted: 0).washing > 0 == plain.washing
+    plain = reckon(plan, choreography, BrushLoad())
+    assert reckon(plan, choreography, BrushLoad(), lambda painted, leaves: 2).looks > 6 * 2 * 0.1
+    assert reckon(plan, choreography, BrushLoad(0, 1.0)).dips == 0 < plain.dips
+    assert reckon(plan, choreography, BrushLoad(1, 1.0)).washing > 0 == plain.washing
 
 
 def test_a_layer_dries_before_the_next_one_and_the_brush_is_cleaned_once() -> None:
     choreography = Choreography(Motion(WORKSPACE, CALIBRATION), FINE)
     plan = made_up_plan(6, paint=[0, 0, 1, 0, 0, 1])
-    plain, layered = (
-        reckon(in_layers(plan, *layers), choreography, BrushLoad(), lambda painted: 0) for layers in ((6,), (3, 3))
-    )
+    plain, layered = (reckon(in_layers(plan, *layers), choreography, BrushLoad()) for layers in ((6,), (3, 3)))
     assert plain.drying == 0 and layered.drying == DRYING
     assert layered.washing == pytest.approx(plain.washing)
     assert layered.after[3] - layered.after[2] > DRYING > layered.after[2]
     assert layered.total == pytest.approx(layered.after[-1])
-    short = reckon(in_layers(plan, 3, 3), choreography, BrushLoad(), lambda painted: 0, drying=60)
+    short = reckon(in_layers(plan, 3, 3), choreography, BrushLoad(), drying=60)
     assert short.drying == 60 and short.total == pytest.approx(layered.total - DRYING + 60)
 
 
 def test_nothing_takes_no_time() -> None:
     choreography = Choreography(Motion(WORKSPACE, CALIBRATION), FINE)
-    table = reckon(made_up_plan(6, 1).part(slice(0)), choreography, BrushLoad(), lambda painted: 1)
+    table = reckon(made_up_plan(6, 1).part(slice(0)), choreography, BrushLoad(), lambda painted, leaves: 1)
     assert table.total == 0 and table.after == ()

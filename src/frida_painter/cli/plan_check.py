@@ -48,7 +48,7 @@ def check_plan(plan: Path, robot: str | None, workspace: Path | None, calibratio
             f"{count_of(len(loaded), 'stroke')} in {count_of(len(loaded.palette), 'paint')}: all of it can be painted."
         )
         choreography = choreography_at(place, known, loaded.brushes, simulated=there.simulated)
-        _tell_time(reckon(loaded, choreography, BrushLoad(), lambda painted: 0, there.timing, drying_of(plan)))
+        _tell_time(reckon(loaded, choreography, BrushLoad(), timing=there.timing, drying=drying_of(plan)))
         for name in loaded.brushes:
             print(f"The {name} brush is dipped again after {choreography.with_brush(name).brush.dip}.")
         return True

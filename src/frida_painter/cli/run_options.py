@@ -36,7 +36,7 @@ TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {
 """Names of options that no kind of goal can have."""
 _PLAN = (
     *("strokes", "layers", "colors", "canvas", "fit", "ground", "brushes", "new_paints", "darkest", "focus"),
-    *("render_height", "effort", "seed"),
+    *("sharpness", "render_height", "effort", "seed"),
 )
 _PAINT = ("minutes", "replans", "replan_policy", "drying", "timelapse_frames")
 

@@ -27,11 +27,11 @@ def directions(picture: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """
     rows = min(_ROWS, picture.shape[1])
     small = images.fit(picture, rows, max(1, round(rows * picture.shape[2] / picture.shape[1])))
-    light = _blurred(small.mean(0), _MARK)
+    light = images.blurred(small.mean(0, keepdim=True), _MARK)[0]
     padded = functional.pad(light[None, None], (1, 1, 1, 1), mode="replicate")[0, 0]
     right = padded[1:-1, 2:] - padded[1:-1, :-2]
     up = padded[:-2, 1:-1] - padded[2:, 1:-1]
-    along, across, both = (_blurred(one, _AROUND) for one in (right.square(), up.square(), right * up))
+    along, across, both = images.blurred(torch.stack((right.square(), up.square(), right * up)), _AROUND)
     energy = along + across
     difference = along - across
     coherence = torch.sqrt(difference.square() + 4 * both.square()) / energy.clamp(min=1e-8)
@@ -64,14 +64,3 @@ def flow(style: Tensor, content: Tensor | None, rows: int, columns: int) -> Tens
         sure = sure * (1 - opinion)
     field = torch.stack((doubled.cos(), doubled.sin(), sure))[None]
     return functional.interpolate(field, (rows, columns), mode="bilinear", align_corners=False)[0]
-
-
-def _blurred(picture: Tensor, spread: float) -> Tensor:
-    """A picture [h, w] blurred by a Gaussian of `spread` pixels."""
-    reach = max(1, round(2.5 * spread))
-    steps = torch.arange(-reach, reach + 1).to(picture)
-    kernel = torch.exp(-steps.square() / (2 * spread**2))
-    kernel = kernel / kernel.sum()
-    padded = functional.pad(picture[None, None], (reach, reach, reach, reach), mode="replicate")
-    rows = functional.conv2d(padded, kernel[None, None, :, None])
-    return functional.conv2d(rows, kernel[None, None, None, :])[0, 0]

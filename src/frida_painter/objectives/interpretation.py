@@ -15,14 +15,15 @@ from frida_painter.objectives.objective import Objective, ObjectiveContext, Obje
 _INSISTENCE = 4.0  # times as much as else, what makes a painting less recognisable than its beginning counts
 
 
-def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
+def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int, sharpness: float = 0.0) -> Goal:
     """The goal as it is pursued on pictures of that grid: each kind of term in it is asked once, in their order.
 
     Sketches are drawn on the photograph they came with, words get a picture to begin with, what is painted in
-    a style is wanted in its colours, and what is painted by its meaning is attended to where its meaning is.
+    a style is wanted in its colours, what is painted by its meaning is attended to where its meaning is, and
+    photographs alone are wanted with that sharpness (objectives/sharpening.py).
     Raises WeightsError where a network is missing.
     """
-    context = ObjectiveContext(grid, encoders, seed)
+    context = ObjectiveContext(grid, encoders, seed, sharpness=sharpness)
     kinds = {type(term) for term in (*goal.terms, *goal.initial)}
     for kind in sorted(kinds, key=lambda kind: (kind.interpretation_order, kind.__qualname__)):
         goal = kind.interpret(goal, context)

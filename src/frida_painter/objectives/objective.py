@@ -29,12 +29,14 @@ class ObjectiveContext:
     """What objectives are prepared for: the pictures' grid, the networks at hand, the run's seed.
 
     begun [3, H, W]: the picture of that grid that a painting begins with, where the goal has one beside its terms.
+    sharpness: how much sharper than its photographs a painting is planned (objectives/sharpening.py).
     """
 
     grid: PixelGrid
     encoders: EncoderRegistry
     seed: int
     begun: Tensor | None = None
+    sharpness: float = 0.0
 
 
 @dataclass(frozen=True)

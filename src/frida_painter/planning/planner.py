@@ -46,13 +46,13 @@ class Planner:
     different brushes or the same, paint a layer each. rows: height of the picture in which is planned; the start is
     planned at half of it. effort: how many iterations are spent, as a factor of the usual number, or one by one. Every
     random choice comes from `seed`. encoders: the networks that the goal is seen through, by default those that were
-    fetched. device: where is planned; pictures and plans come and go on the CPU.
-    layers: of a plan, one for each of several models; None: that many, or LAYERS of one model, towards a picture in 100
-    strokes or more, else one, of the first model. shares: of the strokes that each layer gets, by default as
-    planning/layers.py says. new_paints: whether each layer has a palette of its own. focus: what matters most in
-    photographs, as objectives/attention.py says. ground: sRGB of the bare canvas.
-    Raises WeightsError where the goal needs a network that is missing, and ConfigError where layers, models and shares
-    are not as many.
+    fetched. device: where is planned; pictures and plans come and go on the CPU. layers: of a plan, one for each of
+    several models; None: that many, or LAYERS of one model, towards a picture in 100 strokes or more, else one, of the
+    first model. shares: of the strokes that each layer gets, by default as planning/layers.py says. new_paints: whether
+    each layer has a palette of its own. focus, sharpness: what matters most in photographs, and how much sharper than
+    them the plan is, as objectives/attention.py and objectives/sharpening.py say.
+    Raises WeightsError where a network that the goal needs is missing, ConfigError where layers, models and shares are
+    not as many.
     """
 
     def __init__(
@@ -70,6 +70,7 @@ class Planner:
         shares: Sequence[float] | None = None,
         new_paints: bool = False,
         focus: str = EVERYWHERE,
+        sharpness: float = 0.0,
     ) -> None:
         self.size = size = goal.usual_canvas if size is None else CanvasSize.of(size)
         models = stroke_models(model)
@@ -86,10 +87,9 @@ class Planner:
         self.seed = seed
         self.ground = WHITE
         self.layers = len(models) if len(models) > 1 and layers == 1 else layers
-        self.shares, self.new_paints, self.focus = shares, new_paints, focus
-        self.encoders = encoders or EncoderRegistry()
-        self.device = device or torch.device("cpu")
-        self.goal = goal = interpreted(focused(goal, focus, self.encoders), self.fine, self.encoders, seed)
+        self.shares, self.new_paints, self.focus, self.sharpness = shares, new_paints, focus, sharpness
+        self.encoders, self.device = encoders or EncoderRegistry(), device or torch.device("cpu")
+        self.goal = goal = interpreted(focused(goal, focus, self.encoders), self.fine, self.encoders, seed, sharpness)
         near, grids = goal.to(self.device), (self.fine, self.coarse)
         initial = (
             prepare(Goal(near.initial_terms), self.coarse, self.encoders, seed)
@@ -362,6 +362,7 @@ class Planner:
             shares=self.shares,
             new_paints=self.new_paints,
             focus=self.focus,
+            sharpness=self.sharpness,
         )
         planner.region, planner.ground, planner.darkest = self.region, self.ground, self.darkest
         return planner

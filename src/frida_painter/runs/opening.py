@@ -121,6 +121,7 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
         shares=spec.shares if len(names) > 1 else None,
         new_paints=spec.new_paints is not False and spec.palette is None,
         focus=spec.focus,
+        sharpness=spec.sharpness,
         device=device,
     )
     planner.ground = ground_color(wanted_ground(spec)) or WHITE

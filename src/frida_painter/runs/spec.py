@@ -184,6 +184,14 @@ class RunSpec(BaseModel):
         "shows, as networks see it, and edges; none: every place is worth the same.",
         json_schema_extra={"metavar": "faces|subject|none"},
     )
+    sharpness: float = Field(
+        0.3,
+        ge=0,
+        le=2,
+        allow_inf_nan=False,
+        description="How much sharper than the picture the plan is, because a painting comes out softer than its plan. "
+        "0 plans towards the picture as it is.",
+    )
     drying: float = Field(
         20.0,
         ge=0,
@@ -446,5 +454,5 @@ def upgraded(plain: Mapping[str, Any]) -> dict[str, Any]:
             "program that the painting was begun with, or a newer one."
         )
     # What was not said yet was always so; before 0.2 there was no version either, and pictures were cropped.
-    known = {"ground": "white", "focus": "none", **plain}
+    known = {"ground": "white", "focus": "none", "sharpness": 0.0, **plain}
     return known if version == VERSION else {**known, "version": VERSION, "fit": "crop"}

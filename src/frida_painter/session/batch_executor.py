@@ -4,6 +4,7 @@ Each stroke is in the journal before the robot is told of it, and again when it 
 in doubt. Where the disk is full, nothing moves before there is room.
 """
 
+import itertools
 import math
 import time
 from functools import partial
@@ -55,6 +56,7 @@ class BatchExecutor:
         self._journal, self._interruptions = journal, interruptions
         self._progress, self._tell = progress, tell
         self._told: str | None = None  # the brush in the hand, as listeners know it
+        self._filmed = timelapse.due(progress.painted, progress.strokes)
 
     def paint_until(self, end: int) -> None:
         """Paints until `end` strokes are done. After a pause the brush is clean, and the batch is prepared anew.
@@ -65,8 +67,11 @@ class BatchExecutor:
         with FrameDeveloper(self._observer, self._tell) as frames:
             while progress.plan is not None and progress.painted < min(end, progress.strokes):
                 left = progress.plan.part(slice(progress.painted, end))
-                for action in self._brushwork.prepare(left, progress.painted, progress.strokes):
-                    if not self._perform(action, progress.plan, frames) or self._brushwork.load is not action.load:
+                actions = self._brushwork.prepare(left, progress.painted, progress.strokes)
+                for action, following in itertools.zip_longest(actions, actions[1:]):
+                    leaves = following is None or isinstance(following.done, Dipped)
+                    done = self._perform(action, progress.plan, frames, leaves=leaves)
+                    if not done or self._brushwork.load is not action.load:
                         break
 
     def tone(self, ground: tuple[float, float, float]) -> None:
@@ -175,8 +180,11 @@ class BatchExecutor:
         self._tell(drying)
         return left
 
-    def _perform(self, action: Action, plan: Plan, frames: FrameDeveloper) -> bool:
-        """Notes and does it; False where it was not done, because it could not be noted, and there was a pause."""
+    def _perform(self, action: Action, plan: Plan, frames: FrameDeveloper, *, leaves: bool) -> bool:
+        """Notes and does it; False where it was not done, because it could not be noted, and there was a pause.
+
+        leaves: whether the hand leaves the canvas afterwards anyway.
+        """
         try:
             self._journal.begins(action, plan)
         except StorageError as trouble:
@@ -189,8 +197,15 @@ class BatchExecutor:
             self._progress.canvas.left_out.add(done.done - 1)
         if not isinstance(done, Dipped):
             self._progress.painted = done.done
-            if isinstance(done, StrokePainted) and self._timelapse.wants_frame(done.done, done.of):
-                self._interruptions.retry(self.step_aside)
-                frames.take(done, self._brushwork.last_motion)
+            if isinstance(done, StrokePainted):
+                self._film(done, frames, leaves=leaves)
             self._interruptions.check(before_pause=frames.wait)  # whoever pauses sees the canvas as it is
         return True
+
+    def _film(self, painted: StrokePainted, frames: FrameDeveloper, *, leaves: bool) -> None:
+        """Takes the film's next frame, the arm being aside, where it is time for it."""
+        done, of = painted.done, painted.of
+        if self._timelapse.wants_frame(done, of, self._filmed, leaves=leaves):
+            self._filmed = self._timelapse.due(done, of)
+            self._interruptions.retry(self.step_aside)
+            frames.take(painted, self._brushwork.last_motion)

@@ -1,6 +1,6 @@
 """The hand of the painter: performs what the choreography sets, and knows what is on its brush."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from frida_painter.planning.placement import Placement
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
 from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
 from frida_painter.session.timetable import DRYING, Timetable
-from frida_painter.session.timing import reckon
+from frida_painter.session.timing import Looks, reckon
 from frida_painter.session.travel import shorten_travel
 
 
@@ -67,8 +67,8 @@ class Brushwork:
         """The plan with its first `count` strokes in an order that is quicker to paint and gives the same picture."""
         return shorten_travel(plan, count, self._choreography(), self.load)
 
-    def timetable(self, plan: Plan, looks: Callable[[int], int], load: BrushLoad | None = None) -> Timetable:
-        """How long painting the plan takes, `looks(k)` looks coming after its stroke k.
+    def timetable(self, plan: Plan, looks: Looks, load: BrushLoad | None = None) -> Timetable:
+        """How long painting the plan takes, with its looks.
 
         load: what is on the brush then, None for what is on it now.
         """

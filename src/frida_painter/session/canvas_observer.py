@@ -167,9 +167,18 @@ class Timelapse:
 
     frames: int = 0
 
-    def wants_frame(self, done: int, of: int) -> bool:
-        """Whether the film gets a picture after stroke `done` of `of`."""
-        return done * self.frames // of > (done - 1) * self.frames // of
+    def due(self, done: int, of: int) -> int:
+        """How many frames the film has after stroke `done` of `of`, if each is taken in its turn."""
+        return done * self.frames // of if of else 0
+
+    def wants_frame(self, done: int, of: int, taken: int, *, leaves: bool) -> bool:
+        """Whether the film gets a frame after stroke `done` of `of`, so many having been due when the last was taken.
+
+        A frame costs the way aside and back. So it waits until the hand `leaves` the canvas anyway, for paint or for a
+        look, but no longer than until the turn of the next one.
+        """
+        due = self.due(done, of)
+        return due > taken and (leaves or self.due(done + 1, of) > due)
 
 
 class FrameDeveloper:

@@ -24,6 +24,7 @@ from frida_painter.session.interruptions import Interruptions
 from frida_painter.session.journal import Journal
 from frida_painter.session.painting import PaintingProgress
 from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.session.timing import Looks
 
 
 class PlanKeeper:
@@ -103,13 +104,18 @@ class PlanKeeper:
             table = table.after_drying(self._progress.wet_for(self._brushwork.drying))
         self._tell(Scheduled(table, done))
 
-    def _looks(self, done: int, of: int) -> Callable[[int], int]:
-        """How often the painter looks after it has painted so many of the strokes that come after stroke `done`."""
+    def _looks(self, done: int, of: int) -> Looks:
+        """How often the arm goes aside after so many of the strokes that come after stroke `done`, asked in turn."""
+        taken = self._timelapse.due(done, of)
 
-        def after(painted: int) -> int:
+        def after(painted: int, leaves: bool) -> int:
+            nonlocal taken
             number = done + painted
             looks = self._policy.next_look(number - 1, of) == number
-            return int(self._timelapse.wants_frame(number, of)) + int(looks)
+            films = self._timelapse.wants_frame(number, of, taken, leaves=leaves or looks)
+            if films:
+                taken = self._timelapse.due(number, of)
+            return int(films) + int(looks)
 
         return after
 

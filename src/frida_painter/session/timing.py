@@ -22,22 +22,30 @@ from frida_painter.session.timetable import DRYING, Timetable
 _PHOTOGRAPH = 0.1  # seconds that the arm waits for a photograph
 _HOME_RISE = 0.1  # metres above the rag, where a workspace states no home
 
+Looks = Callable[[int, bool], int]
+"""How often the arm goes aside, to look or for the film, after so many strokes of a plan; whether it leaves the canvas
+then anyway, for paint or because a layer ends. It is asked of every stroke in turn."""
+
+
+def no_looks(painted: int, leaves: bool) -> int:
+    """Nobody looks."""
+    return 0
+
 
 def reckon(
     plan: Plan,
     choreography: Choreography,
     load: BrushLoad,
-    looks: Callable[[int], int],
+    looks: Looks = no_looks,
     timing: Timing | None = None,
     drying: float = DRYING,
     held: str | None = None,
 ) -> Timetable:
     """The time that a plan takes with a brush that holds `load`, the arm being at home.
 
-    looks: how often the painter looks, for itself or for the film, after it has painted so many of the
-    plan's strokes; timing: how the arm starts and stops, None to reckon with its full speed; drying:
-    seconds between two layers; held: the brush in the hand of a robot with a rack, "" or None for none.
-    Raises WorkspaceViolation where the workspace has no well for a paint.
+    looks: how often the painter looks, for itself or for the film; timing: how the arm starts and stops, None to reckon
+    with its full speed; drying: seconds between two layers; held: the brush in the hand of a robot with a rack, "" or
+    None for none. Raises WorkspaceViolation where the workspace has no well for a paint.
     """
     motion, pace = choreography.motion, _Pace(timing)
     x, y, z = motion.workspace.home or (*motion.workspace.rag[:2], motion.workspace.rag[2] + _HOME_RISE)
@@ -66,19 +74,19 @@ def reckon(
         here = choreography.with_brush(brush)
         places, lengths = _on_canvas(part, here)
         painting = _steadily(lengths, here.motion) if timing is None else _motion_by_motion(part, here.motion, pace)
-        dip, used = here.brush.dip, here.brush.dip.used_by(here.brush.area(part.strokes)).tolist()
+        refills = here.refills(part, load)
         dips = {paint: motion.dip(paint) for paint in sorted(set(part.paint.tolist()))}
-        for index, (paint, use) in enumerate(zip(part.paint.tolist(), used, strict=True)):
-            if paint != load.paint or load.left < use:
+        for index, paint in enumerate(part.paint.tolist()):
+            if refills[index]:
                 table = wash(table, here.cleaning_between(part, load.paint, paint))
                 dipping = dips[paint]
                 table = replace(table, travel=table.travel + hand.to(dipping), dips=table.dips + pace.of(dipping))
-                load = BrushLoad(paint, dip.holds)
-            load = BrushLoad(paint, load.left - use)
+            load = BrushLoad(paint)
             way = hand.across(places[index, 0], places[index, 1])
             table = replace(table, travel=table.travel + way, strokes=table.strokes + painting[index])
             after.append(table.total)
-            for _ in range(looks(len(after))):
+            leaves = all(refills[index + 1 : index + 2])  # the end of a layer too
+            for _ in range(looks(len(after), leaves)):
                 table = replace(table, looks=table.looks + hand.aside() + _PHOTOGRAPH)
     return replace(table, after=tuple(after))
 

@@ -53,10 +53,16 @@ class PictureTerm(Term):
 
 @dataclass(frozen=True)
 class ImageTerm(PictureTerm):
-    """Paint this picture. importance [h, w]: how much each of its places matters, 1 in the mean; None: all the same."""
+    """Paint this picture.
+
+    importance [h, w]: how much each of its places matters, 1 in the mean; None: all the same. wanted [3, h, w]: what is
+    planned towards so that the painting looks like the picture; None: the picture itself.
+    """
 
     importance: Tensor | None = None
+    wanted: Tensor | None = None
     initial_order = 0
+    interpretation_order = 5
     is_pixelwise = True
 
     def begun(self, goal: Goal) -> ImageTerm:
@@ -68,15 +74,27 @@ class ImageTerm(PictureTerm):
         """The picture itself."""
         return self.image
 
+    @property
+    def guide(self) -> Tensor:
+        """What is planned towards."""
+        return self.image if self.wanted is None else self.wanted
+
     def with_picture(self, picture: Tensor) -> ImageTerm:
         """The same for another picture, in which the same places matter."""
-        return replace(self, image=picture)
+        return replace(self, image=picture, wanted=None)
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """The mean squared difference to the picture."""
+        """The mean squared difference to what is planned towards."""
         from frida_painter.objectives.replication import Replication
 
-        return _term_of(Replication.of(self.image, context.grid, self.importance))
+        return _term_of(Replication.of(self.guide, context.grid, self.importance))
+
+    @classmethod
+    def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
+        """Photographs are planned towards as much sharper as painting makes them softer."""
+        from frida_painter.objectives.sharpening import sharpened
+
+        return sharpened(goal, context.sharpness, context.grid)
 
 
 def _term_of(judge: Replication) -> ObjectiveTerm:

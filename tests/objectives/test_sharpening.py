@@ -1,0 +1,70 @@
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from frida_painter import images
+from frida_painter.frames import PixelGrid
+from frida_painter.goal import Goal
+from frida_painter.objectives.interpretation import interpreted, prepare
+from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.kinds.style import StyleTerm
+from frida_painter.objectives.sharpening import with_contrast
+from networks import QuickEncoders
+from scenes import CANVAS, picture
+
+GRID = PixelGrid.of_height(CANVAS, 96)
+
+
+def step() -> torch.Tensor:
+    """Dark on the left, light on the right."""
+    made = torch.full((3, GRID.rows, GRID.columns), 0.3)
+    made[:, :, GRID.columns // 2 :] = 0.6
+    return made
+
+
+@given(st.floats(0, 1), st.floats(0, 2), st.floats(0.5, 9))
+def test_an_even_picture_stays_and_all_stay_in_range(gray: float, amount: float, spread: float) -> None:
+    even = torch.full((3, 12, 17), gray)
+    assert torch.allclose(with_contrast(even, spread, amount), even, atol=1e-5)
+    sharp = with_contrast(picture(12, 17), spread, amount)
+    assert float(sharp.min()) >= 0 and float(sharp.max()) <= 1
+
+
+def test_an_edge_gets_contrast_by_so_much_and_what_is_far_from_it_stays() -> None:
+    sharp = with_contrast(step(), 3.0, 0.4)
+    row, middle = sharp[0, 5], GRID.columns // 2
+    assert float(row[middle]) > 0.6 + 0.4 * 0.1 and float(row[middle - 1]) < 0.3 - 0.4 * 0.1
+    assert float(row[middle] - 0.6) == pytest.approx(0.3 - float(row[middle - 1]), abs=1e-5)
+    assert torch.allclose(row[: middle - 9], step()[0, 5, : middle - 9], atol=1e-5)
+    assert torch.equal(with_contrast(step(), 3.0, 0.0), step())
+
+
+def test_photographs_are_planned_towards_sharper_and_forecast_as_they_are() -> None:
+    goal = Goal((ImageTerm(step()),))
+    (term,) = interpreted(goal, GRID, QuickEncoders(), 0, sharpness=0.5).terms
+    assert isinstance(term, ImageTerm) and torch.equal(term.picture, step())
+    wanted = term.guide
+    assert float((wanted - step()).abs().amax()) > 0.04
+    objective = prepare(Goal((term,)), GRID)
+    assert float(objective(wanted)) < 1e-12 < float(objective(step()))
+    assert interpreted(goal, GRID, QuickEncoders(), 0) is goal
+    assert term.with_picture(1 - step()).guide is not wanted, "another picture is sharpened for itself"
+
+
+def test_beside_a_style_a_photograph_stays_as_it_is() -> None:
+    goal = Goal((ImageTerm(picture()), StyleTerm(1 - picture())))
+    with_style = interpreted(goal, GRID, QuickEncoders(), 0)
+    assert torch.equal(
+        interpreted(goal, GRID, QuickEncoders(), 0, sharpness=1.0).terms[0].guide, with_style.terms[0].guide
+    )
+
+
+def test_it_is_as_sharp_on_the_canvas_at_any_resolution() -> None:
+    found = []
+    for rows in (96, 192):
+        grid = PixelGrid.of_height(CANVAS, rows)
+        large = images.fit(step(), rows, grid.columns)
+        (term,) = interpreted(Goal((ImageTerm(large),)), grid, QuickEncoders(), 0, sharpness=0.5).terms
+        found.append(images.fit(term.guide, 96, GRID.columns))
+    assert float((found[0] - found[1]).abs().mean()) < 0.004
