@@ -63,6 +63,7 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
         "times": "frida_painter.session.replan_policy:EvenlySpaced.parse",
         "every": "frida_painter.session.replan_policy:EveryNth.parse",
         "when-off-by": "frida_painter.session.replan_policy:WhenOffBy.parse",
+        "when-it-pays": "frida_painter.session.replan_policy:WhenItPays.parse",
     },
 }
 """What ships with the project: "module:object" by group and name, as pyproject.toml registers it."""

@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import itertools
+import math
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from frida_painter import registry
 from frida_painter.errors import ConfigError
 from frida_painter.plan import Plan
 from frida_painter.registry import REPLAN_POLICIES
-from frida_painter.session.events import Looked, StrokePainted
+from frida_painter.session.events import Looked, Planned, StrokePainted
 from frida_painter.session.journal import Journal
 from frida_painter.session.painting import ResumeState
 from frida_painter.session.replan_policy import (
@@ -23,6 +24,7 @@ from frida_painter.session.replan_policy import (
     EvenlySpaced,
     EveryNth,
     ReplanPolicy,
+    WhenItPays,
     WhenOffBy,
     looks_on_the_way,
     replan_policy_named,
@@ -36,6 +38,7 @@ from sittings import Evening, NotingPlanner
     [
         ("4", EvenlySpaced(4)), ("times:4", EvenlySpaced(4)), ("every:75", EveryNth(75)), (" every:1 ", EveryNth(1)),
         ("when-off-by:0.02", WhenOffBy(0.02)), ("when-off-by:0.02,25", WhenOffBy(0.02, 25)),
+        ("when-it-pays", WhenItPays(0.05)), ("when-it-pays:0.2", WhenItPays(0.2)),
     ],
 )  # fmt: skip
 def test_a_policy_is_found_by_its_name(text: str, policy: ReplanPolicy) -> None:
@@ -45,7 +48,7 @@ def test_a_policy_is_found_by_its_name(text: str, policy: ReplanPolicy) -> None:
 @pytest.mark.parametrize(
     "text",
     ["", "never", "every", "every:0", "every:x", "-1", "every:1.5", "when-off-by:nan", "when-off-by:2", "when-off-by:",
-     "when-off-by:0.1,0", "99999", "4:5x"],
+     "when-off-by:0.1,0", "99999", "4:5x", "when-it-pays:0", "when-it-pays:nan", "when-it-pays:x", "when-it-pays:-1"],
 )  # fmt: skip
 def test_what_is_no_policy_is_refused_in_a_sentence(text: str) -> None:
     with pytest.raises(ConfigError, match=r"\.$"):
@@ -66,6 +69,7 @@ policies = st.one_of(
     st.integers(0, 60).map(EvenlySpaced),
     st.integers(1, 60).map(EveryNth),
     st.integers(1, 60).map(lambda strokes: WhenOffBy(0.1, strokes)),
+    st.tuples(st.integers(1, 90), st.integers(0, 60)).map(lambda two: WhenItPays(0.1, two[0], two[1] - two[0])),
 )
 
 
@@ -89,6 +93,31 @@ def test_only_what_is_off_is_planned_again() -> None:
     assert not policy.wants_replan(CanvasSeen(10, 20, 0.02)) and policy.wants_replan(CanvasSeen(10, 20, 0.021))
     assert policy.wants_replan(CanvasSeen(10, 20, float("nan"))), "what cannot be told is looked into"
     assert EveryNth(5).wants_replan(CanvasSeen(10, 20, 0.0))
+
+
+def test_a_policy_looks_more_often_where_looks_win_something() -> None:
+    policy, done, looks = WhenItPays(0.05), 0, []
+    for gain in (None, 0.3, 0.2, 0.01, 0.0, 0.04, 0.06):
+        done = policy.next_look(done, 1000)
+        looks.append(done)
+        assert policy.wants_replan(CanvasSeen(done, 1000 - done, 0.0, gain))
+    assert looks == [10, 30, 40, 50, 70, 110, 190]
+    assert policy.next_look(done, 1000) == 230
+    assert WhenItPays().next_look(150, 1000) == 170, "as after resuming, when it knows of no look"
+
+
+def test_a_painting_tells_its_policy_what_planning_again_won() -> None:
+    heard: list[float | None] = []
+
+    class Hearing(EveryNth):
+        def wants_replan(self, seen: CanvasSeen) -> bool:
+            heard.append(seen.gain)
+            return True
+
+    evening = Evening(8, policy=Hearing(2))
+    evening.run()
+    told = [event for event in evening.heard if isinstance(event, Planned)][1:]
+    assert heard == [None, *(pytest.approx(10 * math.log10(one.loss_before / one.loss_after)) for one in told[:-1])]
 
 
 class OftenWrong(NotingPlanner):

@@ -172,3 +172,20 @@ Policy = Annotated[str | None, AfterValidator(_policy)]
 Canvas = Annotated[CanvasSize, BeforeValidator(_canvas), PlainSerializer(_millimetres)]
 File = Annotated[Path | None, BeforeValidator(_path), PlainSerializer(_whole_path, when_used="json")]
 Placement = Annotated[str | None, AfterValidator(_placement)]
+
+
+def canvas_of(workspace: Path) -> CanvasSize:
+    """The canvas of a workspace file. Raises ConfigError."""
+    from frida_painter.hardware.workcell import WorkcellConfig  # with it come tensors
+
+    size = WorkcellConfig.load(workspace).canvas
+    return CanvasSize.parse(f"{size.width * 1000:.3f}x{size.height * 1000:.3f}mm")
+
+
+def paints_of(palette: Path) -> int:
+    """The number of paints of a palette file. Raises ConfigError, also for a photograph, which shows any number."""
+    from frida_painter.palette import Palette  # with it come tensors
+
+    if palette.suffix.lower() != ".json":
+        raise ConfigError(f"{palette} is no palette (JSON); how many swatches a photograph shows, --colors says.")
+    return len(Palette.load(palette))

@@ -28,6 +28,8 @@ from frida_painter.runs.fields import (
     Placement,
     Policy,
     brush_shares,
+    canvas_of,
+    paints_of,
 )
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.session.names import HUMAN, SAWYER_SIM, SIMULATED, VIRTUAL
@@ -159,7 +161,7 @@ class RunSpec(BaseModel):
         min_length=1,
         description="When to replan, instead of --replans. every:75 replans after every 75 strokes. when-off-by:0.02 "
         "looks after every 10 strokes and replans only if the canvas differs more than that from the expected one. "
-        "Your own packages can add policies.",
+        "when-it-pays looks as often as replanning improves the plan by 0.05 dB. Your own packages can add policies.",
         json_schema_extra={"metavar": "NAME:VALUE", "default": "evenly spaced, --replans times"},
     )
     ground: Ground = Field(
@@ -290,13 +292,13 @@ class RunSpec(BaseModel):
                 "; ".join(sentence_on(fault, cls.model_fields) for fault in error.errors()) + "."
             ) from error
         if chosen.palette is not None and "colors" not in values:
-            return cls.of(**values, colors=_count_of(chosen.palette))
+            return cls.of(**values, colors=paints_of(chosen.palette))
         fitting: dict[str, Any] = {
             "colors": min(chosen.colors, chosen.strokes),
             "replans": min(chosen.replans, chosen.strokes - 1),
         }
         if chosen.workspace is not None and not chosen.simulated and "canvas" not in values:
-            fitting["canvas"] = _canvas_of(chosen.workspace)
+            fitting["canvas"] = canvas_of(chosen.workspace)
         return chosen.model_copy(
             update={
                 name: fits for name, fits in fitting.items() if name not in values and fits != getattr(chosen, name)
@@ -426,23 +428,6 @@ class RunSpec(BaseModel):
     def film_length(self) -> int:
         """Timelapse frames of the film: none by hand, for nobody wants to step aside after every stroke."""
         return min(self.strokes, self.timelapse_frames) if self.film and not self.by_hand else 0
-
-
-def _canvas_of(workspace: Path) -> CanvasSize:
-    """The canvas of a workspace file. Raises ConfigError."""
-    from frida_painter.hardware.workcell import WorkcellConfig  # with it come tensors
-
-    size = WorkcellConfig.load(workspace).canvas
-    return CanvasSize.parse(f"{size.width * 1000:.3f}x{size.height * 1000:.3f}mm")
-
-
-def _count_of(palette: Path) -> int:
-    """The number of paints of a palette file. Raises ConfigError, also for a photograph, which shows any number."""
-    from frida_painter.palette import Palette  # with it come tensors
-
-    if palette.suffix.lower() != ".json":
-        raise ConfigError(f"{palette} is no palette (JSON); how many swatches a photograph shows, --colors says.")
-    return len(Palette.load(palette))
 
 
 def upgraded(plain: Mapping[str, Any]) -> dict[str, Any]:

@@ -52,7 +52,7 @@ class ExecutionMonitor:
         if len(batch):  # where they landed tells where the robot is to be sent
             self._learn(planner.locate(batch, self._brushwork.placement, last, canvas))
         progress.canvas.saw(canvas, progress.painted)
-        return CanvasSeen(progress.painted, len(progress.rest), difference(canvas, expected))
+        return CanvasSeen(progress.painted, len(progress.rest), difference(canvas, expected), progress.gain)
 
     def _learn(self, placement: Placement) -> None:
         """The robot is sent by what is known now; a person is told where a brush is sent lower or higher."""

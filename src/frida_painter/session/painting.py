@@ -89,7 +89,8 @@ class PaintingProgress:
     plan: of all its strokes, painted ones first, None before the first plan is adopted; painted: strokes that are done;
     planned_at: how many were done when it was last decided how the rest is painted; dried_at: how many were done when
     the paint was last let dry; wet: seconds that it still dries, where it has begun to; wells: what is in them, None
-    where that is not known; canvas: what is remembered of it.
+    where that is not known; canvas: what is remembered of it; gain: dB by which the last replan lowered the expected
+    loss, None before there was one.
     """
 
     plan: Plan | None = None
@@ -99,6 +100,7 @@ class PaintingProgress:
     wet: float | None = None
     wells: Palette | None = None
     canvas: CanvasMemory = field(default_factory=CanvasMemory)
+    gain: float | None = None
 
     @property
     def strokes(self) -> int:

@@ -79,7 +79,8 @@ class PlanKeeper:
         with suppress(_Overtaken):
             hear = self._checking_interrupts("replan")
             again = self.planner.replan(rest, canvas, hear, rounds, fresh=self._progress.begins_layer)
-            self._adopt(self._within_budget(self._arranged(again)), before)
+            after = self._adopt(self._within_budget(self._arranged(again)), before)
+            self._progress.gain = 10 * math.log10(before / after) if min(before, after) > 0 else 0.0
 
     def replace(self, rest: Plan) -> None:
         """Adopts another rest than what was planned, in the same paints."""
@@ -152,10 +153,10 @@ class PlanKeeper:
         plan = self._progress.followed_by(rest)
         return self._brushwork.timetable(plan, self._looks(0, len(plan)), BrushLoad()).total
 
-    def _adopt(self, rest: Plan, before: float) -> None:
+    def _adopt(self, rest: Plan, before: float) -> float:
         """From now on, and whatever happens, what is left is painted by this plan, made for the canvas as it is.
 
-        before: the validation loss with the plan as it was.
+        before: the validation loss with the plan as it was; returned: that with this one.
         """
         progress = self._progress
         plan, placement = progress.followed_by(rest), self._brushwork.placement
@@ -168,6 +169,7 @@ class PlanKeeper:
         expected, after = self.planner.expected(rest, canvas), self.planner.expected_loss(rest, canvas)
         forecast = self.planner.forecast(rest, canvas, placement, unseen)
         self._tell(Planned(rest, progress.painted, expected, before, after, forecast))
+        return after
 
     def _loss(self) -> float:
         """The validation loss of what would be on the canvas after what is left."""

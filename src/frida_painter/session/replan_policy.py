@@ -17,12 +17,14 @@ class CanvasSeen:
     """What the painter knows after a look.
 
     done, left: strokes painted, and still planned; error: mean difference between the canvas as it is seen and as it
-    was expected, over pixels and channels of sRGB, in [0, 1].
+    was expected, over pixels and channels of sRGB, in [0, 1]; gain: dB by which planning again after the last look
+    lowered the expected loss, None before there was one.
     """
 
     done: int
     left: int
     error: float
+    gain: float | None = None
 
 
 class ReplanPolicy(Protocol):
@@ -142,6 +144,45 @@ class WhenOffBy:
         return not seen.error <= self.tolerance
 
 
+@dataclass
+class WhenItPays:
+    """Looks and plans again as often as each look lowers the expected loss by `least` dB: it takes everybody time.
+
+    What the last look won tells what the next one may: where it was enough, the next one comes after half as many
+    strokes, else after twice as many. between: strokes until the next look, after those of the last look at `since`.
+    """
+
+    least: float = 0.05
+    between: int = 20
+    since: int = _FIRST - 20
+
+    def __post_init__(self) -> None:
+        if not 0 < self.least <= 10:
+            raise ConfigError(
+                f"A gain of {self.least} dB a look was given; it is above 0 and at most 10, such as 0.05."
+            )
+
+    @classmethod
+    def parse(cls, argument: str) -> Self:
+        """From "0.05", or "" for that. Raises ConfigError."""
+        try:
+            return cls(float(argument)) if argument.strip() else cls()
+        except ValueError:
+            raise ConfigError(f"A gain of {argument[:40]!r} a look was given; it is a number of dB.") from None
+
+    def next_look(self, done: int, of: int) -> int:
+        """So many strokes after the last one."""
+        return min(of, self.since + max(1, (done - self.since) // self.between + 1) * self.between)
+
+    def wants_replan(self, seen: CanvasSeen) -> bool:
+        """Always, for only that tells what it wins."""
+        if seen.gain is not None:
+            between = self.between // 2 if seen.gain >= self.least else self.between * 2
+            self.between = min(max(between, _FIRST), _MOST)
+        self.since = seen.done
+        return True
+
+
 def looks_on_the_way(policy: ReplanPolicy, strokes: int) -> list[int]:
     """After how many of so many strokes the painter looks, the look after the last one left out."""
     looks, done = [], 0
@@ -152,7 +193,7 @@ def looks_on_the_way(policy: ReplanPolicy, strokes: int) -> list[int]:
 
 
 def replan_policy_named(text: str) -> ReplanPolicy:
-    """The policy that "4" (so many times), "every:75" or "when-off-by:0.02" means, or "NAME:..." of a plugin.
+    """The policy that "4" (so many times), "every:75", "when-off-by:0.02" or "when-it-pays" means, or a plugin's.
 
     Raises ConfigError where there is none such, or what follows its name does not fit.
     """
@@ -163,7 +204,7 @@ def replan_policy_named(text: str) -> ReplanPolicy:
     if name not in known:
         raise ConfigError(
             f"There is no replan policy {text[:60]!r}; there are {', '.join(sorted(known))}: give a number, or "
-            "for example every:75 or when-off-by:0.02."
+            "for example every:75, when-off-by:0.02 or when-it-pays:0.05."
         )
     parse = cast(Callable[[str], ReplanPolicy], known[name].load(object))
     return parse(argument)

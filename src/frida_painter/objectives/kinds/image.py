@@ -91,10 +91,17 @@ class ImageTerm(PictureTerm):
 
     @classmethod
     def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
-        """Photographs are planned towards as much sharper as painting makes them softer."""
+        """Photographs alone are planned towards as much sharper as painting makes them softer.
+
+        Beside anything else they stay as they are, for then other terms say what is wanted of edges.
+        """
         from frida_painter.objectives.sharpening import sharpened
 
-        return sharpened(goal, context.sharpness, context.grid)
+        photographs = [term for term in goal.terms if isinstance(term, cls)]
+        if context.sharpness == 0 or len(photographs) < len(goal.terms):
+            return goal
+        terms = [replace(one, wanted=sharpened(one.image, context.sharpness, context.grid)) for one in photographs]
+        return replace(goal, terms=tuple(terms))
 
 
 def _term_of(judge: Replication) -> ObjectiveTerm:
