@@ -57,6 +57,31 @@ def test_a_kite_that_is_flown_is_in_the_air_and_a_ball_that_is_kicked_is_not() -
     assert ball.y == boy.y
 
 
+def test_what_is_held_is_held_up_and_does_not_hide_who_holds_it() -> None:
+    woman, umbrella = put("with", thing(0, 1.7, shape=(60, 24)), thing(1, 1.0, "held"))
+    assert woman.y == 0 and 0.3 * woman.height < umbrella.y < 0.6 * woman.height
+    assert umbrella.height <= 0.8 * woman.height and umbrella.depth < woman.depth
+    (beach,) = arranged([thing(1, 1.0, "held")], [])
+    assert beach.y == 0, "by itself it stands"
+
+
+def test_what_is_on_a_thing_that_faces_us_lies_before_it() -> None:
+    spider, web = put("on", thing(0, 0.03), thing(1, 0.5, "facing"))
+    assert spider.y > web.y and spider.y + spider.height < web.y + web.height and spider.depth > web.depth
+    assert spider.x == web.x and spider.height < 0.5 * web.height
+
+
+def test_under_a_boat_is_below_it_and_who_eats_from_a_tree_is_not_in_it() -> None:
+    whale, boat = put("under", thing(0, 4.0, "water", shape=(30, 60)), thing(1, 2.0, "water"))
+    assert whale.y + whale.height <= boat.y + 0.1 * whale.height
+    parts = [thing(0, 5.0), thing(1, 0.1), thing(2, 8.0)]
+    said = [Relation(0, "eating", 1), Relation(0, "from", 2)]
+    giraffe, tree = (next(one for one in arranged(parts, said) if one.picture is part.picture) for part in parts[::2])
+    assert giraffe.y == tree.y and abs(giraffe.x - tree.x) >= 0.5 * (giraffe.width + tree.width)
+    smoke, chimney = put("from", thing(0, 2.0), thing(1, 1.0))
+    assert smoke.y > chimney.y + 0.5 * chimney.height
+
+
 def test_over_is_above_and_behind_is_hidden() -> None:
     bee, flower = put("above", thing(0, 0.015, "air"), thing(1, 0.4))
     assert bee.y >= flower.height

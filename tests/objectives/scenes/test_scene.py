@@ -66,6 +66,25 @@ def test_what_stands_free_stands_among_others(tmp_path: Path) -> None:
     assert "'goat' (pictures) and 'tree' (pictures)" in seen.remarks[0] and len(seen.remarks) == 1
 
 
+@pytest.mark.parametrize("colored", [True, False])
+def test_a_picture_of_two_things_without_colour_gives_way_to_one_of_each(tmp_path: Path, colored: bool) -> None:
+    class Drawn(Pictures):
+        def captioned(self) -> Sequence[Captioned]:
+            return [*super().captioned(), Captioned("both", ("goat on tree",), 0.0)]
+
+        def pictures(self, file: str) -> list[Tensor]:
+            if file != "both":
+                return super().pictures(file)
+            drawing = torch.zeros(4, 60, 90)
+            drawing[0], drawing[3, 20:] = 0.8 * colored, 1
+            return [drawing]
+
+    seen = encoders(tmp_path, Reading((GOAT, TREE), (Relation(0, "on", 1),)), Drawn())
+    scene_of("a goat on a tree", GRID, seen, 0)
+    assert ("goat on tree" in seen.remarks[0]) == colored
+    assert ("'goat' (pictures) and 'tree' (pictures)" in seen.remarks[0]) != colored
+
+
 def test_among_others_a_thing_that_is_not_the_first_has_no_ground(tmp_path: Path) -> None:
     seen = encoders(tmp_path, Reading((GOAT, IBEX), (Relation(0, "beside", 1),)))
     scene_of("a goat beside an ibex", GRID, seen, 0)

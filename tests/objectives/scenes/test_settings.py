@@ -68,7 +68,9 @@ def test_sizes_come_from_what_is_similar() -> None:
     bag = WordBag()
     assert known_like("elephant", bag).height == pytest.approx(3.2, rel=0.2)
     assert known_like("moon", bag).where == "air" and known_like("dress", bag).where == "worn"
-    assert all(thing.height > 0 and thing.where in ("ground", "air", "water", "worn") for thing in known_things())
+    places = ("ground", "air", "water", "worn", "held", "facing")
+    assert all(thing.height > 0 and thing.where in places for thing in known_things())
+    assert known_like("spider web", bag).where == "facing" and known_like("umbrella", bag).where == "held"
 
 
 @pytest.mark.parametrize("shade", [0.0, 0.5, 1.0])

@@ -11,7 +11,14 @@ _PLAIN = 0.25  # against drawings without colour, and pictures that are no cut-o
 _COLORFUL = 8.0  # chroma
 _BLACK, _SILHOUETTE = 12.0, 0.4  # L*, and share of a picture, from which it is a silhouette
 _SKETCHY = 0.25  # share of its box that a thing fills, below which there are only lines
+_MOSTLY = 0.5  # of neighbouring pixels that are the same, from which a picture is drawn
 _FILLED = 0.95  # share of its box, from which a picture is a rectangle
+
+
+def is_colorless(picture: Tensor) -> bool:
+    """Whether a picture [4, h, w] is a drawing without colour: an outline, or a silhouette."""
+    seen = picture[:3, picture[3] > 0.5].T
+    return len(seen) == 0 or (_flatness(picture) > _MOSTLY and _chroma(to_lab(seen)) < _COLORFUL)
 
 
 def appearance(picture: Tensor, realism: float, *, is_own: bool) -> float:
@@ -22,9 +29,8 @@ def appearance(picture: Tensor, realism: float, *, is_own: bool) -> float:
     flat = _flatness(picture)
     worth = _REALISM * realism * (1 - _FLAT * flat) + _OWN * is_own
     lab = to_lab(seen[:: max(1, len(seen) // 2000)])
-    chroma = float(lab[:, 1:].norm(dim=1).mean())
     worth -= _PLAIN * flat * float((lab[:, 0] < _BLACK).float().mean() > _SILHOUETTE) * (not is_own)
-    worth -= _PLAIN * flat * (chroma < _COLORFUL and not is_own)
+    worth -= _PLAIN * flat * (_chroma(lab) < _COLORFUL and not is_own)
     worth -= _PLAIN * (float(picture[3].mean()) < _SKETCHY)
     return worth - _PLAIN * (has_ground(picture) and not is_own)
 
@@ -32,6 +38,11 @@ def appearance(picture: Tensor, realism: float, *, is_own: bool) -> float:
 def has_ground(picture: Tensor) -> bool:
     """Whether a picture [4, h, w] is no cut-out, but a rectangle with a ground of its own."""
     return float(picture[3].mean()) > _FILLED
+
+
+def _chroma(lab: Tensor) -> float:
+    """The mean chroma of colours [n, 3] in CIELAB."""
+    return float(lab[:, 1:].norm(dim=1).mean())
 
 
 def _flatness(picture: Tensor) -> float:

@@ -25,6 +25,8 @@ _BRIMS = 0.8  # of the fullest row below it, from which a row of a picture is be
 _HOLDS = 0.6  # of a picture's fullest row, that a row of what holds something has: a foot does not
 _FITS, _SPREADS = 0.85, 1.7  # of the width of what it is in, that a thing has at most; the same of a neck's
 _NECK = 0.25  # of a picture's fullest row, that every row of a neck has
+_ON_A_FACE = 0.45  # of the height of what faces us, that a thing on it has at most
+_HELD, _HAND = 0.8, 0.45  # of who holds it, the height of what is held up at most, and that of the hand
 _ENDS = 0.95  # of the height, up to which a neck is looked at: an end may be round
 _SIDE = 256  # pixels of one of several copies
 _OF_WORD = {
@@ -93,6 +95,8 @@ def arranged(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -
         rest.remove(one)
         done_with = "with" if known[one.object] == "air" else "beside"  # a kite that is flown is up
         kind = _OF_WORD.get(one.word, done_with if one.word.endswith("ing") else "beside")
+        if one.word == "from" and any(two.subject == one.subject and two.word.endswith("ing") for two in usable):
+            kind = "beside"  # who eats leaves from a tree is not in it
         if one.subject not in placed:
             mine, other, number = _alone(parts, one.subject, sizes), placed[one.object], one.subject
             placed[number], placed[one.object] = _put(mine, other, kind, known[number], known[one.object])
@@ -142,6 +146,12 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
     """A thing at its place by another, and that one, which may have changed its size."""
     if kind in ("on", "beneath"):
         upper, lower = (mine, other) if kind == "on" else (other, mine)
+        if (other_where if kind == "on" else where) == "facing":
+            upper = replace(
+                upper, height=min(upper.height, _ON_A_FACE * lower.height), x=lower.x, depth=lower.depth + 1
+            )
+            upper = replace(upper, y=lower.y + 0.5 * (lower.height - upper.height))
+            return (upper, lower) if kind == "on" else (lower, upper)
         if upper.height > 0.9 * lower.height and lower.width < 1.5 * upper.width:
             upper = replace(upper, height=max(0.62 * lower.height, 0.6 * upper.height))
         top = lower.y + lower.height * _top(lower.picture, upper.width / max(lower.width, 1e-6))
@@ -164,6 +174,8 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         if _hollow(other.picture):
             height = min(mine.height, 0.5 * other.height, 0.5 * other.width * mine.height / mine.width)
             return replace(mine, x=other.x, y=other.y, height=height, depth=other.depth + 1), other
+        if where == other_where == "water":
+            return replace(mine, x=other.x, y=other.y - 0.95 * mine.height, depth=other.depth - 1), other
         return replace(mine, x=other.x - 0.2 * other.width, y=other.y - 0.4 * mine.height, depth=other.depth + 1), other
     if kind == "over":
         side = 0.0 if where != "air" else 0.28 * max(other.width, 0.6)
@@ -177,6 +189,9 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         return replace(mine, x=other.x - 0.3 * other.width, y=other.y - 0.06, depth=other.depth + 1), other
     if kind == "with" and where == "air":
         return replace(mine, x=other.x + 0.5 * (other.width + mine.width), y=0.75 * other.height), other
+    if kind == "with" and where == "held":
+        mine = replace(mine, height=min(mine.height, _HELD * other.height), x=other.x + 0.4 * other.width)
+        return replace(mine, y=other.y + _HAND * other.height, depth=other.depth - 1), other
     if kind == "with" and mine.width > 0.8 * other.width:
         mine = replace(mine, height=mine.height * 0.8 * other.width / mine.width)
     if kind == "with" and mine.height <= 0.6 * other.height:

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.recoloring import is_colored, recolored
+from frida_painter.objectives.scenes.appearance import is_colorless
 from frida_painter.objectives.scenes.reading import Reading, Relation, Thing, paint_of
 from frida_painter.objectives.scenes.retrieval import FoundPicture, PictureIndex
 from frida_painter.objectives.scenes.world import is_person
@@ -157,6 +158,8 @@ class _Caster:
         has_own = self._index.has_own
         if whole is not None and not whole.library.is_own and (has_own(first) or has_own(second)):
             whole = None
+        if whole is not None and not whole.library.is_own and is_colorless(whole.picture):
+            whole = None  # each by itself may be found in colour
         if whole is not None and not set(second.color.split()) <= set(whole.caption.split()) and not measured:
             whole = None
         if whole is None and measured and not has_own(first):
