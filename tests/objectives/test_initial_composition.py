@@ -155,7 +155,7 @@ def test_of_a_table_that_carries_things_the_top_is_shown(
 
 
 def test_a_place_alone_gets_what_is_found_there_but_not_what_must_not_be_seen(encoders: QuickEncoders) -> None:
-    absent = ("animal", "butterfly", "insect", "tractor", "cow", "bicycle")
+    absent = ("animal", "butterfly", "insect", "tractor", "cow", "bicycle", "rooster", "horse", "sheep", "dog")
     for unwanted in ((), absent):
         reading = Reading((Thing("meadow", "meadow"),), (), unwanted)
         encoders.prompts = lambda reading=reading: SimpleNamespace(read=lambda prompt: reading)  # type: ignore[method-assign]

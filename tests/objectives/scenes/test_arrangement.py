@@ -65,6 +65,13 @@ def test_what_is_held_is_held_up_and_does_not_hide_who_holds_it() -> None:
     assert beach.y == 0, "by itself it stands"
 
 
+def test_a_guitar_is_played_in_the_hands_and_a_piano_stands() -> None:
+    man, guitar = put("playing", thing(0, 1.75, shape=(60, 24)), thing(1, 1.0))
+    assert guitar.depth > man.depth and man.y < guitar.y and guitar.y + guitar.height < man.y + man.height
+    man, piano = put("playing", thing(0, 1.75, shape=(60, 24)), thing(1, 1.7))
+    assert piano.y == man.y and piano.x > man.x + 0.5 * man.width
+
+
 def test_what_is_on_a_thing_that_faces_us_lies_before_it() -> None:
     spider, web = put("on", thing(0, 0.03), thing(1, 0.5, "facing"))
     assert spider.y > web.y and spider.y + spider.height < web.y + web.height and spider.depth > web.depth

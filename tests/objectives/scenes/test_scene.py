@@ -99,3 +99,19 @@ def test_a_picture_of_a_persons_own_fills_the_canvas_where_it_is_all_there_is(tm
     among = encoders(tmp_path, Reading((IBEX, GOAT), (Relation(0, "beside", 1),)), OwnPictures())
     assert not filled(scene_of("an ibex beside a goat", GRID, among, 0))
     assert any("whose edges fade" in remark for remark in among.remarks)
+
+
+def test_a_time_of_the_day_that_is_named_alone_is_a_landscape_and_no_thing(tmp_path: Path) -> None:
+    seen = encoders(tmp_path, Reading((Thing("peaceful morning", "morning"),)))
+    scene_of("a peaceful morning", GRID, seen, 0)
+    assert "on hills, dawn" in seen.remarks[0] and "morning" not in seen.remarks[0]
+    assert not any("No picture of 'peaceful morning'" in remark for remark in seen.remarks)
+
+
+def test_a_colour_is_not_told_from_a_photographs_ground(tmp_path: Path) -> None:
+    grey = encoders(tmp_path, Reading((Thing("ibex", "ibex", "gray"),)))
+    scene_of("a gray ibex", GRID, grey, 0)
+    assert "no picture of a thing" in grey.remarks[0]
+    named = encoders(tmp_path, Reading((PANDA,)))
+    scene_of("a red panda", GRID, named, 0)
+    assert "'red panda'" in named.remarks[0]

@@ -17,8 +17,8 @@ _FILLED = 0.95  # share of its box, from which a picture is a rectangle
 
 def is_colorless(picture: Tensor) -> bool:
     """Whether a picture [4, h, w] is a drawing without colour: an outline, or a silhouette."""
-    seen = picture[:3, picture[3] > 0.5].T
-    return len(seen) == 0 or (_flatness(picture) > _MOSTLY and _chroma(to_lab(seen)) < _COLORFUL)
+    lab = to_lab(picture[:3, picture[3] > 0.5].T)
+    return len(lab) == 0 or (_flatness(picture) > _MOSTLY and (_chroma(lab) < _COLORFUL or _black(lab) > _SILHOUETTE))
 
 
 def appearance(picture: Tensor, realism: float, *, is_own: bool) -> float:
@@ -29,7 +29,7 @@ def appearance(picture: Tensor, realism: float, *, is_own: bool) -> float:
     flat = _flatness(picture)
     worth = _REALISM * realism * (1 - _FLAT * flat) + _OWN * is_own
     lab = to_lab(seen[:: max(1, len(seen) // 2000)])
-    worth -= _PLAIN * flat * float((lab[:, 0] < _BLACK).float().mean() > _SILHOUETTE) * (not is_own)
+    worth -= _PLAIN * flat * (_black(lab) > _SILHOUETTE and not is_own)
     worth -= _PLAIN * flat * (_chroma(lab) < _COLORFUL and not is_own)
     worth -= _PLAIN * (float(picture[3].mean()) < _SKETCHY)
     return worth - _PLAIN * (has_ground(picture) and not is_own)
@@ -43,6 +43,11 @@ def has_ground(picture: Tensor) -> bool:
 def _chroma(lab: Tensor) -> float:
     """The mean chroma of colours [n, 3] in CIELAB."""
     return float(lab[:, 1:].norm(dim=1).mean())
+
+
+def _black(lab: Tensor) -> float:
+    """The share of colours [n, 3] in CIELAB that are black."""
+    return float((lab[:, 0] < _BLACK).float().mean())
 
 
 def _flatness(picture: Tensor) -> float:

@@ -27,6 +27,10 @@ _FITS, _SPREADS = 0.85, 1.7  # of the width of what it is in, that a thing has a
 _NECK = 0.25  # of a picture's fullest row, that every row of a neck has
 _ON_A_FACE = 0.45  # of the height of what faces us, that a thing on it has at most
 _HELD, _HAND = 0.8, 0.45  # of who holds it, the height of what is held up at most, and that of the hand
+_PLAYED, _STANDS = (
+    0.55,
+    0.85,
+)  # of who plays it, the height of an instrument at most, and from which it stands by itself
 _ENDS = 0.95  # of the height, up to which a neck is looked at: an end may be round
 _SIDE = 256  # pixels of one of several copies
 _OF_WORD = {
@@ -35,7 +39,7 @@ _OF_WORD = {
     "under": "under", "below": "under", "beneath": "under", "underneath": "under",
     "over": "over", "above": "over", "across": "over", "crossing": "on",
     "behind": "behind", "in front of": "front", "before": "front", "against": "front", "between": "between",
-    "with": "with", "holding": "with", "carrying": "with", "eating": "with",
+    "with": "with", "holding": "with", "carrying": "with", "eating": "with", "playing": "playing",
 }  # fmt: skip
 _OPPOSITE = {
     "on": "beneath", "in": "around", "around": "in", "under": "over", "over": "under", "behind": "front",
@@ -189,6 +193,9 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         return replace(mine, x=other.x - 0.3 * other.width, y=other.y - 0.06, depth=other.depth + 1), other
     if kind == "with" and where == "air":
         return replace(mine, x=other.x + 0.5 * (other.width + mine.width), y=0.75 * other.height), other
+    if kind == "playing" and mine.height < _STANDS * other.height:
+        mine = replace(mine, height=min(mine.height, _PLAYED * other.height), x=other.x + 0.1 * other.width)
+        return replace(mine, y=other.y + 0.7 * _HAND * other.height, depth=other.depth + 1), other
     if kind == "with" and where == "held":
         mine = replace(mine, height=min(mine.height, _HELD * other.height), x=other.x + 0.4 * other.width)
         return replace(mine, y=other.y + _HAND * other.height, depth=other.depth - 1), other

@@ -13,7 +13,7 @@ from frida_painter.errors import ImageError
 from frida_painter.objectives.compositing import lay
 from frida_painter.objectives.encoders.conse import has_class, kin, synonyms
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.objectives.scenes.appearance import appearance, has_ground
+from frida_painter.objectives.scenes.appearance import appearance, has_ground, is_colorless
 from frida_painter.objectives.scenes.libraries import PictureLibrary
 from frida_painter.objectives.scenes.reading import Thing
 from frida_painter.objectives.scenes.titles import (
@@ -168,8 +168,10 @@ class PictureIndex:
             if at not in own and found is not None and found.library.is_own:
                 break
             entry, like = self._entries[at], float(similarity[at])
+            # The colour of a thing is not told from its ground's, and cannot be changed alone.
+            tells_color = set(thing.color.split()) <= set(entry.title.split())
             for picture in self._shown(entry):
-                if among and not entry.library.is_own and has_ground(picture):
+                if not entry.library.is_own and has_ground(picture) and (among or not tells_color):
                     continue
                 looks = bare - distance(lay(picture, ground))
                 worth = (
@@ -195,7 +197,7 @@ class PictureIndex:
         kind = self._entries[chosen].kind
         alike = (entry for at, entry in enumerate(self._entries) if at != chosen and entry.kind == kind)
         shown = (picture for entry in alike for picture in self._shown(entry)[:1])
-        others = (picture for picture in shown if not has_ground(picture))
+        others = (picture for picture in shown if not has_ground(picture) and not is_colorless(picture))
         return list(itertools.islice(others, most))
 
     def _shown(self, entry: _Entry) -> list[Tensor]:

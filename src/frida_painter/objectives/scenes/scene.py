@@ -17,10 +17,12 @@ from frida_painter.objectives.scenes.saliency import saliency
 from frida_painter.objectives.scenes.settings import (
     CLEAR,
     DAY,
+    FOREST,
     GREY,
     HILLS,
     PAPER,
     SKY,
+    TIMES,
     Setting,
     implied_place,
     in_color,
@@ -38,6 +40,7 @@ _CARRIED = ("on", "on top of", "upon", "riding", "in", "inside", "from")  # a du
 _SUPPORTS = ("on", "on top of", "upon")
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity from which a word of a name says where a thing is: a watering can is not in water
+_TREES = 5  # of a forest that is named alone
 _IMPLIED = 0.42  # similarity to what is found at a place, from which things imply it
 
 
@@ -135,7 +138,7 @@ def _peopled(reading: Reading, setting: Setting, sentences: SentenceEncoder) -> 
     meanings = sentences.embed([reading.things[0].name, *found])
     name = found[int((meanings[1:] @ meanings[0]).argmax())]
     number = len(reading.things)
-    thing = Thing(name, name.rpartition(" ")[2], count=2)
+    thing = Thing(name, name.rpartition(" ")[2], count=_TREES if setting.place is FOREST else 2)
     return replace(reading, things=(*reading.things, thing), relations=(*reading.relations, Relation(number, "in", 0)))
 
 
@@ -178,6 +181,9 @@ def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegi
         elif light is not None:
             setting = replace(setting, light=light, is_named=True)
             if not subject_only:
+                settled.add(number)
+            elif light in TIMES and least < _SURE:  # a peaceful morning is no picture of a thing
+                setting = replace(setting, place=HILLS)
                 settled.add(number)
         elif weather is not None:
             setting = replace(setting, weather=weather, is_named=True)

@@ -101,7 +101,7 @@ PLACES = (
           ("furniture", "musical instrument", "clothes", "tool", "chair", "computer"),
           (0.92, 0.88, 0.80), (0.60, 0.44, 0.32), 0.74, is_open=False),
 )  # fmt: skip
-HILLS, SKY = PLACES[4], PLACES[10]
+HILLS, FOREST, SKY = PLACES[4], PLACES[6], PLACES[10]
 DAY = Light("day", (), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 LIGHTS = (
     Light("dawn", ("dawn", "sunrise", "early morning", "morning"), (0.62, 0.70, 0.86), (0.99, 0.82, 0.68),
@@ -117,6 +117,8 @@ LIGHTS = (
     Light("autumn light", ("autumn", "fall foliage"), (0.86, 0.84, 0.76), (0.98, 0.84, 0.56), (1.18, 0.80, 0.52)),
 )  # fmt: skip
 GREY = LIGHTS[3]
+TIMES = (*LIGHTS[:3], LIGHTS[5])
+"""The lights of a time of the day or of the year, rather than of a mood."""
 CLEAR = Weather("clear", (), _PAPER)
 WEATHERS = (
     Weather("rain", ("rain", "rainy", "downpour", "storm", "thunderstorm"), (0.86, 0.90, 0.95), rain=16),
