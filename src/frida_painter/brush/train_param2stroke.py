@@ -1,9 +1,9 @@
 """Training param2stroke on a stroke library: from photographs of strokes to a model of the brush.
 
 A few hundred photographs do not say what is known anyway: that a mark lies along a Bezier and is as
-wide as the brush is pressed. So the analytic model is fitted to the library first, the network
-rehearses on strokes of that model without number, and only then the photographs teach it how the
-real brush differs.
+wide as the brush is pressed. The field (field.py) has that built in, and so learns more from them. It learns from
+the library first, the network rehearses on strokes of the field without number, and then on the photographs
+(G. Hinton, O. Vinyals and J. Dean, "Distilling the Knowledge in a Neural Network", 2015).
 """
 
 from collections.abc import Callable
@@ -14,10 +14,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter.brush.bezier import BezierStroke, RibbonShape, fit_bezier
+from frida_painter.brush.field import StrokeField
 from frida_painter.brush.library import StrokeLibrary
+from frida_painter.brush.limits import FEWEST_STROKES
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.squash import stretched
+from frida_painter.brush.train_field import train_field
 from frida_painter.brush.training import Best, Split, TrainingProgress, TrainingReport
 
 _BATCH = 32
@@ -56,7 +58,7 @@ def train_param2stroke(
 
     A fifth of the strokes is held out for validation (paper, "Brush Stroke Model"). After
     `rehearsals` epochs of rehearsal (0: none, as in the paper), whose training error is that against
-    the analytic model, training ends after `epochs`, or
+    the field, training ends after `epochs`, or
     when the validation error has not fallen for `patience` of them. The loss is L1: its median
     leaves the paper clean where only now and then a bristle goes astray. The same seed gives the
     same weights. Raises LibraryError where there are fewer than 5 strokes.
@@ -67,8 +69,8 @@ def train_param2stroke(
     training, validation = examples[split.training], examples[split.held_out]
 
     lessons = [(training, _RATE, epochs)]
-    if rehearsals > 0:
-        synthetic = _synthetic(model, library[split.training], seed, chance)
+    if rehearsals > 0 and len(split.training) >= FEWEST_STROKES:  # of fewer no field learns
+        synthetic = _rehearsed(model, library[split.training], seed, chance)
         lessons.insert(0, (synthetic, _REHEARSAL_RATE, rehearsals))
 
     curve: list[TrainingProgress] = []
@@ -90,17 +92,18 @@ def train_param2stroke(
     return TrainingReport(best.epoch, best.error, split.held_out, _predicted(model, validation), tuple(curve))
 
 
-def _synthetic(model: Param2Stroke, library: StrokeLibrary, seed: int, chance: torch.Generator) -> _Examples:
-    """Strokes of all shapes as the analytic model, fitted to the library, would paint them."""
-    frame, limits = model.frame, model.limits
-    ribbon = BezierStroke(model.brush, frame, limits, RibbonShape.typical(0.25 * (frame.top - frame.bottom)))
-    fit_bezier(ribbon, library, seed=seed)
+def _rehearsed(model: Param2Stroke, library: StrokeLibrary, seed: int, chance: torch.Generator) -> _Examples:
+    """Strokes of all shapes as most of them would look by a field that has learned from the library."""
+    limits = model.limits
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        teacher = StrokeField(model.brush, model.frame, limits)
+    train_field(teacher, library, seed=seed)
     thickness, along, aside = torch.rand(3, _REHEARSED, generator=chance)
     length = limits.length[0] + along * (limits.length[1] - limits.length[0])
     bend = limits.bend[0] + aside * (limits.bend[1] - limits.bend[0])
     with torch.no_grad():
-        parts = zip(*(torch.split(part, _BATCH) for part in (thickness, length, bend)), strict=True)
-        return _Examples(thickness, length, bend, torch.cat([ribbon(*part) for part in parts]))
+        return _Examples(thickness, length, bend, teacher.median(thickness, length, bend))
 
 
 def _epoch(
