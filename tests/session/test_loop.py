@@ -74,6 +74,14 @@ def test_a_frame_waits_until_the_hand_leaves_for_paint() -> None:
     assert sum(isinstance(event, TimelapseFrame) for event in evening.heard) == 3
 
 
+def test_a_resumed_painting_gets_the_frames_of_what_it_still_paints() -> None:
+    evening = Evening(12, replans=0, timelapse_frames=6)
+    plan, bare = evening.planner.plan(torch.ones(3, 8, 8), 12, 2, lambda step: None), torch.ones(3, 48, 64)
+    evening.resume(ResumeState(plan, 6, 6, bare, bare))
+    frames = [event.done for event in evening.heard if isinstance(event, TimelapseFrame)]
+    assert len(frames) == 3 and frames[-1] == 12 and min(frames) >= 8
+
+
 @pytest.mark.parametrize(("strokes", "replans"), [(1, 0), (1, 4), (3, 1), (7, 3), (5, 50), (12, 11)])
 def test_exactly_so_many_strokes_are_painted(strokes: int, replans: int) -> None:
     """Fault F35: unusual counts of strokes and batches."""

@@ -56,7 +56,7 @@ class BatchExecutor:
         self._journal, self._interruptions = journal, interruptions
         self._progress, self._tell = progress, tell
         self._told: str | None = None  # the brush in the hand, as listeners know it
-        self._filmed = timelapse.due(progress.painted, progress.strokes)
+        self._filmed: int | None = None  # frames that were due at the last one, None before anything is painted
 
     def paint_until(self, end: int) -> None:
         """Paints until `end` strokes are done. After a pause the brush is clean, and the batch is prepared anew.
@@ -64,6 +64,8 @@ class BatchExecutor:
         Raises RobotError and its kinds, WorkspaceViolation before anything moves.
         """
         progress = self._progress
+        if self._filmed is None:
+            self._filmed = self._timelapse.due(progress.painted, progress.strokes)
         with FrameDeveloper(self._observer, self._tell) as frames:
             while progress.plan is not None and progress.painted < min(end, progress.strokes):
                 left = progress.plan.part(slice(progress.painted, end))
@@ -205,7 +207,7 @@ class BatchExecutor:
     def _film(self, painted: StrokePainted, frames: FrameDeveloper, *, leaves: bool) -> None:
         """Takes the film's next frame, the arm being aside, where it is time for it."""
         done, of = painted.done, painted.of
-        if self._timelapse.wants_frame(done, of, self._filmed, leaves=leaves):
+        if self._timelapse.wants_frame(done, of, self._filmed or 0, leaves=leaves):
             self._filmed = self._timelapse.due(done, of)
             self._interruptions.retry(self.step_aside)
             frames.take(painted, self._brushwork.last_motion)
