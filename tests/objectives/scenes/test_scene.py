@@ -109,9 +109,9 @@ def test_a_time_of_the_day_that_is_named_alone_is_a_landscape_and_no_thing(tmp_p
 
 
 def test_a_colour_is_not_told_from_a_photographs_ground(tmp_path: Path) -> None:
-    grey = encoders(tmp_path, Reading((Thing("ibex", "ibex", "gray"),)))
-    scene_of("a gray ibex", GRID, grey, 0)
-    assert "no picture of a thing" in grey.remarks[0]
-    named = encoders(tmp_path, Reading((PANDA,)))
-    scene_of("a red panda", GRID, named, 0)
-    assert "'red panda'" in named.remarks[0]
+    blue = encoders(tmp_path, Reading((Thing("panda", "panda", "blue"),)))
+    scene_of("a blue panda", GRID, blue, 0)
+    assert "'panda' (pictures)" in blue.remarks[0], "which stands free, and can be coloured"
+    ibex = encoders(tmp_path, Reading((Thing("ibex", "ibex", "gray"),)))
+    scene_of("a gray ibex", GRID, ibex, 0)
+    assert "'ibex' (pictures)" in ibex.remarks[0], "rather than none"

@@ -27,10 +27,8 @@ _FITS, _SPREADS = 0.85, 1.7  # of the width of what it is in, that a thing has a
 _NECK = 0.25  # of a picture's fullest row, that every row of a neck has
 _ON_A_FACE = 0.45  # of the height of what faces us, that a thing on it has at most
 _HELD, _HAND = 0.8, 0.45  # of who holds it, the height of what is held up at most, and that of the hand
-_PLAYED, _STANDS = (
-    0.55,
-    0.85,
-)  # of who plays it, the height of an instrument at most, and from which it stands by itself
+_PLAYED = 0.55  # of who plays it, the height that an instrument has at most
+_STANDS = 0.85  # the same from which it stands by itself
 _ENDS = 0.95  # of the height, up to which a neck is looked at: an end may be round
 _SIDE = 256  # pixels of one of several copies
 _OF_WORD = {

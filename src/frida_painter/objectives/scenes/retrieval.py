@@ -43,6 +43,7 @@ _CONTEXT = 0.15  # of the similarity of a caption to the whole prompt
 _NEARER, _FARTHER = 0.4, 0.25  # the most that looking nearer to the words than a bare ground, or farther, counts
 _UNCLASSED = 0.3  # of that, where the networks know no class of that kind and take what is near for it
 _FROM_HEAD_TO_FOOT, _TALL = 0.3, 1.3  # of who is shown so, by height over width: who does something has hands and feet
+_UNTOLD = 0.6  # of a colour that was asked for, in a picture with a ground: it is not told from the ground's
 _SPEAKS = 0.45  # similarity of a caption to one of several things that it shows
 _GROUND = (0.93, 0.92, 0.88)
 _LOOK = 160  # pixels
@@ -168,10 +169,10 @@ class PictureIndex:
             if at not in own and found is not None and found.library.is_own:
                 break
             entry, like = self._entries[at], float(similarity[at])
-            # The colour of a thing is not told from its ground's, and cannot be changed alone.
             tells_color = set(thing.color.split()) <= set(entry.title.split())
             for picture in self._shown(entry):
-                if not entry.library.is_own and has_ground(picture) and (among or not tells_color):
+                grounded = not entry.library.is_own and has_ground(picture)
+                if among and grounded:
                     continue
                 looks = bare - distance(lay(picture, ground))
                 worth = (
@@ -181,6 +182,7 @@ class PictureIndex:
                     + trusted * max(-_FARTHER, min(looks, _NEARER))
                     + appearance(picture, entry.realism, is_own=entry.library.is_own)
                     + _FROM_HEAD_TO_FOOT * (upright and picture.shape[1] > _TALL * picture.shape[2])
+                    - _UNTOLD * (grounded and not tells_color)
                 )
                 if worth > best:
                     best = worth
