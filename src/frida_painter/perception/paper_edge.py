@@ -21,8 +21,10 @@ _LEAST_STEP = 0.06  # of linear light, between table and paper
 _LEAST_SEEN = 0.5  # of the places of a side
 _LEAST_LEFT = 0.2
 _DIMMEST = 0.01  # linear light: the camera's noise
-_OTHER_LIGHT = 0.3  # natural logarithm of the light beyond the edge, against that of all places
+_OTHER_LIGHT = 0.3  # natural logarithm of the light beside the edge, against that of all places
 _ROUNDS = 6
+_STILL = 0.3  # pixels, by which an edge that lies still may seem to have moved
+_LEADING = 1.5  # times as far as the farthest side, a corner moves at most
 
 
 @dataclass(frozen=True)
@@ -32,8 +34,8 @@ class PaperEdge:
     place, outward [4 x 48, 2]: points (column, row) around the paper and the way out of it; offset
     [4 x 48]: how many pixels outwards of its point the edge lies, NaN where it is not seen; width
     [4 x 48]: pixels within which it passes from a fifth to four fifths of its step, NaN likewise; table
-    [4 x 48]: linear light just beyond it; softness: the median width, NaN where it is not visible;
-    visible: whether the edge is seen at most places of every side.
+    [4 x 48]: linear light just beyond it; inside [4 x 48]: the same just within it; softness: the median width, NaN
+    where it is not visible; visible: whether the edge is seen at most places of every side.
     """
 
     place: NDArray[np.float64]
@@ -43,6 +45,7 @@ class PaperEdge:
     visible: bool
     width: NDArray[np.float64]
     table: NDArray[np.float64]
+    inside: NDArray[np.float64]
 
     @classmethod
     def read(cls, photograph: NDArray[np.uint8], corners: Corners, reach: float) -> Self:
@@ -70,7 +73,9 @@ class PaperEdge:
         offset, near, far = (_first_above(height, level, step) for level in (0.5, 0.8, 0.2))
         soft = far - near
         visible = bool((np.isfinite(offset).reshape(4, _PLACES).mean(1) >= _LEAST_SEEN).all())
-        return cls(place, outward, offset, float(np.nanmedian(soft)) if visible else math.nan, visible, soft, outside)
+        return cls(
+            place, outward, offset, float(np.nanmedian(soft)) if visible else math.nan, visible, soft, outside, inside
+        )
 
     @property
     def beside(self) -> float:
@@ -91,13 +96,19 @@ class PaperEdge:
     def drift_since(self, earlier: Self) -> float:
         """Like `moved_since`, of a canvas whose edge may be painted over in places; NaN where too little is left.
 
+        Beside paint the edge seems to lie farther in. So those places say it that look within as they did, if there are
+        enough, and it is no farther than a side lies outwards: where a canvas moves, one does.
         A lens that was turned, or a camera that came nearer, counts as well: then the whole edge lies
         farther out, or in, than it did.
         """
         outwards = self.offset - earlier.offset
         if not _enough(outwards):
             return math.nan
-        return max(self._motion(outwards), float(abs(np.nanmedian(outwards))))
+        light = self._against_table(self.inside) - earlier._against_table(earlier.inside)
+        bare = np.where(np.abs(light) > _OTHER_LIGHT, np.nan, outwards)
+        seen = bare if _enough(bare) else outwards
+        drift = max(self._motion(seen), float(abs(np.nanmedian(seen))))
+        return min(drift, _LEADING * _farthest_out(outwards))
 
     def blurring_since(self, earlier: Self) -> float:
         """How many pixels wider the edge is, in the middle of all places; NaN where too little of it is left."""
@@ -106,13 +117,16 @@ class PaperEdge:
 
     def covered_since(self, earlier: Self) -> int:
         """At how many places in a row something reaches over the edge that was not there, whatever the light is now."""
-        light = (self.table + _DIMMEST) / (earlier.table + _DIMMEST)
-        strange = np.abs(np.log(light / np.median(light))) > _OTHER_LIGHT
+        strange = np.abs(self._against_table(self.table) - earlier._against_table(earlier.table)) > _OTHER_LIGHT
         longest = run = 0
         for place in np.concatenate((strange, strange)):  # round the paper, over its first corner
             run = run + 1 if place else 0
             longest = max(longest, run)
         return min(longest, len(strange))
+
+    def _against_table(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The natural logarithm of light against that of the whole table, which is as the lamps are."""
+        return np.asarray(np.log(light + _DIMMEST) - np.median(np.log(self.table + _DIMMEST)))
 
     def _motion(self, outwards: NDArray[np.float64]) -> float:
         """The largest way of a corner under the shift and turn that move the places outwards [n] so."""
@@ -133,6 +147,19 @@ class PaperEdge:
         corner = (self.place[:: _PLACES - 1] - middle) / scale
         ways = motion[:2] + motion[2] * np.stack((-corner[:, 1], corner[:, 0]), 1)
         return float(np.linalg.norm(ways, axis=1).max())
+
+
+def _farthest_out(outwards: NDArray[np.float64]) -> float:
+    """How far out the side lies that is farthest out, of ways outwards [4 x 48]; infinite where all lie farther in.
+
+    A side of which too little is seen lies as far out as the one opposite lies in.
+    """
+    sides = [side[np.isfinite(side)] for side in outwards.reshape(4, _PLACES)]
+    known = [float(np.quantile(side, 0.9)) if len(side) >= _LEAST_LEFT * _PLACES else None for side in sides]
+    if all(one is None or one < -_STILL for one in known):  # as before a camera that went away
+        return math.inf
+    opposite = [None if one is None else -one for one in (*known[2:], *known[:2])]
+    return max(0.0, *(one if one is not None else other or 0.0 for one, other in zip(known, opposite, strict=True)))
 
 
 def _enough(values: NDArray[np.float64]) -> bool:
