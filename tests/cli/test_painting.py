@@ -95,7 +95,9 @@ def test_the_same_seed_makes_the_same_plan(run: Run, photo: Path, tmp_path: Path
 
 @pytest.mark.usefixtures("coarse_brush")
 def test_settings_come_from_a_file_and_the_canvas_turns_with_the_picture(run: Run, photo: Path, tmp_path: Path) -> None:
-    (tmp_path / "my.toml").write_text('strokes = 4\ncolors = 2\nseed = 1\neffort = 0.05\nrender_height = 64\nbrush = "fine"\n')
+    (tmp_path / "my.toml").write_text(
+        'strokes = 4\ncolors = 2\nseed = 1\neffort = 0.05\nrender_height = 64\nbrush = "fine"\n'
+    )
     upright = tmp_path / "upright.png"
     with Image.open(photo) as picture:
         picture.rotate(90, expand=True).save(upright)
