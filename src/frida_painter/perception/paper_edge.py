@@ -20,11 +20,11 @@ _FINE = 2  # samples a pixel across the edge
 _LEAST_STEP = 0.06  # of linear light, between table and paper
 _LEAST_SEEN = 0.5  # of the places of a side
 _LEAST_LEFT = 0.2
+_FEW = 2  # places of a side
 _DIMMEST = 0.01  # linear light: the camera's noise
 _OTHER_LIGHT = 0.3  # natural logarithm of the light beside the edge, against that of all places
 _ROUNDS = 6
-_STILL = 0.3  # pixels, by which an edge that lies still may seem to have moved
-_LEADING = 1.5  # times as far as the farthest side, a corner moves at most
+_CORNER = 1.5  # times as far as a whole side, a corner moves at most
 
 
 @dataclass(frozen=True)
@@ -97,18 +97,18 @@ class PaperEdge:
         """Like `moved_since`, of a canvas whose edge may be painted over in places; NaN where too little is left.
 
         Beside paint the edge seems to lie farther in. So those places say it that look within as they did, if there are
-        enough, and it is no farther than a side lies outwards: where a canvas moves, one does.
+        enough, and it is no farther than all of a side moved: where a canvas moves, whole sides do.
         A lens that was turned, or a camera that came nearer, counts as well: then the whole edge lies
         farther out, or in, than it did.
         """
         outwards = self.offset - earlier.offset
         if not _enough(outwards):
             return math.nan
-        light = self._against_table(self.inside) - earlier._against_table(earlier.inside)
-        bare = np.where(np.abs(light) > _OTHER_LIGHT, np.nan, outwards)
+        is_painted = _is_other(self.inside, earlier.inside, self._brighter_than(earlier))
+        bare = np.where(is_painted, np.nan, outwards)
         seen = bare if _enough(bare) else outwards
         drift = max(self._motion(seen), float(abs(np.nanmedian(seen))))
-        return min(drift, _LEADING * _farthest_out(outwards))
+        return min(drift, _CORNER * _moved_side(outwards, bare))
 
     def blurring_since(self, earlier: Self) -> float:
         """How many pixels wider the edge is, in the middle of all places; NaN where too little of it is left."""
@@ -117,16 +117,16 @@ class PaperEdge:
 
     def covered_since(self, earlier: Self) -> int:
         """At how many places in a row something reaches over the edge that was not there, whatever the light is now."""
-        strange = np.abs(self._against_table(self.table) - earlier._against_table(earlier.table)) > _OTHER_LIGHT
+        strange = _is_other(self.table, earlier.table, self._brighter_than(earlier))
         longest = run = 0
         for place in np.concatenate((strange, strange)):  # round the paper, over its first corner
             run = run + 1 if place else 0
             longest = max(longest, run)
         return min(longest, len(strange))
 
-    def _against_table(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The natural logarithm of light against that of the whole table, which is as the lamps are."""
-        return np.asarray(np.log(light + _DIMMEST) - np.median(np.log(self.table + _DIMMEST)))
+    def _brighter_than(self, earlier: Self) -> float:
+        """How many times as bright the lamps are as they were, by the table in the middle of all places."""
+        return float(np.median((self.table + _DIMMEST) / (earlier.table + _DIMMEST)))
 
     def _motion(self, outwards: NDArray[np.float64]) -> float:
         """The largest way of a corner under the shift and turn that move the places outwards [n] so."""
@@ -149,17 +149,24 @@ class PaperEdge:
         return float(np.linalg.norm(ways, axis=1).max())
 
 
-def _farthest_out(outwards: NDArray[np.float64]) -> float:
-    """How far out the side lies that is farthest out, of ways outwards [4 x 48]; infinite where all lie farther in.
+def _is_other(light: NDArray[np.float64], earlier: NDArray[np.float64], brighter: float) -> NDArray[np.bool_]:
+    """At which places the light is another than it was, the lamps being so many times as bright."""
+    share = (light + _DIMMEST) / (earlier + _DIMMEST) / brighter
+    return np.asarray(np.abs(np.log(share)) > _OTHER_LIGHT)
 
-    A side of which too little is seen lies as far out as the one opposite lies in.
+
+def _moved_side(outwards: NDArray[np.float64], bare: NDArray[np.float64]) -> float:
+    """How far the side moved that moved farthest as a whole, of ways outwards [4 x 48]; bare: of those beside no paint.
+
+    That is what the outermost tenth of its bare places did, or of all where hardly any is bare: paint never lets an
+    edge seem to lie farther out.
     """
-    sides = [side[np.isfinite(side)] for side in outwards.reshape(4, _PLACES)]
-    known = [float(np.quantile(side, 0.9)) if len(side) >= _LEAST_LEFT * _PLACES else None for side in sides]
-    if all(one is None or one < -_STILL for one in known):  # as before a camera that went away
-        return math.inf
-    opposite = [None if one is None else -one for one in (*known[2:], *known[:2])]
-    return max(0.0, *(one if one is not None else other or 0.0 for one, other in zip(known, opposite, strict=True)))
+    moved = []
+    for side, unpainted in zip(outwards.reshape(4, _PLACES), bare.reshape(4, _PLACES), strict=True):
+        if np.isfinite(side).mean() >= _LEAST_LEFT:
+            told = unpainted if np.isfinite(unpainted).sum() >= _FEW else side
+            moved.append(abs(float(np.nanquantile(told, 0.9))))
+    return max(moved)
 
 
 def _enough(values: NDArray[np.float64]) -> bool:

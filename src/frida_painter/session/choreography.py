@@ -75,32 +75,29 @@ class Choreography:
             yield from self.with_brush(part.layers[0].brush)._layer(part, load, already_done, of)
             load, already_done = BrushLoad(), already_done + len(part)
 
-    def refills(self, layer: Plan, load: BrushLoad) -> list[bool]:
-        """Of every stroke of a layer whether the brush is dipped before it, if it holds `load` at first."""
+    def loads(self, layer: Plan, load: BrushLoad) -> list[tuple[bool, BrushLoad]]:
+        """Of every stroke of a layer whether the brush, which holds `load` at first, is dipped before it, and what is
+        on it afterwards."""
         found = []
-        for paint, use in zip(layer.paint.tolist(), self._used_by(layer), strict=True):
-            found.append(paint != load.paint or load.left < use)
-            load = BrushLoad(paint, (self.brush.dip.holds if found[-1] else load.left) - use)
+        used = self.brush.dip.used_by(self.brush.area(layer.strokes.detach().to(torch.float64))).tolist()
+        for paint, use in zip(layer.paint.tolist(), used, strict=True):
+            dips = paint != load.paint or load.left < use
+            load = BrushLoad(paint, (self.brush.dip.holds if dips else load.left) - use)
+            found.append((dips, load))
         return found
 
     def _layer(self, plan: Plan, load: BrushLoad, already_done: int, of: int) -> Iterator[Action]:
         strokes = plan.strokes.detach().to(torch.float64)
-        each = zip(plan.paint.tolist(), self._used_by(plan), self.refills(plan, load), strict=True)
-        for index, (paint, use, dips) in enumerate(each):
+        for index, (paint, (dips, after)) in enumerate(zip(plan.paint.tolist(), self.loads(plan, load), strict=True)):
             if dips:
                 washing = self.cleaning_between(plan, load.paint, paint)
-                load = BrushLoad(paint, self.brush.dip.holds)
-                yield Action((*washing, self.motion.dip(paint)), Dipped(paint, cleaned=bool(washing)), load)
-            load = BrushLoad(paint, load.left - use)
+                full = BrushLoad(paint, self.brush.dip.holds)
+                yield Action((*washing, self.motion.dip(paint)), Dipped(paint, cleaned=bool(washing)), full)
+            load = after
             number = already_done + index + 1
             red, green, blue = strokes.color[index].tolist()
             motions = self.motion.swift_stroke(strokes, index, f"stroke {number}")
             yield Action(motions, StrokePainted(number, of, (red, green, blue)), load)
-
-    def _used_by(self, layer: Plan) -> list[float]:
-        """What each stroke of a layer takes of a dip."""
-        strokes = layer.strokes.detach().to(torch.float64)
-        return self.brush.dip.used_by(self.brush.area(strokes)).tolist()
 
     def cleaning_between(self, layer: Plan, held: int | None, paint: int) -> tuple[Waypoints, ...]:
         """What cleans a brush that held one of a layer's paints, None: nothing, for another one: less for a darker."""

@@ -74,18 +74,18 @@ def reckon(
         here = choreography.with_brush(brush)
         places, lengths = _on_canvas(part, here)
         painting = _steadily(lengths, here.motion) if timing is None else _motion_by_motion(part, here.motion, pace)
-        refills = here.refills(part, load)
+        loads = here.loads(part, load)
         dips = {paint: motion.dip(paint) for paint in sorted(set(part.paint.tolist()))}
-        for index, paint in enumerate(part.paint.tolist()):
-            if refills[index]:
+        for index, (paint, (dipped, after_stroke)) in enumerate(zip(part.paint.tolist(), loads, strict=True)):
+            if dipped:
                 table = wash(table, here.cleaning_between(part, load.paint, paint))
                 dipping = dips[paint]
                 table = replace(table, travel=table.travel + hand.to(dipping), dips=table.dips + pace.of(dipping))
-            load = BrushLoad(paint)
+            load = after_stroke
             way = hand.across(places[index, 0], places[index, 1])
             table = replace(table, travel=table.travel + way, strokes=table.strokes + painting[index])
             after.append(table.total)
-            leaves = all(refills[index + 1 : index + 2])  # the end of a layer too
+            leaves = all(dipped for dipped, _ in loads[index + 1 : index + 2])  # the end of a layer too
             for _ in range(looks(len(after), leaves)):
                 table = replace(table, looks=table.looks + hand.aside() + _PHOTOGRAPH)
     return replace(table, after=tuple(after))
