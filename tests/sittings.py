@@ -12,6 +12,7 @@ from frida_painter.calibration import BrushRecord
 from frida_painter.hardware.workspace import BrushRack
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
+from frida_painter.planning.fading import Fading
 from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
@@ -59,6 +60,9 @@ class NotingPlanner:
         notify(Step(1, 1, 0.35))
         paint = palette.nearest(plan.strokes.color)
         return Plan.of(plan.strokes, palette, paint, canvas=CANVAS, brush="small", limits=SMALL.limits)
+
+    def fading(self, plan: Plan, canvas: Tensor) -> Fading:
+        return Fading.none(len(plan))
 
     def without_weakest(self, plan: Plan, canvas: Tensor, count: int) -> Plan:
         self.left_out.append(count)

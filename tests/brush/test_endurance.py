@@ -17,7 +17,7 @@ AREAS = painted_area(*(part for part in WHOLE.shapes()[1::-1]), SMALL.width).num
 def fading(holds: float, every: int = 3, noise: float = 0.05) -> StrokeLibrary:
     """A library whose brush was dipped before each `every`-th stroke, and pales once it has painted `holds` m2."""
     since = np.concatenate([np.cumsum(np.r_[0, AREAS[first : first + every - 1]]) for first in range(0, COUNT, every)])
-    left = np.clip(1.3 - 0.3 * (since + AREAS) / holds, 0.1, 1.0)
+    left = np.clip(2.0 - (since + AREAS) / holds, 0.1, 1.0)
     left *= 1 + noise * np.random.default_rng(0).standard_normal(COUNT)
     magnitude = np.clip(WHOLE.magnitude * left[:, None, None], 0, 255).astype(np.uint8)
     return replace(
@@ -31,6 +31,7 @@ def test_what_a_dip_holds_shows_where_strokes_fade(strokes: float) -> None:
     found = dip_shown(fading(holds), SMALL.width)
     assert found is not None and not found.by_strokes
     assert 0.85 * holds < found.holds < 1.5 * holds, found.holds / holds
+    assert 0 <= found.fades <= 0.3
 
 
 def test_of_a_brush_that_never_fades_it_is_known_for_as_long_as_it_was_tried() -> None:

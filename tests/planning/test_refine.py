@@ -3,7 +3,7 @@ from dataclasses import replace
 import torch
 
 from frida_painter.palette import to_lab
-from frida_painter.planning.refine import anneal_to_palette, discretize, loss_without, relocate, visible_area, worth
+from frida_painter.planning.refine import anneal_to_palette, discretize, loss_without, relocate, visible_area
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
 from scenes import CANVAS, scene, some_strokes, target
@@ -61,17 +61,6 @@ def test_a_stroke_that_cannot_be_seen_is_missed_by_nobody() -> None:
     covering = twice.with_groups(thickness=torch.tensor([0.0, 1.0, 0.5, 0.5, 0.5]))
     loss = loss_without(covering, SCENE, TARGET, chance())
     assert loss[0].abs() < 0.15 * loss[1].abs()
-
-
-def test_the_strokes_of_most_worth_are_those_that_would_be_missed_most() -> None:
-    strokes = some_strokes(12, seed=7)
-    hidden = Strokes.join(strokes[:3].with_groups(thickness=torch.zeros(3), length=torch.full((3,), 0.01)), strokes)
-    for guide in (TARGET, None):
-        missed = worth(hidden, SCENE, guide, seed=0)
-        assert missed.shape == (15,) and torch.equal(missed, worth(hidden, SCENE, guide, seed=0))
-    order = torch.argsort(worth(hidden, SCENE, TARGET, seed=0))
-    best, worst = (squared_error(hidden[some.sort().values.tolist()]) for some in (order[-8:], order[:8]))
-    assert best < worst
 
 
 def test_visible_areas_are_those_in_which_a_colour_is_seen() -> None:

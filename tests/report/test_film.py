@@ -23,7 +23,7 @@ def canvas(share: float, rows: int = 60, columns: int = 80) -> np.ndarray:
 def written(path: Path, count: int, expected: int | None = None) -> None:
     with FilmWriter(path, expected or count) as writer:
         for index in range(count):
-            writer.add(canvas((index + 1) / count), RED if index < count / 2 else BLUE)
+            writer.add(canvas((index + 1) / count), (index + 1) / count, RED if index < count / 2 else BLUE)
 
 
 def frames(path: Path) -> tuple[str, list[np.ndarray]]:
@@ -62,6 +62,19 @@ def test_colors_progress_and_the_rest_on_the_last_frame(tmp_path: Path) -> None:
     assert not red[:, columns // 2 + 6 :].any() and not blue[:, : columns // 2 - 6].any()
 
 
+def test_frames_that_come_late_are_shown_for_longer(tmp_path: Path) -> None:
+    """A film of 60 frames of which five came: it lasts as long, and each is seen until its stroke."""
+    with FilmWriter(tmp_path / "film.mp4", 60) as writer:
+        for done in (0.1, 0.2, 0.6, 0.61, 1.0):
+            writer.add(canvas(done), done)
+    _, shown = frames(tmp_path / "film.mp4")
+    assert len(shown) / RATE == pytest.approx(SECONDS + HOLD, abs=0.5)
+    middle = shown[round(0.45 * SECONDS * RATE)].astype(int)
+    row, columns = middle.shape[0] // 2, middle.shape[1]
+    covered = np.abs(middle[row - 10] - (220, 120, 40)).max(-1) < 12
+    assert covered.sum() == pytest.approx(0.6 * 80, abs=4), f"of 80 columns between the mounts of {columns}"
+
+
 def test_a_browser_can_start_before_all_is_loaded(tmp_path: Path) -> None:
     written(tmp_path / "film.mp4", 5)
     content = (tmp_path / "film.mp4").read_bytes()
@@ -70,9 +83,9 @@ def test_a_browser_can_start_before_all_is_loaded(tmp_path: Path) -> None:
 
 def test_odd_sizes_large_frames_and_frames_that_change_their_size(tmp_path: Path) -> None:
     with FilmWriter(tmp_path / "film.mp4", 3) as writer:
-        writer.add(canvas(0.2, 41, 2001))
-        writer.add(canvas(0.5, 75, 99), RED)
-        writer.add(canvas(1.0, 41, 2001))
+        writer.add(canvas(0.2, 41, 2001), 1 / 3)
+        writer.add(canvas(0.5, 75, 99), 2 / 3, RED)
+        writer.add(canvas(1.0, 41, 2001), 1.0)
     _, shown = frames(tmp_path / "film.mp4")
     assert max(shown[0].shape) <= film.LONGEST * 1.1 and all(side % 2 == 0 for side in shown[0].shape[:2])
     assert len(shown) == pytest.approx((3 + HOLD) * RATE, abs=2)
@@ -81,7 +94,7 @@ def test_odd_sizes_large_frames_and_frames_that_change_their_size(tmp_path: Path
 def test_an_interrupted_painting_keeps_its_film(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt), FilmWriter(tmp_path / "film.mp4", 100) as writer:
         for index in range(20):
-            writer.add(canvas(index / 100))
+            writer.add(canvas(index / 100), (index + 1) / 100)
         raise KeyboardInterrupt
     _, shown = frames(tmp_path / "film.mp4")
     assert len(shown) / RATE == pytest.approx(20 / 100 * SECONDS + HOLD, abs=0.5)

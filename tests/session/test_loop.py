@@ -1,3 +1,4 @@
+import itertools
 import math
 import random
 import threading
@@ -48,7 +49,7 @@ def test_batches_sum_up_exactly_and_differ_by_one_at_most_but_for_a_short_first_
 
 
 @given(st.integers(1, 500), st.integers(0, 150), st.randoms(use_true_random=False))
-def test_the_film_gets_as_many_frames_as_it_asked_for_each_before_the_next_ones_turn(
+def test_each_frame_of_the_film_is_taken_when_the_hand_leaves_or_before_the_next_ones_turn(
     strokes: int, wanted: int, chance: random.Random
 ) -> None:
     timelapse, taken, seen = Timelapse(min(wanted, strokes)), 0, []
@@ -57,10 +58,15 @@ def test_the_film_gets_as_many_frames_as_it_asked_for_each_before_the_next_ones_
         if timelapse.wants_frame(done, strokes, taken, leaves=leaves):
             taken = timelapse.due(done, strokes)
             seen.append((done, leaves))
-    assert len(seen) == taken == min(wanted, strokes)
+    assert taken == min(wanted, strokes) and len(seen) <= taken
     assert not seen or seen[-1][0] == strokes
-    assert all(timelapse.due(done, strokes) == number for number, (done, _) in enumerate(seen, 1)), "evenly"
-    assert all(leaves or timelapse.due(done + 1, strokes) > timelapse.due(done, strokes) for done, leaves in seen)
+    if wanted and strokes / min(wanted, strokes) >= 8:
+        assert len(seen) == taken, "where there is time to wait, all frames are there"
+        assert all(timelapse.due(done, strokes) == number for number, (done, _) in enumerate(seen, 1)), "evenly"
+        assert all(leaves or timelapse.due(done + 1, strokes) > timelapse.due(done, strokes) for done, leaves in seen)
+    waits = max(8, math.ceil(strokes / max(1, min(wanted, strokes)))) + 1
+    between = itertools.pairwise([0, *(done for done, _ in seen)])
+    assert all(later - before <= waits + strokes / min(wanted, strokes) for before, later in between)
 
 
 def test_a_frame_waits_until_the_hand_leaves_for_paint() -> None:
@@ -132,10 +138,8 @@ def test_the_arm_steps_aside_before_every_look_and_the_brush_ends_clean() -> Non
     evening.run()
     labels = evening.robot.labels()
     timelapse_frames = sum(isinstance(event, TimelapseFrame) for event in evening.heard)
-    assert timelapse_frames == 6
-    assert labels.count("home") == 1 + 6 + 3 + 1, (
-        "the bare canvas, six timelapse_frames, three looks, the last photograph"
-    )
+    assert 3 <= timelapse_frames <= 6, "at looks, and where the brush is dipped"
+    assert labels.count("home") == 1 + timelapse_frames + 3 + 1, "the bare canvas, three looks, the last photograph"
     assert labels[-3:] == ["rinse", "wipe", "home"]
 
 

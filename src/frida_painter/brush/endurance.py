@@ -1,4 +1,4 @@
-"""What one dip of a brush paints, as far as a stroke library shows it."""
+"""What one dip of a brush paints, and how marks fade meanwhile, as far as a stroke library shows it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,20 +8,20 @@ from frida_painter.brush.flaw import Flaw
 from frida_painter.brush.judge import judge
 from frida_painter.brush.library import StrokeLibrary
 
-_FADED = 0.92  # of the paint that a stroke of a full brush has
+_FADED = 0.7  # of the paint that a stroke of a full brush has; those that matter are painted before
 _FEWEST = 12  # strokes of a full brush, and as many of others
 # What a brush that runs out does to a stroke; other flaws tell nothing of it.
 _DRY = (Flaw.NONE, Flaw.EMPTY, Flaw.TORN, Flaw.SKIPPED)
 
 
 def dip_shown(library: StrokeLibrary, width: float) -> Dip | None:
-    """What one dip paints before its strokes fade, as a library shows that was painted with fewer dips than strokes.
+    """What one dip paints before marks are faint, as a library shows that was painted with fewer dips than strokes.
 
     width: of the brush's widest mark, metres. None where the library does not tell how much had been
     painted since the dip before each stroke, or has too few strokes of a brush that was no longer full.
     What a stroke has of the paint that the full brush leaves in strokes of its shape is fitted, over what
     was painted until its end, by what can only fall (isotonic regression); a dip is over where that falls
-    below 92 %, or where the library ends.
+    below 70 %, or where the library ends.
     """
     from sklearn.isotonic import IsotonicRegression  # slow to load
 
@@ -38,7 +38,10 @@ def dip_shown(library: StrokeLibrary, width: float) -> Dip | None:
     ends, shares = until[usable][order], share[usable][order]
     kept = IsotonicRegression(increasing=False).fit_transform(ends, shares.clip(0, 1.2))
     lasting = np.flatnonzero(kept >= _FADED)
-    return Dip(float(ends[lasting[-1]])) if len(lasting) else None
+    if len(lasting) == 0:
+        return None
+    last = lasting[-1]
+    return Dip(float(ends[last]), fades=float(max(0.0, 1 - kept[last])))
 
 
 def _paint(library: StrokeLibrary) -> NDArray[np.float64]:

@@ -1,7 +1,8 @@
 """Brushes by name, ours and those of other packages, and the rectangle in which a brush's marks lie."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 from torch import Tensor
 
@@ -14,6 +15,7 @@ from frida_painter.strokes import StrokeLimits, Strokes
 
 CELLS_ALONG = 80
 _DIP_SHARE = 0.6
+_IN_ANY_ORDER = 0.3  # of its paint, that a mark may lack
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,11 @@ class BrushKind:
         """The name of the brush that paints for it in the virtual studio."""
         return self.studio or self.name
 
+    @property
+    def for_any_order(self) -> Self:
+        """The brush for strokes in an order that does not spare those that matter: it is dipped before it is as dry."""
+        return replace(self, known_dip=self.dip.until(_IN_ANY_ORDER))
+
     def area(self, strokes: Strokes) -> Tensor:
         """What each stroke paints, m2, [n]: its length times the width of a mark of its thickness."""
         return painted_area(strokes.length, strokes.thickness, self.width)
@@ -60,13 +67,14 @@ class BrushKind:
 
 
 def _kind(name: str, shortest: float, longest: float, bend: float, width: float, dip: float) -> BrushKind:
-    return BrushKind(name, StrokeLimits((shortest, longest), (-bend, bend)), width, Dip(dip))
+    return BrushKind(name, StrokeLimits((shortest, longest), (-bend, bend)), width, Dip(dip, fades=_FADES))
 
 
-# A dip ends when three quarters of the paint that the tuft holds are used; paintings are as good as with half of that.
-FINE = _kind("fine", 0.008, 0.048, 0.012, 0.009, 5.0e-4)
-MEDIUM = _kind("medium", 0.010, 0.060, 0.016, 0.017, 13.0e-4)
-BROAD = _kind("broad", 0.012, 0.075, 0.022, 0.030, 34.0e-4)
+# At the end of a dip the brush is nearly dry; strokes that matter are painted before (session/stroke_order.py).
+_FADES = 0.5
+FINE = _kind("fine", 0.008, 0.048, 0.012, 0.009, 6.5e-4)
+MEDIUM = _kind("medium", 0.010, 0.060, 0.016, 0.017, 17.0e-4)
+BROAD = _kind("broad", 0.012, 0.075, 0.022, 0.030, 44.0e-4)
 KINDS = (FINE, MEDIUM, BROAD)
 
 

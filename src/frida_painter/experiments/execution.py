@@ -38,7 +38,7 @@ def execute(plan: Plan, easel: Easel, rows: int) -> Tensor:
 
     Raises RobotError, CameraError and their kinds.
     """
-    brushwork, observer = Brushwork(easel, brush_kind(plan.layers[0].brush)), CanvasObserver(easel)
+    brushwork, observer = Brushwork(easel, brush_kind(plan.layers[0].brush).for_any_order), CanvasObserver(easel)
     brushwork.step_aside()
     observer.look(brushwork.last_motion, rows)  # at the bare canvas: learns the light of the room
     easel.operator.fill_wells(plan.palette)

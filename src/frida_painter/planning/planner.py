@@ -20,13 +20,14 @@ from frida_painter.palette import MOST_COLORS, Palette
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.binding import bound
 from frida_painter.planning.effort import Effort as Effort
+from frida_painter.planning.fading import Fading, fading_of
 from frida_painter.planning.forecast import SimilarityForecast, forecast
 from frida_painter.planning.free_strokes import free_strokes
 from frida_painter.planning.layers import layer_sizes, stroke_models, usual_layers, usual_shares
 from frida_painter.planning.memory import is_lack_of_memory
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement, learn
-from frida_painter.planning.refine import MOVED, MOVED_WHERE_A_LAYER_BEGINS, stacked_worth
+from frida_painter.planning.refine import MOVED, MOVED_WHERE_A_LAYER_BEGINS
 from frida_painter.planning.region import Region
 from frida_painter.planning.scene import is_bare, on_device
 from frida_painter.planning.scenes import Scenes
@@ -187,11 +188,7 @@ class Planner:
 
         wells: the paints that are there, or how many are to be mixed for it.
         """
-        beneath = [(layer.brush, layer.strokes) for layer in below]
-
-        def begin(iterations: int) -> Callable[[Step], None]:
-            return steps.begin(iterations, beneath)
-
+        begin = partial(steps.begin, below=[(layer.brush, layer.strokes) for layer in below])
         scene = self.scenes.initial(canvas, self.coarse, brush)
         found = free_strokes(count, scene, self.scenes.guide(scene), effort, generator, begin)
         wanted = self.scenes.of(canvas, self.coarse, brush)
@@ -241,11 +238,13 @@ class Planner:
         )
         return [self._as_plan(layer) for layer in found]
 
+    def fading(self, plan: Plan, canvas: Tensor) -> Fading:
+        """What it costs that strokes of the plan lack paint, on a picture [3, H, W] of the canvas."""
+        return fading_of(plan, canvas, self.scenes, self.coarse, self.seed)
+
     def without_weakest(self, plan: Plan, canvas: Tensor, count: int) -> Plan:
         """The plan without the `count` strokes that would be missed least on a picture [3, H, W] of the canvas."""
-        strokes, scenes = self.scenes.stack(plan, canvas, self.coarse)
-        missed = stacked_worth(strokes, scenes, self.scenes.guide(scenes[0]), self.seed)
-        kept = torch.argsort(missed.cpu(), descending=True)[: len(plan) - count]
+        kept = torch.argsort(self.fading(plan, canvas).without_paint, descending=True)[: len(plan) - count]
         return plan.part(kept.sort().values.tolist())
 
     def bind_to_palette(
@@ -286,13 +285,11 @@ class Planner:
     ) -> Plan:
         """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their brushes stay.
 
-        So do the paints of the layer of the next stroke, unless it begins and gets new ones; those of later layers are
-        not mixed yet, and may change. fresh: whether a layer begins now, of which nothing was painted.
-        The work is in proportion to the number of strokes that are left, and to `rounds`, of which more
-        than one are worth it where the goal has changed; where there is not memory enough for it, it is
-        tried once more at half the resolution, without moving strokes far. Where nothing better is found, it is
-        tried once more with every stroke about where it was. Where that fails as well, or the optimiser diverges,
-        `rest` stays as it is, but for strokes that would touch the region.
+        So do the paints of the layer of the next stroke, unless it begins and gets new ones (`fresh`); those of later
+        layers may change. `rounds`: more than one are worth it where the goal has changed. Where memory is short, it
+        is tried once more at half the resolution, without moving strokes far; where nothing better is found, with
+        every stroke about where it was. Where that fails too, or the optimiser diverges, `rest` stays as it is, but
+        for strokes that would touch the region.
         """
         rest = self._clear(rest)
         if len(rest) == 0:

@@ -1,6 +1,5 @@
 """Between rounds of gradient descent: strokes that hardly matter move, and colours become paints."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -25,9 +24,16 @@ _WORTHWHILE = 1.5  # a gain is foreseen on a coarse picture, and neighbours may 
 
 
 def loss_without(strokes: Strokes, scene: Scene, target: Tensor, generator: torch.Generator) -> Tensor:
-    """How much the summed squared error to target [3, H, W] rises when one stroke is left out, for each, [n].
+    """How much the summed squared error to target [3, H, W] rises when one stroke is left out, for each, [n]."""
+    slope, square = loss_of_paint(strokes, scene, target, generator)
+    return slope + square
 
-    Errors count by the scene's importance w, where it has one: r and D_i below are then those times its root.
+
+def loss_of_paint(strokes: Strokes, scene: Scene, target: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    """What it costs that a stroke lacks a share f of its paint: f slope + f^2 square, for each stroke, [n] and [n].
+
+    That is by how much the summed squared error to target [3, H, W] rises. Errors count by the scene's importance w,
+    where it has one: r and D_i below are then those times its root.
 
     The picture is linear in the opacity of a single stroke: leaving out stroke i takes D_i from
     it, and the error rises by 2 r.D_i + |D_i|^2 with r = target - picture. r.D_i is a derivative;
@@ -46,27 +52,7 @@ def loss_without(strokes: Strokes, scene: Scene, target: Tensor, generator: torc
     matters = torch.ones_like(target[0]) if scene.importance is None else scene.importance
     signs = [torch.randint(0, 2, picture.shape, generator=generator).to(picture) * 2 - 1 for _ in range(_PROBES)]
     squared = torch.stack([along(sign * matters.sqrt()).square() for sign in signs]).mean(0)
-    return 2 * along((matters * (target - picture)).detach()) + squared
-
-
-def worth(strokes: Strokes, scene: Scene, target: Tensor | None, seed: int) -> Tensor:
-    """How much each of n strokes would be missed, [n].
-
-    By the error to target [3, H, W]; where there is no target, by the area in which their colour is seen.
-    """
-    if target is None:
-        return visible_area(strokes, scene)
-    return loss_without(strokes, scene, target, torch.Generator().manual_seed(seed))
-
-
-def stacked_worth(strokes: Sequence[Strokes], scenes: Sequence[Scene], target: Tensor | None, seed: int) -> Tensor:
-    """How much each stroke of several parts, each laid over the one before, would be missed, [n], as `worth` has it."""
-    found, below = [], scenes[0].canvas
-    for part, scene in zip(strokes, scenes, strict=True):
-        on = replace(scene, canvas=below)
-        found.append(worth(part, on, target, seed))
-        below = on.render(part).detach()
-    return torch.cat(found)
+    return 2 * along((matters * (target - picture)).detach()), squared
 
 
 def visible_area(strokes: Strokes, scene: Scene) -> Tensor:

@@ -22,18 +22,16 @@ _TRACK = (226, 221, 212)
 class FilmWriter:
     """Writes the film while the painting is made; used in a `with` block.
 
-    expected: how many frames will come; the film lasts about 15 seconds for any number, and rests
-    for two more on the last one. Frames stand on a mount, and below them grows a bar of the paints
-    in the order in which they were used. One frame is kept in memory. The film appears when the
+    expected: how many frames will come; the film lasts about 15 seconds for any number, in which all
+    strokes take as long, and rests for two more on the last frame. Frames stand on a mount, and below them grows a
+    bar of the paints in the order in which they were used. One frame is kept in memory. The film appears when the
     block ends, for whatever reason, if there was a frame. Raises StorageError.
     """
 
     def __init__(self, path: Path, expected: int) -> None:
         self.path = path
-        self._expected = max(1, expected)
-        self._room = min(self._expected, round(RATE * SECONDS))
+        self._room = min(max(1, expected), round(RATE * SECONDS))
         self._rate = max(1.0, self._room / SECONDS)
-        self._given = 0
         self._shown = 0
         self._stage: _Stage | None = None
         self._encoder: VideoEncoder | None = None
@@ -41,18 +39,18 @@ class FilmWriter:
     def __enter__(self) -> Self:
         return self
 
-    def add(self, frame: NDArray[np.uint8], color: Color | None = None) -> None:
-        """Adds the canvas [H, W, 3] as it is now; `color` is the paint on the brush, sRGB in [0, 1].
+    def add(self, frame: NDArray[np.uint8], done: float, color: Color | None = None) -> None:
+        """Adds the canvas [H, W, 3] when a share `done` of the strokes is painted, from 0 to 1; never less than before.
 
-        A frame of another size than the first is brought to that size.
+        color: the paint on the brush, sRGB in [0, 1]. A frame of another size than the first is brought to that size.
         """
         if self._stage is None or self._encoder is None:
             self._stage = _Stage(*frame.shape[:2])
             self._encoder = VideoEncoder(self.path, self._stage.pixels, self._rate)
-        self._given += 1
-        self._stage.show(frame, min(1.0, self._given / self._expected), color)
-        # Of more frames than the film has room for, evenly spaced ones are shown.
-        if round(self._given * self._room / self._expected) > self._shown:
+        self._stage.show(frame, min(1.0, done), color)
+        # Of more frames than there is room for, evenly spaced ones are shown; one that came late is shown for longer.
+        until = max(1, round(min(1.0, done) * self._room))
+        while self._shown < until:
             self._encoder.send()
             self._shown += 1
 

@@ -210,11 +210,11 @@ class Recorder:
             self._first_expected = event.expected
         for stroke, picture in self._sketchbook.timelapse_frames(event.done):
             red, green, blue = event.plan.strokes.color[stroke - 1].tolist()
-            self._show(picture, (red, green, blue))
+            self._show(picture, stroke / len(event.plan), (red, green, blue))
 
     def _keep_timelapse_frame(self, frame: TimelapseFrame) -> None:
         self._sketchbook.keep_timelapse_frame(frame.done, frame.photograph)
-        self._show(frame.photograph, frame.color)
+        self._show(frame.photograph, frame.done / frame.of, frame.color)
 
     def _finish_film(self) -> None:
         """Waits for the frame in hand, and closes the film."""
@@ -226,11 +226,11 @@ class Recorder:
             self._thread.shutdown()
             self._film.__exit__(None, None, None)
 
-    def _show(self, picture: Tensor, color: tuple[float, float, float]) -> None:
-        """Films a picture, unless the film could not be written any more."""
+    def _show(self, picture: Tensor, done: float, color: tuple[float, float, float]) -> None:
+        """Films a picture with a share of the strokes done, unless the film could not be written any more."""
         if self._filming:
             try:
-                self._film.add(images.to_uint8(picture), color)
+                self._film.add(images.to_uint8(picture), done, color)
             except StorageError:
                 self._filming = False
                 raise

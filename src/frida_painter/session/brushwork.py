@@ -16,12 +16,13 @@ from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.plan import Plan
+from frida_painter.planning.fading import Fading
 from frida_painter.planning.placement import Placement
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
 from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
+from frida_painter.session.stroke_order import put_in_order
 from frida_painter.session.timetable import DRYING, Timetable
 from frida_painter.session.timing import Looks, reckon
-from frida_painter.session.travel import shorten_travel
 
 
 @dataclass
@@ -63,9 +64,12 @@ class Brushwork:
         self.placement = placement
         self._gateway.follow_touch(max(map(placement.touch.correction, (calibration.brush, *calibration.others))))
 
-    def arranged(self, plan: Plan, count: int) -> Plan:
-        """The plan with its first `count` strokes in an order that is quicker to paint and gives the same picture."""
-        return shorten_travel(plan, count, self._choreography(), self.load)
+    def arranged(self, plan: Plan, count: int, fading: Fading | None = None) -> Plan:
+        """The plan with its first `count` strokes in an order that is good to paint; the plan's picture stays.
+
+        fading: what it costs that strokes lack paint, None: nothing.
+        """
+        return put_in_order(plan, count, self._choreography(), self.load, fading)
 
     def timetable(self, plan: Plan, looks: Looks, load: BrushLoad | None = None) -> Timetable:
         """How long painting the plan takes, with its looks.

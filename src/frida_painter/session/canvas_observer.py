@@ -158,11 +158,14 @@ class CanvasObserver:
         self.good.require(photograph, canvas, expected)
 
 
+_PATIENCE = 8  # strokes after a frame's turn, for which the hand leaves the canvas though it still has paint
+
+
 @dataclass(frozen=True)
 class Timelapse:
     """Timelapse frames: pictures for the film, taken evenly over a painting, by which nothing is decided.
 
-    frames: how many the film gets.
+    frames: how many the film gets at most.
     """
 
     frames: int = 0
@@ -175,10 +178,13 @@ class Timelapse:
         """Whether the film gets a frame after stroke `done` of `of`, so many having been due when the last was taken.
 
         A frame costs the way aside and back. So it waits until the hand `leaves` the canvas anyway, for paint or for a
-        look, but no longer than until the turn of the next one.
+        look, but no longer than until the turn of the next one, or eight strokes where turns are closer; a frame whose
+        turn passes meanwhile is left out.
         """
-        due = self.due(done, of)
-        return due > taken and (leaves or self.due(done + 1, of) > due)
+        if self.due(done, of) <= taken:
+            return False
+        turn = -(-(taken + 1) * of // self.frames)
+        return leaves or (self.due(done + 1, of) > taken + 1 and done + 1 - turn >= _PATIENCE)
 
 
 class FrameDeveloper:

@@ -53,8 +53,11 @@ class Choreography:
 
     @classmethod
     def of(cls, motion: Motion, brushes: Sequence[str]) -> Self:
-        """For several brushes that move alike. Raises ConfigError where one of them is not known."""
-        first, *others = (brush_kind(name) for name in brushes)
+        """For several brushes that move alike, and strokes in any order.
+
+        Raises ConfigError where one of them is not known.
+        """
+        first, *others = (brush_kind(name).for_any_order for name in brushes)
         return cls(motion, first, {kind.name: cls(motion, kind) for kind in others})
 
     def with_brush(self, name: str) -> "Choreography":

@@ -176,12 +176,13 @@ class PlanKeeper:
         return self.planner.expected_loss(self._progress.rest, self._progress.canvas.last_seen)
 
     def _arranged(self, rest: Plan) -> Plan:
-        """The strokes that are left, those of the next batch in the order in which they are quickest to paint."""
+        """The strokes that are left, those of the next batch in the order that is best to paint."""
         if len(rest) == 0:  # all that was left would have touched what is protected
             return rest
         painted = self._progress.painted
         batch = self._policy.next_look(painted, painted + len(rest)) - painted
-        return self._brushwork.arranged(rest, min(batch, rest.layer_end(0)))
+        fading = self.planner.fading(rest, self._progress.canvas.last_seen)
+        return self._brushwork.arranged(rest, min(batch, rest.layer_end(0)), fading)
 
     def _checking_interrupts(self, phase: str) -> Callable[[Step], None]:
         """Passes planning steps on, and stops the planner when a person has asked for it."""

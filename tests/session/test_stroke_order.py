@@ -13,10 +13,11 @@ from frida_painter.brush.dip import Dip
 from frida_painter.brush.kinds import FINE, MEDIUM, BrushKind
 from frida_painter.hardware.motion import Motion
 from frida_painter.plan import Plan
+from frida_painter.planning.fading import Fading
 from frida_painter.render import render
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.events import Dipped
-from frida_painter.session.travel import shorten_travel
+from frida_painter.session.stroke_order import put_in_order
 from plans import CANVAS, made_up_plan
 
 
@@ -56,7 +57,7 @@ plans = st.builds(
 @given(plans, st.integers(0, 45))
 def test_paints_and_what_comes_later_keep_their_order(plan: Plan, count: int) -> None:
     count = min(count, len(plan))
-    after = shorten_travel(plan, count, choreography(), BrushLoad())
+    after = put_in_order(plan, count, choreography(), BrushLoad())
     where = places(plan, after)
     assert sorted(where) == list(range(len(plan)))
     assert where[count:] == list(range(count, len(plan)))
@@ -67,7 +68,7 @@ def test_paints_and_what_comes_later_keep_their_order(plan: Plan, count: int) ->
 @given(plans)
 def test_the_picture_stays_and_the_hand_travels_no_farther(plan: Plan) -> None:
     by = choreography()
-    after = shorten_travel(plan, len(plan), by, BrushLoad())
+    after = put_in_order(plan, len(plan), by, BrushLoad())
     model = BezierStroke("fine", FINE.frame, FINE.limits, RibbonShape.typical(FINE.width))
     bare = torch.ones(3, 40, 60)
     with torch.no_grad():
@@ -85,7 +86,7 @@ def test_a_fifth_of_the_way_is_saved_where_strokes_are_short() -> None:
         canvas=CANVAS, brush="medium", limits=plan.layers[0].limits,
     )  # fmt: skip
     by = choreography(brush)
-    after = shorten_travel(plan, 80, by, BrushLoad())
+    after = put_in_order(plan, 80, by, BrushLoad())
     assert travel(after, by) < 0.8 * travel(plan, by)
 
 
@@ -97,18 +98,38 @@ def test_dips_are_used_up() -> None:
     plan = replace(plan, strokes=even.project(plan.layers[0].limits, CANVAS))
     brush = replace(FINE, known_dip=Dip(0.0402 * FINE.width))
     by = choreography(brush)
-    after = shorten_travel(plan, 24, by, BrushLoad())
+    after = put_in_order(plan, 24, by, BrushLoad())
     assert dips(plan, by) == 18
     assert dips(after, by) == 12
 
 
 def test_a_paint_without_a_well_is_left_for_others_to_refuse() -> None:
     plan = made_up_plan(8, 6)
-    assert torch.equal(shorten_travel(plan, 8, choreography(), BrushLoad()).strokes.position, plan.strokes.position)
+    assert torch.equal(put_in_order(plan, 8, choreography(), BrushLoad()).strokes.position, plan.strokes.position)
 
 
 @pytest.mark.parametrize("load", [BrushLoad(), BrushLoad(0, 1e-5), BrushLoad(2, 1e-3)])
 def test_the_order_is_the_same_every_time(load: BrushLoad) -> None:
     plan = made_up_plan(50, 2, seed=9)
-    once, again = (shorten_travel(plan, 50, choreography(), load) for _ in range(2))
+    once, again = (put_in_order(plan, 50, choreography(), load) for _ in range(2))
     assert torch.equal(once.strokes.position, again.strokes.position)
+
+
+def test_what_matters_is_painted_with_a_full_brush() -> None:
+    """Strokes at one place, of which two matter: each comes first after a dip, and the brush dips no more often."""
+    plan = made_up_plan(12, 1, seed=4)
+    shape = {"length": torch.full((12,), 0.02), "thickness": torch.ones(12), "bend": torch.zeros(12)}
+    there = torch.full((12, 2), 0.1) + 0.001 * torch.arange(12)[:, None]
+    even = plan.strokes.with_groups(position=there, angle=torch.zeros(12), **shape)
+    plan = replace(plan, strokes=even.project(plan.layers[0].limits, CANVAS))
+    by = choreography(replace(FINE, known_dip=Dip(6.01 * 0.02 * FINE.width, fades=0.8)))
+    matters = torch.zeros(12)
+    matters[[7, 10]] = 1.0
+    fading = Fading(torch.zeros(12), matters)
+    after = put_in_order(plan, 12, by, BrushLoad(), fading)
+    where = places(plan, after)
+    assert sorted(where) == list(range(12))
+    lacks = [by.brush.dip.lacking(load.left + by.brush.dip.holds / 6.01, by.brush.dip.holds / 6.01)
+             for _, load in by.loads(after, BrushLoad())]  # fmt: skip
+    assert max(lacks[where[7]], lacks[where[10]]) == 0.0 < max(lacks)
+    assert dips(after, by) == dips(put_in_order(plan, 12, by, BrushLoad()), by) == 2
