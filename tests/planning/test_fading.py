@@ -103,3 +103,17 @@ def test_without_a_picture_that_guides_strokes_count_by_the_area_in_which_they_a
     found = fading(plan_in_layers(7))
     assert float(found.square.sum()) == pytest.approx(1) and float(found.square.min()) >= 0
     assert not bool(found.slope.any())
+
+
+@pytest.mark.parametrize("failure", [MemoryError(), RuntimeError("[enforce fail] not enough memory")])
+def test_without_memory_a_plan_is_painted_as_if_paint_did_not_matter(
+    failure: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def short(*_: object) -> Fading:
+        raise failure
+
+    monkeypatch.setattr("frida_painter.planning.fading.loss_of_paint", short)
+    assert PLANNER.fading(plan_in_layers(4), BARE).without_paint.tolist() == [0, 0, 0, 0]
+    monkeypatch.setattr("frida_painter.planning.fading.loss_of_paint", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        PLANNER.fading(plan_in_layers(4), BARE)

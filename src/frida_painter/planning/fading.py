@@ -9,9 +9,12 @@ from torch import Tensor
 
 from frida_painter.frames import PixelGrid
 from frida_painter.plan import Plan
+from frida_painter.planning.memory import is_lack_of_memory
 from frida_painter.planning.refine import loss_of_paint, visible_area
+from frida_painter.planning.scene import Scene
 from frida_painter.planning.scenes import Scenes
 from frida_painter.planning.together import beneath
+from frida_painter.strokes import Strokes
 
 
 @dataclass(frozen=True)
@@ -43,12 +46,24 @@ def fading_of(plan: Plan, canvas: Tensor, scenes: Scenes, grid: PixelGrid, seed:
     """That of a plan's strokes on a canvas picture [3, H, W], as it is seen under the strokes that follow.
 
     Towards the picture that guides the plan; where there is none, a stroke counts by the area in which it is seen.
+    Where there is not memory enough to tell, it does not matter.
     """
     parts, on = scenes.stack(plan, canvas, grid)
     guide = scenes.guide(on[0])
-    if guide is None:
-        areas = torch.cat([visible_area(part, scene) for part, scene in zip(parts, on, strict=True)]).clamp(min=0).cpu()
-        return Fading(torch.zeros_like(areas), areas / areas.sum().clamp(min=1))
+    try:
+        return _seen(parts, on) if guide is None else _towards(guide, parts, on, seed)
+    except (MemoryError, RuntimeError) as failure:
+        if not is_lack_of_memory(failure):
+            raise
+        return Fading.none(len(plan))
+
+
+def _seen(parts: Sequence[Strokes], on: Sequence[Scene]) -> Fading:
+    areas = torch.cat([visible_area(part, scene) for part, scene in zip(parts, on, strict=True)]).clamp(min=0).cpu()
+    return Fading(torch.zeros_like(areas), areas / areas.sum().clamp(min=1))
+
+
+def _towards(guide: Tensor, parts: Sequence[Strokes], on: Sequence[Scene], seed: int) -> Fading:
     found, below = [], on[0].canvas
     for number, part in enumerate(parts):
         here, above = replace(on[number], canvas=below), list(zip(parts, on, strict=True))[number + 1 :]
