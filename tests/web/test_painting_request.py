@@ -32,6 +32,13 @@ def test_what_matters_most_in_a_picture_is_asked_for_as_on_the_command_line() ->
         request_of(focus="hands")
 
 
+def test_how_sharp_a_plan_is_is_asked_for_as_on_the_command_line() -> None:
+    assert request_of().sharpness == 0.3 and request_of(sharpness=0.0).sharpness == 0.0
+    for wrong in (-0.1, 2.1, float("nan")):
+        with pytest.raises(ValidationError, match="sharpness"):
+            request_of(sharpness=wrong)
+
+
 @given(st.text(max_size=300))
 def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
     try:

@@ -46,6 +46,7 @@ class Job:
             ground=request.ground,
             on_canvas=request.on_canvas,
             focus=request.focus,
+            sharpness=request.sharpness,
             drying=request.drying,
             minutes=request.minutes,
             effort=request.effort,

@@ -92,6 +92,7 @@ class PaintingRequest(_Checked):
     """None for the usual one."""
     on_canvas: bool = False
     focus: Focus = RunSpec.model_fields["focus"].default
+    sharpness: float = _as_described("sharpness")
     drying: float = _as_described("drying")
     minutes: float | None = _as_described("minutes")
     effort: float = _as_described("effort")

@@ -27,7 +27,7 @@ const PRESETS = [
 
 /** @returns {Wish} */
 export const fresh = () => ({
-  title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brushes: "", replans: 4, ground: null, on_canvas: false, focus: "faces", drying: 20, minutes: null, effort: 1, seed: 0,
+  title: "", terms: [], initial: [], strokes: 300, colors: 12, width: 355.6, height: 279.4, brushes: "", replans: 4, ground: null, on_canvas: false, focus: "faces", sharpness: 0.3, drying: 20, minutes: null, effort: 1, seed: 0,
 });
 
 /**
@@ -141,6 +141,8 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
             ...(house.simulated ? [] : [{ value: "as it is", label: "as it is", title: "Paint on what is there: a toned ground, an old painting, or what you painted" }])],
           onchange: (value) => { wish.on_canvas = value === "as it is"; wish.ground = value === "usual" ? null : value === "auto" ? "auto" : "white"; changed(); } }),
         choices({ legend: "Most careful with", name: "focus", value: wish.focus ?? "faces", options: FOCUS, onchange: set("focus") }),
+        slider({ label: "Sharpness", min: 0, max: 10, value: Math.round(10 * (wish.sharpness ?? 0.3)),
+          words: (tenths) => (tenths ? `pictures are planned ${tenths / 10} times sharper than they are` : "pictures are planned as they are"), oninput: (tenths) => set("sharpness")(tenths / 10) }),
         house.simulated ? null : slider({ label: "Drying", min: 5, max: 60, value: wish.drying ?? 20, words: (minutes) => `${minutes} minutes between two layers`, oninput: set("drying") }),
         house.robot === "human" ? null : slider({ label: "Robot's time", min: 0, max: MINUTES.length - 1, value: Math.max(0, MINUTES.indexOf(wish.minutes ?? null)),
           words: (index) => (MINUTES[index] ? `at most ${MINUTES[index]} minutes` : "as long as it takes"), oninput: (index) => set("minutes")(MINUTES[index]) }),
