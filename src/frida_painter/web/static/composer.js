@@ -142,7 +142,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
           onchange: (value) => { wish.on_canvas = value === "as it is"; wish.ground = value === "usual" ? null : value === "auto" ? "auto" : "white"; changed(); } }),
         choices({ legend: "Most careful with", name: "focus", value: wish.focus ?? "faces", options: FOCUS, onchange: set("focus") }),
         slider({ label: "Sharpness", min: 0, max: 10, value: Math.round(10 * (wish.sharpness ?? 0.3)),
-          words: (tenths) => (tenths ? `pictures are planned ${tenths / 10} times sharper than they are` : "pictures are planned as they are"), oninput: (tenths) => set("sharpness")(tenths / 10) }),
+          words: (tenths) => (tenths ? `${tenths / 10} times sharper than the picture` : "as sharp as the picture"), oninput: (tenths) => set("sharpness")(tenths / 10) }),
         house.simulated ? null : slider({ label: "Drying", min: 5, max: 60, value: wish.drying ?? 20, words: (minutes) => `${minutes} minutes between two layers`, oninput: set("drying") }),
         house.robot === "human" ? null : slider({ label: "Robot's time", min: 0, max: MINUTES.length - 1, value: Math.max(0, MINUTES.indexOf(wish.minutes ?? null)),
           words: (index) => (MINUTES[index] ? `at most ${MINUTES[index]} minutes` : "as long as it takes"), oninput: (index) => set("minutes")(MINUTES[index]) }),
