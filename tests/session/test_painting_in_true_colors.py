@@ -65,9 +65,10 @@ def error(seed: int, *, calibrated: bool) -> float:
 
 @pytest.mark.slow
 def test_a_painter_that_sees_true_colours_paints_nearer_to_its_goal() -> None:
-    """Measured with seeds 0, 1 and 2: 0.79, 0.79 and 0.76 of the error.
+    """Measured with seeds 0 to 3: 0.95, 0.75, 0.77 and 0.75 of the error; here of the first two together.
 
     With the usual camera, whose bands hardly leak, both paint alike (0.93 to 1.08): the light on the
     bare canvas has told nearly all there is to know.
     """
-    assert error(0, calibrated=True) < 0.9 * error(0, calibrated=False)
+    calibrated, not_calibrated = (sum(error(seed, calibrated=known) for seed in (0, 1)) for known in (True, False))
+    assert calibrated < 0.9 * not_calibrated

@@ -42,9 +42,9 @@ def experiment(target: Target, *, seeds: Sequence[int] = (0, 1, 2), scale: RunSp
 
     Without looking the canvas is photographed as often, as for a film, by which nothing is decided.
     """
-    looks: dict[str, Any] = {
-        "replan_policy": f"every:{scale.strokes // (scale.replans + 1)}"
-    }  # when the film's frames are taken
+    every = scale.strokes // (scale.replans + 1)
+    points = [*range(0, scale.strokes, every), scale.strokes]
+    looks: dict[str, Any] = {"replan_policy": f"every:{every}"}
     film: dict[str, Any] = {"replans": 0, "film": True, "timelapse_frames": scale.replans + 1}
     ways = {
         BLIND: (film, ()),
@@ -54,16 +54,20 @@ def experiment(target: Target, *, seeds: Sequence[int] = (0, 1, 2), scale: RunSp
     }
 
     def measure(trial: PaintingTrial, painted: Painted) -> Measurement:
-        """After so many strokes: the differences of the picture to be expected to the first plan and to the target."""
+        """After so many strokes: the differences of the picture to be expected to the first plan and to the target.
+
+        Frames of a film are not taken after exactly so many: between two of them it is interpolated.
+        """
         wanted = images.fit(target.picture, *painted.planned.shape[1:])
         numbers = {SIMILARITY: psnr(painted.truth, wanted)}
-        for done, picture in sorted(painted.expected.items()):
-            numbers[f"{DEVIATION} {done}"] = mse(picture, painted.expected[0])
-            numbers[f"{ERROR} {done}"] = mse(picture, wanted)
+        seen = sorted(painted.expected.items())
+        for what, than in ((DEVIATION, painted.expected[0]), (ERROR, wanted)):
+            known = [mse(picture, than) for _, picture in seen]
+            for done in points:
+                numbers[f"{what} {done}"] = float(np.interp(done, [strokes for strokes, _ in seen], known))
         return Measurement(numbers, {"plan": painted.expected[0], "painting": painted.photograph})
 
     def report(results: Results) -> Outcome:
-        points = sorted({int(name.split()[1]) for name in results.found[0][1].numbers if name.startswith(ERROR)})
         rows: list[Row] = [
             {"seed": seed, "painted": way, "strokes": done, **_point(results.one(seed=seed, painted=way), done)}
             for seed in seeds
