@@ -51,9 +51,7 @@ class Dip:
         if self.fades <= lacking:
             return self
         share = _STAYS_FULL + (1 - _STAYS_FULL) * lacking / self.fades
-        return replace(
-            self, holds=max(1.0, share * self.holds) if self.by_strokes else share * self.holds, fades=lacking
-        )
+        return replace(self, holds=max(share * self.holds, float(self.by_strokes)), fades=lacking)
 
     def __str__(self) -> str:
         return f"{self.holds:.0f} strokes" if self.by_strokes else f"{self.holds * 1e4:.1f} cm²"

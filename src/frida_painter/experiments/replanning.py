@@ -60,11 +60,10 @@ def experiment(target: Target, *, seeds: Sequence[int] = (0, 1, 2), scale: RunSp
         """
         wanted = images.fit(target.picture, *painted.planned.shape[1:])
         numbers = {SIMILARITY: psnr(painted.truth, wanted)}
-        seen = sorted(painted.expected.items())
+        seen = sorted(painted.expected)
         for what, than in ((DEVIATION, painted.expected[0]), (ERROR, wanted)):
-            known = [mse(picture, than) for _, picture in seen]
-            for done in points:
-                numbers[f"{what} {done}"] = float(np.interp(done, [strokes for strokes, _ in seen], known))
+            known = np.interp(points, seen, [mse(painted.expected[done], than) for done in seen])
+            numbers |= {f"{what} {done}": float(value) for done, value in zip(points, known, strict=True)}
         return Measurement(numbers, {"plan": painted.expected[0], "painting": painted.photograph})
 
     def report(results: Results) -> Outcome:

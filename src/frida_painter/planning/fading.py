@@ -64,9 +64,10 @@ def _seen(parts: Sequence[Strokes], on: Sequence[Scene]) -> Fading:
 
 
 def _towards(guide: Tensor, parts: Sequence[Strokes], on: Sequence[Scene], seed: int) -> Fading:
+    laid = list(zip(parts, on, strict=True))
     found, below = [], on[0].canvas
-    for number, part in enumerate(parts):
-        here, above = replace(on[number], canvas=below), list(zip(parts, on, strict=True))[number + 1 :]
+    for number, (part, scene) in enumerate(laid):
+        here, above = replace(scene, canvas=below), laid[number + 1 :]
         seen, wanted = beneath(above, part, here, guide) if above else (here, guide)
         found.append(loss_of_paint(part, seen, wanted, torch.Generator().manual_seed(seed)))
         with torch.no_grad():

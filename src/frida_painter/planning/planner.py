@@ -285,11 +285,11 @@ class Planner:
     ) -> Plan:
         """The strokes of `rest` planned again on a photograph [3, H, W] of the canvas; their brushes stay.
 
-        So do the paints of the layer of the next stroke, unless it begins and gets new ones (`fresh`); those of later
-        layers may change. `rounds`: more than one are worth it where the goal has changed. Where memory is short, it
-        is tried once more at half the resolution, without moving strokes far; where nothing better is found, with
-        every stroke about where it was. Where that fails too, or the optimiser diverges, `rest` stays as it is, but
-        for strokes that would touch the region.
+        So do the paints of the layer of the next stroke, unless it begins and gets new ones; those of later layers may
+        change. fresh: whether a layer begins now, of which nothing was painted. rounds: more than one are worth it
+        where the goal has changed. Where memory is short, it is tried once more at half the resolution, without moving
+        strokes far; where nothing better is found, with every stroke about where it was. Where that fails too, or the
+        optimiser diverges, `rest` stays as it is, but for strokes that would touch the region.
         """
         rest = self._clear(rest)
         if len(rest) == 0:
