@@ -3,7 +3,7 @@
 interface Term { kind: string; picture?: string | null; words?: string | null; weight: number }
 interface Wish {
   title: string; terms: Term[]; initial: Term[]; strokes: number; colors: number; width: number; height: number;
-  brushes: string; replans: number; ground: string | null; on_canvas: boolean; focus: "faces" | "subject" | "none"; drying: number; minutes: number | null; effort: number; seed: number;
+  brushes: string; replans: number; ground: string | null; on_canvas: boolean; focus: "faces" | "subject" | "none"; sharpness: number; drying: number; minutes: number | null; effort: number; seed: number;
 }
 interface Paint { number: number; hex: string; strokes: number; share: number }
 interface Mixture { recipe: string; millilitres: number; near: boolean }
