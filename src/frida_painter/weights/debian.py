@@ -77,10 +77,12 @@ class DebianPackage:
         storage.copy(package, original.in_folder(scratch), "a package", original.size, WeightsError)
 
 
-def files_of(package: Path, below: str, suffixes: tuple[str, ...]) -> Iterator[tuple[str, bytes]]:
+def files_of(
+    package: Path, below: str, suffixes: tuple[str, ...], longest: int = LONGEST
+) -> Iterator[tuple[str, bytes]]:
     """The plain files of a package under a folder, by their paths below it, in the order in which they are packed.
 
-    Links, and what is larger than 8 MB, are left out. Raises WeightsError where the package is damaged.
+    Links, and what has more than `longest` bytes, are left out. Raises WeightsError where the package is damaged.
     """
     try:
         with package.open("rb") as file, _unpacked(file) as data, tarfile.open(fileobj=data, mode="r|") as archive:
@@ -89,7 +91,7 @@ def files_of(package: Path, below: str, suffixes: tuple[str, ...]) -> Iterator[t
                 if not member.isreg() or not path.startswith(below) or not path.endswith(suffixes):
                     continue
                 content = archive.extractfile(member)
-                if content is not None and member.size <= LONGEST:
+                if content is not None and member.size <= longest:
                     yield path.removeprefix(below), content.read()
     except (OSError, EOFError, tarfile.TarError, lzma.LZMAError, zlib.error, ValueError) as cause:
         raise WeightsError(f"{package.name} is a damaged package ({cause})") from cause

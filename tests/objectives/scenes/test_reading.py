@@ -172,3 +172,26 @@ def test_where_the_last_of_several_is_all_are(reader: PromptReader, prompt: str,
 def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, count: int) -> None:
     (thing,) = reader.read(prompt).things
     assert thing.count == count
+
+
+@pytest.mark.parametrize(
+    ("prompt", "things", "relations"),
+    [
+        ("a fire hydrant beside a dog", ["fire hydrant", "dog"], [(0, "beside", 1)]),
+        ("a cup of tea and a croissant", ["cup", "croissant", "tea"], [(0, "of", 2)]),
+        ("a farmer feeding chickens", ["farmer", "chicken"], [(0, "feeding", 1)]),
+        ("a wheelbarrow full of pumpkins", ["wheelbarrow", "pumpkin"], [(0, "of", 1)]),
+        ("a coffee roasting machine", ["coffee roasting machine"], []),
+    ],
+)
+def test_what_the_parser_mistakes_is_read_by_the_lexicon(
+    reader: PromptReader, prompt: str, things: list[str], relations: list[tuple[int, str, int]]
+) -> None:
+    read = reader.read(prompt)
+    assert [thing.name for thing in read.things] == things
+    assert [(one.subject, one.word, one.object) for one in read.relations] == relations
+
+
+def test_of_what_somebody_feeds_there_are_several(reader: PromptReader) -> None:
+    woman, pigeons = reader.read("an old woman feeding white pigeons").things
+    assert woman.count == 1 and woman.doing == "feeding" and (pigeons.count, pigeons.color) == (None, "white")

@@ -277,3 +277,25 @@ def test_for_a_living_thing_one_of_its_kind_stands(tmp_path: Path) -> None:
         found = index.find(Thing("dhole", "dhole"), "a dhole", nowhere, cut_out=among)
         assert found is not None and found.caption == "wolf" and not found.exact
     assert index.find(Thing("dhole", "dhole"), "a dhole", nowhere, least=0.7) is None
+
+
+class Silhouettes(Library):
+    """One flat shape without colour for each."""
+
+    def pictures(self, file: str) -> list[Tensor]:
+        shape = torch.full((4, 40, 40), 0.25)
+        shape[3], shape[3, :8] = 1.0, 0.0
+        return [shape]
+
+
+def test_a_silhouette_has_the_muted_colour_of_what_is_nearest_in_meaning(tmp_path: Path) -> None:
+    shapes = Silhouettes("shapes", {"s": (("fox",), 0.0, GREEN)})
+    index = PictureIndex([shapes, Library("models", {"4": (("fox den",), 0.6, RED), "6": (("bus",), 0.6, BLUE)})],
+                         WordBag(), tmp_path)  # fmt: skip
+    found = index.find(Thing("fox", "fox"), "a fox", nowhere)
+    assert found is not None and found.library is shapes
+    red, green, blue = found.picture[:3, 20, 20].tolist()
+    assert red > green + 0.15 and red > blue + 0.15, "reddish"
+    assert red < RED[0] - 0.1, "and muted"
+    asked = index.find(Thing("fox", "fox", "black"), "a black fox", nowhere)
+    assert asked is not None and asked.picture[:3].amax() < 0.3, "a colour that was asked for is given later"

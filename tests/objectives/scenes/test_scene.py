@@ -60,6 +60,24 @@ def test_what_only_a_picture_with_a_ground_shows_fills_the_canvas(tmp_path: Path
     assert "tree could not be added" in seen.remarks[1]
 
 
+def test_what_a_table_is_with_stands_on_it_and_not_beside(tmp_path: Path) -> None:
+    class Furnished(Pictures):
+        def captioned(self) -> Sequence[Captioned]:
+            return [Captioned(said, (said,), 0.8) for said in ("desk", "lamp")]
+
+        def pictures(self, file: str) -> list[Tensor]:
+            picture = torch.zeros(4, 40, 60 if file == "desk" else 30)
+            picture[0 if file == "desk" else 2], picture[3, 2:] = 0.8, 1
+            return [picture]
+
+    desk, lamp = Thing("desk", "desk"), Thing("lamp", "lamp")
+    seen = encoders(tmp_path, Reading((desk, lamp), (Relation(0, "with", 1),)), Furnished())
+    picture = scene_of("a desk with a lamp", GRID, seen, 0).picture
+    is_desk, is_lamp = picture[0] > picture[2] + 0.3, picture[2] > picture[0] + 0.3
+    rows = torch.arange(GRID.rows, dtype=torch.float32)[:, None].expand_as(picture[0])
+    assert rows[is_lamp].mean() < rows[is_desk].mean() - 4, "the lamp is higher"
+
+
 def test_what_stands_free_stands_among_others(tmp_path: Path) -> None:
     seen = encoders(tmp_path, Reading((GOAT, TREE), (Relation(0, "under", 1),)))
     assert not filled(scene_of("a goat under a tree", GRID, seen, 0))

@@ -39,6 +39,7 @@ _OF_WORD = {
     "behind": "behind", "in front of": "front", "before": "front", "against": "front", "between": "between",
     "with": "with", "holding": "with", "carrying": "with", "eating": "with", "playing": "playing",
 }  # fmt: skip
+_STOOD_BY = ("on", "in", "under", "over", "behind", "between")  # what these speak of is placed first
 _OPPOSITE = {
     "on": "beneath", "in": "around", "around": "in", "under": "over", "over": "under", "behind": "front",
     "front": "behind",
@@ -81,11 +82,8 @@ def arranged(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -
     placed: dict[int, Placed] = {}
     usable = [one for one in relations if {one.subject, one.object} <= set(shown) and one.subject != one.object]
     floor = [number for number in shown if known[number] != "air"] or shown
-    first = (
-        usable[0].object
-        if usable and _OF_WORD.get(usable[0].word) in ("on", "in", "under", "over", "behind", "between")
-        else floor[0]
-    )
+    standing = (one.object for one in usable if _OF_WORD.get(one.word) in _STOOD_BY)
+    first = next(standing, floor[0])
     placed[first] = _alone(parts, first, sizes)
     together: dict[tuple[int, str], list[int]] = {}  # what is on or in one thing
     rest = list(usable)

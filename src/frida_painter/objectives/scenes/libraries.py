@@ -36,6 +36,8 @@ _DRAWN = {
     "flashcards": 0.2,
     "gcompris": 0.3,
     "costumes": 0.2,
+    "furniture": 0.6,
+    "silhouettes": 0.0,
 }  # realism of drawings
 _FLAT_ENOUGH = 0.25  # of what is drawn, that must be left without outlines
 

@@ -20,7 +20,7 @@ from frida_painter.palette import from_lab, to_lab
 
 if TYPE_CHECKING:
     from spacy.language import Language
-    from spacy.tokens import Token
+    from spacy.tokens import Doc, Token
 
 _PLURAL = 3  # things that are painted for a plural without a number
 _MOST = 12
@@ -110,7 +110,8 @@ class PromptReader:
             raise WeightsError(f"{folder} does not hold the English grammar; fetch english again.") from cause
         lemmas: Any = self._language.get_pipe("lemmatizer")
         index = lemmas.lookups.get_table("lemma_index")
-        self._words = _Words(frozenset(index["verb"]), frozenset(index["adj"]))
+        verbs, adjectives, adverbs = (frozenset(index[kind]) for kind in ("verb", "adj", "adv"))
+        self._words = _Words(verbs, adjectives, frozenset(index["noun"]) - verbs - adjectives - adverbs)
 
     def read(self, prompt: str) -> Reading:
         """What the prompt says. A prompt without any noun is one thing that is called like the prompt.
@@ -119,8 +120,8 @@ class PromptReader:
         """
         text = prompt[:_LONGEST].strip().rstrip(".!")
         text = text.lower() if text.isupper() else text[:1].lower() + text[1:]
-        walk = _Walk(self._words or _Words(frozenset(), frozenset()))
-        for sentence in self._language(text).sents if self._language is not None else ():
+        walk = _Walk(self._words or _Words(frozenset(), frozenset(), frozenset()))
+        for sentence in self._parsed(text).sents if self._language is not None else ():
             walk.sentence(sentence.root)
         if walk.absent and not walk.things:
             raise ConfigError(f"The words {text[:60]!r} say only what must not be seen; say what to paint.")
@@ -128,12 +129,22 @@ class PromptReader:
         things = tuple(walk.things) or (Thing(plain, plain.rpartition(" ")[2]),)
         return Reading(things, tuple(dict.fromkeys(walk.relations)), tuple(dict.fromkeys(walk.absent)), walk.too_many)
 
+    def _parsed(self, text: str) -> Doc:
+        """The grammar of a text, where what the lexicon knows as a noun alone is no adjective: a croissant."""
+        assert self._language is not None and self._words is not None
+        read = self._language(text)
+        for word in read:
+            if word.pos_ in ("ADJ", "ADV", "X", "INTJ") and word.i > word.head.i and word.lemma_ in self._words.nouns:
+                word.pos_ = "NOUN"
+        return read
+
 
 class _Words(NamedTuple):
-    """What the grammar's lexicon knows as verbs and as adjectives."""
+    """What the grammar's lexicon knows as verbs, as adjectives, and as nouns alone."""
 
     verbs: frozenset[str]
     adjectives: frozenset[str]
+    nouns: frozenset[str]
 
 
 class _Walk:
@@ -203,6 +214,14 @@ class _Walk:
             self._hanging(noun, numbers, but=counted)
             return numbers
         number = len(self.things)
+        if (doing := _mistaken_clause(noun)) is not None:
+            # The parser takes "a farmer feeding chickens" for chickens of a kind; "a" tells that it is not.
+            self.things.append(_described(doing.nbor(-1), doing.nbor(-1)))
+            self.things[number] = replace(self.things[number], doing=doing.lower_)
+            self.things.append(_described(noun, noun, after=doing.i))
+            self._relate([number], doing.lower_, [number + 1])
+            self._hanging(noun, [number])
+            return [number]
         self.things.append(_described(noun, whole or noun))
         before = len(self.relations)
         joined = [at for other in _joined(noun) for at in self._thing(other)]
@@ -216,7 +235,8 @@ class _Walk:
 
     def _hanging(self, noun: Token, subjects: list[int], but: Token | None = None) -> None:
         """What is said of a thing: where it is, what it has, and what it does."""
-        for word in _children(noun, "prep", "advmod"):
+        full = (one for word in _children(noun, "amod") if word.i > noun.i for one in _children(word, "prep"))  # of
+        for word in (*_children(noun, "prep", "advmod"), *full):
             if word != but:
                 self._preposition(word, subjects)
         for verb in _children(noun, "acl", "relcl", "advcl"):
@@ -269,13 +289,24 @@ class _Walk:
         self.relations += [Relation(subject, word, other) for subject in subjects for other in objects]
 
 
-def _described(noun: Token, whole: Token) -> Thing:
-    """The thing of a noun, by the words before it."""
-    before = [word for word in whole.subtree if word.i < noun.i and _belongs(word, whole)]
+def _mistaken_clause(noun: Token) -> Token | None:
+    """What somebody does to several things, where the parser takes that and him for words of their name."""
+    if noun.tag_ != "NNS" or not any(child.lower_ in ("a", "an") for child in _children(noun, "det")):
+        return None
+    doing = next((word for word in _children(noun, "compound") if word.lower_.endswith("ing")), None)
+    return doing if doing is not None and doing.i > 0 and _is_noun(doing.nbor(-1)) else None
+
+
+def _described(noun: Token, whole: Token, after: int = -1) -> Thing:
+    """The thing of a noun, by the words before it that come after a place in the text."""
+    before = [word for word in whole.subtree if after < word.i < noun.i and _belongs(word, whole)]
+    last = next((word for word in _children(noun, "appos", "amod", "advmod") if word.i == noun.i + 1), None)
+    if last is not None and last.pos_ == "NOUN":  # a fire hydrant, where the parser does not see that it is one
+        before, noun = [*before, noun], last
     color, colored = _color(before)
     name = [word.text for word in before if word not in colored and not _is_number(word)]
     lemma = noun.text if noun.pos_ == "PROPN" else noun.lemma_
-    beside = [*whole.children, *(noun.children if noun is not whole else ())]
+    beside = [word for word in (*whole.children, *(noun.children if noun is not whole else ())) if word.i > after]
     numbers = [word for word in beside if _is_number(word) and word.i < noun.i]
     single = any(child.dep_ == "det" and child.lower_ in ("a", "an") for child in beside)
     plural = noun.tag_ in ("NNS", "NNPS") and not single

@@ -13,6 +13,7 @@ from frida_painter.errors import ImageError
 from frida_painter.objectives.compositing import lay
 from frida_painter.objectives.encoders.conse import has_class, kin, synonyms
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.objectives.recoloring import muted_color, recolored
 from frida_painter.objectives.scenes.appearance import appearance, has_ground, is_colorless
 from frida_painter.objectives.scenes.libraries import PictureLibrary
 from frida_painter.objectives.scenes.reading import Thing
@@ -45,6 +46,8 @@ _UNCLASSED = 0.3  # of that, where the networks know no class of that kind and t
 _FROM_HEAD_TO_FOOT, _TALL = 0.3, 1.3  # of who is shown so, by height over width: who does something has hands and feet
 _UNTOLD = 0.6  # of a colour that was asked for, in a picture with a ground: it is not told from the ground's
 _SPEAKS = 0.45  # similarity of a caption to one of several things that it shows
+_LOOKED_AT_FOR_COLOR = 40
+_MODELLED = 0.3  # realism from which a picture has the colours of what it shows
 _GROUND = (0.93, 0.92, 0.88)
 _LOOK = 160  # pixels
 
@@ -190,9 +193,24 @@ class PictureIndex:
                     shows_it = at in own or (exact and (like >= _NAMED or is_called(entry.title, thing)))
                     found = FoundPicture(picture, entry.title, entry.library, like, shows_it, several)
                     chosen = at
-        if found is None or found.several or thing.shown == 1:
+        if found is None:
+            return None
+        if not found.library.is_own and not thing.color and is_colorless(found.picture):
+            found = replace(found, picture=self._tinted(found.picture, similarity))
+        if found.several or thing.shown == 1:
             return found
         return replace(found, others=tuple(self._alike(chosen, thing.shown - 1)))
+
+    def _tinted(self, silhouette: Tensor, similarity: Tensor) -> Tensor:
+        """A silhouette in the colour of the coloured picture that is nearest in meaning: a tortoise as a turtle."""
+        for at in similarity.argsort(descending=True)[:_LOOKED_AT_FOR_COLOR].tolist():
+            entry = self._entries[at]
+            if similarity[at] < _AKIN or entry.realism < _MODELLED:
+                continue
+            for picture in self._shown(entry)[:1]:
+                if not has_ground(picture) and not is_colorless(picture):
+                    return recolored(silhouette, muted_color(picture))
+        return silhouette
 
     def _alike(self, chosen: int, most: int) -> list[Tensor]:
         """Other pictures of that library with the same title, that stand free."""

@@ -1,5 +1,6 @@
 """From a prompt to a scene: it is read, pictures of its things are found, and they are composed in their setting."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from frida_painter.frames import PixelGrid
@@ -38,6 +39,7 @@ _BY_THINGS = (*_UNDER, "beside", "next to", "behind", "in front of", "with")
 _BEFORE = ("behind", "in front of")  # a forest and mountains, but no mountain, are the place of what is before them
 _CARRIED = ("on", "on top of", "upon", "riding", "in", "inside", "from")  # a duck on a tractor is not on a lake
 _SUPPORTS = ("on", "on top of", "upon")
+_TABLES, _SMALL = ("table", "desk", "shelf"), 0.65  # and the height in metres of what they carry
 _ROUNDING = 1e-3
 _SURE = 0.8  # similarity from which a word of a name says where a thing is: a watering can is not in water
 _TREES = 5  # of a forest that is named alone
@@ -49,8 +51,9 @@ def scene_of(
 ) -> ComposedScene:
     """The scene of a prompt; the encoders remember what it was made of, and what `use` the painting makes of it."""
     reading, index = encoders.prompts().read(prompt), encoders.picture_index()
-    setting, settled = _setting(reading, index, encoders)
     sentences = encoders.sentences()
+    reading = replace(reading, relations=tuple(_laid(one, reading.things, sentences) for one in reading.relations))
+    setting, settled = _setting(reading, index, encoders)
     if len(settled) == len(reading.things) and setting.place is not PAPER:
         reading = _peopled(reading, setting, sentences)
     reading = with_figures(reading, lambda thing: index is not None and index.has_own(thing))
@@ -113,6 +116,16 @@ def _fills_the_canvas(one: SceneThing, shown: list[SceneThing]) -> bool:
     if one.found is None or not has_ground(one.found.picture):
         return False
     return not one.found.library.is_own or (len(shown) == 1 and one.thing.shown == 1)
+
+
+def _laid(relation: Relation, things: Sequence[Thing], sentences: SentenceEncoder) -> Relation:
+    """A relation, where a table that is "with" something small carries it: the lamp is on the desk."""
+    table, other = things[relation.subject], things[relation.object]
+    meanings = sentences.embed([table.noun, *_TABLES])
+    if relation.word != "with" or float((meanings[1:] @ meanings[0]).max()) < _SURE:
+        return relation
+    is_small = known_like(other.name, sentences).height < _SMALL
+    return Relation(relation.object, "on", relation.subject) if is_small else relation
 
 
 def _dressed(

@@ -162,8 +162,8 @@ class Setting:
         land = torch.tensor(place.below) * shade
         if self.weather.flakes and place.is_open and not place.is_water:  # it lies on the land as well
             land = torch.lerp(land, torch.tensor(self.weather.color) * shade, _COVERED)
-        if place.is_water:  # water mirrors the sky
-            land = torch.lerp(land, low, 0.25)
+        if place.is_water:  # water mirrors the sky above, for the glow of the low sun would make it grey
+            land = torch.lerp(land, high, 0.25)
         if place.relief:
             far = torch.lerp(land, low, 0.35)[:, None, None]
             picture = torch.lerp(picture, far.expand_as(picture), self._hills(rows, columns, seed))
