@@ -89,6 +89,26 @@ def test_under_a_boat_is_below_it_and_who_eats_from_a_tree_is_not_in_it() -> Non
     assert smoke.y > chimney.y + 0.5 * chimney.height
 
 
+@pytest.mark.parametrize("word", ["with", "in", "wearing"])
+def test_a_hat_is_on_the_head_which_is_the_highest_part(word: str) -> None:
+    parts = [thing(0, 0.6, shape=(40, 80)), thing(1, 0.2, "head", shape=(20, 40))]
+    dog = parts[0].picture
+    dog[3, :20], dog[3, 1:20, 4:10], dog[3, :20, 60:72] = 0, 1, 1  # a tail, and a head that is a little higher
+    placed = arranged(parts, [Relation(0, word, 1)])
+    below, hat = (next(one for one in placed if one.picture is part.picture) for part in parts)
+    head = below.x + (66 / 80 - 0.5) * below.width
+    assert abs(hat.x - head) < 0.03 * below.width and hat.depth > below.depth
+    assert below.y + 0.8 * below.height < hat.y < below.y + below.height < hat.y + hat.height
+    assert 0.15 * below.width < hat.width < 0.3 * below.width
+
+
+def test_an_umbrella_is_over_who_is_under_it_and_the_moon_is_high_that_is_howled_at() -> None:
+    elephant, umbrella = put("under", thing(0, 3.2, shape=(40, 60)), thing(1, 1.0, "held", shape=(60, 60)))
+    assert umbrella.width > elephant.width and umbrella.y > elephant.y + 0.7 * elephant.height
+    wolf, moon = put("at", thing(0, 0.8), thing(1, 100.0, "air"))
+    assert moon.y > wolf.y + 0.5 * wolf.height
+
+
 def test_who_reads_under_a_tree_is_before_it() -> None:
     parts = [thing(0, 1.4), thing(1, 0.2), thing(2, 8.0)]
     placed = arranged(parts, [Relation(0, "reading", 1), Relation(0, "under", 2)])

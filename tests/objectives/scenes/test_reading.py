@@ -195,3 +195,12 @@ def test_what_the_parser_mistakes_is_read_by_the_lexicon(
 def test_of_what_somebody_feeds_there_are_several(reader: PromptReader) -> None:
     woman, pigeons = reader.read("an old woman feeding white pigeons").things
     assert woman.count == 1 and woman.doing == "feeding" and (pigeons.count, pigeons.color) == (None, "white")
+
+
+def test_of_a_pile_there_are_several_and_what_is_joined_to_it_is_read(reader: PromptReader) -> None:
+    books, candle = reader.read("a pile of old books and a candle").things
+    assert (books.name, books.count) == ("old book", None) and candle.name == "candle"
+    assert [thing.name for thing in reader.read("a bouquet of sunflowers in a blue vase").things] == [
+        "sunflower",
+        "vase",
+    ]

@@ -247,14 +247,14 @@ class Poultry(WordBag):
 
 
 def test_what_is_only_like_the_thing_does_not_show_it(tmp_path: Path) -> None:
-    names = ("duck", "sailboat", "lady beetle", "flock of sheep")
+    names = ("duck", "sailboat", "lady beetle", "sheep flock")
     library = Library("photos", {name: ((name,), 0.8, RED) for name in names})
     index = PictureIndex([library], Poultry(), tmp_path)
     for name, caption, exact in (
         ("goose", "duck", False),
         ("duck", "duck", True),
         ("lady beetle", "lady beetle", True),
-        ("sheep", "flock of sheep", True),
+        ("sheep", "sheep flock", True),
     ):
         found = index.find(Thing(name, name.split()[-1]), f"a {name}", nowhere)
         assert found is not None and (found.caption, found.exact) == (caption, exact), name

@@ -12,7 +12,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.scenes.composition import ComposedScene
 from frida_painter.objectives.scenes.libraries import Captioned
 from frida_painter.objectives.scenes.reading import Reading, Relation, Thing
-from frida_painter.objectives.scenes.retrieval import PictureIndex
+from frida_painter.objectives.scenes.retrieval import FoundPicture, PictureIndex
 from frida_painter.objectives.scenes.scene import scene_of
 from networks import QuickEncoders, WordBag
 from scenes import CANVAS
@@ -76,6 +76,21 @@ def test_what_a_table_is_with_stands_on_it_and_not_beside(tmp_path: Path) -> Non
     is_desk, is_lamp = picture[0] > picture[2] + 0.3, picture[2] > picture[0] + 0.3
     rows = torch.arange(GRID.rows, dtype=torch.float32)[:, None].expand_as(picture[0])
     assert rows[is_lamp].mean() < rows[is_desk].mean() - 4, "the lamp is higher"
+
+
+def test_what_shows_one_thing_stands_for_no_other_beside_it(tmp_path: Path) -> None:
+    class Kings(PictureIndex):
+        def find(self, thing: Thing, *others: object, **further: object) -> FoundPicture | None:
+            if further.get("shows"):
+                return None
+            return FoundPicture(Pictures().pictures("goat")[0], "king", Pictures(), 0.6, thing.noun == "king")
+
+    king, throne = Thing("king", "king"), Thing("throne", "throne")
+    seen = encoders(tmp_path, Reading((king, throne), (Relation(0, "on", 1),)))
+    seen.picture_index = lambda: Kings([Pictures()], WordBag(), tmp_path)  # type: ignore[method-assign]
+    scene_of("a king on a throne", GRID, seen, 0)
+    assert seen.remarks[0].startswith("Begun with 'king' (pictures)") and seen.remarks[0].count("'king'") == 1
+    assert "No picture of 'throne'" in seen.remarks[1]
 
 
 def test_what_stands_free_stands_among_others(tmp_path: Path) -> None:

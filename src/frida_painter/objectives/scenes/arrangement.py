@@ -39,6 +39,8 @@ _OF_WORD = {
     "behind": "behind", "in front of": "front", "before": "front", "against": "front", "between": "between",
     "with": "with", "holding": "with", "carrying": "with", "eating": "with", "playing": "playing",
 }  # fmt: skip
+_CROWN = 0.1  # of a picture's height, the part from its top that is taken for a head
+_HAT, _LEAST_HEAD, _LARGEST_HAT, _PULLED_DOWN = 1.25, 0.12, 0.35, 0.3  # of a head's width, and of heights
 _STOOD_BY = ("on", "in", "under", "over", "behind", "between")  # what these speak of is placed first
 _OPPOSITE = {
     "on": "beneath", "in": "around", "around": "in", "under": "over", "over": "under", "behind": "front",
@@ -80,7 +82,11 @@ def arranged(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -
     sizes = _sizes(parts, shown)
     known = [part.known.where if part is not None else "" for part in parts]
     placed: dict[int, Placed] = {}
-    usable = [one for one in relations if {one.subject, one.object} <= set(shown) and one.subject != one.object]
+    usable = [
+        replace(one, word="with") if known[one.object] == "head" and one.word in ("in", "wearing") else one
+        for one in relations
+        if {one.subject, one.object} <= set(shown) and one.subject != one.object
+    ]
     floor = [number for number in shown if known[number] != "air"] or shown
     standing = (one.object for one in usable if _OF_WORD.get(one.word) in _STOOD_BY)
     first = next(standing, floor[0])
@@ -93,8 +99,9 @@ def arranged(parts: Sequence[ScenePart | None], relations: Sequence[Relation]) -
             one = rest[0]
             placed[one.object] = _beside(list(placed.values()), _alone(parts, one.object, sizes))
         rest.remove(one)
-        done_with = "with" if known[one.object] == "air" else "beside"  # a kite that is flown is up
-        kind = _OF_WORD.get(one.word, done_with if one.word.endswith("ing") else "beside")
+        kind = _OF_WORD.get(one.word, "beside")
+        if known[one.object] == "air" and (one.word == "at" or one.word.endswith("ing")) and one.word not in _OF_WORD:
+            kind = "with"  # a kite that is flown, and the moon that is howled at, are up
         if one.word == "from" and any(two.subject == one.subject and two.word.endswith("ing") for two in usable):
             kind = "beside"  # who eats leaves from a tree is not in it
         if one.subject not in placed:
@@ -168,6 +175,9 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         rim = outer.y + outer.height * rim
         inner = replace(inner, height=size, x=outer.x, y=rim - _HIDDEN * size, depth=outer.depth + 1, hidden=_HIDDEN)
         return (inner, outer) if kind == "in" else (outer, inner)
+    if kind == "under" and other_where == "held":  # who is under an umbrella has it over him
+        over = max(1.25 * mine.width, 0.7 * mine.height) * other.height / other.width
+        return mine, replace(other, height=over, x=mine.x, y=mine.y + 0.85 * mine.height, depth=mine.depth - 1)
     if kind == "under":
         if other_where == "air":
             return mine, replace(other, x=mine.x + 0.35 * max(mine.width, 0.6), y=0.95 * mine.height)
@@ -192,6 +202,12 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
     if kind == "playing" and mine.height < _STANDS * other.height:
         mine = replace(mine, height=min(mine.height, _PLAYED * other.height), x=other.x + 0.1 * other.width)
         return replace(mine, y=other.y + 0.7 * _HAND * other.height, depth=other.depth + 1), other
+    if kind == "with" and where == "head":
+        middle, wide = _head(other.picture)
+        size = _HAT * max(wide, _LEAST_HEAD) * other.width * mine.height / mine.width
+        height = min(size, _LARGEST_HAT * other.height)
+        x, y = other.x + middle * other.width, other.y + other.height - _PULLED_DOWN * height
+        return replace(mine, height=height, x=x, y=y, depth=other.depth + 1), other
     if kind == "with" and where == "held":
         mine = replace(mine, height=min(mine.height, _HELD * other.height), x=other.x + 0.4 * other.width)
         return replace(mine, y=other.y + _HAND * other.height, depth=other.depth - 1), other
@@ -250,6 +266,19 @@ def _rim(picture: Tensor) -> tuple[float, bool]:
     runs = (above[:, 1:] & ~above[:, :-1]).sum(1) + above[:, 0]
     is_neck = bool((full[first : max(end, first + 1)] >= _NECK * full.max()).all()) and bool((runs == 1).all())
     return (1.0, True) if is_neck else (first / len(full), False)
+
+
+def _head(picture: Tensor) -> tuple[float, float]:
+    """Where the highest part of a picture is, which is a head: its middle from that of the picture, and its width."""
+    seen = picture[3] > 0.5
+    first = int(seen.any(1).float().argmax())
+    columns = seen[first : first + max(1, round(_CROWN * seen.shape[0]))].any(0)
+    peak = int(seen[first].float().argmax())
+    if not bool(columns[peak]):
+        return 0.0, 1.0
+    left = peak - int((~columns[: peak + 1].flip(0)).float().cumsum(0).eq(0).sum()) + 1
+    right = peak + int((~columns[peak:]).float().cumsum(0).eq(0).sum())  # of what hangs together with the highest
+    return (left + right) / 2 / seen.shape[1] - 0.5, (right - left) / seen.shape[1]
 
 
 def _hollow(picture: Tensor) -> bool:

@@ -101,6 +101,8 @@ def cast(
         if number not in settled and number not in merged:
             among = bool(relations) or in_place or thing.shown > 1
             found = caster.found(thing, among=among, is_part=number in had, leads=number == leading)
+            if found is not None and not found.exact and found.caption in _captions(things):
+                found = None  # a king is no throne
             once = replace(thing, count=1) if found is not None and found.several else thing
             things[number] = None if number in had and found is None else SceneThing(once, found)
     return _without_groups(things, relations, reading, settled)
@@ -169,6 +171,11 @@ class _Caster:
 
     def _looks(self, name: str) -> Callable[[Tensor], float]:
         return looks(name, self._encoders, self._seed)
+
+
+def _captions(things: list[SceneThing | None]) -> set[str]:
+    """What the pictures that were found so far are called."""
+    return {one.found.caption for one in things if one is not None and one.found is not None}
 
 
 def _without_groups(

@@ -29,7 +29,10 @@ MOST_THINGS = 12
 _NUMBERS = ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
 _MANY = ("many", "several", "some", "few", "both")
 _GROUPS = {"pair": 2, "couple": 2, "trio": 3, "dozen": 12}
-_GATHERED = {**_GROUPS, "family": 4, "group": 4, "row": 4, "line": 4}  # of things, where "of" follows
+_GATHERED: dict[str, int | None] = {  # of things, where "of" follows
+    **_GROUPS, "family": 4, "group": 4, "row": 4, "line": 4,
+    "pile": None, "stack": None, "heap": None, "bunch": None, "bouquet": None,
+}  # fmt: skip
 _DEPICTIONS = ("painting", "picture", "drawing", "sketch", "photo", "photograph", "image", "portrait", "watercolor",
                 "watercolour")  # fmt: skip
 _MADE = ("building", "carving", "clothing", "crossing", "engraving", "etching", "evening", "railing", "wedding")
@@ -212,7 +215,7 @@ class _Walk:
             for first in numbers[:1]:
                 self.things[first] = replace(self.things[first], count=_GATHERED[noun.lemma_])
             self._hanging(noun, numbers, but=counted)
-            return numbers
+            return [*numbers, *(at for other in _joined(noun) for at in self._thing(other))]
         number = len(self.things)
         if (doing := _mistaken_clause(noun)) is not None:
             # The parser takes "a farmer feeding chickens" for chickens of a kind; "a" tells that it is not.

@@ -27,7 +27,7 @@ from frida_painter.objectives.scenes.titles import (
     spoken,
 )
 
-_LEAST = 0.55  # similarity of a caption to a thing, below which it speaks of something else
+_LEAST = 0.6  # similarity of a caption to a thing, below which it speaks of something else
 _AKIN = 0.42  # the same for what stands for a thing that has no picture
 _NAMED = 0.8  # the same from which it means the thing, whatever its words: a duck (0.64) is no goose
 _FARTHER_KIN = 0.005  # less for each living thing that is less like it

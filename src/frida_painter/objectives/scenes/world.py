@@ -16,8 +16,8 @@ _SHARPNESS = 0.05  # of similarity, over which a neighbour's say falls to a thir
 class Known(NamedTuple):
     """A thing in the world: its height in metres, and where it is.
 
-    where: "ground", "air" or "water"; "worn"; "held": who has it holds it up; "facing": what is on it lies before it,
-    as on a web.
+    where: "ground", "air" or "water"; "worn"; "held": who has it holds it up; "head": it is worn there; "facing":
+    what is on it lies before it, as on a web.
     """
 
     name: str
