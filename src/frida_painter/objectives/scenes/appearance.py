@@ -1,7 +1,9 @@
 """How a picture of a library looks, whatever it shows: whether a painting had better begin with it."""
 
 from torch import Tensor
+from torch.nn import functional
 
+from frida_painter.objectives.compositing import resized
 from frida_painter.palette import to_lab
 
 _REALISM = 0.6  # of a photograph before a sign
@@ -12,6 +14,8 @@ _COLORFUL = 8.0  # chroma
 _BLACK, _SILHOUETTE = 12.0, 0.4  # L*, and share of a picture, from which it is a silhouette
 _SKETCHY = 0.25  # share of its box that a thing fills, below which there are only lines
 _MOSTLY = 0.5  # of neighbouring pixels that are the same, from which a picture is drawn
+_LACY, _SOME_LACE = 0.6, 0.15  # against lines that are narrower than a brush, beyond that share of a thing
+_LACE_SIDE, _BRUSH = 64, 5  # of a picture, and of a brush, in pixels
 _FILLED = 0.95  # share of its box, from which a picture is a rectangle
 
 
@@ -32,12 +36,22 @@ def appearance(picture: Tensor, realism: float, *, is_own: bool) -> float:
     worth -= _PLAIN * flat * (_black(lab) > _SILHOUETTE and not is_own)
     worth -= _PLAIN * flat * (_chroma(lab) < _COLORFUL and not is_own)
     worth -= _PLAIN * (float(picture[3].mean()) < _SKETCHY)
+    worth -= min(_PLAIN, _LACY * max(0.0, _lace(picture) - _SOME_LACE)) * (not is_own)
     return worth - _PLAIN * (has_ground(picture) and not is_own)
 
 
 def has_ground(picture: Tensor) -> bool:
     """Whether a picture [4, h, w] is no cut-out, but a rectangle with a ground of its own."""
     return float(picture[3].mean()) > _FILLED
+
+
+def _lace(picture: Tensor) -> float:
+    """Share of a thing [4, h, w] that is narrower than a brush is wide, as the bars of an iron fence are."""
+    small = resized(picture, _LACE_SIDE / max(picture.shape[1:]))[3]
+    seen = functional.pad((small > 0.5).float()[None, None], (_BRUSH,) * 4)
+    inner = -functional.max_pool2d(-seen, _BRUSH, 1, _BRUSH // 2)
+    wide = functional.max_pool2d(inner, _BRUSH, 1, _BRUSH // 2)
+    return 1 - float(wide.sum() / seen.sum().clamp(min=1))
 
 
 def _chroma(lab: Tensor) -> float:

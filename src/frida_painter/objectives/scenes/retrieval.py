@@ -205,7 +205,7 @@ class PictureIndex:
         """A silhouette in the colour of the coloured picture that is nearest in meaning: a tortoise as a turtle."""
         for at in similarity.argsort(descending=True)[:_LOOKED_AT_FOR_COLOR].tolist():
             entry = self._entries[at]
-            if similarity[at] < _AKIN or entry.realism < _MODELLED:
+            if similarity[at] < _LEAST or entry.realism < _MODELLED:
                 continue
             for picture in self._shown(entry)[:1]:
                 if not has_ground(picture) and not is_colorless(picture):

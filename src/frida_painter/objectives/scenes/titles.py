@@ -8,7 +8,7 @@ from frida_painter.objectives.scenes.reading import Thing, paint_of
 
 _SAID = 0.3  # for the word for what it does, and for a name that begins with the colour: a red panda
 _MODIFIES = 0.6  # against a title in which the word only says more of another
-_UNSAID = 0.2  # against a title that tells of which kind it is, where the words do not: an alien tree
+_UNSAID = 0.2  # against a title that says more than the words, as an alien tree, or a nut and bolt
 _FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # what follows is not what is named
 _WORD, _OTHERS = 0.15, 0.05  # for the very word, for all of several words, and for each word too many
 SEVERAL = (None, 2)  # things of a plural that one picture may show: flowers, or a pair of scissors
@@ -38,7 +38,7 @@ def spoken(title: str, thing: Thing) -> float:
     words = plain.split()
     others = max(0, len(words) - len(thing.name.split()) - 1)
     name = thing.name.split()
-    unsaid = set(named(plain)[:-1]) - {*name, thing.noun}
+    unsaid = set(named(plain)[:-1] + plain.partition(" and ")[2].split()) - {*name, thing.noun}
     worth = -_MODIFIES * is_modified(title, thing) - _OTHERS * others - _UNSAID * bool(unsaid)
     worth += _SAID * bool(thing.doing and thing.doing in title.split())
     worth += _SAID * bool(thing.color and title == f"{thing.color} {thing.name}")
