@@ -94,9 +94,19 @@ def catalogue(pictures: dict[str, bytes]) -> bytes:
 
 def test_models_of_furniture_are_called_as_our_table_says(tmp_path: Path) -> None:
     below = "usr/share/sweethome3d/furniture/"
-    packed = catalogue({"scopia/acacia.png": b"a", "scopia/square_switch.png": b"s", "scopia/acacia.obj": b"o"})
+    packed = catalogue(
+        {
+            "scopia/acacia.png": b"a",
+            "scopia/garden-faucet.png": b"g",
+            "scopia/square_switch.png": b"s",
+            "scopia/acacia.obj": b"o",
+        }
+    )
     repack_furniture(debian(tmp_path / "f.deb", {f"{below}Scopia.sh3f": packed}), tmp_path / "f.zip")
-    assert captions(tmp_path / "f.zip") == {"cartoon/Scopia/scopia/acacia.png": ["acacia tree"]}
+    assert captions(tmp_path / "f.zip") == {
+        "cartoon/Scopia/scopia/acacia.png": ["acacia tree"],
+        "cartoon/Scopia/scopia/garden-faucet.png": ["faucet", "tap"],
+    }
     with pytest.raises(WeightsError, match=r"Scopia\.sh3f, which is damaged"):
         repack_furniture(debian(tmp_path / "d.deb", {f"{below}Scopia.sh3f": packed[:-9]}), tmp_path / "d.zip")
 

@@ -38,7 +38,7 @@ _NO_ABCS = re.compile(  # letters that are illustrated by persons of tales and f
 )
 _LONGEST_CATALOGUE = 2**27  # bytes
 _NO_SILHOUETTES = re.compile(
-    r"\d|^(card|tarot|abstract|rank)-|dice|^(female|male)$|-(minus|plus|up|down|left|right|off|on)$"
+    r"\d|^(black-)?bridge$|^(card|tarot|abstract|rank)-|dice|^(female|male)$|-(minus|plus|up|down|left|right|off|on)$"
 )
 _PART = re.compile(r"-(head|face|emblem|profile|symbol|flower)$")  # shown for the whole
 _DARK = "#3d4248"
@@ -190,11 +190,11 @@ def _listed(
     for path, content in files:
         if path in known:
             kind, caption = known[path]
-            yield path if kind == "photograph" else f"cartoon/{path}", content, [caption]
+            yield path if kind == "photograph" else f"cartoon/{path}", content, caption.split("; ")
 
 
 def _list(table: str) -> dict[str, tuple[str, str]]:
-    """What each file of a package shows: whether it is a photograph or a drawing, and its caption."""
+    """What each file of a package shows: whether it is a photograph or a drawing, and its caption, with keywords."""
     lines = (resources.files(__package__) / table).read_text("utf-8").splitlines()
     rows = [line.split("\t") for line in lines if line and not line.startswith("#")]
     return {file: (kind, caption) for kind, caption, files in rows for file in files.split(" ")}

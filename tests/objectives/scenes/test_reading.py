@@ -181,6 +181,10 @@ def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, c
         ("a cup of tea and a croissant", ["cup", "croissant", "tea"], [(0, "of", 2)]),
         ("a farmer feeding chickens", ["farmer", "chicken"], [(0, "feeding", 1)]),
         ("a wheelbarrow full of pumpkins", ["wheelbarrow", "pumpkin"], [(0, "of", 1)]),
+        ("an old lamp post", ["old lamppost"], []),
+        ("two bird houses", ["birdhouse"], []),
+        ("a red sail boat", ["sailboat"], []),
+        ("an apple tree", ["apple tree"], []),
         ("a coffee roasting machine", ["coffee roasting machine"], []),
     ],
 )

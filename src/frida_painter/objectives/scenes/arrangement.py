@@ -174,6 +174,8 @@ def _put(mine: Placed, other: Placed, kind: str, where: str, other_where: str) -
         size = min(most, max(inner.height, _INSIDE * outer.height))
         rim = outer.y + outer.height * rim
         inner = replace(inner, height=size, x=outer.x, y=rim - _HIDDEN * size, depth=outer.depth + 1, hidden=_HIDDEN)
+        if necked:  # flowers hang over the sides of a vase, which stands before them
+            inner = replace(inner, depth=outer.depth - 1, hidden=0.0)
         return (inner, outer) if kind == "in" else (outer, inner)
     if kind == "under" and other_where == "held":  # who is under an umbrella has it over him
         over = max(1.25 * mine.width, 0.7 * mine.height) * other.height / other.width

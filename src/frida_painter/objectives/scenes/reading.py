@@ -225,7 +225,7 @@ class _Walk:
             self._relate([number], doing.lower_, [number + 1])
             self._hanging(noun, [number])
             return [number]
-        self.things.append(_described(noun, whole or noun))
+        self.things.append(self._in_one_word(_described(noun, whole or noun)))
         before = len(self.relations)
         joined = [at for other in _joined(noun) for at in self._thing(other)]
         if joined and not _children(noun, "prep", "acl", "relcl"):
@@ -235,6 +235,16 @@ class _Walk:
             self.relations += [replace(one, subject=number) for one in said]
         self._hanging(noun, [number])
         return [number, *joined]
+
+    def _in_one_word(self, thing: Thing) -> Thing:
+        """A thing whose name the lexicon knows in one word: a lamp post is a lamppost."""
+        before, _, last = thing.name.removesuffix(thing.noun).rstrip().rpartition(" ")
+        noun = f"{last}{thing.noun}"
+        if not last or noun not in self._words.nouns:
+            return thing
+        return replace(
+            thing, name=f"{before} {noun}".strip(), noun=noun, plural=f"{last}{thing.plural}" if thing.plural else ""
+        )
 
     def _hanging(self, noun: Token, subjects: list[int], but: Token | None = None) -> None:
         """What is said of a thing: where it is, what it has, and what it does."""
