@@ -4,13 +4,16 @@
 
 Each line of the file is a prompt, with "= CLASS" where it names a class of ImageNet. Of every plan, as rendered, the
 rank of that class is told (1: nothing is more probable) by EfficientNet-Lite2, which neither optimises nor chooses
-these plans. Scenes, lines without a class, are planned as `paint` plans them, and looked at by a person:
---folder keeps the pictures.
+these plans, and of how many prompts no other plan of that seed shows the class more probably. Scenes, lines without a
+class, are planned as `paint` plans them, and looked at by a person: --folder keeps the pictures.
 """
 
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
+
+import torch
+from torch import Tensor
 
 from frida_painter import images, weights
 from frida_painter.experiments.text import JUDGE, QUICK, Prompt, Unjudged, log_probabilities, rank_of
@@ -51,8 +54,11 @@ def prompts_of(file: Path) -> list[Prompt]:
 
 def measure(
     prompt: Prompt, seed: int, spec: RunSpec, encoders: EncoderRegistry, judge: EfficientNetLite, folder: Path | None
-) -> Figures:
-    """Plans a prompt; the first one that is planned loads the networks too."""
+) -> tuple[Figures, Tensor]:
+    """Plans a prompt; also the log probabilities [1000] of what the judge sees in the plan.
+
+    The first one that is planned loads the networks too.
+    """
     start = time.process_time()
     spec = spec.changed(goal=[{"text": prompt.words}], seed=seed)
     planner = open_planner(spec, Goal((TextTerm(prompt.words),)), encoders)
@@ -66,8 +72,15 @@ def measure(
         name = f"{prompt.words.replace(' ', '-')}-{seed}"
         images.save(begun, folder / f"{name}-begun.png")
         images.save(shown, folder / f"{name}.png")
-    ranks = [rank_of(log_probabilities(judge, one), prompt) if prompt.classes else None for one in (begun, shown)]
-    return Figures(prompt.words, seed, *ranks, seconds)
+    beliefs = [log_probabilities(judge, one).detach() for one in (begun, shown)]
+    ranks = [rank_of(belief, prompt) if prompt.classes else None for belief in beliefs]
+    return Figures(prompt.words, seed, *ranks, seconds), beliefs[-1]
+
+
+def own_first(prompts: list[Prompt], beliefs: list[Tensor]) -> int:
+    """Of how many prompts, each with its plan, no other one's plan shows the class more probably."""
+    likely = torch.stack([torch.stack([one[list(prompt.classes)].amax() for prompt in prompts]) for one in beliefs])
+    return int((likely.argmax(0) == torch.arange(len(prompts))).sum())  # likely [plan, prompt]
 
 
 def main() -> None:
@@ -81,11 +94,17 @@ def main() -> None:
     if options.quick:
         prompts, spec, options.seeds = prompts[:1] + prompts[-1:], QUICK, options.seeds[:1]
     judge, aside, chosen = EfficientNetLite(weights.tensors(JUDGE)), Unjudged(), EncoderRegistry()
-    found = [
+    measured = [
         measure(prompt, seed, spec, aside if prompt.classes else chosen, judge, options.folder)
         for seed in options.seeds
         for prompt in prompts
     ]
+    found = [figures for figures, _ in measured]
+    named = [prompt for prompt in prompts if prompt.classes]
+    first = sum(
+        own_first(named, [belief for one, belief in measured if one.seed == seed and one.planned is not None])
+        for seed in (options.seeds if named else ())
+    )
     rows = [
         (one.prompt, str(one.seed), str(one.begun or ""), str(one.planned or ""), f"{one.cpu_seconds:.1f}")
         for one in found
@@ -94,7 +113,7 @@ def main() -> None:
     note = (
         f"Of {len(known)} plans of a class it is within the first five for {sum(plan <= 5 for _, plan in known)} (of "
         f"the beginnings {sum(begun <= 5 for begun, _ in known)}); {sum(plan > begun for begun, plan in known)} are "
-        "less recognisable than their beginning."
+        f"less recognisable than their beginning. A prompt's own plan is first for {first}."
     )
     columns = ("prompt", "seed", "rank of the beginning", "of the plan", "CPU s")
     publish([Table(f"Words, {spec.strokes} strokes", columns, rows, (note,))], [asdict(one) for one in found], options)
