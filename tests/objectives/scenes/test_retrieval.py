@@ -312,3 +312,19 @@ def test_what_a_brush_can_paint_goes_before_lace(tmp_path: Path) -> None:
     both = Fences("fences", {"i": (("fence",), 0.6, RED), "w": (("fence",), 0.5, BLUE)})
     found = PictureIndex([both], WordBag(), tmp_path).find(Thing("fence", "fence"), "a fence", nowhere)
     assert found is not None and found.picture[2, 20, 20] > 0.5, "the bars of iron are narrower than the brush"
+
+
+def test_a_keyword_and_a_plural_say_what_a_picture_shows(tmp_path: Path) -> None:
+    library = Library("models", {"1": (("stroller", "pram"), 0.6, RED), "2": (("lily pads",), 0.6, GREEN)})
+    index = PictureIndex([library], Bag(), tmp_path)
+    for name in ("pram", "lily pad"):
+        found = index.find(Thing(name, name.split()[-1]), f"a {name}", nowhere)
+        assert found is not None and found.exact, name
+
+
+class Bag(WordBag):
+    """A pad is nearly "pads", and a pram nearly a stroller."""
+
+    def embed(self, sentences: Sequence[str]) -> Tensor:
+        like = {"pad": "lily pads", "lily pad": "lily pads stem root leaf", "pram": "stroller pram"}
+        return super().embed([like.get(sentence, sentence) for sentence in sentences])

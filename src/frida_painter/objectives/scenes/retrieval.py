@@ -74,6 +74,7 @@ class _Entry:
     library: PictureLibrary
     file: str
     title: str
+    keywords: tuple[str, ...]
     rows: tuple[int, ...]  # of its captions among the meanings, the title's first
     realism: float
 
@@ -102,7 +103,8 @@ class PictureIndex:
             at = {caption: before + number for number, caption in enumerate(said)}
             for one in captioned:
                 rows = tuple(at[cleaned(caption)] for caption in one.captions)
-                self._entries.append(_Entry(library, one.file, cleaned(one.captions[0]), rows, one.realism))
+                title, *keywords = map(cleaned, one.captions)
+                self._entries.append(_Entry(library, one.file, title, tuple(keywords), rows, one.realism))
             parts.append(sentences.embed_once(said, keep))
             before += len(said)
         self._meanings = torch.cat(parts)
@@ -190,7 +192,8 @@ class PictureIndex:
                 if worth > best:
                     best = worth
                     several = thing.count in SEVERAL and thing.plural in entry.title.split()
-                    shows_it = at in own or (exact and (like >= _NAMED or is_called(entry.title, thing)))
+                    called = is_called(entry.title, thing) or thing.name in entry.keywords
+                    shows_it = at in own or (exact and (like >= _NAMED or called))
                     found = FoundPicture(picture, entry.title, entry.library, like, shows_it, several)
                     chosen = at
         if found is None:

@@ -70,7 +70,7 @@ def is_called(title: str, thing: Thing) -> bool:
         return False
     words = _plain(title, thing).split()
     names = (thing.noun, *(other.split()[-1].lower() for other in synonyms(thing.name)))
-    return any(word.endswith(name) for word in words for name in names)
+    return any(word.endswith((name, f"{name}s")) for word in words for name in names)
 
 
 def _plain(title: str, thing: Thing) -> str:
