@@ -185,6 +185,7 @@ def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, c
         ("two bird houses", ["birdhouse"], []),
         ("a red sail boat", ["sailboat"], []),
         ("an apple tree", ["apple tree"], []),
+        ("a tiger in tall grass", ["tiger", "tall grass"], [(0, "in", 1)]),
         ("a coffee roasting machine", ["coffee roasting machine"], []),
     ],
 )

@@ -328,3 +328,15 @@ class Bag(WordBag):
     def embed(self, sentences: Sequence[str]) -> Tensor:
         like = {"pad": "lily pads", "lily pad": "lily pads stem root leaf", "pram": "stroller pram"}
         return super().embed([like.get(sentence, sentence) for sentence in sentences])
+
+
+def test_of_a_noun_of_two_words_the_last_says_what_it_is(tmp_path: Path) -> None:
+    class Parts(WordBag):
+        """Of a bullfrog's name the bull is remembered best, as language models do."""
+
+        def embed(self, sentences: Sequence[str]) -> Tensor:
+            return super().embed(["bull bull frog" if said == "bullfrog" else said for said in sentences])
+
+    library = Library("photos", {"1": (("bull",), 0.8, RED), "2": (("frog",), 0.5, GREEN), "3": (("fro",), 0.8, BLUE)})
+    found = PictureIndex([library], Parts(), tmp_path).find(Thing("bullfrog", "bullfrog"), "a bullfrog", nowhere)
+    assert found is not None and found.caption == "frog"

@@ -240,7 +240,7 @@ class _Walk:
         """A thing whose name the lexicon knows in one word: a lamp post is a lamppost."""
         before, _, last = thing.name.removesuffix(thing.noun).rstrip().rpartition(" ")
         noun = f"{last}{thing.noun}"
-        if not last or noun not in self._words.nouns:
+        if not last or last in self._words.adjectives or noun not in self._words.nouns:
             return thing
         return replace(
             thing, name=f"{before} {noun}".strip(), noun=noun, plural=f"{last}{thing.plural}" if thing.plural else ""

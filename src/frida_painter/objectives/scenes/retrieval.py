@@ -29,6 +29,8 @@ from frida_painter.objectives.scenes.titles import (
 
 _LEAST = 0.6  # similarity of a caption to a thing, below which it speaks of something else
 _AKIN = 0.42  # the same for what stands for a thing that has no picture
+_PART = 3  # letters of a word that a noun is made of, at least
+_FIRST_PART, _LAST_PART = 0.5, 0.65  # of similarity, and similarity, of what is called by a part of a noun
 _NAMED = 0.8  # the same from which it means the thing, whatever its words: a duck (0.64) is no goose
 _FARTHER_KIN = 0.005  # less for each living thing that is less like it
 _AGREES = 0.35  # similarity to the prompt's own words that a caption needs where a synonym found it
@@ -264,6 +266,7 @@ class PictureIndex:
                 called = torch.maximum(called, self._captioned(words))
         if thing.plural and thing.count in SEVERAL:
             called = torch.maximum(called, self._captioned(f"{thing.name.removesuffix(thing.noun)}{thing.plural}"))
+        called = self._by_its_parts(called, thing.noun)
         for other in synonyms(thing.name):
             called = torch.maximum(called, self._captioned(other).masked_fill(called < _AGREES, 0))
         if thing.noun == thing.name:
@@ -272,6 +275,20 @@ class PictureIndex:
         is_one = torch.from_numpy(self._kinds == thing.noun) & (called >= _LEAST)
         noun = self._captioned(thing.noun).masked_fill(is_one, 1)
         return ((1 - _NOUN) * called + _NOUN * noun).masked_fill(noun < _SPEAKS, 0)  # stones are no stone bridge
+
+    def _by_its_parts(self, called: Tensor, noun: str) -> Tensor:
+        """How like a noun captions are [n], where it is made of two words: a bullfrog is a frog, and no bull."""
+        if " " in noun:
+            return called
+        kinds = set(self._kinds.tolist())
+        splits = [(noun[:at], noun[at:]) for at in range(_PART, len(noun) - _PART + 1)]
+        for first, last in splits:
+            if first in kinds and last in kinds:
+                called = torch.maximum(called, self._captioned(f"{first} {last}"))
+        is_first = torch.from_numpy(np.isin(self._kinds, [first for first, _ in splits]))
+        is_last = torch.from_numpy(np.isin(self._kinds, [last for _, last in splits]))
+        called = torch.where(is_first, _FIRST_PART * called, called)
+        return torch.where(is_last, called.clamp(min=_LAST_PART), called)
 
     def _akin(self, thing: Thing, similarity: Tensor) -> Tensor | None:
         """How like a living thing that has no picture those of its kind are that have one; None where none has."""
