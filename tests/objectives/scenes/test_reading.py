@@ -177,6 +177,7 @@ def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, c
 @pytest.mark.parametrize(
     ("prompt", "things", "relations"),
     [
+        ("a fire hydrant", ["fire hydrant"], []),
         ("a fire hydrant beside a dog", ["fire hydrant", "dog"], [(0, "beside", 1)]),
         ("a cup of tea and a croissant", ["cup", "croissant", "tea"], [(0, "of", 2)]),
         ("a farmer feeding chickens", ["farmer", "chicken"], [(0, "feeding", 1)]),

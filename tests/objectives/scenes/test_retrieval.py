@@ -340,3 +340,10 @@ def test_of_a_noun_of_two_words_the_last_says_what_it_is(tmp_path: Path) -> None
     library = Library("photos", {"1": (("bull",), 0.8, RED), "2": (("frog",), 0.5, GREEN), "3": (("fro",), 0.8, BLUE)})
     found = PictureIndex([library], Parts(), tmp_path).find(Thing("bullfrog", "bullfrog"), "a bullfrog", nowhere)
     assert found is not None and found.caption == "frog"
+
+
+def test_a_desk_lamp_shows_no_lamp_on_a_desk(tmp_path: Path) -> None:
+    index = PictureIndex([Library("models", {"1": (("desk lamp",), 0.8, RED)})], WordBag(), tmp_path)
+    both = Thing("lamp on desk", "lamp on desk")
+    assert index.find(both, "a lamp on a desk", nowhere, least=0.5, shows=("lamp", "desk")) is None
+    assert index.find(Thing("desk lamp", "lamp"), "a desk lamp", nowhere) is not None

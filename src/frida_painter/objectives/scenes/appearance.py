@@ -35,8 +35,10 @@ def appearance(picture: Tensor, realism: float, *, is_own: bool) -> float:
     lab = to_lab(seen[:: max(1, len(seen) // 2000)])
     worth -= _PLAIN * flat * (_black(lab) > _SILHOUETTE and not is_own)
     worth -= _PLAIN * flat * (_chroma(lab) < _COLORFUL and not is_own)
-    worth -= _PLAIN * (float(picture[3].mean()) < _SKETCHY)
-    worth -= min(_PLAIN, _LACY * max(0.0, _lace(picture) - _SOME_LACE)) * (not is_own)
+    if float(picture[3].mean()) < _SKETCHY:
+        worth -= _PLAIN
+    elif not is_own:
+        worth -= min(_PLAIN, _LACY * max(0.0, _lace(picture) - _SOME_LACE))
     return worth - _PLAIN * (has_ground(picture) and not is_own)
 
 

@@ -310,11 +310,16 @@ def _mistaken_clause(noun: Token) -> Token | None:
     return doing if doing is not None and doing.i > 0 and _is_noun(doing.nbor(-1)) else None
 
 
+def _last_word(noun: Token) -> Token | None:
+    """The noun after a noun that ends its name, where the parser does not see that: the hydrant of a fire hydrant."""
+    after = (word for word in _children(noun, "appos", "amod", "advmod") if word.i == noun.i + 1)
+    return next((word for word in after if word.pos_ == "NOUN"), None)
+
+
 def _described(noun: Token, whole: Token, after: int = -1) -> Thing:
     """The thing of a noun, by the words before it that come after a place in the text."""
     before = [word for word in whole.subtree if after < word.i < noun.i and _belongs(word, whole)]
-    last = next((word for word in _children(noun, "appos", "amod", "advmod") if word.i == noun.i + 1), None)
-    if last is not None and last.pos_ == "NOUN":  # a fire hydrant, where the parser does not see that it is one
+    if (last := _last_word(noun)) is not None:
         before, noun = [*before, noun], last
     color, colored = _color(before)
     name = [word.text for word in before if word not in colored and not _is_number(word)]
@@ -375,8 +380,9 @@ def _is_noun(word: Token) -> bool:
 
 
 def _joined(noun: Token) -> list[Token]:
-    """The nouns that are joined to one by "and", or stand beside it; not what is only its name."""
-    return [one for one in _children(noun, "conj", "appos") if _is_noun(one) and not _is_called(one)]
+    """The nouns that are joined to one by "and", or stand beside it; not what is only its name, or ends it."""
+    others = [one for one in _children(noun, "conj", "appos") if _is_noun(one) and not _is_called(one)]
+    return [one for one in others if one != _last_word(noun)]
 
 
 def _is_none(noun: Token) -> bool:

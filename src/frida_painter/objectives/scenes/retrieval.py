@@ -160,7 +160,7 @@ class PictureIndex:
         entry = self._entries[at]
         if entry.library.is_own:
             return True
-        another = bool(shows) and shows[0] in named(entry.title)[:-1]  # a spider web shows no spider
+        another = bool(set(shows) & set(named(entry.title)[:-1]))  # a spider web shows no spider, a desk lamp no desk
         return not another and not (among and is_modified(entry.title, thing))
 
     def _best(

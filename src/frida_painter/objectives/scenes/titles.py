@@ -10,7 +10,7 @@ _SAID = 0.3  # for the word for what it does, and for a name that begins with th
 _MODIFIES = 0.6  # against a title in which the word only says more of another
 _UNSAID = 0.2  # against a title that says more than the words, as an alien tree, or a nut and bolt
 _FURTHER = re.compile(r"\b(?:of|with|in|on|at|for|and)\b")  # what follows is not what is named
-_WORD, _OTHERS = 0.15, 0.05  # for the very word, for all of several words, and for each word too many
+_WORD, _ALL_WORDS, _OTHERS = 0.15, 0.4, 0.05  # for the very word, for all of several words, and for each too many
 SEVERAL = (None, 2)  # things of a plural that one picture may show: flowers, or a pair of scissors
 
 
@@ -43,7 +43,7 @@ def spoken(title: str, thing: Thing) -> float:
     worth += _SAID * bool(thing.doing and thing.doing in title.split())
     worth += _SAID * bool(thing.color and title == f"{thing.color} {thing.name}")
     worth += _WORD * (thing.noun in words) + _WORD * (plain == thing.name)
-    return worth + _WORD * (len(name) > 1 and set(name) <= set(words))
+    return worth + _ALL_WORDS * (len(name) > 1 and set(name) <= set(words))
 
 
 def is_modified(title: str, thing: Thing) -> bool:
