@@ -14,7 +14,7 @@ from frida_painter.web.lead import GOOD_FOR
 
 def test_each_command_is_heard_once(tmp_path: Path) -> None:
     folder = PaintingFolder(tmp_path)
-    ear = CommandReader(folder)
+    ear = CommandReader(folder, 0.0)
     tell_painter(folder, "pause", "browser")
     tell_painter(folder, "turns", "browser", count=5)
     assert ear.listen() == [Pause(), TakeTurns(5)]
@@ -32,9 +32,21 @@ def test_what_was_asked_while_nobody_could_hear_is_not_done_later(
     tell_painter(folder, "go on", "browser")
     now = commands.time.time()
     monkeypatch.setattr(commands.time, "time", lambda: now + GOOD_FOR + 1)
-    assert CommandReader(folder).listen() == []
+    assert CommandReader(folder, 0.0).listen() == []
     monkeypatch.setattr(commands.time, "time", lambda: now - 3600)
-    assert CommandReader(folder).listen() == [], "the clock was set back"
+    assert CommandReader(folder, 0.0).listen() == [], "the clock was set back"
+
+
+def test_what_was_said_to_a_painter_is_not_done_again_by_the_next_one(tmp_path: Path) -> None:
+    folder = PaintingFolder(tmp_path)
+    first = CommandReader(folder, commands.time.time())
+    tell_painter(folder, "pause", "browser")
+    tell_painter(folder, "go on", "browser")
+    assert len(first.listen()) == 2
+    following = CommandReader(folder, commands.time.time())
+    assert following.listen() == []
+    tell_painter(folder, "pause", "browser")
+    assert following.listen() == [Pause()]
 
 
 @pytest.mark.parametrize(
@@ -50,4 +62,4 @@ def test_what_is_no_command_is_left_out(tmp_path: Path, changes: dict[str, Any])
     (record,) = EventLog.read(folder.commands, FEED)
     assert isinstance(Command.model_validate(record), Command)
     folder.commands.write_text(json.dumps({**record, **changes}) + "\n")
-    assert CommandReader(folder).listen() == []
+    assert CommandReader(folder, 0.0).listen() == []

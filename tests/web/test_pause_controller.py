@@ -43,7 +43,7 @@ class Table:
         self.folder = folder
         self.feed = Feed(folder)
         self.stop = StopWatch(folder.stop, folder.path.parent)
-        self.controller = PauseController(folder, self.feed, self.stop)
+        self.controller = PauseController(folder, self.feed, self.stop, 0.0)
         self.evening = Evening(
             strokes,
             replans=0,
@@ -109,7 +109,7 @@ def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder)
 
 def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> None:
     feed = Feed(folder)
-    controller = PauseController(folder, feed, StopWatch(folder.stop, folder.path.parent))
+    controller = PauseController(folder, feed, StopWatch(folder.stop, folder.path.parent), 0.0)
     tell_painter(folder, "go on", "browser")
     assert controller.go_on(Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
     reasons = [event.reason for event in FeedReader(folder.feed).read() if isinstance(event, Paused)]
@@ -159,4 +159,4 @@ def stopped(folder: PaintingFolder) -> Iterator[StopWatch]:
 def test_stop_ends_a_pause_and_whatever_heeds_it(folder: PaintingFolder, stopped: StopWatch) -> None:
     with pytest.raises(StopPressed):
         stopped.heed()
-    assert PauseController(folder, Feed(folder), stopped).go_on(Paused("You asked for a pause.", 3)) is False
+    assert PauseController(folder, Feed(folder), stopped, 0.0).go_on(Paused("You asked for a pause.", 3)) is False

@@ -52,7 +52,7 @@ class Sitting(Evening):
 
     def lead(self, folder: PaintingFolder, planner: Planner, page: Page, feed: Feed) -> None:
         self.page = page
-        self.controller = PauseController(folder, feed, StopWatch(folder.stop, folder.path.parent))
+        self.controller = PauseController(folder, feed, StopWatch(folder.stop, folder.path.parent), 0.0)
         forecast = Forecast(STROKES, EvenlySpaced(self.replans), 0.0, planning=4, replanning=4)
         self.reporter = Reporter(feed, folder, planner.models, CANVAS, forecast)
         self.controller.opened = lambda: self.session

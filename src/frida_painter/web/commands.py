@@ -51,9 +51,13 @@ def tell_painter(folder: PaintingFolder, kind: Kind, by: str, *, count: int = 0,
 
 
 class CommandReader:
-    """The painter's end: hears each command that is still good, once."""
+    """The painter's end: hears each command that is still good, once.
 
-    def __init__(self, folder: PaintingFolder) -> None:
+    since: when this painter began, seconds since 1970; what was said before was said to the one before it.
+    """
+
+    def __init__(self, folder: PaintingFolder, since: float) -> None:
+        self._since = since
         self._reader = LogReader(folder.commands)
         self._heard: set[str] = set()
 
@@ -68,5 +72,5 @@ class CommandReader:
             told = Command.model_validate(line)
         except ValidationError:
             return None
-        good = time.time() <= told.until <= time.time() + GOOD_FOR
+        good = max(time.time(), self._since + GOOD_FOR) <= told.until <= time.time() + GOOD_FOR
         return told if good and told.nonce not in self._heard else None

@@ -1,6 +1,7 @@
 """A piece of work that a worker does for the page: for which painting, where, and who hears of it."""
 
-from dataclasses import dataclass
+import time
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from frida_painter.frames import CanvasSize
@@ -17,13 +18,14 @@ from frida_painter.web.studio_easel import StudioEasel
 
 @dataclass(frozen=True)
 class Job:
-    """What every piece of work has."""
+    """What every piece of work has; began: when it was taken up, seconds since 1970."""
 
     folder: PaintingFolder
     easel: StudioEasel
     feed: Feed
     stop: StopWatch
     asker: Asker
+    began: float = field(default_factory=time.time, kw_only=True)
 
     @property
     def state(self) -> Path | None:

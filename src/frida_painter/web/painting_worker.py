@@ -52,7 +52,7 @@ def _lead(job: Job, run: PaintingRun) -> None:
     again = planner.effort.of_a_look
     forecast = Forecast(spec.strokes, replan_policy(spec), time.monotonic(), planning=0, replanning=again)
     reporter = Reporter(job.feed, job.folder, planner.models, planner.size, forecast)
-    pauses = PauseController(job.folder, job.feed, job.stop, lambda: run.session)
+    pauses = PauseController(job.folder, job.feed, job.stop, job.began, lambda: run.session)
 
     def paint_on(difference: str, photograph: Tensor) -> bool:
         question = f"{difference.split(' Look at ')[0]} Shall it be painted on as it is?"

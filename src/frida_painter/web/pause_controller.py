@@ -44,11 +44,12 @@ _PAUSED = "It has paused: the brush is clean, the arm aside. You may paint on th
 
 @dataclass
 class PauseController:
-    """Leads the pauses of a session; `opened` gives it once it is open."""
+    """Leads the pauses of a session; `opened` gives it once it is open; began: when the painter did, since 1970."""
 
     folder: PaintingFolder
     feed: Feed
     stop: StopWatch
+    began: float
     opened: Callable[[], PaintingSession | None] = lambda: None
     _commands: deque[PaintingCommand] = field(default_factory=deque, init=False)
     _turns: int = field(default=0, init=False)
@@ -56,7 +57,7 @@ class PauseController:
     _since: int = field(default=0, init=False)  # strokes since it was the robot's turn
 
     def __post_init__(self) -> None:
-        ear = CommandReader(self.folder)
+        ear = CommandReader(self.folder, self.began)
 
         def listen() -> None:
             while True:
