@@ -113,19 +113,21 @@ def repack_gcompris(package: Path, archive: Path) -> None:
 
 def repack_furniture(package: Path, archive: Path) -> None:
     """Pictures of the models in Debian's sweethome3d-furniture, as `furniture.txt` names them."""
+    known = _list("furniture.txt")
 
     def files() -> Iterator[tuple[str, bytes]]:
         below = "usr/share/sweethome3d/furniture/"
         for path, content in files_of(package, below, (".sh3f",), _LONGEST_CATALOGUE):
             try:
                 with zipfile.ZipFile(io.BytesIO(content)) as catalogue:
-                    for name in catalogue.namelist():
-                        if name.endswith(".png") and catalogue.getinfo(name).file_size <= LONGEST:
-                            yield f"{path.removesuffix('.sh3f')}/{name}", catalogue.read(name)
+                    for member in catalogue.infolist():  # most are textures of the models
+                        file = f"{path.removesuffix('.sh3f')}/{member.filename}"
+                        if file in known and member.file_size <= LONGEST:
+                            yield file, catalogue.read(member)
             except (zipfile.BadZipFile, zlib.error, EOFError) as cause:
                 raise WeightsError(f"{package.name} holds {path}, which is damaged ({cause})") from cause
 
-    _write(_listed(files(), _list("furniture.txt")), archive)
+    _write(_listed(files(), known), archive)
 
 
 def repack_silhouettes(package: Path, archive: Path) -> None:

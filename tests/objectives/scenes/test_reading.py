@@ -181,6 +181,7 @@ def test_those_who_do_something_are_counted(reader: PromptReader, prompt: str, c
         ("a fire hydrant beside a dog", ["fire hydrant", "dog"], [(0, "beside", 1)]),
         ("a cup of tea and a croissant", ["cup", "croissant", "tea"], [(0, "of", 2)]),
         ("a farmer feeding chickens", ["farmer", "chicken"], [(0, "feeding", 1)]),
+        ("a farmer feeding chickens and ducks", ["farmer", "chicken", "duck"], [(0, "feeding", 1), (0, "feeding", 2)]),
         ("a wheelbarrow full of pumpkins", ["wheelbarrow", "pumpkin"], [(0, "of", 1)]),
         ("an old lamp post", ["old lamppost"], []),
         ("two bird houses", ["birdhouse"], []),

@@ -222,7 +222,8 @@ class _Walk:
             self.things.append(_described(doing.nbor(-1), doing.nbor(-1)))
             self.things[number] = replace(self.things[number], doing=doing.lower_)
             self.things.append(_described(noun, noun, after=doing.i))
-            self._relate([number], doing.lower_, [number + 1])
+            joined = [at for other in _joined(noun) for at in self._thing(other)]
+            self._relate([number], doing.lower_, [number + 1, *joined])
             self._hanging(noun, [number])
             return [number]
         self.things.append(self._in_one_word(_described(noun, whole or noun)))

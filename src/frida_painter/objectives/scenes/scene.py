@@ -120,9 +120,11 @@ def _fills_the_canvas(one: SceneThing, shown: list[SceneThing]) -> bool:
 
 def _laid(relation: Relation, things: Sequence[Thing], sentences: SentenceEncoder) -> Relation:
     """A relation, where a table that is "with" something small carries it: the lamp is on the desk."""
+    if relation.word != "with":
+        return relation
     table, other = things[relation.subject], things[relation.object]
     meanings = sentences.embed([table.noun, *_TABLES])
-    if relation.word != "with" or float((meanings[1:] @ meanings[0]).max()) < _SURE:
+    if float((meanings[1:] @ meanings[0]).max()) < _SURE:
         return relation
     is_small = known_like(other.name, sentences).height < _SMALL
     return Relation(relation.object, "on", relation.subject) if is_small else relation
