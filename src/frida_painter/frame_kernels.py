@@ -2,7 +2,7 @@
 
 import math
 
-from numba import njit
+from numba import float32, njit, types
 
 
 @njit(cache=True)
@@ -37,3 +37,10 @@ def pull_back(strokes, metres, to_affine, to_strokes):  # type: ignore[no-untype
         to_position[i, 0], to_position[i, 1] = -(cos * c + sin * f), cos * f - sin * c
         turned = cos * (pitch[0] * d - pitch[1] * b) - sin * (pitch[0] * a + pitch[1] * e)
         to_angle[i] = turned - c * (sin * x - cos * y) + f * (cos * x + sin * y)
+
+
+def argument_types():  # type: ignore[no-untyped-def]
+    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    strokes, metres = types.Tuple((float32[:, ::1], float32[::1])), types.UniTuple(types.UniTuple(float32, 2), 4)
+    affine = float32[:, :, ::1]
+    return (place, (strokes, metres, affine)), (pull_back, (strokes, metres, affine, strokes))

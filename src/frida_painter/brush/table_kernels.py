@@ -7,13 +7,13 @@ Reordering of sums is allowed, nothing else: NaN goes through as it must.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import float32, int64, njit, types
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
 _SUMS = {"reassoc", "contract", "nsz"}
-_ONE = np.float32(1)
+_NONE, _ONE = np.float32(0), np.float32(1)
 _LOG2_E, _LN_2 = np.float32(1.4426950408889634), np.float32(0.6931471805599453)
 _LARGEST = np.float32(80)  # exp of it is finite
 # 1 / k!, k = 2 ... 6: the exponential series, to 2e-7 for |x| <= ln 2 / 2
@@ -36,14 +36,26 @@ class TableArrays(NamedTuple):
 
 @njit(cache=True)
 def part_by_part(place, spans, table):  # type: ignore[no-untyped-def]
-    """The numbers [n] of the strokes at place [3, n], those of one part one after another, and their parts [n]."""
-    part = np.zeros(place.shape[1], np.int64)
+    """The numbers [n] of the strokes at place [3, n], those of one part one after another, and their parts [n].
+
+    Also where those of each part end among them, [parts + 1]. Counted, not sorted: numba compiles a sort for a second.
+    """
+    n = place.shape[1]
+    part, ends = np.zeros(n, np.int64), np.zeros(len(table.counts) + 1, np.int64)
     for axis in range(3):
-        for i in range(place.shape[1]):
+        for i in range(n):
             span = np.int64(place[axis, i] * np.float32(spans[axis]))
             part[i] += table.part_of[axis, min(max(span, 0), spans[axis] - 1)]
-    order = np.argsort(part)
-    return order, part[order]
+    for i in range(n):
+        ends[part[i] + 1] += 1
+    for k in range(len(table.counts)):
+        ends[k + 1] += ends[k]
+    order, parts = np.empty(n, np.int64), np.empty(n, np.int64)
+    for i in range(n):  # until now, each stood where its part begins
+        at = ends[part[i]]
+        ends[part[i]] += 1
+        order[at], parts[at] = i, part[i]
+    return order, parts, ends
 
 
 @njit(cache=True, fastmath=_SUMS, error_model="numpy")
@@ -59,21 +71,24 @@ def look_up(place, spans, table, maps, shift):  # type: ignore[no-untyped-def]
     first = np.empty(3, np.int64)
     coordinates, logits = np.empty((4, rank), np.float32), np.empty((4, most), np.float32)
     bits = np.empty(most, np.int32)
-    order, parts = part_by_part(place, spans, table)
+    order, parts, ends = part_by_part(place, spans, table)
     begin = 0
     while begin < len(order):
         part = parts[begin]
-        four = order[begin : begin + 4][parts[begin : begin + 4] == part]
+        four = order[begin : min(begin + 4, ends[part])]
         count, cells = table.counts[part], table.inside[part]
         for j in range(4):  # where there are fewer, the last one is looked at again
             _weigh(place[:, four[min(j, len(four) - 1)]], spans, table, first, weight, slope)
             _sum_up(table.coefficients[part], first, weight, coordinates[j])
-            logits[j, :count] = table.mean[part, :count]
+            line, mean = logits[j], table.mean[part]
+            for k in range(count):
+                line[k] = mean[k]
         _add_up(coordinates, table.basis[part], count, logits[0], logits[1], logits[2], logits[3])
         for j in range(len(four)):
             line, mark = logits[j, :count], maps[four[j]]
             shift[four[j], 0, 2], shift[four[j], 1, 2] = table.corners[part, 0], table.corners[part, 1]
-            mark[:] = np.float32(0)
+            for k in range(len(mark)):
+                mark[k] = _NONE
             _squash(line, bits[:count], table.beyond)
             for k in range(count):
                 mark[cells[k]] = line[k]
@@ -107,11 +122,11 @@ def pull_back(place, spans, table, maps, upstream, to_place):  # type: ignore[no
     upon = np.empty((4, rank), np.float32)
     rim = table.beyond * (_ONE + table.beyond)
     scale = _ONE / (_ONE + np.float32(2) * table.beyond)
-    order, parts = part_by_part(place, spans, table)
+    order, parts, ends = part_by_part(place, spans, table)
     begin = 0
     while begin < len(order):
         part = parts[begin]
-        four = order[begin : begin + 4][parts[begin : begin + 4] == part]
+        four = order[begin : min(begin + 4, ends[part])]
         count, cells, along = table.counts[part], table.inside[part], table.coefficients[part]
         for j in range(len(four)):
             mark, above, line = maps[four[j]], upstream[four[j]], pull[j]
@@ -181,7 +196,8 @@ def _weigh(place, spans, table, first, weight, slope):  # type: ignore[no-untype
 
 @njit(cache=True, fastmath=_SUMS)
 def _sum_up(coefficients, first, weight, coordinates):  # type: ignore[no-untyped-def]
-    coordinates[:] = np.float32(0)
+    for r in range(len(coordinates)):
+        coordinates[r] = _NONE
     for p in range(4):
         for q in range(4):
             for s in range(4):
@@ -208,3 +224,14 @@ def _squash(line, bits, beyond):  # type: ignore[no-untyped-def]
         m = stretch / (_ONE + line[k] * power[k]) - beyond
         m = np.float32(0) if m < np.float32(0) else m
         line[k] = _ONE if m > _ONE else m
+
+
+def argument_types():  # type: ignore[no-untyped-def]
+    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    table, index = float32[:, ::1], int64[:, ::1]
+    buffers = (float32[:, :, :, :, ::1], float32[:, :, ::1], table, int64[::1], index, index, index, index, float32)
+    spans, arrays = types.UniTuple(int64, 3), types.NamedTuple(buffers, TableArrays)
+    return (
+        (look_up, (table, spans, arrays, table, float32[:, :, ::1])),
+        (pull_back, (table, spans, arrays, table, table, table)),
+    )

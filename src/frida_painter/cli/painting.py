@@ -19,6 +19,7 @@ from frida_painter.cli.run_options import (
     taking,
 )
 from frida_painter.cli.wells import AskOption, FilledOption
+from frida_painter.compiled import LoopCompiler
 from frida_painter.errors import ConfigError
 from frida_painter.options import out_file, whole_number, whole_number_within
 from frida_painter.session.easel_launch import EaselLaunch
@@ -72,22 +73,34 @@ def paint(
     started = time.monotonic()
     spec = spec_of(photo, given)
     require_person(spec, asked=not yes)
-    spec, chosen = (spec, None) if candidates == 1 else _best_of(candidates, spec)
-    with EaselLaunch() as launch:  # it loads while this process does
+    with LoopCompiler(_tell):
+        spec, chosen = (spec, None) if candidates == 1 else _best_of(candidates, spec)
+        _paint(spec, chosen, started, given["out"], asked=not yes, asks_for_paints=ask)
+
+
+def _paint(
+    spec: "RunSpec", chosen: "Plan | None", started: float, out: Path | None, *, asked: bool, asks_for_paints: bool
+) -> None:
+    """Paints what is described; chosen: by that plan."""
+    with EaselLaunch(spec.robot) as launch:  # it loads while this process does
         from frida_painter.cli.leading import Leader, ready_planner, say_films
         from frida_painter.cli.stop_signal import stop_on_signals
         from frida_painter.runs.run import PaintingRun
         from frida_painter.session.opening import prepare_process
 
         prepare_process()
-        with stop_on_signals() as stop, PaintingRun(spec, given["out"]) as run:
+        with stop_on_signals() as stop, PaintingRun(spec, out) as run:
             say_films(run.spec)
             run.load_easel(launch)
-            ready_planner(run, stop, given["out"])
+            ready_planner(run, stop, out)
             stop.at_once = run.open_easel(hear_signals=True).robot.stop
-            with Leader(run, stop, asked=not yes, asks_for_paints=ask, started=started) as leader:
+            with Leader(run, stop, asked=asked, asks_for_paints=asks_for_paints, started=started) as leader:
                 outcome = run.start(chosen)
     leader.conclude(outcome)
+
+
+def _tell(sentence: str) -> None:
+    print(sentence, file=sys.stderr)
 
 
 def _best_of(candidates: int, spec: "RunSpec") -> "tuple[RunSpec, Plan]":
@@ -105,6 +118,13 @@ def _best_of(candidates: int, spec: "RunSpec") -> "tuple[RunSpec, Plan]":
 
 def plan(*, photo: Photo = None, **given: Any) -> None:
     """Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix."""
+    spec = spec_of(photo, given)
+    with LoopCompiler(_tell):
+        _plan(spec, given["out"])
+
+
+def _plan(spec: "RunSpec", out: Path | None) -> None:
+    """Plans what is described, into a folder."""
     from rich.console import Console
 
     from frida_painter import images
@@ -119,9 +139,9 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
     from frida_painter.session.opening import prepare_process
 
     prepare_process()
-    with stop_on_signals() as stop, PaintingRun(spec_of(photo, given)) as run:
-        ready_planner(run, stop, given["out"])
-        folder = new_folder(given["out"], run.spec.name, PLAN_ROOM)
+    with stop_on_signals() as stop, PaintingRun(spec) as run:
+        ready_planner(run, stop, out)
+        folder = new_folder(out, run.spec.name, PLAN_ROOM)
         with PlanningLine(Console(stderr=True, highlight=False)) as bar:
 
             def hear(step: Step) -> None:

@@ -1,5 +1,6 @@
 """The command that goes on with a painting that broke off, was stopped or has paused."""
 
+import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -7,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from frida_painter.compiled import LoopCompiler
 from frida_painter.options import PaceOption
 
 if TYPE_CHECKING:
@@ -66,6 +68,7 @@ def resume(
     started = time.monotonic()
     prepare_process()
     with ExitStack() as stack:
+        stack.enter_context(LoopCompiler(lambda sentence: print(sentence, file=sys.stderr)))
         run = stack.enter_context(PaintingRun.reopen(folder, accept_changes=accept_changes, pace=pace))
         require_person(run.spec, asked=not yes)
         _show(run)

@@ -6,7 +6,7 @@ A stroke's numbers are its middle x and y, angle, length, bend and thickness, ea
 import math
 
 import numpy as np
-from numba import njit
+from numba import float32, int64, njit, types
 
 
 @njit(cache=True)
@@ -105,3 +105,17 @@ def _way_back(start, along, aside, most):  # type: ignore[no-untyped-def]
         there = start + turn * along + number(3) * turn * (number(1) - turn) * aside
         lowest, highest = min(lowest, there), max(highest, there)
     return max(-lowest, number(0)) - max(highest - most, number(0))
+
+
+def argument_types():  # type: ignore[no-untyped-def]
+    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    number, line, table, index = float32, float32[::1], float32[:, ::1], int64[::1]
+    strokes, pair = (table, line, index, table, line, line, line, line), types.UniTuple(float32, 2)
+    return (
+        (to_strokes, strokes),
+        (to_colors, (table, index, table, number)),
+        (pull_to_shape, (*strokes, table)),
+        (pull_to_colors, (table, index, table, number)),
+        (bring_inside, (table, line, pair, pair, number, number)),
+        (step, (line,) * 4 + (number,) * 5),
+    )

@@ -8,7 +8,9 @@ as they must.
 """
 
 import numpy as np
-from numba import njit
+from numba import float32, int64, njit, types
+
+from frida_painter.render.spans import spans_type
 
 BAND = 8  # rows
 LANES = 8  # samples are located so many at a time
@@ -218,3 +220,15 @@ def pull_to_strokes(begin, end, affine, boxes, columns, spans, sampled, slope, t
                 middle, line = bordered[(row + 1) * stride + 1 :], to_map[i, row]
                 for column in range(boxes[i, 2], boxes[i, 3]):
                     line[column] = middle[column]
+
+
+def argument_types():  # type: ignore[no-untyped-def]
+    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    line, table, maps, boxes, spans = float32[::1], float32[:, ::1], float32[:, :, ::1], int64[:, ::1], spans_type()
+    some, pair = (int64, int64), types.UniTuple(int64, 2)
+    return (
+        (sample, (*some, maps, maps, boxes, line, spans, int64, table)),
+        (blend, (*some, pair, spans, int64, line, table, maps)),
+        (pull_through, (*some, spans, line, table, maps, maps, table, line, maps)),
+        (pull_to_strokes, (*some, maps, boxes, line, spans, table, line, maps, maps)),
+    )

@@ -5,9 +5,10 @@ recurrences and their derivation are in docs/renderer.md. `share` and `full` are
 """
 
 import numpy as np
-from numba import njit
+from numba import float32, int64, njit, types
 
 from frida_painter.render.kernels import BAND, run
+from frida_painter.render.spans import spans_type
 
 _SUMS = {"reassoc", "contract", "nsz"}
 
@@ -63,8 +64,10 @@ def pull_through(  # type: ignore[no-untyped-def]
                 pixels += np.int64(run(firsts, offsets, segments[i] + y - tops[i])[2])
         if pixels > below.shape[1]:
             below = np.empty((4, pixels), canvas.dtype)
-        mean[:, :rows] = canvas[:, top : top + rows]
-        variance[:rows] = uncertain[top : top + rows]
+        for row in range(rows):  # not by slices: numba compiles half of its strings to say that two do not fit
+            for x in range(width):
+                mean[0, row, x], mean[1, row, x] = canvas[0, top + row, x], canvas[1, top + row, x]
+                mean[2, row, x], variance[row, x] = canvas[2, top + row, x], uncertain[top + row, x]
         at = np.uint64(0)
         for i in range(len(color)):
             red, green, blue = color[i, 0], color[i, 1], color[i, 2]
@@ -117,3 +120,13 @@ def pull_through(  # type: ignore[no-untyped-def]
                     to_mean[1, y, x] = keeps * to_mean[1, y, x] + crossed * below[1, at + p]
                     to_mean[2, y, x] = keeps * to_mean[2, y, x] + crossed * below[2, at + p]
                     to_variance[y, x] *= keeps * keeps + doubt
+
+
+def argument_types():  # type: ignore[no-untyped-def]
+    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    line, table, maps, spans = float32[::1], float32[:, ::1], float32[:, :, ::1], spans_type()
+    some, spread = (int64, int64), types.UniTuple(float32, 2)
+    return (
+        (blend, (*some, types.UniTuple(int64, 2), spans, int64, line, table, spread, maps, table)),
+        (pull_through, (*some, spans, line, table, spread, maps, table, maps, table, line, maps)),
+    )

@@ -9,7 +9,7 @@ so are coverage and sampling gradient, exactly, wherever the box is not touched.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import float32, float64, int32, int64, njit, types
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
@@ -151,3 +151,20 @@ def _clip(least, most, slope, shift, low, high):  # type: ignore[no-untyped-def]
         return 0.0, -1.0
     one_end, other_end = (low - shift) / slope, (high - shift) / slope
     return max(least, min(one_end, other_end)), min(most, max(one_end, other_end))
+
+
+def argument_types():  # type: ignore[no-untyped-def]
+    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    places, boxes, index = float32[:, :, ::1], int64[:, ::1], int64[::1]
+    rows = (float64[::1], index, index)
+    return (
+        (_find_boxes, (places, boxes)),
+        (_find_rows, (places, boxes, int64, int64, *rows)),
+        (_find_columns, (places, boxes, int64, *rows, index, int32[::1], index)),
+    )
+
+
+def spans_type():  # type: ignore[no-untyped-def]
+    """The type of `Spans` to compiled loops."""
+    index = int64[::1]
+    return types.NamedTuple((index, index, index, int32[::1], index), Spans)

@@ -10,6 +10,7 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration
+from frida_painter.compiled import await_loops
 from frida_painter.errors import ConfigError
 from frida_painter.goal import Goal
 from frida_painter.hardware.easel import Easel
@@ -136,6 +137,7 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
             f"--pictures was given {networks.idle_pictures}, and nothing of this goal is made of pictures of things; "
             "leave it out, or give words alone (--text)."
         )
+    await_loops()
     return planner
 
 

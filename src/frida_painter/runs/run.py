@@ -18,6 +18,7 @@ from torch import Tensor
 
 from frida_painter import images, storage
 from frida_painter.calibration import Calibration
+from frida_painter.compiled import LoopCompiler
 from frida_painter.errors import (
     CalibrationError,
     CameraError,
@@ -147,6 +148,7 @@ class PaintingRun:
             raise
 
     def __enter__(self) -> Self:
+        self._stack.enter_context(LoopCompiler())
         if self._reopened is None and self.spec.palette is not None:
             self.mixed = read_palette(self.spec.palette, self.spec.colors)
         threads = torch.get_num_threads()
@@ -233,7 +235,7 @@ class PaintingRun:
 
     def load_easel(self, launch: EaselLaunch | None = None) -> None:
         """Starts the easel's process, which loads while the planner does; or takes over one that was started before."""
-        self._process = self._stack.enter_context(EaselProcess(launch))
+        self._process = self._stack.enter_context(EaselProcess(launch or EaselLaunch(self.spec.robot)))
 
     def start(self, plan: Plan | None = None) -> RunOutcome:
         """Paints it: plan, paint some strokes, look, plan the rest again.

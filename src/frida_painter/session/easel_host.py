@@ -1,8 +1,8 @@
 """The easel's own process: owns robot and camera, does what the painting asks for, and stops when it must.
 
-Started by easel_process.py as `python -m frida_painter.session.easel_host WIRE LINE`, two sockets that
-it inherits: requests come over the first, heartbeats and stops over the second. Nothing that the
-painting process is busy with delays a stop here.
+Started by easel_process.py as `python -m frida_painter.session.easel_host WIRE LINE ROBOT`, two sockets that
+it inherits, and the easel that will be ordered, or nothing: requests come over the first socket, heartbeats
+and stops over the second. Nothing that the painting process is busy with delays a stop here.
 """
 
 import contextlib
@@ -34,7 +34,7 @@ from frida_painter.hardware.lock import RobotLock
 from frida_painter.hardware.timing import Timing
 from frida_painter.hardware.workspace import Workspace
 from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.easels import is_simulated, lock_path, machines, open_easel
+from frida_painter.session.easels import is_simulated, load_easel, lock_path, machines, open_easel
 from frida_painter.session.names import LIVE_PICTURE, STOP_FILE
 from frida_painter.session.opening import prepare_process
 
@@ -59,12 +59,13 @@ _DAY = 86400.0
 _SLOW = _Deadlines(patience=20.0, grace=_DAY, connecting=_DAY, photograph=_DAY, answer=_DAY + 60.0)
 
 
-def main(wire_file: int, line_file: int) -> None:
-    """Waits for the order, opens the easel and serves it until the painting process is done or gone."""
+def main(wire_file: int, line_file: int, robot: str) -> None:
+    """Loads what that robot needs, waits for the order, and serves the easel until the painting is done or gone."""
     # Ctrl-C and a closed terminal concern the painting; it says here what is to be done.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     prepare_process()
+    load_easel(robot)
     wire, line = Wire(socket.socket(fileno=wire_file)), socket.socket(fileno=line_file)
     try:
         order = EaselOrder.of(wire.receive()[0]["order"])
@@ -135,4 +136,4 @@ def _about(easel: Easel) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]))
+    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3])

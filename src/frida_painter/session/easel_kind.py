@@ -26,7 +26,8 @@ class EaselKind:
     name: by which it is registered, and as it is written after --robot; title: what people call it; open: opens
     what is ordered, with robot and camera not connected yet, and raises ConfigError and StorageError;
     simulated: whether no real machine is moved; person: whether somebody paints by hand; needed: what has to be
-    installed for it. The module that holds one imports what computes inside `open`.
+    installed for it; load: loads and compiles what it computes with, before anybody knows what is ordered. The module
+    that holds one imports what computes inside `open` and `load`.
     """
 
     name: str
@@ -35,3 +36,4 @@ class EaselKind:
     simulated: bool
     person: bool = False
     needed: Needed | None = None
+    load: Callable[[], None] = lambda: None

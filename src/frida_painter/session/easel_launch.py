@@ -13,15 +13,17 @@ class EaselLaunch:
 
     Used in a `with` block, which ends the process where nothing took it over. wire, line: this end of the two sockets
     that easel_host.py explains; complaints: what the process says when it dies, never on the painter's terminal.
+    robot: the easel that will be ordered, which is loaded before; nothing is where it is not known yet.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, robot: str = "") -> None:
         self.wire, its_wire = socket.socketpair()
         self.line, its_line = socket.socketpair()
         self.complaints = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the process)
+        sockets = its_wire.fileno(), its_line.fileno()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "frida_painter.session.easel_host", str(its_wire.fileno()), str(its_line.fileno())],
-            pass_fds=(its_wire.fileno(), its_line.fileno()),
+            [sys.executable, "-m", "frida_painter.session.easel_host", *map(str, sockets), robot],
+            pass_fds=sockets,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=self.complaints,

@@ -6,10 +6,11 @@ same for all.
 """
 
 import hashlib
+from contextlib import suppress
 from pathlib import Path
 
 from frida_painter import registry
-from frida_painter.errors import ConfigError
+from frida_painter.errors import ConfigError, FridaError
 from frida_painter.hardware.camera import Camera
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.kinds import CameraKind, RobotKind
@@ -30,6 +31,13 @@ def open_easel(order: EaselOrder) -> OpenEasel:
     if kind in MACHINES:
         return _open_real(order)
     return registry.parts(registry.EASELS)[kind].load(EaselKind).open(order)
+
+
+def load_easel(robot: str) -> None:
+    """Loads what an easel of that name computes with; of one that there is not, opening it will tell."""
+    with suppress(FridaError):
+        if (known := registry.parts(registry.EASELS).get(robot)) is not None:
+            known.load(EaselKind).load()
 
 
 def is_simulated(order: EaselOrder) -> bool:

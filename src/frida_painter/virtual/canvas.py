@@ -187,7 +187,8 @@ def _look(wet, ground, dry, changed, looks, cell):  # type: ignore[no-untyped-de
             if wet[r, c, 0] > 0.0:
                 _film(wet[r, c], wet[r, c, 0], ground[r, c], looks[r, c])
             else:
-                looks[r, c] = ground[r, c]
+                for band in range(3):  # as a slice it would take numba two seconds to compile
+                    looks[r, c, band] = ground[r, c, band]
             for band in range(3):
                 looks[r, c, band] *= light
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from frida_painter import extras
+from frida_painter.compiled import LoopCompiler
 from frida_painter.errors import ConfigError
 from frida_painter.options import CameraOption, PaceOption, RobotOption, WorkspaceOption, whole_number_within
 
@@ -106,7 +107,8 @@ def studio(
         if browser:
             webbrowser.open(links.once)  # others on this machine can read a browser's command line
 
-    serve(store, easel, listen(address, port), tuple(name or ()), tell, stop_port, certified)
+    with LoopCompiler(print):  # while people look at the page; the first plan waits for it
+        serve(store, easel, listen(address, port), tuple(name or ()), tell, stop_port, certified)
 
 
 def _require_address(address: str) -> None:

@@ -107,11 +107,19 @@ def _open_sawyer(order: "EaselOrder") -> OpenEasel:
     return OpenEasel(easel, close)
 
 
-VIRTUAL_KIND = EaselKind("virtual", "virtual studio", _open_virtual, simulated=True)
+def _load() -> None:
+    """Compiles or loads the studio's loops, which are the same for all brushes."""
+    from frida_painter.virtual.kernels import load_kernels
+
+    load_kernels("broad")
+
+
+VIRTUAL_KIND = EaselKind("virtual", "virtual studio", _open_virtual, simulated=True, load=_load)
 SAWYER_KIND = EaselKind(
     "sawyer-sim",
     "Rethink Sawyer, simulated",
     _open_sawyer,
     simulated=True,
     needed=Needed("pip install 'frida-painter[mujoco]'", "mujoco"),
+    load=_load,
 )
