@@ -1,7 +1,11 @@
+import ctypes
 import os
+import resource
 import signal
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 from uuid import uuid4
 
 import cv2
@@ -13,6 +17,12 @@ from snapshots import Snapshots
 
 settings.register_profile("suite", deadline=None)
 settings.load_profile("suite")
+
+_MB = 2**20
+MAX_MEMORY = 1536 * _MB  # of a test process, at any moment
+_MAX_LEFT = 640 * _MB  # in use after a test, above which what is free goes back to the system
+_M_ARENA_MAX = -8  # malloc.h
+_PEAKS = pytest.StashKey[dict[str, int]]()  # bytes, by the name of the test process
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -32,6 +42,52 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ["TRITON_INTERPRET"] = "1"  # read when Triton is imported, by whatever imports it first
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
+    config.stash[_PEAKS] = {}
+    if (library := _glibc()) is not None:  # else each thread's arena keeps what was freed in it
+        library.mallopt(_M_ARENA_MAX, 1)
+
+
+def _glibc() -> ctypes.CDLL | None:
+    """The C library, if it can be told to give memory back."""
+    library = ctypes.CDLL(None) if sys.platform == "linux" else None
+    return library if hasattr(library, "malloc_trim") else None
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol() -> Iterator[None]:
+    """A test process is told to keep what a painting frees (`prepare_process`); it paints a hundred of them."""
+    done = yield
+    if (library := _glibc()) is not None:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        if pages * os.sysconf("SC_PAGE_SIZE") > _MAX_LEFT:
+            library.malloc_trim(0)
+    return done
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any) -> None:
+    """Hears, if xdist is used, how much memory each worker took."""
+    node.config.stash[_PEAKS][node.gateway.id] = getattr(node, "workeroutput", {}).get("peak", 0)
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """A test process that took more than MAX_MEMORY fails the run; the tests' computer may have little."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    if hasattr(session.config, "workeroutput"):  # xdist, which has it told by the process that asked for tests
+        session.config.workeroutput["peak"] = peak
+        return
+    peaks = session.config.stash[_PEAKS]
+    peaks["the test process"] = peak
+    if max(peaks.values()) > MAX_MEMORY and session.exitstatus == pytest.ExitCode.OK:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    peaks = config.stash[_PEAKS]
+    took = ", ".join(f"{name} {peak / _MB:.0f} MB" for name, peak in sorted(peaks.items()))
+    terminalreporter.write_line(f"Memory at most: {took}")
+    if max(peaks.values(), default=0) > MAX_MEMORY:
+        terminalreporter.write_line(f"FAILED: a test process may take {MAX_MEMORY / _MB:.0f} MB", red=True)
 
 
 @pytest.fixture(autouse=True)

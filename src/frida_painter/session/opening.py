@@ -18,7 +18,7 @@ from frida_painter.virtual.table import PlacementError
 
 PAPER = CanvasSize(0.42, 0.297)
 _KEPT, _LARGEST = 512 * 2**20, 32 * 2**20  # bytes that are kept, and of a block that is; mallopt allows no larger one
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # malloc.h
 
 
 def prepare_process() -> None:
@@ -26,12 +26,14 @@ def prepare_process() -> None:
 
     Tensors are small, and torch's idle threads spin: on two cores, planning with torch's default took twice the time.
     An iteration of the planner frees and takes blocks of some MB, which glibc may hand back each time, for
-    some 2,000 page faults; C libraries that cannot be told otherwise are left as they are.
+    some 2,000 page faults; C libraries that cannot be told otherwise are left as they are. All threads take from one
+    arena: of several, each would keep as much for itself.
     """
     torch.set_num_threads(1)
     if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "mallopt"):  # musl has none
         library.mallopt(_M_MMAP_THRESHOLD, _LARGEST)
         library.mallopt(_M_TRIM_THRESHOLD, _KEPT)
+        library.mallopt(_M_ARENA_MAX, 1)
 
 
 def planning_device() -> torch.device:
