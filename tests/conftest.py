@@ -1,4 +1,5 @@
 import ctypes
+import gc
 import os
 import resource
 import signal
@@ -20,8 +21,9 @@ settings.load_profile("suite")
 
 _MB = 2**20
 MAX_MEMORY = 1536 * _MB  # of a test process, at any moment
-_MAX_LEFT = 640 * _MB  # in use after a test, above which what is free goes back to the system
+_MAX_GROWTH = 128 * _MB  # since what is free went back to the system; then it does again
 _M_ARENA_MAX = -8  # malloc.h
+_LEFT = pytest.StashKey[int]()  # bytes in use after that
 _PEAKS = pytest.StashKey[dict[str, int]]()  # bytes, by the name of the test process
 
 
@@ -54,14 +56,20 @@ def _glibc() -> ctypes.CDLL | None:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol() -> Iterator[None]:
-    """A test process is told to keep what a painting frees (`prepare_process`); it paints a hundred of them."""
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """A process that paints keeps what it frees (`prepare_process`); one that tests paints a hundred times."""
     done = yield
-    if (library := _glibc()) is not None:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
-        if pages * os.sysconf("SC_PAGE_SIZE") > _MAX_LEFT:
-            library.malloc_trim(0)
+    library = _glibc()
+    if library is not None and _memory() > item.config.stash.get(_LEFT, 0) + _MAX_GROWTH:
+        gc.collect()  # pictures hang on what refers to itself
+        library.malloc_trim(0)
+        item.config.stash[_LEFT] = _memory()
     return done
+
+
+def _memory() -> int:
+    """Bytes that this process has in use; for Linux."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 @pytest.hookimpl(optionalhook=True)
