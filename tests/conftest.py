@@ -23,6 +23,7 @@ _MB = 2**20
 MAX_MEMORY = 1536 * _MB  # of a test process, at any moment
 _MAX_GROWTH = 128 * _MB  # since what is free went back to the system; then it does again
 _M_ARENA_MAX = -8  # malloc.h
+_MAX_KEPT = 64 * _MB  # of what a painting frees, while it is tested
 _LEFT = pytest.StashKey[int]()  # bytes in use after that
 _PEAKS = pytest.StashKey[dict[str, int]]()  # bytes, by the name of the test process
 
@@ -58,6 +59,8 @@ def _glibc() -> ctypes.CDLL | None:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     """A process that paints keeps what it frees (`prepare_process`); one that tests paints a hundred times."""
+    if (opening := sys.modules.get("frida_painter.session.opening")) is not None:
+        opening._KEPT = _MAX_KEPT
     done = yield
     library = _glibc()
     if library is not None and _memory() > item.config.stash.get(_LEFT, 0) + _MAX_GROWTH:

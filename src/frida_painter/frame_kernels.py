@@ -41,6 +41,8 @@ def pull_back(strokes, metres, to_affine, to_strokes):  # type: ignore[no-untype
 
 def argument_types():  # type: ignore[no-untyped-def]
     """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
-    strokes, metres = types.Tuple((float32[:, ::1], float32[::1])), types.UniTuple(types.UniTuple(float32, 2), 4)
+    strokes = types.Tuple((float32[:, ::1], float32[::1]))  # type: ignore[no-untyped-call]
+    pair = types.UniTuple(float32, 2)  # type: ignore[no-untyped-call]
+    metres = types.UniTuple(pair, 4)  # type: ignore[no-untyped-call]
     affine = float32[:, :, ::1]
     return (place, (strokes, metres, affine)), (pull_back, (strokes, metres, affine, strokes))

@@ -230,7 +230,7 @@ def argument_types():  # type: ignore[no-untyped-def]
     """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
     table, index = float32[:, ::1], int64[:, ::1]
     buffers = (float32[:, :, :, :, ::1], float32[:, :, ::1], table, int64[::1], index, index, index, index, float32)
-    spans, arrays = types.UniTuple(int64, 3), types.NamedTuple(buffers, TableArrays)
+    spans, arrays = types.UniTuple(int64, 3), types.NamedTuple(buffers, TableArrays)  # type: ignore[no-untyped-call]
     return (
         (look_up, (table, spans, arrays, table, float32[:, :, ::1])),
         (pull_back, (table, spans, arrays, table, table, table)),

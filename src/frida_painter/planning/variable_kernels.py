@@ -110,7 +110,8 @@ def _way_back(start, along, aside, most):  # type: ignore[no-untyped-def]
 def argument_types():  # type: ignore[no-untyped-def]
     """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
     number, line, table, index = float32, float32[::1], float32[:, ::1], int64[::1]
-    strokes, pair = (table, line, index, table, line, line, line, line), types.UniTuple(float32, 2)
+    strokes = (table, line, index, table, line, line, line, line)
+    pair = types.UniTuple(float32, 2)  # type: ignore[no-untyped-call]
     return (
         (to_strokes, strokes),
         (to_colors, (table, index, table, number)),

@@ -137,7 +137,8 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
             f"--pictures was given {networks.idle_pictures}, and nothing of this goal is made of pictures of things; "
             "leave it out, or give words alone (--text)."
         )
-    await_loops()
+    if device.type == "cpu":
+        await_loops()
     return planner
 
 
