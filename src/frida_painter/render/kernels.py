@@ -225,7 +225,7 @@ def pull_to_strokes(begin, end, affine, boxes, columns, spans, sampled, slope, t
 def argument_types():  # type: ignore[no-untyped-def]
     """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
     line, table, maps, boxes, spans = float32[::1], float32[:, ::1], float32[:, :, ::1], int64[:, ::1], spans_type()
-    some, pair = (int64, int64), types.UniTuple(int64, 2)
+    some, pair = (int64, int64), types.UniTuple(int64, 2)  # type: ignore[no-untyped-call]
     return (
         (sample, (*some, maps, maps, boxes, line, spans, int64, table)),
         (blend, (*some, pair, spans, int64, line, table, maps)),

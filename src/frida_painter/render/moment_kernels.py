@@ -125,8 +125,9 @@ def pull_through(  # type: ignore[no-untyped-def]
 def argument_types():  # type: ignore[no-untyped-def]
     """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
     line, table, maps, spans = float32[::1], float32[:, ::1], float32[:, :, ::1], spans_type()
-    some, spread = (int64, int64), types.UniTuple(float32, 2)
+    some, pair = (int64, int64), types.UniTuple(int64, 2)  # type: ignore[no-untyped-call]
+    spread = types.UniTuple(float32, 2)  # type: ignore[no-untyped-call]
     return (
-        (blend, (*some, types.UniTuple(int64, 2), spans, int64, line, table, spread, maps, table)),
+        (blend, (*some, pair, spans, int64, line, table, spread, maps, table)),
         (pull_through, (*some, spans, line, table, spread, maps, table, maps, table, line, maps)),
     )

@@ -164,7 +164,7 @@ def argument_types():  # type: ignore[no-untyped-def]
     )
 
 
-def spans_type():  # type: ignore[no-untyped-def]
+def spans_type() -> Any:
     """The type of `Spans` to compiled loops."""
     index = int64[::1]
     return types.NamedTuple((index, index, index, int32[::1], index), Spans)  # type: ignore[no-untyped-call]
