@@ -61,7 +61,8 @@ def test_loops_are_compiled_once_and_it_is_told(one_module: Path) -> None:
 
 
 def test_what_numba_has_kept_no_longer_is_compiled_again(one_module: Path, tmp_path: Path) -> None:
-    compiled.compile_loops(one_module, ("frame_kernels",))
+    with LoopCompiler(folder=one_module):
+        await_loops(one_module)
     assert compiled._is_done(one_module, ("frame_kernels",))
     for kept in (tmp_path / "numba").rglob("*.nbi"):
         kept.unlink()
