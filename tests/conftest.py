@@ -9,6 +9,7 @@ import pytest
 import torch
 from hypothesis import settings
 
+from downloads import pytest_terminal_summary as pytest_terminal_summary  # what was skipped, and why
 from snapshots import Snapshots
 
 settings.register_profile("suite", deadline=None)
@@ -28,6 +29,8 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["OMP_NUM_THREADS"] = "1"  # of processes that are started from here, xdist's workers too
     # Under nohup a program ignores that its terminal was closed; the tests ask what it does where it does not.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # of a run in the background of a script
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if not torch.cuda.is_available():
         os.environ["TRITON_INTERPRET"] = "1"  # read when Triton is imported, by whatever imports it first
     torch.set_num_threads(1)
