@@ -66,7 +66,7 @@ test: lint browser downloads
 	$(BIN)/pytest -n 2 --dist worksteal
 
 quick: install downloads
-	$(BIN)/pytest -n 2 --dist worksteal -m "not slow"
+	$(BIN)/pytest -n 2 --dist worksteal -m "not slow" --hypothesis-profile quick
 
 size:
 	@$(PYTHON) tools/size.py $(if $(SINCE),--since $(SINCE))

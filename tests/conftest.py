@@ -13,6 +13,7 @@ from downloads import pytest_terminal_summary as pytest_terminal_summary  # what
 from snapshots import Snapshots
 
 settings.register_profile("suite", deadline=None)
+settings.register_profile("quick", deadline=None, max_examples=10)  # `make quick` asks for it
 settings.load_profile("suite")
 
 

@@ -22,7 +22,7 @@ from marks import SMALL, shapes, small_library
 
 
 @given(share=st.floats(0.0, 1.0), full=st.floats(0.5, 1.0), seed=st.integers(0, 2**31))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=min(30, settings.default.max_examples), deadline=None)
 def test_the_variance_is_that_of_a_number_which_never_leaves_its_range(share: float, full: float, seed: int) -> None:
     mean = torch.rand(50, generator=torch.Generator().manual_seed(seed))
     variance = CoverageSpread(share, full).variance(mean)

@@ -16,7 +16,7 @@ from scenes import CANVAS, small_table
 CHANNEL = st.floats(0, 1, width=32)
 
 
-@settings(max_examples=25)
+@settings(max_examples=min(25, settings.default.max_examples))
 @given(st.tuples(CHANNEL, CHANNEL, CHANNEL), st.tuples(CHANNEL, CHANNEL, CHANNEL))
 def test_grounds_are_white_the_mean_and_ever_darker_ones(left: tuple[float, ...], right: tuple[float, ...]) -> None:
     half = torch.tensor(left)[:, None, None].expand(3, 64, 32), torch.tensor(right)[:, None, None].expand(3, 64, 32)

@@ -37,7 +37,7 @@ def moved(affine: Tensor, columns: int, rows: int) -> Tensor:
     spread=st.sampled_from((0.5, 1.4, 5.0)),
     seed=st.integers(0, 2**31),
 )
-@settings(max_examples=60)
+@settings(max_examples=min(60, settings.default.max_examples))
 def test_it_equals_the_reference_with_every_gradient(
     composite: Composite,
     n: int,
@@ -194,7 +194,7 @@ def test_strokes_apart_commute(composite: Composite) -> None:
 
 
 @given(seed=st.integers(0, 2**31))
-@settings(max_examples=15)
+@settings(max_examples=min(15, settings.default.max_examples))
 def test_turning_the_scene_turns_the_picture(composite: Composite, seed: int) -> None:
     tensors = scene(8, (6, 7), (24, 24), seed)
     turned = composite(*turned_a_quarter(tensors))
@@ -202,7 +202,7 @@ def test_turning_the_scene_turns_the_picture(composite: Composite, seed: int) ->
 
 
 @given(seed=st.integers(0, 2**31), column=st.integers(0, 20), row=st.integers(0, 15))
-@settings(max_examples=15)
+@settings(max_examples=min(15, settings.default.max_examples))
 def test_part_of_the_canvas_shows_part_of_the_picture(composite: Composite, seed: int, column: int, row: int) -> None:
     tensors = scene(8, (6, 7), (24, 31), seed)
     part = composite(

@@ -40,7 +40,7 @@ def with_gradients(composite, tensors: Scene, spread: CoverageSpread) -> list[Te
     full=st.floats(0.05, 1),
     seed=st.integers(0, 2**31),
 )
-@settings(max_examples=30)
+@settings(max_examples=min(30, settings.default.max_examples))
 def test_it_equals_the_reference_with_every_gradient(
     composite, n: int, cells: tuple[int, int], pixels: tuple[int, int], scale: float, share: float, full: float,
     seed: int,

@@ -56,7 +56,7 @@ def of_some(composite, tensors: Scene, rows: Rows) -> list[Tensor]:
     first=st.integers(0, 8),
     seed=st.integers(0, 2**31),
 )
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=min(15, settings.default.max_examples), deadline=None)
 def test_a_path_that_sees_some_rows_equals_the_reference_on_all(
     composite, n: int, cells: tuple[int, int], pixels: tuple[int, int], scale: float, every: int, first: int, seed: int
 ) -> None:

@@ -54,7 +54,7 @@ def both(tensors: Scene, spread: CoverageSpread) -> tuple[list[Tensor], list[Ten
     full=st.floats(0.05, 1),
     seed=st.integers(0, 2**31),
 )
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=min(20, settings.default.max_examples), deadline=None)
 def test_it_equals_the_reference_with_every_gradient(
     n: int, cells: tuple[int, int], pixels: tuple[int, int], scale: float, share: float, full: float, seed: int
 ) -> None:
