@@ -191,6 +191,7 @@ def waited_for(by: Planner, iterations: int) -> list[str]:
     return noted
 
 
+@pytest.mark.slow
 def test_no_iteration_waits_for_the_device(laid_without_waiting) -> None:
     with elsewhere() as device:
         by = planner(goal(), device)
@@ -198,6 +199,7 @@ def test_no_iteration_waits_for_the_device(laid_without_waiting) -> None:
     assert Counter(more) - Counter(few) == {"tolist": 2}  # of eight iterations each
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "term",
     [StyleTerm(1 - picture()), SemanticTerm(picture()), SketchTerm(LINES), TextTerm("a lemon", 0.5)],
@@ -236,6 +238,7 @@ def test_colours_are_as_light_on_the_device() -> None:
     torch.testing.assert_close(there.held, exact, rtol=0, atol=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("failing", [{5}, {5, 6}, {5, 12, 20}])
 def test_losses_that_are_not_finite_are_noticed_late_on_a_device_and_do_no_harm(
     failing: set[int], laid_without_waiting

@@ -33,6 +33,7 @@ def planner(picture: torch.Tensor) -> Planner:
     return Planner(wanted, CANVAS, small_table(), rows=64, effort=Effort().scaled(0.2))
 
 
+@pytest.mark.slow
 def test_a_dark_picture_is_painted_on_a_dark_ground_and_a_light_one_on_white() -> None:
     dark = torch.full((3, 64, 85), 0.15)
     dark[:, 20:30, 20:60] = 0.9
@@ -70,6 +71,7 @@ def test_around_things_the_commonest_colour_is_the_ground() -> None:
     assert ground_around_things(by) == pytest.approx((0.8, 0.8, 0.8), abs=0.003)
 
 
+@pytest.mark.slow
 def test_no_ground_is_darker_than_the_darkest_paint() -> None:
     black = torch.zeros(3, 64, 85)
     by = planner(black)

@@ -150,6 +150,7 @@ def test_each_brush_paints_its_layer_in_paints_of_its_own() -> None:
     assert by.expected_loss(plan, BARE) < by.expected_loss(first, BARE)
 
 
+@pytest.mark.slow
 def test_new_paints_are_chosen_again_where_their_layer_begins_and_stay_once_it_has() -> None:
     by = two_brushes(layers=2, new_paints=True)
     plan = by.plan(BARE, 24, 4)

@@ -65,6 +65,7 @@ def test_no_paint_is_darker_than_the_darkest_one_and_the_forecast_knows() -> Non
     assert torch.equal(again.palette.color, plans[0].palette.color), "paints that are mixed are what they are"
 
 
+@pytest.mark.slow
 def test_what_a_camera_sees_of_a_bare_canvas_makes_the_same_plan() -> None:
     seen = BARE - 0.01 * torch.rand(BARE.shape, generator=torch.Generator().manual_seed(0))
     assert planner().plan(seen, 8, 3).digest == planner().plan(None, 8, 3).digest
@@ -73,6 +74,7 @@ def test_what_a_camera_sees_of_a_bare_canvas_makes_the_same_plan() -> None:
     assert planner().plan(painted, 8, 3).digest != planner().plan(None, 8, 3).digest
 
 
+@pytest.mark.slow
 def test_the_same_seed_makes_the_same_plan_bit_for_bit() -> None:
     one, same, other = (planned(12, seed=seed) for seed in (5, 5, 6))
     assert one.digest == same.digest != other.digest
@@ -147,6 +149,7 @@ def test_planning_again_the_same_gives_the_same() -> None:
     assert len(digests) == 1
 
 
+@pytest.mark.slow
 def test_planning_a_quarter_again_takes_a_small_part_of_the_work() -> None:
     by = planner(effort=Effort().scaled(0.3))
     plan = by.plan(BARE, 64, 6, lambda step: None)  # warm
@@ -196,6 +199,7 @@ def test_pictures_alone_are_planned_without_any_network_and_whatever_is_given_th
     assert by.plan(BARE, 8, 3, lambda step: None).digest == planned(8, 3).digest
 
 
+@pytest.mark.slow
 def test_a_style_changes_the_plan_and_is_come_nearer_to() -> None:
     effort = Effort().scaled(0.1)
     wanted = Goal((ImageTerm(picture(120, 160)), StyleTerm(1 - picture(), 3.0)))
@@ -207,6 +211,7 @@ def test_a_style_changes_the_plan_and_is_come_nearer_to() -> None:
     assert len(again) == 8
 
 
+@pytest.mark.slow
 def test_meaning_is_come_nearer_to_and_planning_again_never_leads_away() -> None:
     """That it comes nearer than by pixels is for networks that see something, in the experiment `semantic`."""
 

@@ -51,6 +51,7 @@ def test_it_equals_the_reference_with_every_gradient(
     assert_same(with_gradients(composite, tensors), with_gradients(reference.composite, tensors))
 
 
+@pytest.mark.slow
 def test_thousands_of_strokes_over_one_another_equal_the_reference(composite: Composite) -> None:
     tensors = scene(2000, (5, 7), (9, 8), spread=0.6)
     assert_same(with_gradients(composite, tensors), with_gradients(reference.composite, tensors))
@@ -84,6 +85,7 @@ def test_maps_that_are_squeezed_flat_or_pulled_without_end(composite: Composite,
     assert_same(with_gradients(composite, tensors), with_gradients(reference.composite, tensors))
 
 
+@pytest.mark.slow
 def test_gradcheck(composite: Composite) -> None:
     tensors = scene(4, (4, 5), (7, 8), seed=3, spread=1.0)
     assert torch.autograd.gradcheck(composite, [tensor.requires_grad_() for tensor in tensors])

@@ -30,6 +30,7 @@ def with_gradients(composite, tensors: Scene, spread: CoverageSpread) -> list[Te
     return [mean.detach(), variance.detach(), *zeros]
 
 
+@pytest.mark.slow
 @PATHS
 @given(
     n=st.integers(0, 12),

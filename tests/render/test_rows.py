@@ -46,6 +46,7 @@ def of_some(composite, tensors: Scene, rows: Rows) -> list[Tensor]:
     return [mean.detach(), variance.detach(), *gradients]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("composite", PATHS, ids=lambda path: path.__module__.rpartition(".")[2])
 @given(
     n=st.integers(1, 12),

@@ -137,6 +137,7 @@ def test_other_surroundings_are_not_believed(painted: VirtualStudio, bare: BareC
         light_by_margin(photograph, record, SIZE)
 
 
+@pytest.mark.slow
 def test_the_canvas_calibration_keeps_a_bare_canvas_and_no_other(painted: VirtualStudio, tmp_path: Path) -> None:
     opened = studio()
     found = lead(canvas_procedure(opened.easel), lambda question: question.proposal)

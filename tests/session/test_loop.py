@@ -88,6 +88,7 @@ def test_a_resumed_painting_gets_the_frames_of_what_it_still_paints() -> None:
     assert len(frames) == 3 and frames[-1] == 12 and min(frames) >= 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("strokes", "replans"), [(1, 0), (1, 4), (3, 1), (7, 3), (5, 50), (12, 11)])
 def test_exactly_so_many_strokes_are_painted(strokes: int, replans: int) -> None:
     """Fault F35: unusual counts of strokes and batches."""
@@ -111,6 +112,7 @@ def test_events_come_in_the_order_in_which_things_happen() -> None:
     assert evening.heard[-1].expected.mean() == pytest.approx(0.998), "what the last two strokes were to make of it"
 
 
+@pytest.mark.slow
 def test_what_is_left_is_planned_again_from_what_was_seen_after_each_batch() -> None:
     evening = Evening(10, replans=4)
     evening.run()
@@ -119,6 +121,7 @@ def test_what_is_left_is_planned_again_from_what_was_seen_after_each_batch() -> 
     assert all(seen is canvas for seen, canvas in zip(looks, evening.planner.canvases, strict=False))
 
 
+@pytest.mark.slow
 def test_after_each_batch_the_robot_is_sent_where_strokes_land_as_they_are_meant_to() -> None:
     aimed = Evening(6, replans=2, colors=3)  # of each paint a batch, so that both are painted in one order
     aimed.run()
@@ -143,6 +146,7 @@ def test_the_arm_steps_aside_before_every_look_and_the_brush_ends_clean() -> Non
     assert labels[-3:] == ["rinse", "wipe", "home"]
 
 
+@pytest.mark.slow
 def test_wells_are_filled_once_before_the_first_dip() -> None:
     evening = Evening(5, replans=3, colors=3)
     evening.run()
@@ -296,6 +300,7 @@ def test_between_layers_paint_dries_and_then_the_next_one_is_planned_anew_on_wha
     assert sum(evening.easel.operator.dried) == 2 * DRYING
 
 
+@pytest.mark.slow
 def test_a_look_inside_a_layer_does_not_begin_one() -> None:
     evening = layered(replans=3, layers=(5, 3))
     evening.run()
@@ -326,6 +331,7 @@ def of_brushes(*brushes: str, **rest: object) -> Evening:
     return Evening(2 * len(brushes), 1, colors=2, planner=planner, **rest)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_each_layer_is_painted_with_its_brush_which_is_asked_for_when_it_changes() -> None:
     evening = of_brushes("small", "large", "large", "small")
     evening.run()

@@ -30,6 +30,7 @@ def painted(**settings: object) -> tuple[Evening, float]:
     return evening, told(evening)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.2])
 def test_as_many_strokes_are_painted_as_there_is_time_for(share: float) -> None:
     whole = needed(replans=3)

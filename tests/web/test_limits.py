@@ -28,6 +28,7 @@ def test_bodies_that_are_too_large_are_refused(tmp_path: Path, path: str, most: 
     assert visitor.post(path, content=b"x" * most).status_code == 422
 
 
+@pytest.mark.slow
 def test_haste_is_refused_but_a_stop_never_is(tmp_path: Path) -> None:
     visitor = Studio(tmp_path).visitor()
     codes = {visitor.get("/api/paintings").status_code for _ in range(400)}

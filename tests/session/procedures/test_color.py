@@ -114,6 +114,7 @@ def test_a_checker_that_lies_upside_down_or_askew_is_read_all_the_same(turn):
     assert np.abs(np.array(turned.affine) - np.array(straight.affine)).max() < 0.03
 
 
+@pytest.mark.slow
 def test_corners_given_by_a_person_may_begin_anywhere_and_run_either_way():
     studio = studio_with()
     wanted = lead(color(studio.easel), proposal)

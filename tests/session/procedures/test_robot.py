@@ -73,6 +73,7 @@ def strokes_off(studio: VirtualStudio, easel: Easel, count: int, seed: int) -> n
     return np.array(off)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_strokes_land_where_they_are_meant_to(seed: int) -> None:
     studio = opened(seed)
@@ -86,6 +87,7 @@ def test_strokes_land_where_they_are_meant_to(seed: int) -> None:
     assert "16 of 16 dots" in found.sentence
 
 
+@pytest.mark.slow
 def test_two_dots_may_be_missing() -> None:
     studio = opened(3, faults=Faults(dropped_touches=frozenset([0, 9])))
     easel, found = calibrated(studio)
@@ -117,6 +119,7 @@ def spotted(easel: Easel, spots: int) -> Easel:
     return replace(easel, robot=Dripping())
 
 
+@pytest.mark.slow
 def test_spots_that_are_no_dots_are_survived() -> None:
     studio = opened(4)
     record = lead(canvas(studio.easel), proposal).enter(studio.easel.calibration)

@@ -32,6 +32,7 @@ def undisturbed():
     return paint(paper_studio().easel, notify=progress.append), progress
 
 
+@pytest.mark.slow
 def test_each_stroke_is_painted_photographed_and_told(undisturbed):
     finding, progress = undisturbed
     assert len(finding.library) == COUNT
@@ -66,6 +67,7 @@ def test_a_crop_holds_the_whole_frame_of_the_brush(undisturbed):
     assert frame.bottom <= wanted.bottom < wanted.top <= frame.top
 
 
+@pytest.mark.slow
 def test_the_contact_sheet_and_the_record(undisturbed, tmp_path):
     easel = paper_studio().easel
     assert undisturbed[0].picture.shape[0] == 3
