@@ -1,6 +1,6 @@
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from uuid import uuid4
 
@@ -10,6 +10,7 @@ import torch
 from hypothesis import settings
 
 from downloads import pytest_terminal_summary as pytest_terminal_summary  # what was skipped, and why
+from killing import forked_easels, fresh_easels
 from snapshots import Snapshots
 
 settings.register_profile("suite", deadline=None)
@@ -36,6 +37,20 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ["TRITON_INTERPRET"] = "1"  # read when Triton is imported, by whatever imports it first
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _forked_easels() -> Iterator[None]:
+    """Easels' processes load nothing again; where they are started as people have them, tests ask for `fresh_easel`."""
+    with forked_easels():
+        yield
+
+
+@pytest.fixture
+def fresh_easel() -> Iterator[None]:
+    """Easels' processes are started as people have them, by an interpreter of their own."""
+    with fresh_easels():
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -164,7 +164,7 @@ def test_a_stopped_painting_is_gone_on_with_to_its_last_stroke(stopped: Path) ->
 
 @pytest.mark.slow
 def test_a_finished_painting_teaches_its_calibration_record(photo: Path, tmp_path: Path) -> None:
-    wanted = RunSpec.of(goal=[{"image": str(photo)}], strokes=12, replans=1, **SMALL)
+    wanted = RunSpec.of(goal=[{"image": str(photo)}], strokes=12, replans=1, film=False, **SMALL)
     with PaintingRun(wanted, tmp_path / "first") as run:
         outcome = run.start()
         placement = run.session.brushwork.placement if run.session else None

@@ -33,6 +33,7 @@ def look(easel: Easel) -> str:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("fresh_easel")
 def test_the_painting_is_the_same_to_the_byte_and_so_is_all_that_is_known(tmp_path: Path) -> None:
     order = order_in(tmp_path / "one")
     with easel_of(order) as (away, _):
@@ -71,6 +72,7 @@ def test_a_killed_painting_goes_on_in_the_next_process(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("fresh_easel")
 def test_when_the_painting_process_hangs_up_the_easels_ends_as_well(tmp_path: Path) -> None:
     with EaselLaunch() as launch, EaselProcess(launch) as process:
         process.open(order_in(tmp_path)).robot.connect()
@@ -79,6 +81,7 @@ def test_when_the_painting_process_hangs_up_the_easels_ends_as_well(tmp_path: Pa
         os.kill(pid, 0)
 
 
+@pytest.mark.usefixtures("fresh_easel")
 def test_a_process_that_was_started_and_taken_over_by_nobody_ends_with_its_block() -> None:
     with pytest.raises(ConfigError), EaselLaunch() as launch:
         raise ConfigError("nothing is painted")
