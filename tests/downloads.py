@@ -54,6 +54,8 @@ def give_up(reason: str) -> NoReturn:
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> Generator[None, object, object]:
     """Writes what was skipped, and why, after all else that pytest tells of a run but its last line."""
     result = yield
+    if terminalreporter.config.option.collectonly:
+        return result
     for line in skips_by_reason(terminalreporter.stats.get("skipped", [])):
         terminalreporter.write_line(line)
     return result

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -158,6 +159,38 @@ class ForkedProcess:
             sys.stdout.flush()
             sys.stderr.flush()
             os._exit(status)
+
+
+class ForkedCommand(ForkedProcess):
+    """`frida-painter WORD ...` in a process that is forked; nobody types anything, and what it says is kept."""
+
+    def __init__(self, folder: Path, *words: str, env: Mapping[str, str] | None = None) -> None:
+        self._out = tempfile.TemporaryFile("w+")  # noqa: SIM115 (`close` closes both)
+        self._err = tempfile.TemporaryFile("w+")  # noqa: SIM115
+
+        def work() -> None:
+            from frida_painter import cli
+
+            sys.argv = ["frida-painter", *words]
+            cli.main()
+
+        super().__init__(work, stdout=self._out, stderr=self._err, cwd=folder, env={**os.environ, **(env or {})})
+
+    def communicate(self, timeout: float | None = None) -> tuple[str, str]:
+        """What it said on standard output and standard error, once it has ended. Raises TimeoutExpired."""
+        self.wait(timeout)
+        said = []
+        for file in (self._out, self._err):
+            file.seek(0)
+            said.append(file.read())
+        return said[0], said[1]
+
+    def close(self) -> None:
+        """Ends it in any case."""
+        self.kill()
+        self.wait()
+        self._out.close()
+        self._err.close()
 
 
 class _ForkedEasel(ForkedProcess):

@@ -80,6 +80,7 @@ def test_the_package_alone_loads_nothing() -> None:
     assert len(loaded) < 120
 
 
+@pytest.mark.slow
 def test_the_planner_loads_no_network_and_no_rare_format() -> None:
     loaded = modules_after("from frida_painter import Planner")
     assert "torch" in loaded and "frida_painter.planning.planner" in loaded

@@ -30,6 +30,7 @@ def original():
     return program("original")
 
 
+@pytest.mark.slow
 def test_the_comparator_paints_what_the_renderer_paints():
     size, network = CanvasSize(0.3556, 0.2794), load_stroke_model("broad")
     strokes = uniform(12, network.limits, size, torch.Generator().manual_seed(0))
@@ -95,6 +96,7 @@ def test_a_painting_that_is_killed_while_it_finishes_is_resumed_whole(tmp_path):
     assert (kill.wrong, kill.painted) == ("", 4)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU here")
 def test_without_a_gpu_its_benchmark_says_what_to_do():
     done = subprocess.run([sys.executable, str(BENCHMARKS / "gpu.py")], capture_output=True, text=True, timeout=120)

@@ -40,6 +40,7 @@ def test_the_gradient_is_the_true_one():
     assert scaled
 
 
+@pytest.mark.slow
 def test_fitting_finds_the_ribbon_that_painted_a_library():
     model = BezierStroke("small", small_frame(), SMALL.limits, RibbonShape.typical(0.005))
     thickness, length, bend = shapes(12)

@@ -22,6 +22,7 @@ def test_it_stands_in_for_its_model(table):
     assert error.mean() < 0.01
 
 
+@pytest.mark.slow
 def test_it_stands_in_for_the_shipped_network_as_well_as_the_docs_say():
     model = load_stroke_model("broad")
     thickness, along, aside = torch.rand(3, 100, generator=torch.Generator().manual_seed(5))
@@ -31,6 +32,7 @@ def test_it_stands_in_for_the_shipped_network_as_well_as_the_docs_say():
     assert error.mean() < 0.002
 
 
+@pytest.mark.slow
 def test_slopes_are_those_of_the_value():
     table = StrokeTable.of(ribbon(12, 20).double(), torch.zeros((), dtype=torch.float64), DETAIL)
     thickness, length, bend = (part[:4] for part in shapes(8, seed=2, dtype=torch.float64))

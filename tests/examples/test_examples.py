@@ -92,6 +92,7 @@ def test_scripts_are_short_and_use_public_names_only(name: str) -> None:
     assert not foreign(source)
 
 
+@pytest.mark.slow
 def test_a_photograph_is_planned_and_printed_large(tmp_path: Path) -> None:
     script("plan_photograph")(PHOTO, str(tmp_path), **TINY)
     assert len(fp.Plan.load(tmp_path / "plan.json")) == 6
@@ -121,6 +122,7 @@ def test_a_stroke_model_of_ones_own_draws_the_plan(tmp_path: Path) -> None:
     assert float(drawn.min()) < 0.9 and not torch.equal(drawn, painted)
 
 
+@pytest.mark.slow
 def test_a_photograph_is_painted_in_the_virtual_studio(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -131,6 +133,7 @@ def test_a_photograph_is_painted_in_the_virtual_studio(
     assert "4 strokes: " in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_listener_is_told_of_every_look(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

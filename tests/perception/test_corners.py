@@ -61,6 +61,7 @@ CLUTTERED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "drawn",
     [
@@ -127,6 +128,7 @@ def test_corners_that_a_person_points_at_roughly_become_exact() -> None:
     assert trace_outline(photograph(noise=0.0), nowhere, reach=8) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 7])
 def test_in_the_virtual_studio(seed: int) -> None:
     studio = open_studio(CanvasSize.parse("14x11in"), seed=seed)

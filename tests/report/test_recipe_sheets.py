@@ -24,6 +24,7 @@ def test_sheets_and_recipes_are_there_when_it_has_finished(tmp_path: Path) -> No
     assert sheets.finish() == (found, 0), "finishing again changes nothing"
 
 
+@pytest.mark.slow
 def test_sheets_are_made_again_only_where_the_paints_are_new(tmp_path: Path) -> None:
     plan = PLAN.under(made_up_plan(6, 3, seed=5))
     (upper,) = plan.part(slice(6, None)).filled_layers()

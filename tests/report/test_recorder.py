@@ -81,6 +81,7 @@ def named(page: str) -> set[str]:
     return {name for name in re.findall(r'(?:src|href|poster)="([^"]+)"', page) if not name.startswith(("#", "data:"))}
 
 
+@pytest.mark.slow
 def test_everything_that_was_promised_is_in_the_folder_and_the_page_names_only_what_is_there(tmp_path: Path) -> None:
     page, result = recorded(tmp_path, an_evening(), whole())
     assert page == tmp_path / "index.html"

@@ -55,6 +55,7 @@ def test_a_brush_is_drawn_out_of_its_fork_and_put_back_on_the_same_way() -> None
     assert [each.label for each in motion.change("", "large")] == [LARGE_TAKEN]
 
 
+@pytest.mark.slow
 def test_every_layer_is_painted_with_its_brush_and_all_stand_in_the_rack_in_the_end(tmp_path: Path) -> None:
     painted = evening("small", "large", "large", journal=Journal.begin(tmp_path, {}, {}))
     assert painted.run().painted == 6

@@ -148,6 +148,7 @@ def test_braking_takes_a_tenth_of_a_second_and_a_few_millimetres(hand):
     hand.studio.robot._tip = body.tip
 
 
+@pytest.mark.slow
 def test_the_same_seed_paints_the_same_and_another_does_not():
     def painted(seed):
         hand = sawyer([0.1, 0.2, 0.6], seed=seed, error=None)
@@ -162,6 +163,7 @@ def test_the_same_seed_paints_the_same_and_another_does_not():
     assert (painted(4)[0] != tip).any()
 
 
+@pytest.mark.slow
 def test_a_studio_that_is_opened_again_goes_on_with_the_arm_as_it_was(tmp_path):
     def first_half(hand):
         hand.dip(0)
