@@ -138,7 +138,8 @@ class ForkedProcess:
             for kept in sorted(pass_fds):
                 os.closerange(first, kept)
                 first = kept + 1
-            os.closerange(first, os.sysconf("SC_OPEN_MAX") if os.sysconf("SC_OPEN_MAX") < 2**20 else 2**20)
+            limit = os.sysconf("SC_OPEN_MAX")
+            os.closerange(first, limit if 0 < limit < 2**20 else 2**20)
             sys.stdin = os.fdopen(0, "r", closefd=False)
             sys.stdout = os.fdopen(1, "w", closefd=False)
             sys.stderr = os.fdopen(2, "w", closefd=False)

@@ -13,6 +13,7 @@ def sheet(rows: int = 120, columns: int = 160) -> torch.Tensor:
     return paper
 
 
+@pytest.mark.slow
 def test_a_clean_drawing_stays_as_it_is() -> None:
     torch.testing.assert_close(cleaned(sheet()), sheet())
 

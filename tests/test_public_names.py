@@ -29,6 +29,7 @@ def modules_after(program: str) -> set[str]:
     return set(json.loads(done.stdout.splitlines()[-1]))
 
 
+@pytest.mark.slow
 def test_the_names_are_few_and_each_is_explained() -> None:
     assert 1 <= len(frida_painter.__all__) <= MOST_NAMES
     assert frida_painter.__all__ == sorted(frida_painter.__all__)

@@ -83,6 +83,7 @@ def test_a_few_hostile_command_lines_are_refused_in_order(tmp_path):
     assert any(one.status == 2 for one in outcomes)
 
 
+@pytest.mark.slow
 def test_every_command_but_two_is_tried_with_all_that_it_takes():
     known = {one.path: one for one in program("hostile_commands").commands()}
     assert {("paint",), ("resume",), ("strokes", "train"), ("experiments", "replanning")} <= set(known)

@@ -19,6 +19,7 @@ def saved(tmp_path: Path) -> Path:
     return tmp_path / "small.safetensors"
 
 
+@pytest.mark.slow
 def test_maps_have_the_frames_cells_and_are_magnitudes():
     maps = StrokeField.fresh(SMALL)(*shapes(70)).detach()
     assert maps.shape == (70, SMALL.frame.rows, SMALL.frame.columns)

@@ -14,6 +14,7 @@ def table() -> StrokeTable:
     return StrokeTable.of(ribbon(), detail=DETAIL)
 
 
+@pytest.mark.slow
 def test_it_stands_in_for_its_model(table):
     model = ribbon()
     assert (table.brush, table.frame, table.limits) == (model.brush, model.frame, model.limits)
@@ -85,6 +86,7 @@ def test_the_compiled_loops_give_what_plain_pytorch_does(parts):
     torch.testing.assert_close(slope, plain_slope, atol=2e-5 * float(plain_slope.abs().amax()), rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_windows_hold_all_paint_where_they_say_it_is(dtype):
     table = StrokeTable.of(ribbon().to(dtype), torch.zeros((), dtype=dtype), DETAIL)

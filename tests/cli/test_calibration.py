@@ -93,6 +93,7 @@ def record(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_brush")
 @pytest.mark.parametrize("command", ["paint", "doctor", "calibrate"])
 @pytest.mark.parametrize(

@@ -95,6 +95,7 @@ def test_the_same_seed_makes_the_same_plan(run: Run, photo: Path, tmp_path: Path
     assert one == same != other
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_brush")
 def test_settings_come_from_a_file_and_the_canvas_turns_with_the_picture(run: Run, photo: Path, tmp_path: Path) -> None:
     (tmp_path / "my.toml").write_text(

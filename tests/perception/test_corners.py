@@ -82,10 +82,12 @@ def test_the_corners_are_found_to_a_part_of_a_pixel(drawn) -> None:
     assert outline.support > 0.5
 
 
+@pytest.mark.slow
 def test_paint_beyond_a_corner_costs_little() -> None:
     assert off(find_canvas(photograph(on_canvas=PAINTED), SIZE).corners) < 1.0
 
 
+@pytest.mark.slow
 def test_edges_that_are_bowed_tell_the_lens() -> None:
     outline = find_canvas(photograph(lens=BARREL), SIZE)
     assert outline.lens is not None

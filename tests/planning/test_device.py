@@ -111,6 +111,7 @@ def test_every_kind_of_goal_is_seen_on_the_device() -> None:
     assert len(plan) == 4 and plan.strokes.color.device.type == "cpu"
 
 
+@pytest.mark.slow
 @torch.no_grad()
 def test_networks_see_on_the_device_what_they_see_on_the_cpu(tmp_path) -> None:
     clip, tower = Clip.load(write_clip(tmp_path)), ClipResNet(resnet_tensors())

@@ -77,6 +77,7 @@ def test_no_stroke_is_proposed_where_later_layers_cover_the_canvas() -> None:
     assert not bool(covered[row, column].all()) and float(covered[row, column].float().mean()) < 0.25
 
 
+@pytest.mark.slow
 def test_parts_become_better_together_than_each_alone() -> None:
     on = varying()
     alone, below, greedy = [], on.canvas, []

@@ -66,6 +66,7 @@ def test_a_path_that_sees_some_rows_equals_the_reference_on_all(
     assert_same(of_some(composite, tensors, rows), of_all(tensors, rows))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spread", [CERTAIN, VARIES], ids=["certain", "varies"])
 @pytest.mark.parametrize("rows", [Rows(2, 1), Rows(4, 0), Rows(5, 3)], ids=str)
 def test_strokes_are_rendered_on_some_rows_as_on_all(rows: Rows, spread: CoverageSpread) -> None:

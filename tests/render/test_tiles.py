@@ -88,6 +88,7 @@ def test_a_colour_that_is_not_finite_spoils_all_of_it_and_its_gradients() -> Non
     assert all(bool(part.isnan().all()) for part in gradients[:3])
 
 
+@pytest.mark.slow
 def test_gradients_to_bare_cells_are_left_out_where_nobody_asks() -> None:
     magnitude, affine, color, canvas = (tensor.to(DEVICE) for tensor in scene(5, (6, 8), (12, 14)))
     found = []

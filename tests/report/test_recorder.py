@@ -129,6 +129,7 @@ def test_the_figures_are_those_of_the_evening(tmp_path: Path) -> None:
     assert between["psnr_db"] == pytest.approx(21.9, abs=0.1), "0.42 against 0.5"
 
 
+@pytest.mark.slow
 def test_the_plan_on_record_is_what_was_painted(tmp_path: Path) -> None:
     evening = an_evening()
     evening[-1:-1] = [TouchCorrected("medium", 0.0005, 6), TouchCorrected("medium", 0.0012, 6)]

@@ -70,6 +70,7 @@ def stopping_after_three(photo: Path, heard: list[Event], folder: Path | None = 
     return PaintingRun(spec, folder, listeners=[hear], controls=Controls(stop_asked=stop.is_set))
 
 
+@pytest.mark.slow
 def test_a_plan_is_made_without_an_easel_or_a_folder(photo: Path) -> None:
     with PaintingRun(RunSpec.of(goal=[{"image": str(photo)}], strokes=4, **SMALL)) as run:
         plan = run.plan()

@@ -112,6 +112,7 @@ def test_a_canvas_that_has_the_ground_already_is_not_asked_about(bare: BareCanva
     assert error(toned, observer.look(0.0, ROWS)) < 0.04
 
 
+@pytest.mark.slow
 def test_a_bare_canvas_teaches_the_light_as_before(bare: BareCanvas) -> None:
     plain, aware = studio(), studio()
     one = CanvasObserver(plain.easel).look(0.0, ROWS)

@@ -92,6 +92,7 @@ def test_what_is_left_gets_shorter_where_a_look_makes_it_longer() -> None:
     assert spent is not None and spent.painted == len(evening.painted())
 
 
+@pytest.mark.slow
 def test_a_plan_in_mixed_paints_that_is_being_shortened_is_given_up_where_a_person_has_another_adopted() -> None:
     whole = needed(replans=0)
 

@@ -20,6 +20,7 @@ def test_a_bucket_fills_again_as_time_goes_by() -> None:
     assert [bucket.take("a") for _ in range(2)] == [True, False]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("path", "most"), [("/api/paintings", MOST_BODY), ("/api/pictures", MOST_UPLOAD)])
 def test_bodies_that_are_too_large_are_refused(tmp_path: Path, path: str, most: int) -> None:
     visitor = Studio(tmp_path).visitor()

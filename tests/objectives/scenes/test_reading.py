@@ -136,6 +136,7 @@ def test_without_the_grammar_a_prompt_is_one_thing() -> None:
     assert PromptReader(None).read("a red fox in the snow").things == (Thing("red fox in the snow", "snow"),)
 
 
+@pytest.mark.slow
 def test_a_folder_without_the_grammar_is_refused(tmp_path: Path) -> None:
     with pytest.raises(WeightsError, match="fetch english again"):
         PromptReader(tmp_path)

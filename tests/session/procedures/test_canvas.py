@@ -31,6 +31,7 @@ def ignorant(easel: Easel) -> Easel:
     return replace(easel, calibration=replace(easel.calibration, corners=somewhere, lens=None))
 
 
+@pytest.mark.slow
 def test_the_proposal_is_right_and_enters_the_record(studio: VirtualStudio) -> None:
     easel = ignorant(studio.easel)
     found = lead(canvas(easel), lambda question: question.proposal)

@@ -129,6 +129,7 @@ def test_spots_that_are_no_dots_are_survived() -> None:
     assert strokes_off(studio, replace(easel, calibration=found.enter(record)), 4, 4).mean() < 0.0005
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("faults", "says"),
     [
@@ -143,6 +144,7 @@ def test_what_would_be_a_wrong_placement_is_refused(faults: Faults, says: str) -
         lead(robot(opened(6, faults=faults).easel), proposal)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sign", "says"), [((-1, 1), "mirrored from left"), ((1, -1), "mirrored from top"), ((-1, -1), "upside")]
 )

@@ -66,6 +66,7 @@ def test_its_motions_take_the_time_that_is_told_of_them(hand):
     assert report.finished_at - report.started_at == pytest.approx(told, abs=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "says"),
     [((1.3, 0.0, 0.1), "reaches from"), ((0.76, -0.52, 0.199), "does not reach"), ((np.nan, 0, 0), "nan")],
