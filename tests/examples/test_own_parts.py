@@ -115,6 +115,7 @@ def test_its_policy_and_its_kind_of_goal_are_taken_by_name() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("fresh_easel")
 def test_robot_and_camera_work_in_the_process_of_the_easel(table: Path) -> None:
     order = EaselOrder(
         f"trace:{table / 'sheet.csv'}", CanvasSize(0.14, 0.1), ("fine",), 0, table, table,
