@@ -7,7 +7,7 @@ PHOTO ?= examples/photographs/coffee.jpg
 PINS := pyproject.toml constraints.txt
 ADD := $(BIN)/python tools/install.py
 
-.PHONY: paint studio test quick lint docs benchmarks benchmarks-gpu install browser clean
+.PHONY: paint studio test quick lint docs size benchmarks benchmarks-gpu install browser downloads clean
 
 install: $(VENV)/dev
 
@@ -57,12 +57,19 @@ browser:
 	@command -v chromium >/dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null \
 		&& apt-get -qq update && apt-get -qq install -y --no-install-recommends chromium; } || true
 
-test: lint browser
+# Small networks and a grammar, by `frida-painter models fetch` into the user's cache folder: some seconds, once.
+downloads: install
+	@$(BIN)/python tests/downloads.py
+
+test: lint browser downloads
 	$(BIN)/python tools/check_page.py test
 	$(BIN)/pytest -n 2 --dist worksteal
 
-quick: install
-	$(BIN)/pytest -n 2 --dist worksteal -m "not slow"
+quick: install downloads
+	$(BIN)/pytest -n 2 --dist worksteal -m "not slow" --hypothesis-profile quick
+
+size:
+	@$(PYTHON) tools/size.py $(if $(SINCE),--since $(SINCE))
 
 benchmarks: install
 	$(BIN)/python benchmarks/report.py

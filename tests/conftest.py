@@ -14,9 +14,12 @@ import pytest
 import torch
 from hypothesis import settings
 
+import downloads
+from killing import forked_easels, fresh_easels
 from snapshots import Snapshots
 
 settings.register_profile("suite", deadline=None)
+settings.register_profile("quick", deadline=None, max_examples=10)  # `make quick` asks for it
 settings.load_profile("suite")
 
 _MB = 2**20
@@ -41,11 +44,14 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["OMP_NUM_THREADS"] = "1"  # of processes that are started from here, xdist's workers too
     # Under nohup a program ignores that its terminal was closed; the tests ask what it does where it does not.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # of a run in the background of a script
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if not torch.cuda.is_available():
         os.environ["TRITON_INTERPRET"] = "1"  # read when Triton is imported, by whatever imports it first
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
     config.stash[_PEAKS] = {}
+    config.pluginmanager.register(downloads)  # tells what was skipped, and why
     if (library := _glibc()) is not None:  # else each thread's arena keeps what was freed in it
         library.mallopt(_M_ARENA_MAX, 1)
 
@@ -99,6 +105,20 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     terminalreporter.write_line(f"Memory at most: {took}")
     if max(peaks.values(), default=0) > MAX_MEMORY:
         terminalreporter.write_line(f"FAILED: a test process may take {MAX_MEMORY / _MB:.0f} MB", red=True)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _forked_easels() -> Iterator[None]:
+    """Easels' processes load nothing again; where they are started as people have them, tests ask for `fresh_easel`."""
+    with forked_easels():
+        yield
+
+
+@pytest.fixture
+def fresh_easel() -> Iterator[None]:
+    """Easels' processes are started as people have them, by an interpreter of their own."""
+    with fresh_easels():
+        yield
 
 
 @pytest.fixture(autouse=True)

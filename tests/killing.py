@@ -1,12 +1,19 @@
-"""Processes that die: work is done in a process of its own, which is killed in the moment that its journal tells."""
+"""Processes that tests fork, so that nothing is loaded again, and processes that die in a moment that tests choose."""
 
+import gc
 import os
 import signal
+import subprocess
 import sys
+import tempfile
+import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import IO, Any, NoReturn
+from unittest.mock import patch
 
 from frida_painter.event_log import EventLog
 
@@ -51,3 +58,163 @@ def _die_at(journal: Path, moment: Callable[[dict[str, Any]], bool]) -> None:
             os.kill(os.getpid(), signal.SIGKILL)
 
     EventLog.append = append_and_look  # type: ignore[method-assign]
+
+
+class ForkedProcess:
+    """Stands in for `subprocess.Popen` of a Python program: the same, from the moment at which all is imported.
+
+    PyTorch takes two seconds of a processor to load, which a program that tests start hundreds of times need not.
+    work: what the process does; its exit status is that of SystemExit. pass_fds: all files but these are closed in it.
+    """
+
+    def __init__(
+        self,
+        work: Callable[[], object],
+        *,
+        pass_fds: Sequence[int] = (),
+        stdout: IO[Any] | None = None,
+        stderr: IO[Any] | None = None,
+        start_new_session: bool = False,
+        cwd: Path | None = None,
+        env: Mapping[str, str] | None = None,
+    ) -> None:
+        self.returncode: int | None = None
+        sys.stdout.flush()
+        sys.stderr.flush()
+        self.pid = os.fork()
+        if self.pid == 0:
+            self._become(work, pass_fds, stdout, stderr, start_new_session, cwd, env)
+
+    def poll(self) -> int | None:
+        """The exit status, or minus the signal that ended it; None as long as it is there."""
+        if self.returncode is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            self.returncode = os.waitstatus_to_exitcode(status) if pid else None
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """The exit status. Raises TimeoutExpired where it does not end in so many seconds."""
+        deadline = None if timeout is None else time.monotonic() + timeout
+        while (status := self.poll()) is None:
+            if deadline is not None and time.monotonic() > deadline:
+                raise subprocess.TimeoutExpired("a forked process", timeout or 0.0)
+            time.sleep(0.005)
+        return status
+
+    def send_signal(self, number: int) -> None:
+        """As Popen: nothing happens where it has ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
+
+    def terminate(self) -> None:
+        self.send_signal(signal.SIGTERM)
+
+    @staticmethod
+    def _become(
+        work: Callable[[], object],
+        pass_fds: Sequence[int],
+        stdout: IO[Any] | None,
+        stderr: IO[Any] | None,
+        start_new_session: bool,
+        cwd: Path | None,
+        env: Mapping[str, str] | None,
+    ) -> NoReturn:
+        """What a fresh process has: default signals, no files of others, its own folder and environment."""
+        status = 1
+        try:
+            gc.disable()  # what belongs to the tests is never finalised here
+            gc.freeze()
+            signal.set_wakeup_fd(-1)
+            for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGALRM):
+                signal.signal(number, signal.SIG_DFL)
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            nothing = os.open(os.devnull, os.O_RDWR)
+            for stream, file in ((0, None), (1, stdout), (2, stderr)):
+                os.dup2(nothing if file is None else file.fileno(), stream)
+            first = 3
+            for kept in sorted(pass_fds):
+                os.closerange(first, kept)
+                first = kept + 1
+            limit = os.sysconf("SC_OPEN_MAX")
+            os.closerange(first, limit if 0 < limit < 2**20 else 2**20)
+            sys.stdin = os.fdopen(0, "r", closefd=False)
+            sys.stdout = os.fdopen(1, "w", closefd=False)
+            sys.stderr = os.fdopen(2, "w", closefd=False)
+            if start_new_session:
+                os.setsid()
+            if cwd is not None:
+                os.chdir(cwd)
+            if env is not None:
+                os.environ.clear()
+                os.environ.update(env)
+            work()
+            status = 0
+        except SystemExit as end:
+            status = end.code if isinstance(end.code, int) else int(end.code is not None)
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(status)
+
+
+class ForkedCommand(ForkedProcess):
+    """`frida-painter WORD ...` in a process that is forked; nobody types anything, and what it says is kept."""
+
+    def __init__(self, folder: Path, *words: str, env: Mapping[str, str] | None = None) -> None:
+        self._out = tempfile.TemporaryFile("w+")  # noqa: SIM115 (`close` closes both)
+        self._err = tempfile.TemporaryFile("w+")  # noqa: SIM115
+
+        def work() -> None:
+            from frida_painter import cli
+
+            sys.argv = ["frida-painter", *words]
+            cli.main()
+
+        super().__init__(work, stdout=self._out, stderr=self._err, cwd=folder, env={**os.environ, **(env or {})})
+
+    def communicate(self, timeout: float | None = None) -> tuple[str, str]:
+        """What it said on standard output and standard error, once it has ended. Raises TimeoutExpired."""
+        self.wait(timeout)
+        said = []
+        for file in (self._out, self._err):
+            file.seek(0)
+            said.append(file.read())
+        return said[0], said[1]
+
+    def close(self) -> None:
+        """Ends it in any case."""
+        self.kill()
+        self.wait()
+        self._out.close()
+        self._err.close()
+
+
+class _ForkedEasel(ForkedProcess):
+    """`python -m frida_painter.session.easel_host WIRE LINE`, as EaselLaunch starts it."""
+
+    def __init__(self, command: Sequence[str], *, stdin: int, stdout: int, stderr: IO[Any], **more: Any) -> None:
+        assert list(command[1:3]) == ["-m", "frida_painter.session.easel_host"], command
+        assert stdin == stdout == subprocess.DEVNULL
+        from frida_painter.session import easel_host
+
+        super().__init__(lambda: easel_host.main(int(command[3]), int(command[4]), command[5]), stderr=stderr, **more)
+
+
+@contextmanager
+def forked_easels() -> Iterator[None]:
+    """Easels' processes are forked from this one; all else about them stays."""
+    stand_in = SimpleNamespace(Popen=_ForkedEasel, DEVNULL=subprocess.DEVNULL)
+    with patch("frida_painter.session.easel_launch.subprocess", stand_in):
+        yield
+
+
+@contextmanager
+def fresh_easels() -> Iterator[None]:
+    """Within `forked_easels`: easels' processes are started as people have them."""
+    with patch("frida_painter.session.easel_launch.subprocess", subprocess):
+        yield

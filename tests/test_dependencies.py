@@ -81,6 +81,7 @@ def imported(*, when_connecting: bool = False) -> dict[str, set[str]]:
     return found
 
 
+@pytest.mark.slow
 def test_everything_that_is_imported_is_declared() -> None:
     known = packages_distributions()
     for module, files in imported().items():

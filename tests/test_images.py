@@ -269,7 +269,7 @@ def corpus() -> list[bytes]:
     return written
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=min(250, settings.default.max_examples), deadline=None)
 @given(
     content=st.sampled_from(corpus()),
     changes=st.lists(st.tuples(st.integers(0, 2**16), st.integers(0, 255)), max_size=6),
@@ -316,7 +316,7 @@ def test_bytes_and_back() -> None:
     assert images.to_uint8(torch.tensor([-1.0, 0.5, 2.0]).reshape(3, 1, 1)).flatten().tolist() == [0, 128, 255]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=min(60, settings.default.max_examples), deadline=None)
 @given(*(st.integers(1, 60) for _ in range(4)), st.integers(0, 2**31))
 def test_fit_has_the_asked_shape_and_keeps_the_range(
     height: int, width: int, rows: int, columns: int, seed: int

@@ -29,6 +29,7 @@ def modules_after(program: str) -> set[str]:
     return set(json.loads(done.stdout.splitlines()[-1]))
 
 
+@pytest.mark.slow
 def test_the_names_are_few_and_each_is_explained() -> None:
     assert 1 <= len(frida_painter.__all__) <= MOST_NAMES
     assert frida_painter.__all__ == sorted(frida_painter.__all__)
@@ -80,6 +81,7 @@ def test_the_package_alone_loads_nothing() -> None:
     assert len(loaded) < 120
 
 
+@pytest.mark.slow
 def test_the_planner_loads_no_network_and_no_rare_format() -> None:
     loaded = modules_after("from frida_painter import Planner")
     assert "torch" in loaded and "frida_painter.planning.planner" in loaded

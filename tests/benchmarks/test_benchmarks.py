@@ -30,6 +30,7 @@ def original():
     return program("original")
 
 
+@pytest.mark.slow
 def test_the_comparator_paints_what_the_renderer_paints():
     size, network = CanvasSize(0.3556, 0.2794), load_stroke_model("broad")
     strokes = uniform(12, network.limits, size, torch.Generator().manual_seed(0))
@@ -82,6 +83,7 @@ def test_a_few_hostile_command_lines_are_refused_in_order(tmp_path):
     assert any(one.status == 2 for one in outcomes)
 
 
+@pytest.mark.slow
 def test_every_command_but_two_is_tried_with_all_that_it_takes():
     known = {one.path: one for one in program("hostile_commands").commands()}
     assert {("paint",), ("resume",), ("strokes", "train"), ("experiments", "replanning")} <= set(known)
@@ -95,6 +97,7 @@ def test_a_painting_that_is_killed_while_it_finishes_is_resumed_whole(tmp_path):
     assert (kill.wrong, kill.painted) == ("", 4)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU here")
 def test_without_a_gpu_its_benchmark_says_what_to_do():
     done = subprocess.run([sys.executable, str(BENCHMARKS / "gpu.py")], capture_output=True, text=True, timeout=120)

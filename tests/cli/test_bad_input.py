@@ -163,6 +163,7 @@ def test_more_replans_than_there_are_looks(replans: str, refuse: Callable[..., s
     assert f"{replans} replans for 5 strokes" in message and "at most 4" in message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["paint", "plan"])
 def test_photographs_that_are_none(command: str, refuse: Callable[..., str], tmp_path: Path, photo: str) -> None:
     whole = tmp_path / "whole.jpg"

@@ -44,6 +44,7 @@ def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_procedures_are_entered_one_by_one_and_the_doctor_tells_how_they_stand(run: Run, tmp_path: Path) -> None:
     record = ("--record", "cal.json")
     assert run("doctor", *STUDIO)[0] == 0, "the studio paints without a record"
@@ -92,6 +93,7 @@ def record(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_brush")
 @pytest.mark.parametrize("command", ["paint", "doctor", "calibrate"])
 @pytest.mark.parametrize(
@@ -135,6 +137,7 @@ def test_a_foreign_record_is_told_by_the_doctor(run: Run, record: Path, studio: 
     assert status == 1 and says in out
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_brush")
 def test_with_a_foreign_record_nothing_is_begun(run: Run, record: Path, photo: Path) -> None:
     studio = ("--brush", "fine", "--seed", 4, "--canvas", "160x120mm")
@@ -148,6 +151,7 @@ def test_a_missing_record_that_was_named_is_told(run: Run, photo: Path) -> None:
     assert status == 1 and "does not exist" in out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -169,6 +173,7 @@ def test_without_a_file_every_easel_has_a_record_of_its_own() -> None:
     assert one != other and one.is_absolute() and one.parts[-3:] == ("easels", "virtual-studio-1", "calibration.json")
 
 
+@pytest.mark.slow
 def test_a_person_is_asked_where_they_want_to_be(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     lines = iter(["where?", ""])
     monkeypatch.setattr("builtins.input", lambda *_: next(lines))

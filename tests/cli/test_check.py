@@ -67,6 +67,7 @@ def test_strokes_out_of_reach_are_named_and_drawn_in_red(monkeypatch, plan, caps
     assert alarming[:, : width // 4].sum() < 50
 
 
+@pytest.mark.slow
 def test_strokes_that_the_simulated_sawyer_does_not_reach_are_drawn_in_red(monkeypatch, tmp_path, capsys) -> None:
     pytest.importorskip("mink")
     monkeypatch.chdir(tmp_path)

@@ -80,6 +80,7 @@ def help_pages() -> list[tuple[str, ...]]:
     return pages
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", help_pages(), ids=" ".join)
 def test_help_loads_no_more_than_it_shows(page: tuple[str, ...]) -> None:
     loaded = modules_after(*page, "--help")

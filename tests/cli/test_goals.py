@@ -138,6 +138,7 @@ def test_nothing_and_too_much(photo: Path, waves: Path) -> None:
         goal_of(photo, {"style": [waves] * 20})
 
 
+@pytest.mark.slow
 def test_a_styled_painting_says_what_it_was_and_through_what_it_was_seen(
     coarse_brush: None,
     photo: Path,
@@ -185,6 +186,7 @@ def test_a_sketch_and_a_blank_sheet(photo: Path) -> None:
         goal_of(photo, {"sketch": [drawn]})
 
 
+@pytest.mark.slow
 def test_words_are_painted_without_any_photograph(
     coarse_brush: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

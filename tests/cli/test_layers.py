@@ -2,10 +2,9 @@
 
 import os
 import signal
-import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from PIL import Image
 from skimage import data
 
 from frida_painter.event_log import EventLog
-from killing import kill_when
+from killing import ForkedCommand, kill_when
 from session.easel_errands import until
 
 pytestmark = pytest.mark.slow
@@ -23,25 +22,21 @@ SMALL = (
     *("--strokes", "8", "--brushes", "broad:50%,medium:50%", "--colors", "2", "--replans", "1", "--no-film"),
     *("--canvas", "120x90mm", "--fit", "crop", "--render-height", "64", "--effort", "0.05"),
 )
-Command = Callable[..., "subprocess.Popen[str]"]
+Command = Callable[..., ForkedCommand]
 
 
 @pytest.fixture
-def begin(tmp_path: Path) -> Command:
+def begin(tmp_path: Path) -> Iterator[Command]:
     Image.fromarray(data.coffee()).resize((300, 200)).save(tmp_path / "cup.png")
+    begun: list[ForkedCommand] = []
 
-    def beginning(*words: str) -> "subprocess.Popen[str]":
-        return subprocess.Popen(
-            [sys.executable, "-m", "frida_painter", *words],
-            cwd=tmp_path,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")},
-        )
+    def beginning(*words: str) -> ForkedCommand:
+        begun.append(ForkedCommand(tmp_path, *words, env={"XDG_STATE_HOME": str(tmp_path / "state")}))
+        return begun[-1]
 
-    return beginning
+    yield beginning
+    for command in begun:
+        command.close()
 
 
 def written(folder: Path) -> list[dict[str, Any]]:

@@ -23,6 +23,7 @@ def call(tmp_path, monkeypatch, capsys):
     return calling
 
 
+@pytest.mark.slow
 def test_a_library_is_painted_with_its_contact_sheet(call, tmp_path):
     status, said, _ = call("strokes", "paint", "--brush", "fine", "--count", 2, "--out", "mine.npz")
     assert status == 0 and "2 strokes of brush fine" in said and "mine.png" in said

@@ -20,6 +20,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_plan_is_told_with_amounts_and_as_a_sheet(monkeypatch, capsys) -> None:
     made_up_plan(60, 5).save(Path("plan.json"))
     assert run(monkeypatch, "mix", "plan.json") == 0

@@ -47,6 +47,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     return running
 
 
+@pytest.mark.slow
 def test_a_plan_becomes_pictures_of_any_size_and_files_for_machines(run: Run, photo: Path, tmp_path: Path) -> None:
     out = run("plan", photo, "--strokes", 14, "--colors", 3, *SMALL, "--out", "planned")
     plan = Plan.load(tmp_path / "planned")
@@ -85,6 +86,7 @@ def test_a_plan_becomes_pictures_of_any_size_and_files_for_machines(run: Run, ph
         assert len(list(csv.reader(file))) == 15
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_brush")
 def test_the_same_seed_makes_the_same_plan(run: Run, photo: Path, tmp_path: Path) -> None:
     for name, seed in (("one", 4), ("same", 4), ("other", 5)):
@@ -93,6 +95,7 @@ def test_the_same_seed_makes_the_same_plan(run: Run, photo: Path, tmp_path: Path
     assert one == same != other
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_brush")
 def test_settings_come_from_a_file_and_the_canvas_turns_with_the_picture(run: Run, photo: Path, tmp_path: Path) -> None:
     (tmp_path / "my.toml").write_text(

@@ -113,6 +113,7 @@ def told(folder: Path) -> History:
     return History.of(EventLog.read(folder / "journal"), folder)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_brush")
 def test_a_person_paints_as_they_are_asked_and_is_asked_for_everything(run: Run, easel: Path) -> None:
     shots = f"folder:{easel / 'shots'}"
@@ -139,6 +140,7 @@ def test_a_person_paints_as_they_are_asked_and_is_asked_for_everything(run: Run,
     assert (easel / "given-up" / "index.html").exists() and told(easel / "given-up").in_doubt == 2
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse_brush")
 def test_a_painting_on_a_real_easel_waits_for_the_wells_and_is_resumed_on_the_same_robot(run: Run, easel: Path) -> None:
     with FakeGrbl(pace=400) as grbl:

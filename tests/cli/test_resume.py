@@ -96,6 +96,7 @@ def told(folder: Path) -> History:
     return History.of(EventLog.read(folder / "journal"), folder)
 
 
+@pytest.mark.slow
 def test_it_shows_what_was_done_and_does_nothing_by_itself(resume: Resume, painting: Path) -> None:
     before = contents(painting)
     status, said = resume("painting", typed="n\n")
@@ -108,6 +109,7 @@ def test_it_shows_what_was_done_and_does_nothing_by_itself(resume: Resume, paint
     assert status == 2 and "Nobody answered" in said and "--yes" in said
 
 
+@pytest.mark.slow
 def test_a_killed_painting_is_finished_and_its_story_is_whole(resume: Resume, painting: Path) -> None:
     status, said = resume("painting", typed="perhaps\ny\n\n")
     assert status == 0, said
@@ -125,6 +127,7 @@ def test_a_killed_painting_is_finished_and_its_story_is_whole(resume: Resume, pa
     assert status == 0 and "This painting is finished: 10 strokes" in said
 
 
+@pytest.mark.slow
 def test_in_scripts_the_stroke_in_doubt_is_painted_again_only_where_that_is_said(
     resume: Resume, painting: Path
 ) -> None:
@@ -136,6 +139,7 @@ def test_in_scripts_the_stroke_in_doubt_is_painted_again_only_where_that_is_said
         assert picture.width > picture.height > 700
 
 
+@pytest.mark.slow
 def test_what_was_changed_is_shown_and_refused_until_it_is_accepted(resume: Resume, painting: Path) -> None:
     """Fault F33: the plan or the settings were changed before resuming."""
     settings = painting / "settings.json"
@@ -217,6 +221,7 @@ def test_a_log_that_was_shortened_is_not_believed(
     assert contents(painting) == before, "nothing was painted"
 
 
+@pytest.mark.slow
 def test_results_are_made_again_from_what_the_folder_holds(resume: Resume, painting: Path) -> None:
     """B3: a painting that was killed while its page was written is finished all the same."""
     assert resume("painting", "--yes")[0] == 0
@@ -237,6 +242,7 @@ def test_results_are_made_again_from_what_the_folder_holds(resume: Resume, paint
     assert "nothing is left to do" in resume("painting", "--yes")[1]
 
 
+@pytest.mark.slow
 def test_without_its_photograph_the_picture_serves_and_without_both_it_is_told(resume: Resume, painting: Path) -> None:
     assert resume("painting", "--yes")[0] == 0
     picture = (painting / "painting.png").read_bytes()

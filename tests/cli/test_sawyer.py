@@ -28,6 +28,7 @@ def painting(tmp_path, monkeypatch, coarse_brush):
     return painting
 
 
+@pytest.mark.slow
 def test_it_paints_looks_and_paints_the_rest(painting):
     assert painting("--canvas", "200x150mm", "--replans", "1", "--no-film") == 0
     folder = Path("painted")

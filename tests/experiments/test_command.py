@@ -51,6 +51,7 @@ def test_all_experiments_are_listed_with_what_they_are_for(run: Run) -> None:
         assert len(line.split()) > 5
 
 
+@pytest.mark.slow
 def test_an_experiment_leaves_its_table_and_pictures(run: Run, tmp_path: Path) -> None:
     status, out, _ = run("continuous-strokes", "--brush", "fine", "--seed", 3, "--quick", "--out", "found")
     folder = tmp_path / "found" / "continuous-strokes"
@@ -71,6 +72,7 @@ def test_paintings_of_ones_own_picture_and_nothing_unfinished_is_left(run: Run, 
     assert not (tmp_path / "found" / name / "unfinished").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "words"),
     [("continuous-strokes", ()), ("stroke-model", ()), ("strokes-needed", ()), ("real-strokes", ("--seeds", "7"))],

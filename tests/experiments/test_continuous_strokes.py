@@ -27,6 +27,7 @@ def test_a_sweep_goes_from_extreme_to_extreme_in_one_parameter_only(parameter, e
         assert len(torch.unique(getattr(strokes, other))) == 1
 
 
+@pytest.mark.slow
 def test_more_thickness_and_more_length_leave_more_paint(outcome):
     (table,) = outcome.tables
     assert len(table.rows) == len(PARAMETERS) * QUICK.strokes
@@ -48,6 +49,7 @@ def test_the_picture_shows_every_stroke_twice(outcome):
     assert picture.shape[2] > QUICK.strokes * 150
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_figures(outcome):
     again = continuous_strokes.run(brush="fine", seed=2, scale=QUICK)
     assert again.tables == outcome.tables

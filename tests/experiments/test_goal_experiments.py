@@ -43,6 +43,7 @@ def how(**rest):
     return {"seeds": (3,), "scale": scale, "encoders": QuickEncoders(), **rest}
 
 
+@pytest.mark.slow
 def test_meaning_against_pixels(photo: Target) -> None:
     outcome = semantic.experiment([photo], **how(judge=QuickEncoders().meaning())).run()
     summary, every = (table.rows for table in outcome.tables)
@@ -52,6 +53,7 @@ def test_meaning_against_pixels(photo: Target) -> None:
     assert outcome.pictures["semantic"].shape[0] == 3
 
 
+@pytest.mark.slow
 def test_only_a_changed_picture_is_painted_again(photo: Target, tmp_path, monkeypatch) -> None:
     def experiment():
         return semantic.experiment([photo], **how(judge=QuickEncoders().meaning()))
@@ -87,6 +89,7 @@ def test_drawings_with_words(waves: Target, tmp_path: Path) -> None:
     assert "of that without it" in outcome.notes[0]
 
 
+@pytest.mark.slow
 def test_words_in_a_style_whose_composition_is_kept(waves: Target) -> None:
     outcome = composition.experiment([waves], PROMPTS[:1], **how(judge=QuickEncoders().meaning())).run()
     summary, every = (table.rows for table in outcome.tables)

@@ -72,26 +72,31 @@ def darkness(picture: Tensor) -> float:
     return float(1 - picture.mean())
 
 
+@pytest.mark.slow
 def test_with_all_of_them_it_is_the_usual_studio(tmp_path: Path) -> None:
     assert torch.equal(painted(StudioWithout().open(order(tmp_path)).easel), painted(open_easel(order(tmp_path)).easel))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("without", [one for one in IMPERFECTIONS if one is not CAMERA], ids=lambda one: one.name)
 def test_each_of_them_shows_in_the_paint(tmp_path: Path, without: Imperfection) -> None:
     assert not torch.equal(truth(tmp_path, without), truth(tmp_path))
 
 
+@pytest.mark.slow
 def test_the_camera_shows_in_its_photograph_alone(tmp_path: Path) -> None:
     assert torch.equal(truth(tmp_path, CAMERA), truth(tmp_path))
     pictures = [painted(StudioWithout(without).open(order(tmp_path)).easel) for without in ((), (CAMERA,))]
     assert not torch.equal(*pictures)
 
 
+@pytest.mark.slow
 def test_light_paint_that_covers_and_finds_dry_paint_is_lighter(tmp_path: Path) -> None:
     usual, dry = darkness(truth(tmp_path)), darkness(truth(tmp_path, WETNESS))
     assert darkness(truth(tmp_path, WETNESS, TRANSLUCENCY)) < dry < usual
 
 
+@pytest.mark.slow
 def test_paint_that_never_runs_out_on_a_canvas_without_tooth_covers_more(tmp_path: Path) -> None:
     bars = crossing().part(slice(0, 6))
     usual = darkness(truth(tmp_path, plan=bars))
@@ -99,6 +104,7 @@ def test_paint_that_never_runs_out_on_a_canvas_without_tooth_covers_more(tmp_pat
     assert darkness(truth(tmp_path, TOOTH, plan=bars)) > usual
 
 
+@pytest.mark.slow
 def test_real_marks_are_those_of_a_perfect_studio(tmp_path: Path) -> None:
     """They lie where the strokes are meant to be, in the colours of the plan."""
     plan = crossing().part(slice(0, 6))

@@ -24,6 +24,7 @@ def outcome(heard):
         return ladder.experiment(shipped(["coffee"]), seeds=(4,), scale=SCALE).run(notify=heard.append)
 
 
+@pytest.mark.slow
 def test_every_rung_has_its_line_and_is_compared_with_one_above_it(outcome):
     lines = outcome.tables[0].rows
     assert [line["picture"] for line in lines] == [rung.name for rung in RUNGS]

@@ -24,6 +24,7 @@ def outcome_of(module, strokes, keep=None):
     return module.experiment(strokes, "drawn", scale=module.QUICK).run(keep)
 
 
+@pytest.mark.slow
 def test_models_are_compared_on_strokes_held_out_stroke_by_stroke(strokes):
     outcome = stroke_model.run(strokes, "drawn", seed=1, scale=stroke_model.QUICK)
     means, tests = (table.rows for table in outcome.tables)
@@ -37,6 +38,7 @@ def test_models_are_compared_on_strokes_held_out_stroke_by_stroke(strokes):
     assert "stroke-model" in outcome.pictures
 
 
+@pytest.mark.slow
 def test_no_model_learns_from_the_strokes_that_test_it(strokes, monkeypatch):
     learned, tested = [], []
 
@@ -77,6 +79,7 @@ def test_the_numbers_of_strokes_needed_are_those_asked_for(strokes, monkeypatch)
         assert row["log error, standard deviation"] == 0  # the same test strokes, the same empty answer
 
 
+@pytest.mark.slow
 def test_trainings_that_are_done_are_not_done_again(strokes, tmp_path, monkeypatch):
     first = outcome_of(strokes_needed, strokes, tmp_path)
     monkeypatch.setattr(strokes_needed, "learn", None)
@@ -85,6 +88,7 @@ def test_trainings_that_are_done_are_not_done_again(strokes, tmp_path, monkeypat
         outcome_of(strokes_needed, strokes[:29], tmp_path)
 
 
+@pytest.mark.slow
 def test_every_rival_is_in_the_table_of_all_splits(strokes):
     outcome = real_strokes.experiment(strokes, "drawn", seeds=(0, 1), scale=real_strokes.QUICK).run()
     whole, varies, fewer = (table.rows for table in outcome.tables)

@@ -28,6 +28,7 @@ def points(outcome, way: str) -> list[dict]:
     return [row for row in outcome.tables[1].rows if row["painted"] == way]
 
 
+@pytest.mark.slow
 def test_both_begin_with_the_same_plan_and_are_seen_after_every_batch(outcome):
     looking, blind = points(outcome, LOOKING), points(outcome, BLIND)
     assert [row["strokes"] for row in looking] == [row["strokes"] for row in blind] == [0, 4, 8, 12]

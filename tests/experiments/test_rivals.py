@@ -32,6 +32,7 @@ def test_the_fitted_bezier_knows_more_than_nothing(strokes):
     assert bezier.mean() < 0.4 * zeros.mean()
 
 
+@pytest.mark.slow
 def test_the_same_seed_learns_the_same_and_never_from_the_test(strokes):
     first, second = (learn("param2stroke", strokes[:16], seed=3, quick=True)(strokes[16:]) for _ in range(2))
     assert torch.equal(first, second)

@@ -26,6 +26,7 @@ def test_where_there_is_no_paint_there_are_no_edges():
     assert len(sawyer.edges_apart(torch.ones(3, 20, 20), torch.zeros(3, 20, 20))) == 0
 
 
+@pytest.mark.slow
 def test_the_sawyer_paints_what_the_kinematic_arm_paints_but_for_its_small_errors(monkeypatch):
     pytest.importorskip("mink")
     monkeypatch.setattr(opening, "cached_table", coarse_table)

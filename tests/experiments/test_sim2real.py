@@ -37,6 +37,7 @@ def outcome(kept, heard):
     return sim2real.experiment(shipped(["coffee"]), seeds=(3,), scale=SCALE).run(kept, heard.append)
 
 
+@pytest.mark.slow
 def test_every_planner_is_measured_on_every_target(outcome):
     summary, every = (table.rows for table in outcome.tables)
     assert [row["target"] for row in summary] == ["coffee"] * len(PLANNERS)

@@ -1,3 +1,4 @@
+import pytest
 import torch
 
 from frida_painter.experiments.sim2real import unconstrained
@@ -16,6 +17,7 @@ def target() -> torch.Tensor:
     return torch.where(x * x + y * y < 0.3, torch.tensor([0.2, 0.1, 0.1])[:, None, None], field)
 
 
+@pytest.mark.slow
 def test_few_strokes_come_near_and_more_come_nearer():
     errors = []
     for count in (2, 16):
@@ -27,6 +29,7 @@ def test_few_strokes_come_near_and_more_come_nearer():
     assert errors[0] < 0.6 * bare and errors[1] < 0.5 * errors[0]
 
 
+@pytest.mark.slow
 def test_with_paints_there_are_no_other_colours_and_progress_ends_at_one():
     heard = []
     made = plan(target(), SIZE, unconstrained(SIZE), 9, colors=3, effort=EFFORT, seed=1, notify=heard.append)

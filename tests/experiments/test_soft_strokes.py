@@ -22,6 +22,7 @@ def covered(strokes: SoftStrokes) -> torch.Tensor:
     return 1 - render(strokes, BARE, SIZE)[0]
 
 
+@pytest.mark.slow
 def test_a_straight_stroke_covers_its_capsule():
     area = float(covered(stroke(STRAIGHT)).sum()) * 0.001**2
     assert area == pytest.approx(0.1 * 0.02 + math.pi * 0.01**2, rel=0.03)
@@ -43,6 +44,7 @@ def test_opacity_and_radius_run_from_end_to_end():
     assert int((alpha[:, 140] > 0.1).sum()) > 1.8 * int((alpha[:, 60] > 0.1).sum())
 
 
+@pytest.mark.slow
 def test_the_slopes_are_those_of_the_picture(monkeypatch):
     """On fine cells: the differences see that the cells move with the stroke, the slopes do not."""
     monkeypatch.setattr(soft_strokes, "_CELLS", 300)

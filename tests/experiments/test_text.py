@@ -38,6 +38,7 @@ def outcome(kept):
     return run(kept)
 
 
+@pytest.mark.slow
 def test_every_way_is_judged_and_exactly_one_painting_comes_first(outcome):
     summary, every = (table.rows for table in outcome.tables)
     assert len(summary) == len(WAYS) and len(every) == 2

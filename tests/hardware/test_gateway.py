@@ -140,6 +140,7 @@ def moves(source: str) -> list[int]:
     return found
 
 
+@pytest.mark.slow
 def test_nothing_above_the_hardware_moves_a_robot_but_through_the_gateway() -> None:
     sources = [path for part in ABOVE_THE_HARDWARE for path in sorted((ROOT / part).rglob("*.py"))]
     assert len(sources) > 100

@@ -33,14 +33,14 @@ def mixture(parts: list[int]) -> torch.Tensor:
     ]
 
 
-@settings(max_examples=20)
+@settings(max_examples=min(20, settings.default.max_examples))
 @given(st.dictionaries(st.integers(0, 5), st.integers(1, 9), min_size=1, max_size=3))
 def test_what_can_be_mixed_is_found_again(parts: dict[int, int]) -> None:
     (found,) = recipes(mixture([parts.get(index, 0) for index in range(6)])[None], SIX)
     assert found.difference < 3.5 and found.within_reach
 
 
-@settings(max_examples=15)
+@settings(max_examples=min(15, settings.default.max_examples))
 @given(st.tuples(*3 * [st.floats(0, 1)]), st.integers(1, 4))
 def test_recipes_are_short_small_in_lowest_terms_and_say_what_they_give(color: tuple[float, ...], most: int) -> None:
     target = torch.tensor(color, dtype=torch.float64)

@@ -121,6 +121,7 @@ def test_several_of_a_thing_are_all_there(encoders: QuickEncoders) -> None:
     assert int((red.diff() == 1).sum()) == 2 and "'strawberry' (openmoji, 2 times)" in encoders.remarks[0]
 
 
+@pytest.mark.slow
 def test_in_a_style_picture_that_is_begun_with_the_thing_is_seen_and_matters_most(encoders: QuickEncoders) -> None:
     style = torch.linspace(0, 1, GRID.columns).expand(3, GRID.rows, -1).contiguous()
     goal = initial_composition(

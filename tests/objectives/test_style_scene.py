@@ -1,3 +1,4 @@
+import pytest
 import torch
 
 from frida_painter.objectives.style_scene import composited_into_style
@@ -21,6 +22,7 @@ def _thing() -> torch.Tensor:
     return thing
 
 
+@pytest.mark.slow
 def test_a_thing_is_seen_in_the_pictures_own_colours() -> None:
     picture = _halves()
     shown = composited_into_style(_thing(), picture)
@@ -35,6 +37,7 @@ def test_a_thing_is_seen_in_the_pictures_own_colours() -> None:
     assert float(torch.cdist(chosen[::50], own).amin(1).median()) < 15, "of the picture"
 
 
+@pytest.mark.slow
 def test_it_lies_where_the_picture_is_calm() -> None:
     rows = (composited_into_style(_thing(), _halves()).where > 0.5).any(1).nonzero().flatten()
     assert int(rows[0]) >= 6

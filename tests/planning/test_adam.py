@@ -10,6 +10,7 @@ from frida_painter.planning.adam import Adam
 BETAS = (0.9, 0.98)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, True], ids=["plain", "compiled"])
 def test_its_steps_are_those_of_torch(monkeypatch: pytest.MonkeyPatch, compiled: bool) -> None:
     """Those of PyTorch's operations bit for bit, those of the compiled loops but for rounding."""

@@ -111,6 +111,7 @@ def test_every_kind_of_goal_is_seen_on_the_device() -> None:
     assert len(plan) == 4 and plan.strokes.color.device.type == "cpu"
 
 
+@pytest.mark.slow
 @torch.no_grad()
 def test_networks_see_on_the_device_what_they_see_on_the_cpu(tmp_path) -> None:
     clip, tower = Clip.load(write_clip(tmp_path)), ClipResNet(resnet_tensors())
@@ -191,6 +192,7 @@ def waited_for(by: Planner, iterations: int) -> list[str]:
     return noted
 
 
+@pytest.mark.slow
 def test_no_iteration_waits_for_the_device(laid_without_waiting) -> None:
     with elsewhere() as device:
         by = planner(goal(), device)
@@ -198,6 +200,7 @@ def test_no_iteration_waits_for_the_device(laid_without_waiting) -> None:
     assert Counter(more) - Counter(few) == {"tolist": 2}  # of eight iterations each
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "term",
     [StyleTerm(1 - picture()), SemanticTerm(picture()), SketchTerm(LINES), TextTerm("a lemon", 0.5)],
@@ -236,6 +239,7 @@ def test_colours_are_as_light_on_the_device() -> None:
     torch.testing.assert_close(there.held, exact, rtol=0, atol=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("failing", [{5}, {5, 6}, {5, 12, 20}])
 def test_losses_that_are_not_finite_are_noticed_late_on_a_device_and_do_no_harm(
     failing: set[int], laid_without_waiting

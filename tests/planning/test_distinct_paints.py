@@ -13,7 +13,7 @@ def nearest_pair(color: torch.Tensor) -> float:
     return float(gap.fill_diagonal_(torch.inf).min())
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=min(25, settings.default.max_examples), deadline=None)
 @given(st.integers(1, 12), st.integers(0, 1000), st.sampled_from([HARDLY_APART, 5.0]))
 def test_no_two_wells_are_twins_and_there_are_no_more_of_them(count: int, seed: int, apart: float) -> None:
     chance = torch.Generator().manual_seed(seed)

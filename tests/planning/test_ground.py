@@ -16,7 +16,7 @@ from scenes import CANVAS, small_table
 CHANNEL = st.floats(0, 1, width=32)
 
 
-@settings(max_examples=25)
+@settings(max_examples=min(25, settings.default.max_examples))
 @given(st.tuples(CHANNEL, CHANNEL, CHANNEL), st.tuples(CHANNEL, CHANNEL, CHANNEL))
 def test_grounds_are_white_the_mean_and_ever_darker_ones(left: tuple[float, ...], right: tuple[float, ...]) -> None:
     half = torch.tensor(left)[:, None, None].expand(3, 64, 32), torch.tensor(right)[:, None, None].expand(3, 64, 32)
@@ -33,6 +33,7 @@ def planner(picture: torch.Tensor) -> Planner:
     return Planner(wanted, CANVAS, small_table(), rows=64, effort=Effort().scaled(0.2))
 
 
+@pytest.mark.slow
 def test_a_dark_picture_is_painted_on_a_dark_ground_and_a_light_one_on_white() -> None:
     dark = torch.full((3, 64, 85), 0.15)
     dark[:, 20:30, 20:60] = 0.9
@@ -70,6 +71,7 @@ def test_around_things_the_commonest_colour_is_the_ground() -> None:
     assert ground_around_things(by) == pytest.approx((0.8, 0.8, 0.8), abs=0.003)
 
 
+@pytest.mark.slow
 def test_no_ground_is_darker_than_the_darkest_paint() -> None:
     black = torch.zeros(3, 64, 85)
     by = planner(black)

@@ -45,6 +45,7 @@ def test_no_layers_are_none() -> None:
         layer_sizes(10, ())
 
 
+@pytest.mark.slow
 def test_every_layer_goes_from_light_to_dark_in_the_same_paints(plan: Plan) -> None:
     assert plan.layer_sizes == (18, 12) and len(plan.palette) == 4
     for layer in plan.by_layer():
@@ -106,6 +107,7 @@ def test_other_paints_bind_each_layer_from_light_to_dark_of_the_plan(plan: Plan)
     assert bound.layer_sizes == plan.layer_sizes and torch.equal(bound.palette.color, mixed.color)
 
 
+@pytest.mark.slow
 def test_steps_show_what_lies_below_and_are_as_many_as_were_told() -> None:
     by, steps = planner(), []
     by.plan(BARE, 30, 4, steps.append)
@@ -113,6 +115,7 @@ def test_steps_show_what_lies_below_and_are_as_many_as_were_told() -> None:
     assert sum(len(strokes) for _, strokes in steps[-1].parts) == 30
 
 
+@pytest.mark.slow
 def test_a_stroke_that_cannot_keep_clear_is_missing_from_its_layer() -> None:
     by = planner()
     from frida_painter.planning.region import Region
@@ -124,6 +127,7 @@ def test_a_stroke_that_cannot_keep_clear_is_missing_from_its_layer() -> None:
     assert sum(found.layer_sizes) == len(found) and len(found.layer_sizes) == 2
 
 
+@pytest.mark.slow
 def test_goals_without_a_picture_can_have_layers() -> None:
     wanted = Goal((replace(ImageTerm(goal().terms[0].image)),))
     assert len(planner(3, wanted).plan(BARE, 12, 2).layers) == 3
@@ -137,6 +141,7 @@ def two_brushes(**settings: object) -> Planner:
     return Planner(goal(), CANVAS, models, rows=64, effort=QUICK, **{"layers": None, **settings})  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_each_brush_paints_its_layer_in_paints_of_its_own() -> None:
     by = two_brushes(layers=2, shares=(0.5, 0.5), new_paints=True)
     plan = by.plan(BARE, 24, 4)
@@ -150,6 +155,7 @@ def test_each_brush_paints_its_layer_in_paints_of_its_own() -> None:
     assert by.expected_loss(plan, BARE) < by.expected_loss(first, BARE)
 
 
+@pytest.mark.slow
 def test_new_paints_are_chosen_again_where_their_layer_begins_and_stay_once_it_has() -> None:
     by = two_brushes(layers=2, new_paints=True)
     plan = by.plan(BARE, 24, 4)
@@ -164,6 +170,7 @@ def test_new_paints_are_chosen_again_where_their_layer_begins_and_stay_once_it_h
     assert torch.equal(later.by_layer()[1].palette.color, again.by_layer()[1].palette.color)
 
 
+@pytest.mark.slow
 def test_what_was_mixed_for_a_layer_binds_only_what_is_painted_from_these_wells() -> None:
     by = two_brushes(layers=2, new_paints=True)
     plan = by.plan(BARE, 24, 4)

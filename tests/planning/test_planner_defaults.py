@@ -49,6 +49,7 @@ def test_a_brush_is_known_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     assert Planner(goal(), "12x9cm", "fine", rows=64).brushes == ("fine",)
 
 
+@pytest.mark.slow
 def test_a_bare_canvas_is_planned_on_and_nobody_has_to_listen() -> None:
     by = small()
     told, silent = by.plan(by.bare, 6, 3, lambda step: None), small().plan(strokes=6, colors=3)

@@ -69,6 +69,7 @@ def test_colours_that_are_not_to_vary_are_no_leaves() -> None:
     assert len(Variables(some_strokes(3), None, vary_colors=True, light_to_dark=True).leaves) == 2
 
 
+@pytest.mark.slow
 def test_gradients_arrive_in_every_variable() -> None:
     variables = Variables(some_strokes(4, dtype=F64), None, vary_colors=True, light_to_dark=True)
 

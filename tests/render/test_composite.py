@@ -37,7 +37,7 @@ def moved(affine: Tensor, columns: int, rows: int) -> Tensor:
     spread=st.sampled_from((0.5, 1.4, 5.0)),
     seed=st.integers(0, 2**31),
 )
-@settings(max_examples=60)
+@settings(max_examples=min(60, settings.default.max_examples))
 def test_it_equals_the_reference_with_every_gradient(
     composite: Composite,
     n: int,
@@ -51,6 +51,7 @@ def test_it_equals_the_reference_with_every_gradient(
     assert_same(with_gradients(composite, tensors), with_gradients(reference.composite, tensors))
 
 
+@pytest.mark.slow
 def test_thousands_of_strokes_over_one_another_equal_the_reference(composite: Composite) -> None:
     tensors = scene(2000, (5, 7), (9, 8), spread=0.6)
     assert_same(with_gradients(composite, tensors), with_gradients(reference.composite, tensors))
@@ -84,6 +85,7 @@ def test_maps_that_are_squeezed_flat_or_pulled_without_end(composite: Composite,
     assert_same(with_gradients(composite, tensors), with_gradients(reference.composite, tensors))
 
 
+@pytest.mark.slow
 def test_gradcheck(composite: Composite) -> None:
     tensors = scene(4, (4, 5), (7, 8), seed=3, spread=1.0)
     assert torch.autograd.gradcheck(composite, [tensor.requires_grad_() for tensor in tensors])
@@ -194,7 +196,7 @@ def test_strokes_apart_commute(composite: Composite) -> None:
 
 
 @given(seed=st.integers(0, 2**31))
-@settings(max_examples=15)
+@settings(max_examples=min(15, settings.default.max_examples))
 def test_turning_the_scene_turns_the_picture(composite: Composite, seed: int) -> None:
     tensors = scene(8, (6, 7), (24, 24), seed)
     turned = composite(*turned_a_quarter(tensors))
@@ -202,7 +204,7 @@ def test_turning_the_scene_turns_the_picture(composite: Composite, seed: int) ->
 
 
 @given(seed=st.integers(0, 2**31), column=st.integers(0, 20), row=st.integers(0, 15))
-@settings(max_examples=15)
+@settings(max_examples=min(15, settings.default.max_examples))
 def test_part_of_the_canvas_shows_part_of_the_picture(composite: Composite, seed: int, column: int, row: int) -> None:
     tensors = scene(8, (6, 7), (24, 31), seed)
     part = composite(

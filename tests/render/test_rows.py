@@ -46,6 +46,7 @@ def of_some(composite, tensors: Scene, rows: Rows) -> list[Tensor]:
     return [mean.detach(), variance.detach(), *gradients]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("composite", PATHS, ids=lambda path: path.__module__.rpartition(".")[2])
 @given(
     n=st.integers(1, 12),
@@ -56,7 +57,7 @@ def of_some(composite, tensors: Scene, rows: Rows) -> list[Tensor]:
     first=st.integers(0, 8),
     seed=st.integers(0, 2**31),
 )
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=min(15, settings.default.max_examples), deadline=None)
 def test_a_path_that_sees_some_rows_equals_the_reference_on_all(
     composite, n: int, cells: tuple[int, int], pixels: tuple[int, int], scale: float, every: int, first: int, seed: int
 ) -> None:
@@ -65,6 +66,7 @@ def test_a_path_that_sees_some_rows_equals_the_reference_on_all(
     assert_same(of_some(composite, tensors, rows), of_all(tensors, rows))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spread", [CERTAIN, VARIES], ids=["certain", "varies"])
 @pytest.mark.parametrize("rows", [Rows(2, 1), Rows(4, 0), Rows(5, 3)], ids=str)
 def test_strokes_are_rendered_on_some_rows_as_on_all(rows: Rows, spread: CoverageSpread) -> None:

@@ -45,6 +45,7 @@ def both(tensors: Scene, spread: CoverageSpread) -> tuple[list[Tensor], list[Ten
     return with_gradients(tiles.composite_moments, tensors, spread, DEVICE), theirs
 
 
+@pytest.mark.slow
 @given(
     n=st.integers(0, 12),
     cells=st.tuples(st.integers(1, 9), st.integers(1, 9)),
@@ -54,13 +55,14 @@ def both(tensors: Scene, spread: CoverageSpread) -> tuple[list[Tensor], list[Ten
     full=st.floats(0.05, 1),
     seed=st.integers(0, 2**31),
 )
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=min(20, settings.default.max_examples), deadline=None)
 def test_it_equals_the_reference_with_every_gradient(
     n: int, cells: tuple[int, int], pixels: tuple[int, int], scale: float, share: float, full: float, seed: int
 ) -> None:
     assert_same(*both(scene(n, cells, pixels, seed, scale=scale), CoverageSpread(share, full)))
 
 
+@pytest.mark.slow
 def test_many_strokes_over_one_another_equal_the_reference() -> None:
     assert_same(*both(scene(50, (5, 7), (9, 18), spread=0.6), CoverageSpread(0.5, 0.97)))
 
@@ -71,6 +73,7 @@ def test_strokes_that_never_vary_leave_the_plain_picture() -> None:
     torch.testing.assert_close(seen, reference.composite(*tensors), rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_float32_is_near_the_reference() -> None:
     mine, theirs = both(scene(12, (6, 8), (20, 30), dtype=torch.float32), CoverageSpread(0.4, 0.9))
     assert_same(mine[:2], theirs[:2], within=1e-5)
@@ -85,6 +88,7 @@ def test_a_colour_that_is_not_finite_spoils_all_of_it_and_its_gradients() -> Non
     assert all(bool(part.isnan().all()) for part in gradients[:3])
 
 
+@pytest.mark.slow
 def test_gradients_to_bare_cells_are_left_out_where_nobody_asks() -> None:
     magnitude, affine, color, canvas = (tensor.to(DEVICE) for tensor in scene(5, (6, 8), (12, 14)))
     found = []
@@ -121,6 +125,7 @@ def darkened(device: torch.device) -> planning.Scene:
     return planning.Scene(torch.ones(3, 24, 32).to(device), CANVAS, planning.on_device(model, device), dark)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(DEVICE.type == "cuda", reason="the kernels are compiled for the GPU here")
 def test_a_plan_is_optimised_in_tiles_without_a_wait(monkeypatch) -> None:
     strokes = some_strokes(3)

@@ -8,6 +8,7 @@ from plans import made_up_plan
 from snapshots import shrunk
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("colors", [1, 2, 6, 7, 15, 16, 20, 21, 64])
 def test_every_paint_has_a_swatch_and_nothing_leaves_the_page(colors: int) -> None:
     plan = made_up_plan(max(40, colors), colors)

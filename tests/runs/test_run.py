@@ -70,6 +70,7 @@ def stopping_after_three(photo: Path, heard: list[Event], folder: Path | None = 
     return PaintingRun(spec, folder, listeners=[hear], controls=Controls(stop_asked=stop.is_set))
 
 
+@pytest.mark.slow
 def test_a_plan_is_made_without_an_easel_or_a_folder(photo: Path) -> None:
     with PaintingRun(RunSpec.of(goal=[{"image": str(photo)}], strokes=4, **SMALL)) as run:
         plan = run.plan()
@@ -78,6 +79,7 @@ def test_a_plan_is_made_without_an_easel_or_a_folder(photo: Path) -> None:
     assert len(plan) == 4 and len(plan.palette) == 2
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_strokes_planned_and_painted(photo: Path) -> None:
     heard: list[Event] = []
     spec = RunSpec.of(goal=[{"image": str(photo)}], strokes=6, replans=0, seed=3, **SMALL)
@@ -91,6 +93,7 @@ def test_the_same_seed_gives_the_same_strokes_planned_and_painted(photo: Path) -
     assert places[0] == places[1], "only their order within a paint may differ: that of short ways"
 
 
+@pytest.mark.slow
 def test_a_simulated_painting_is_the_same_and_leaves_no_file(
     photo: Path, stopped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -104,6 +107,7 @@ def test_a_simulated_painting_is_the_same_and_leaves_no_file(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ground", ["#807060", "auto"])
 def test_a_painting_begins_on_its_ground(photo: Path, ground: str) -> None:
     heard: list[Event] = []
@@ -119,6 +123,7 @@ def test_a_painting_begins_on_its_ground(photo: Path, ground: str) -> None:
     assert float(near.float().mean()) > 0.25, "three strokes leave much of it to be seen"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("choice", [{"ground": "auto"}, {"brushes": "auto"}])
 def test_what_is_chosen_by_quick_plans_is_told_at_every_step_and_can_be_ended(
     photo: Path, choice: dict[str, str]
@@ -147,6 +152,7 @@ def test_what_would_move_a_real_robot_is_not_simulated(photo: Path) -> None:
         run.simulate()
 
 
+@pytest.mark.slow
 def test_a_stopped_painting_is_gone_on_with_to_its_last_stroke(stopped: Path) -> None:
     assert history_of(stopped).painted == 3
     with PaintingRun.reopen(stopped) as run:
@@ -157,8 +163,9 @@ def test_a_stopped_painting_is_gone_on_with_to_its_last_stroke(stopped: Path) ->
     assert result["strokes_painted"] == 6 and result["sittings"] == 2 and history_of(stopped).finished
 
 
+@pytest.mark.slow
 def test_a_finished_painting_teaches_its_calibration_record(photo: Path, tmp_path: Path) -> None:
-    wanted = RunSpec.of(goal=[{"image": str(photo)}], strokes=12, replans=1, **SMALL)
+    wanted = RunSpec.of(goal=[{"image": str(photo)}], strokes=12, replans=1, film=False, **SMALL)
     with PaintingRun(wanted, tmp_path / "first") as run:
         outcome = run.start()
         placement = run.session.brushwork.placement if run.session else None
@@ -173,6 +180,7 @@ def test_a_finished_painting_teaches_its_calibration_record(photo: Path, tmp_pat
     assert Calibration.load(tmp_path / "second" / "calibration.json") == before, "as it was painted by"
 
 
+@pytest.mark.slow
 def test_stopped_before_there_is_a_plan_nothing_is_left_to_finish(photo: Path, tmp_path: Path) -> None:
     heard: list[Event] = []
     spec = RunSpec.of(goal=[{"image": str(photo)}], strokes=6, **SMALL)
@@ -188,6 +196,7 @@ def test_a_painting_without_a_goal_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "painting").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("asked", "ground"),
     [

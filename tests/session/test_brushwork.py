@@ -188,6 +188,7 @@ def record_of(library: StrokeLibrary, folder: Path) -> Calibration:
     return replace(CALIBRATION, library=LearnedFile(str(folder / "strokes.npz"), "0" * 64))
 
 
+@pytest.mark.slow
 def test_a_library_with_fewer_dips_than_strokes_tells_what_a_dip_paints(tmp_path: Path) -> None:
     library = small_library(40)
     since = np.where(np.arange(40) % 2 == 0, 0, 1e-4).astype(np.float32)

@@ -112,6 +112,7 @@ def test_a_canvas_that_has_the_ground_already_is_not_asked_about(bare: BareCanva
     assert error(toned, observer.look(0.0, ROWS)) < 0.04
 
 
+@pytest.mark.slow
 def test_a_bare_canvas_teaches_the_light_as_before(bare: BareCanvas) -> None:
     plain, aware = studio(), studio()
     one = CanvasObserver(plain.easel).look(0.0, ROWS)
@@ -137,6 +138,7 @@ def test_other_surroundings_are_not_believed(painted: VirtualStudio, bare: BareC
         light_by_margin(photograph, record, SIZE)
 
 
+@pytest.mark.slow
 def test_the_canvas_calibration_keeps_a_bare_canvas_and_no_other(painted: VirtualStudio, tmp_path: Path) -> None:
     opened = studio()
     found = lead(canvas_procedure(opened.easel), lambda question: question.proposal)

@@ -37,6 +37,7 @@ def test_any_number_of_strokes_fits(count):
     assert picture.shape[0] == 3 and picture.shape[2] == 1800
 
 
+@pytest.mark.slow
 def test_of_very_many_the_dirty_ones_are_all_shown():
     library = judged(2000, {1999: Flaw.TORN})
     assert contact_sheet(library, "Strokes").shape == contact_sheet(judged(MOST_SHOWN, {}), "Strokes").shape

@@ -32,6 +32,8 @@ def look(easel: Easel) -> str:
     return hashlib.sha256(frame.image.tobytes()).hexdigest() + f" {frame.captured_at} {frame.sequence}"
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("fresh_easel")
 def test_the_painting_is_the_same_to_the_byte_and_so_is_all_that_is_known(tmp_path: Path) -> None:
     order = order_in(tmp_path / "one")
     with easel_of(order) as (away, _):
@@ -51,6 +53,7 @@ def test_the_painting_is_the_same_to_the_byte_and_so_is_all_that_is_known(tmp_pa
         assert look(away)  # nothing of it broke the link
 
 
+@pytest.mark.slow
 def test_a_killed_painting_goes_on_in_the_next_process(tmp_path: Path) -> None:
     whole, broken = order_in(tmp_path / "whole"), order_in(tmp_path / "broken")
     with easel_of(whole) as (easel, _):
@@ -68,6 +71,8 @@ def test_a_killed_painting_goes_on_in_the_next_process(tmp_path: Path) -> None:
     assert (tmp_path / "whole" / DIARY).read_bytes() != b""
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("fresh_easel")
 def test_when_the_painting_process_hangs_up_the_easels_ends_as_well(tmp_path: Path) -> None:
     with EaselLaunch() as launch, EaselProcess(launch) as process:
         process.open(order_in(tmp_path)).robot.connect()
@@ -76,12 +81,14 @@ def test_when_the_painting_process_hangs_up_the_easels_ends_as_well(tmp_path: Pa
         os.kill(pid, 0)
 
 
+@pytest.mark.usefixtures("fresh_easel")
 def test_a_process_that_was_started_and_taken_over_by_nobody_ends_with_its_block() -> None:
     with pytest.raises(ConfigError), EaselLaunch() as launch:
         raise ConfigError("nothing is painted")
     assert launch.process.poll() == -signal.SIGKILL
 
 
+@pytest.mark.slow
 def test_what_cannot_be_opened_says_so_at_once(tmp_path: Path) -> None:
     for wishes, says in (({"brushes": ("broom",)}, "no brush 'broom'"), ({"robot": "golem"}, "no robot 'golem'")):
         began = time.monotonic()
@@ -90,6 +97,7 @@ def test_what_cannot_be_opened_says_so_at_once(tmp_path: Path) -> None:
         assert time.monotonic() - began < 60
 
 
+@pytest.mark.slow
 def test_a_robot_that_another_process_has_is_busy_and_free_when_that_one_is_dead(tmp_path: Path) -> None:
     """Fault F32: two painters, one robot."""
     order = order_in(tmp_path)

@@ -91,6 +91,7 @@ def off(canvas: Tensor, undisturbed: Undisturbed, but_for: int | None = None) ->
     return float(difference.mean())
 
 
+@pytest.mark.slow
 def test_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_brush(
     world: World, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
@@ -104,6 +105,7 @@ def test_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_brush(
     assert told[:4] == 2 * ["rinse", "wipe"] and told[4].startswith("dip") and told[6] == "stroke 6"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("repaint", [False, True])
 def test_killed_in_a_stroke_that_one_is_in_doubt_and_only_painted_again_when_told_so(
     world: World, undisturbed: Undisturbed, tmp_path: Path, repaint: bool
@@ -168,6 +170,7 @@ def test_killed_at_every_stroke_the_canvas_is_that_of_the_undisturbed_painting(
     assert off(resumed(world, tmp_path / "it", repaint=repaint), undisturbed) < CLEANED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "repaint"),
     [("ended stroke 7", False), ("began stroke 7", True), ("painted stroke 7", False), ("ended dip after 9", False)],
@@ -188,6 +191,7 @@ def test_without_the_stroke_in_doubt_the_rest_is_planned_otherwise_and_comes_as_
     assert world.planner.validation_loss(resumed(world, tmp_path / "it")) < 1.35 * undisturbed.loss
 
 
+@pytest.mark.slow
 def test_killed_twice_it_is_still_the_same_painting(world: World, undisturbed: Undisturbed, tmp_path: Path) -> None:
     killed(world, tmp_path, ended(3))
     kill_when(tmp_path / "journal", ended(9), lambda: world.resume(tmp_path))
@@ -196,6 +200,7 @@ def test_killed_twice_it_is_still_the_same_painting(world: World, undisturbed: U
     assert History.of(EventLog.read(tmp_path / "journal"), tmp_path).runs == 3
 
 
+@pytest.mark.slow
 def test_killed_while_planning_nothing_is_lost_but_the_planning(
     world: World, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
@@ -204,6 +209,7 @@ def test_killed_while_planning_nothing_is_lost_but_the_planning(
     assert world.planner.validation_loss(resumed(world, tmp_path)) < 1.35 * undisturbed.loss, "another plan, as good"
 
 
+@pytest.mark.slow
 def test_killed_before_a_new_plan_was_written_the_old_one_holds(
     world: World, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
@@ -225,6 +231,7 @@ def reread(folder: Path) -> tuple[None, History]:
     return None, History.of(EventLog.read(folder / "journal"), folder)
 
 
+@pytest.mark.slow
 def test_without_the_photograph_of_its_batch_a_painting_goes_on_as_well(
     world: World, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
@@ -234,6 +241,7 @@ def test_without_the_photograph_of_its_batch_a_painting_goes_on_as_well(
     assert world.planner.validation_loss(resumed(world, tmp_path)) < 1.35 * undisturbed.loss
 
 
+@pytest.mark.slow
 def test_another_plan_is_noticed(world: World, undisturbed: Undisturbed, tmp_path: Path) -> None:
     """Fault F33: the plan or the settings were changed before resuming."""
     killed(world, tmp_path, ended(6))
@@ -250,6 +258,7 @@ def test_another_plan_is_noticed(world: World, undisturbed: Undisturbed, tmp_pat
         resuming.kept_plan(tmp_path, history)
 
 
+@pytest.mark.slow
 def test_photographs_that_are_not_as_they_were_taken_are_told(world: World, tmp_path: Path) -> None:
     """Fault F33: what decides how the painting goes on was changed before resuming."""
     killed(world, tmp_path, ended(6))

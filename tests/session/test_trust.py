@@ -32,6 +32,7 @@ def paint(world: World, folder: Path, faults: Faults, seed: int = 0, plan: Plan 
     return [event for event in heard if isinstance(event, Paused)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("faults", "done", "reason"),
     [
@@ -53,6 +54,7 @@ def test_what_cannot_be_trusted_is_taken_again_and_then_the_painting_pauses(
     assert paused.done == done and reason in paused.reason
 
 
+@pytest.mark.slow
 def test_what_goes_away_by_itself_is_waited_for(world: World, tmp_path: Path) -> None:
     """Fault F23: the photograph cannot be trusted.
 

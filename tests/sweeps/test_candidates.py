@@ -25,6 +25,7 @@ def spec(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> fp.RunSpec:
     return fp.RunSpec.of(**SMALL, goal=[{"image": str(tmp_path / "coffee.png")}], seed=7)
 
 
+@pytest.mark.slow
 def test_the_plan_of_the_best_seed_is_chosen(tmp_path: Path, spec: fp.RunSpec, monkeypatch) -> None:
     monkeypatch.setattr(sweeps, "open_engine", lambda *limits, **where: Here())
     best = best_candidate(spec, 3, tmp_path / "candidates", notify=lambda progress: None)
@@ -39,6 +40,7 @@ def test_the_plan_of_the_best_seed_is_chosen(tmp_path: Path, spec: fp.RunSpec, m
     assert best.spec == spec.changed(seed=best.spec.seed, ground="white")
 
 
+@pytest.mark.slow
 def test_the_ground_of_the_best_is_that_of_its_plan(tmp_path: Path, spec: fp.RunSpec, monkeypatch) -> None:
     monkeypatch.setattr(sweeps, "open_engine", lambda *limits, **where: Here())
     best = best_candidate(spec.changed(ground="auto"), 1, tmp_path / "candidates", notify=lambda progress: None)

@@ -37,6 +37,7 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SweepOutcome:
     return sweep({"title": "A & B", "settings": settings, "grid": grid}, tmp_path / "sweep")
 
 
+@pytest.mark.slow
 def test_the_report_shows_pictures_curves_tests_and_failures(made: SweepOutcome) -> None:
     path = write_report(status_of(made.folder))
     html = path.read_text()

@@ -36,6 +36,7 @@ def test_pairs_show_what_means_hide() -> None:
     assert points[50.0].high > points[100.0].value, "the intervals of the means overlap"
 
 
+@pytest.mark.slow
 def test_nothing_is_found_where_there_is_nothing() -> None:
     found = [paired_tests(results(0.0, draw=draw), ["strokes"])[0] for draw in range(300)]
     assert 0.02 <= np.mean([test.t < 0.05 for test in found]) <= 0.09

@@ -290,6 +290,7 @@ def _coarse_brush(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("frida_painter.runs.opening.cached_table", coarse_table)
 
 
+@pytest.mark.slow
 def test_a_run_plans_paints_and_evaluates(tmp_path: Path, photo: Path, _coarse_brush: None) -> None:
     """In this process: what a run writes is what PaintingRun gives."""
     (tmp_path / "sweep").mkdir()

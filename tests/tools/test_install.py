@@ -91,6 +91,7 @@ def test_pip_installs_where_there_is_no_uv_or_it_fails(install: ModuleType, monk
     assert first[0] == UV and second == alone
 
 
+@pytest.mark.slow
 def test_pip_really_lists_what_is_read_here(
     install: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

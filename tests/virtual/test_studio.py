@@ -56,6 +56,7 @@ def test_the_placement_error_shifts_and_turns_marks_about_the_canvas_s_centre():
     assert math.degrees(math.atan2(along[1], along[0])) % 180 == pytest.approx(10, abs=3)
 
 
+@pytest.mark.slow
 def test_without_a_wish_the_error_is_a_couple_of_millimetres_and_known_to_nobody():
     errors = [open_studio(CANVAS, seed=seed).placement_error for seed in range(4)]
     assert len(set(errors)) == 4
@@ -96,6 +97,7 @@ def test_as_many_paints_as_a_palette_may_have_fit_into_the_wells():
     assert empty.studio.balance().drawn == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("canvas", [CanvasSize(0.03, 0.03), CanvasSize(3.0, 0.5)])
 def test_any_canvas_size_can_be_painted_on(canvas):
     hand = Hand(BLACK, canvas=canvas, brush="fine", cell=None, camera=CameraSpec((240, 320)))

@@ -132,6 +132,7 @@ def test_a_picture_is_taken_and_given_back(visitor: Visitor) -> None:
     assert visitor.get("/api/pictures/" + "0" * 32).status_code == 404
 
 
+@pytest.mark.slow
 def test_a_painting_begins_with_a_plan(studio: Studio, visitor: Visitor, started: list[tuple[str, int]]) -> None:
     entry = begun(studio, visitor)
     assert started == [("plan", 1)]
@@ -171,6 +172,7 @@ def test_two_clicks_at_once_start_one_painter(studio: Studio, visitor: Visitor, 
     assert started == [("plan", 1)]
 
 
+@pytest.mark.slow
 def test_stop_reaches_those_who_work_and_is_put_down(studio: Studio, visitor: Visitor, started: Any) -> None:
     entry, other = begun(studio, visitor), begun(studio, visitor)
     assert visitor.post("/api/stop").json() == {"stopped": 0, "heard": 0}
@@ -183,6 +185,7 @@ def test_stop_reaches_those_who_work_and_is_put_down(studio: Studio, visitor: Vi
     lock.release()
 
 
+@pytest.mark.slow
 def test_who_asked_for_what_and_when_is_kept_for_good(studio: Studio, visitor: Visitor, started: Any) -> None:
     entry = begun(studio, visitor)
     finish_plan(entry)
@@ -222,6 +225,7 @@ def test_networks_are_fetched_by_a_command_and_never_by_the_page(
     assert started == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path",
     [
@@ -349,6 +353,7 @@ def waiting(visitor: Visitor) -> list[tuple[str, str]]:
     return [(each["title"], each["job"]) for each in visitor.get("/api/work").json()["queue"]]
 
 
+@pytest.mark.slow
 def test_what_is_asked_of_a_busy_painter_waits_in_order_and_is_begun_by_itself(
     studio: Studio, visitor: Visitor, started: list[tuple[str, int]], busy: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -370,6 +375,7 @@ def test_what_is_asked_of_a_busy_painter_waits_in_order_and_is_begun_by_itself(
     assert visitor.get(f"/api/paintings/{first.id}").json()["queued"] == ""
 
 
+@pytest.mark.slow
 def test_a_stop_holds_the_queue_until_a_person_lets_it_go_on(
     studio: Studio, visitor: Visitor, started: list[tuple[str, int]], busy: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -414,6 +420,7 @@ def test_a_real_robot_paints_nothing_by_itself(tmp_path: Path, started: list[tup
     assert started[-1] == ("paint", 1) and waiting(visitor) == []
 
 
+@pytest.mark.slow
 def test_what_waits_is_taken_out_by_hand_or_with_its_painting(
     studio: Studio, visitor: Visitor, started: list[tuple[str, int]], busy: None
 ) -> None:

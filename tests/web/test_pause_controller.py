@@ -80,6 +80,7 @@ class Table:
         return self.controller.go_on(paused)
 
 
+@pytest.mark.slow
 def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: PaintingFolder) -> None:
     table = Table(folder, 8)
     table.says = [("look", {}), ("leave out", {"count": 3}), ("pause", {}), ("go on", {})]
@@ -88,6 +89,7 @@ def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: Painti
     assert "let it look" in table.told(Paused)[0].reason
 
 
+@pytest.mark.slow
 def test_turns_are_taken(folder: PaintingFolder) -> None:
     table = Table(folder, 7)
     table.says = [("turns", {"count": 2}), ("go on", {})]
@@ -96,6 +98,7 @@ def test_turns_are_taken(folder: PaintingFolder) -> None:
     assert len(turns) >= 2 and "your turn" in turns[0].reason
 
 
+@pytest.mark.slow
 def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder) -> None:
     table = Table(folder, 4)
     table.evening.planner.size = CANVAS  # type: ignore[attr-defined]
@@ -116,6 +119,7 @@ def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> Non
     assert reasons == ["its folder/painting/journal cannot be written; make room."]
 
 
+@pytest.mark.slow
 def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp_path: Path) -> None:
     folder.painting.mkdir()
     table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))

@@ -28,6 +28,7 @@ def studio(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     process.stdout.close()
 
 
+@pytest.mark.slow
 def test_the_studio_closes_in_peace_while_somebody_watches_and_keeps_no_token(
     studio: subprocess.Popen[str], tmp_path: Path
 ) -> None:
@@ -71,6 +72,7 @@ print(*sys.modules)
 """
 
 
+@pytest.mark.slow
 def test_the_process_of_the_page_holds_neither_robot_nor_accelerator(tmp_path: Path) -> None:
     """In a process of its own: what was loaded before by other tests does not count."""
     tests = str(Path(__file__).parents[1])

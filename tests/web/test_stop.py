@@ -56,6 +56,7 @@ def require_stopped(studio: Served, work: Work, way: dict[str, Any]) -> None:
     assert time.monotonic() - began < PATIENCE
 
 
+@pytest.mark.slow
 def test_a_stop_is_heard_by_line_and_leaves_files_and_a_record(studio: Served, work: Work) -> None:
     way = studio.way
     deadline = time.monotonic() + 20
@@ -75,6 +76,7 @@ def test_a_stop_is_heard_by_line_and_leaves_files_and_a_record(studio: Served, w
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 def test_a_locked_database_and_threads_that_wait_for_it_hold_no_stop_up(studio: Served, work: Work) -> None:
     way, paths = studio.way, ["/api/paintings", "/api/studio", f"/api/paintings/{'0' * 16}"]
     with closing(sqlite3.connect(studio.folder / "studio.sqlite", isolation_level=None)) as base:
@@ -98,6 +100,7 @@ def raw_get(studio: Served, path: str) -> socket.socket:
     return connection
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("studio", [200], indirect=True)
 def test_half_open_connections_keep_nobody_out(studio: Served, work: Work) -> None:
     way = studio.way
@@ -112,12 +115,14 @@ def test_half_open_connections_keep_nobody_out(studio: Served, work: Work) -> No
         assert studio.ask("/api/studio")["role"] == "operate", "the page as well"
 
 
+@pytest.mark.slow
 def test_what_waits_for_a_request_is_cut(studio: Served) -> None:
     with socket.create_connection((studio.host, studio.way["port"]), timeout=20) as slow:
         slow.sendall(b"POST /stop HTTP/1.1\r\nHost: ")
         assert slow.recv(100) == b""
 
 
+@pytest.mark.slow
 def test_an_old_page_stops_while_the_studio_is_gone_and_after_it_was_opened_again(studio: Served, work: Work) -> None:
     way = studio.way
     studio.kill()
@@ -130,6 +135,7 @@ def test_an_old_page_stops_while_the_studio_is_gone_and_after_it_was_opened_agai
         again.kill()
 
 
+@pytest.mark.slow
 def test_a_listener_that_was_killed_is_started_again_on_its_port(studio: Served, work: Work) -> None:
     way = studio.way
     for path in Path("/proc").glob("[0-9]*/cmdline"):
@@ -146,6 +152,7 @@ def test_a_listener_that_was_killed_is_started_again_on_its_port(studio: Served,
         time.sleep(0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1.evil.example"])
 def test_other_pages_and_wrong_secrets_stop_nothing(studio: Served, work: Work, origin: str) -> None:
     way = studio.way
@@ -173,6 +180,7 @@ def test_secrets_end_a_watchers_before_an_operators(tmp_path: Path, monkeypatch:
     assert again.role(secret[Role.operate]) is None
 
 
+@pytest.mark.slow
 def test_a_worker_in_a_folder_of_any_name_hears(tmp_path: Path) -> None:
     """Addresses of local sockets are short; folders need not be."""
     folder = tmp_path / ("a long name " * 12)

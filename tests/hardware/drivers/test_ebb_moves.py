@@ -10,7 +10,7 @@ from machines.paths import a_stroke
 PLACE = st.tuples(st.floats(0, 0.3), st.floats(-0.2, 0), st.sampled_from([-0.001, 0.0, 0.005]))
 
 
-@settings(max_examples=30)
+@settings(max_examples=min(30, settings.default.max_examples))
 @given(st.lists(PLACE, min_size=1, max_size=4), PLACE, st.floats(0.005, 0.3))
 def test_all_pieces_together_lead_exactly_to_every_waypoint(
     places: list[tuple[float, float, float]], start: tuple[float, float, float], speed: float

@@ -3,7 +3,7 @@ import math
 import pytest
 import torch
 
-from frida_painter import weights
+from downloads import fetched
 from frida_painter.objectives.encoders.conse import class_names, kin, synonyms
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from networks import WordBag, random_reader
@@ -44,12 +44,12 @@ def test_the_distance_is_half_cosine_and_half_cross_entropy_and_has_a_slope_ever
     assert torch.allclose(apart, (cosine + surprise) / 2, atol=1e-4)
 
 
-@pytest.mark.skipif(
-    any(weights.find(name) is None for name in ("minilm", "efficientnet-lite0")), reason="they were not fetched"
-)
 @pytest.mark.slow
 def test_the_real_one_tells_photographs_apart_by_words() -> None:
-    skimage = pytest.importorskip("skimage")
+    import skimage
+
+    for name in ("minilm", "efficientnet-lite0"):
+        fetched(name)
     photographs = torch.stack(
         [
             torch.nn.functional.interpolate(

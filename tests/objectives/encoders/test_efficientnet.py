@@ -4,6 +4,7 @@ import pytest
 import torch
 from torch.nn import functional
 
+from downloads import fetched
 from frida_painter import weights
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
@@ -55,8 +56,7 @@ def test_too_few_stages_are_refused() -> None:
 @pytest.mark.parametrize(("variant", "side"), [(0, 224), (1, 240), (2, 260)])
 def test_published_weights_recognise_photographs(variant: int, side: int) -> None:
     name = f"efficientnet-lite{variant}"
-    if weights.find(name) is None:
-        pytest.skip(f"needs fetched weights: frida-painter models fetch {name}")
+    fetched(name)
     from skimage import data
 
     from frida_painter import images

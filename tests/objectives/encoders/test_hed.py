@@ -1,6 +1,7 @@
 import pytest
 import torch
 
+from downloads import fetched
 from frida_painter import images, weights
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.hed import Hed
@@ -34,10 +35,10 @@ def test_weights_of_another_network_are_refused(missing: str) -> None:
         Hed(tensors)
 
 
-@pytest.mark.skipif(weights.find("hed") is None, reason="needs fetched weights: frida-painter models fetch hed")
 def test_published_weights_find_the_rim_of_a_cup() -> None:
     from skimage import data
 
+    fetched("hed")
     picture = images.fit(images.from_uint8(data.coffee()), 120, 180)
     with torch.no_grad():
         edges = Hed(weights.tensors("hed")).edges(picture)

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter import weights
+from downloads import fetched
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
 WORDS = ["[PAD]", "[UNK]", "[CLS]", "[SEP]", "[MASK]", "a", "red", "ship", "sails", "at", "sea"]
@@ -55,8 +55,8 @@ def test_many_sentences_are_embedded_once(tiny: SentenceEncoder, tmp_path: Path,
     assert torch.equal(tiny.embed_once(names, tmp_path / "file"), first), "where nothing can be kept, it works as well"
 
 
-@pytest.mark.skipif(weights.find("minilm") is None, reason="minilm was not fetched")
 @pytest.mark.slow
 def test_the_real_one_knows_what_is_alike() -> None:
+    fetched("minilm")
     ship, boat, lemon = SentenceEncoder.load().embed(["a sailing ship", "schooner", "a lemon"])
     assert float(ship @ boat) > 0.6 > 0.4 > float(ship @ lemon)

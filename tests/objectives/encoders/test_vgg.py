@@ -2,7 +2,7 @@ import pytest
 import torch
 from torch.nn import functional
 
-from frida_painter import weights
+from downloads import fetched
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.encoders.vgg import Vgg16
@@ -54,13 +54,13 @@ def test_without_weights_the_sentence_says_how_to_get_them(tmp_path: pytest.Temp
         EncoderRegistry(tmp_path).style()
 
 
-@pytest.mark.skipif(weights.find("hed") is None, reason="needs fetched weights: frida-painter models fetch hed")
 def test_textures_are_told_apart() -> None:
     """Halves of one photograph are nearer to each other in style than to another texture."""
     from skimage import data
 
     from frida_painter.objectives.style import Style
 
+    fetched("hed")
     textures = {
         name: torch.from_numpy(getattr(data, name)()).float().expand(3, -1, -1) / 255
         for name in ("brick", "grass", "gravel")

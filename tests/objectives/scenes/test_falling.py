@@ -17,6 +17,7 @@ MEADOW, NIGHT = PLACES[3], LIGHTS[2]
 RAIN, SNOW, _ = WEATHERS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "setting",
     [Setting(MEADOW, DAY, RAIN), Setting(MEADOW, DAY, SNOW), Setting(MEADOW, NIGHT)],

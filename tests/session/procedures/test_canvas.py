@@ -31,6 +31,7 @@ def ignorant(easel: Easel) -> Easel:
     return replace(easel, calibration=replace(easel.calibration, corners=somewhere, lens=None))
 
 
+@pytest.mark.slow
 def test_the_proposal_is_right_and_enters_the_record(studio: VirtualStudio) -> None:
     easel = ignorant(studio.easel)
     found = lead(canvas(easel), lambda question: question.proposal)
@@ -43,6 +44,7 @@ def test_the_proposal_is_right_and_enters_the_record(studio: VirtualStudio) -> N
     assert list(record.done) == ["canvas"] and record.done["canvas"].residual == found.residual < 0.5
 
 
+@pytest.mark.slow
 def test_the_corners_that_a_person_gives_override(studio: VirtualStudio) -> None:
     mine = tuple((column + 1.5, row - 1.0) for column, row in studio.camera.corners)
     found = lead(canvas(studio.easel), lambda question: mine)
@@ -54,6 +56,7 @@ def test_the_corners_that_a_person_gives_override(studio: VirtualStudio) -> None
     assert far.corners == elsewhere and far.residual == POINTING and far.lens is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("answer", "says"),
     [

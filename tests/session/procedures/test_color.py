@@ -50,6 +50,7 @@ def test_on_the_usual_studio_patches_never_seen_come_out_right(seed):
     assert finding.change < 0.01
 
 
+@pytest.mark.slow
 def test_the_record_holds_the_map_and_what_it_leaves_and_the_picture_shows_it():
     studio = studio_with()
     finding = lead(color(studio.easel), proposal)
@@ -80,6 +81,7 @@ def painted_squares(studio):
     return places
 
 
+@pytest.mark.slow
 def test_the_painter_sees_the_canvas_as_it_is():
     """With the bands leaking into each other, of 24 colours that are not the checker's; CIEDE2000."""
     errors = {}
@@ -104,6 +106,7 @@ def test_the_painter_sees_the_canvas_as_it_is():
     assert errors[False] > 3 * errors[True]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [math.pi, math.pi - 0.5, math.pi / 2, -1.0])
 def test_a_checker_that_lies_upside_down_or_askew_is_read_all_the_same(turn):
     studio = studio_with()
@@ -114,6 +117,7 @@ def test_a_checker_that_lies_upside_down_or_askew_is_read_all_the_same(turn):
     assert np.abs(np.array(turned.affine) - np.array(straight.affine)).max() < 0.03
 
 
+@pytest.mark.slow
 def test_corners_given_by_a_person_may_begin_anywhere_and_run_either_way():
     studio = studio_with()
     wanted = lead(color(studio.easel), proposal)
@@ -126,6 +130,7 @@ def test_corners_given_by_a_person_may_begin_anywhere_and_run_either_way():
         assert np.abs(np.array(finding.affine) - np.array(wanted.affine)).max() < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
     [LightChange(1, (0.6, 0.6, 0.6)), LightChange(1, (0.8, 0.6, 0.4)), LightChange(1, (0.7, 0.7, 0.7), (-0.3, 0.1))],
@@ -154,6 +159,7 @@ def test_out_of_focus_the_map_is_right_or_refused(blur, first):
         assert np.abs(np.array(finding.affine) - np.array(found().affine)).max() < 0.03
 
 
+@pytest.mark.slow
 def test_a_photograph_that_is_too_bright_or_too_dark_is_refused():
     with pytest.raises(CalibrationError, match=r"overexposed.*white"):
         found(faults=Faults(light_changes=(LightChange(0, (1.25, 1.25, 1.25)),)))
@@ -163,6 +169,7 @@ def test_a_photograph_that_is_too_bright_or_too_dark_is_refused():
         found(faults=Faults(light_changes=(LightChange(0, (0.05, 0.05, 0.05)),)))
 
 
+@pytest.mark.slow
 def test_no_checker_and_no_answer_are_refused_with_what_to_do():
     studio = studio_with()
     studio.lay_checker((2.0, 2.0), 0.0, 0.1)
@@ -222,6 +229,7 @@ class Person:
         return question.proposal
 
 
+@pytest.mark.slow
 def test_a_person_is_asked_to_lay_the_checker_down_and_to_take_it_away():
     studio = studio_with()
     person = Person(studio)

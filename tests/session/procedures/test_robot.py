@@ -73,6 +73,7 @@ def strokes_off(studio: VirtualStudio, easel: Easel, count: int, seed: int) -> n
     return np.array(off)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_strokes_land_where_they_are_meant_to(seed: int) -> None:
     studio = opened(seed)
@@ -86,6 +87,7 @@ def test_strokes_land_where_they_are_meant_to(seed: int) -> None:
     assert "16 of 16 dots" in found.sentence
 
 
+@pytest.mark.slow
 def test_two_dots_may_be_missing() -> None:
     studio = opened(3, faults=Faults(dropped_touches=frozenset([0, 9])))
     easel, found = calibrated(studio)
@@ -117,6 +119,7 @@ def spotted(easel: Easel, spots: int) -> Easel:
     return replace(easel, robot=Dripping())
 
 
+@pytest.mark.slow
 def test_spots_that_are_no_dots_are_survived() -> None:
     studio = opened(4)
     record = lead(canvas(studio.easel), proposal).enter(studio.easel.calibration)
@@ -126,6 +129,7 @@ def test_spots_that_are_no_dots_are_survived() -> None:
     assert strokes_off(studio, replace(easel, calibration=found.enter(record)), 4, 4).mean() < 0.0005
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("faults", "says"),
     [
@@ -140,6 +144,7 @@ def test_what_would_be_a_wrong_placement_is_refused(faults: Faults, says: str) -
         lead(robot(opened(6, faults=faults).easel), proposal)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sign", "says"), [((-1, 1), "mirrored from left"), ((1, -1), "mirrored from top"), ((-1, -1), "upside")]
 )

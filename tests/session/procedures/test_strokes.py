@@ -32,6 +32,7 @@ def undisturbed():
     return paint(paper_studio().easel, notify=progress.append), progress
 
 
+@pytest.mark.slow
 def test_each_stroke_is_painted_photographed_and_told(undisturbed):
     finding, progress = undisturbed
     assert len(finding.library) == COUNT
@@ -66,6 +67,7 @@ def test_a_crop_holds_the_whole_frame_of_the_brush(undisturbed):
     assert frame.bottom <= wanted.bottom < wanted.top <= frame.top
 
 
+@pytest.mark.slow
 def test_the_contact_sheet_and_the_record(undisturbed, tmp_path):
     easel = paper_studio().easel
     assert undisturbed[0].picture.shape[0] == 3
@@ -77,6 +79,7 @@ def test_the_contact_sheet_and_the_record(undisturbed, tmp_path):
     assert 0 < record.done["strokes"].residual < 0.1
 
 
+@pytest.mark.slow
 def test_a_paper_that_was_moved_costs_one_stroke_and_is_given_up():
     progress = []
     shift = 0.003
@@ -87,11 +90,13 @@ def test_a_paper_that_was_moved_costs_one_stroke_and_is_given_up():
     assert "1 is left out (1 paper moved)" in finding.sentence
 
 
+@pytest.mark.slow
 def test_strokes_without_paint_are_found():
     finding = paint(paper_studio(Faults(dropped_touches=frozenset({1, 4}))).easel)
     assert np.flatnonzero(finding.library.flaws == Flaw.EMPTY).tolist() == [1, 4]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
     [
@@ -123,6 +128,7 @@ def test_a_photograph_out_of_focus_is_taken_again(undisturbed):
     assert np.abs(finding.library.magnitude - expected).mean() / 255 < 0.004
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", [0, 3])
 def test_a_camera_that_stays_out_of_focus_is_refused_and_the_strokes_are_kept(first, tmp_path):
     out = tmp_path / "library.npz"
@@ -139,6 +145,7 @@ def test_something_dark_in_the_picture_is_waited_for_once(undisturbed):
     assert not paint(spoiled(paper_studio(), hand), count=2).library.flaws.any()
 
 
+@pytest.mark.slow
 def test_something_dark_that_stays_is_a_flaw_and_no_sheet_begins_with_it():
     def arm(image, number):
         return dark_bar(image) if number >= 2 else image
@@ -155,6 +162,7 @@ def test_a_paper_elsewhere_than_calibrated_is_refused():
         paint(replace(easel, calibration=replace(easel.calibration, corners=beside)))
 
 
+@pytest.mark.slow
 def test_without_any_paint_it_stops_soon_and_forgets_the_empty_strokes(tmp_path):
     out = tmp_path / "library.npz"
     told = []
@@ -164,6 +172,7 @@ def test_without_any_paint_it_stops_soon_and_forgets_the_empty_strokes(tmp_path)
     assert len(list(unfinished(out).glob("stroke-*"))) == 2
 
 
+@pytest.mark.slow
 def test_mostly_dirty_strokes_are_kept_and_refused(tmp_path):
     out = tmp_path / "library.npz"
     with pytest.raises(CalibrationError, match="Most strokes are dirty"):
@@ -184,6 +193,7 @@ class Operator:
         return False
 
 
+@pytest.mark.slow
 def test_a_person_is_asked_for_every_paper_and_told_why():
     studio = paper_studio(Faults(bumps=(Bump(1, (0.003, 0.0)),)))
     asked = []
@@ -198,6 +208,7 @@ def test_a_person_is_asked_for_every_paper_and_told_why():
     assert len(asked) == 2 and "moved by 3" in asked[1].text
 
 
+@pytest.mark.slow
 def test_a_person_who_forgets_to_change_the_paper_is_asked_again_and_may_give_up(tmp_path):
     studio = paper_studio()
     asked = []
@@ -213,6 +224,7 @@ def test_a_person_who_forgets_to_change_the_paper_is_asked_again_and_may_give_up
     assert "bare" in asked[2]
 
 
+@pytest.mark.slow
 def test_the_brush_is_refilled_as_often_as_was_asked():
     studio = paper_studio()
     library = paint(studio.easel, count=5, refill_every=2).library
@@ -225,6 +237,7 @@ def test_the_brush_is_refilled_as_often_as_was_asked():
     assert studio.table.dips == 3  # before strokes 0 and 2, and before 4, which is the first on the second paper
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dead", [3, 5])
 def test_after_a_robot_died_the_rest_is_painted_on_fresh_paper(dead, tmp_path, undisturbed):
     out = tmp_path / "library.npz"
@@ -246,6 +259,7 @@ class Crash(Exception):
     pass
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stage", "call"), [("lay_paper", 1), ("fill_wells", 0), ("capture", 0), ("capture", 2), ("follow", 1), ("home", 3)]
 )
@@ -272,6 +286,7 @@ def test_a_crash_at_any_stage_loses_at_most_the_stroke_that_it_hit(stage, call, 
     assert len(paint(paper_studio().easel, out, count=count).library) == count
 
 
+@pytest.mark.slow
 def test_a_stroke_that_was_damaged_on_the_disk_is_painted_again(tmp_path):
     out = tmp_path / "library.npz"
     with pytest.raises(RobotError):

@@ -45,11 +45,13 @@ def drawn(hand):
     view.__exit__(None, None, None)
 
 
+@pytest.mark.slow
 def test_the_painting_lies_before_the_arm(drawn):
     change = (drawn(255).astype(int) - drawn(20)).max(-1)
     assert 50 < (change > 40).sum() < 0.15 * change.size  # the canvas, and nothing else
 
 
+@pytest.mark.slow
 def test_the_painting_lies_the_right_way_round_before_whoever_stands_opposite(drawn):
     def middle(**part):
         """Where a dark part of the canvas is seen: row and column of the picture."""
