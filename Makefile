@@ -7,7 +7,7 @@ PHOTO ?= examples/photographs/coffee.jpg
 PINS := pyproject.toml constraints.txt
 ADD := $(BIN)/python tools/install.py
 
-.PHONY: paint studio test quick lint docs benchmarks benchmarks-gpu install browser clean
+.PHONY: paint studio test quick lint docs reference benchmarks benchmarks-gpu install browser clean
 
 install: $(VENV)/dev
 
@@ -48,6 +48,10 @@ lint: install
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python tools/check_page.py lint
+
+# Pages of docs/reference that are made from the program itself; tests/docs fails if one is out of date.
+reference: $(VENV)/web
+	$(BIN)/python tools/write_reference.py
 
 docs: $(VENV)/docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
