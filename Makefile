@@ -29,7 +29,7 @@ $(VENV)/web: $(VENV)/installed
 $(VENV)/dev: $(VENV)/installed
 	@echo "Installing the test tools, all that commands may need, and a physics engine: usually one to two minutes more."
 	@$(ADD) '.[dev]'
-	@touch $@ $(VENV)/web
+	@touch $@ $(VENV)/web $(VENV)/docs
 
 $(VENV)/docs: $(VENV)/installed
 	@echo "Installing what makes the documentation's site: usually some seconds."
@@ -49,7 +49,7 @@ lint: install
 	$(BIN)/mypy
 	$(BIN)/python tools/check_page.py lint
 
-# Pages of docs/reference that are made from the program itself; tests/docs fails if one is out of date.
+# Pages of docs/reference that are made from the program itself. tests/docs fails if one is out of date.
 reference: $(VENV)/web
 	$(BIN)/python tools/write_reference.py
 
@@ -61,6 +61,7 @@ browser:
 	@command -v chromium >/dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null \
 		&& apt-get -qq update && apt-get -qq install -y --no-install-recommends chromium; } || true
 
+# tests/docs builds the documentation's site as strictly as `make docs` does.
 test: lint browser
 	$(BIN)/python tools/check_page.py test
 	$(BIN)/pytest -n 2 --dist worksteal

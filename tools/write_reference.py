@@ -2,7 +2,7 @@
 
 The command line is described by its own commands, the settings by the fields of RunSpec, the parts by the registry
 and the networks by their catalogue. The pages are checked in, so that people can read them in the repository;
-tests/test_docs.py fails if one of them is not what this program writes.
+tests/docs fails if one of them is not what this program writes.
 """
 
 import inspect

@@ -60,7 +60,7 @@ def paint(
 ) -> None:
     """Paint a photograph or a text prompt. Plans, paints some strokes, looks at the canvas and replans the rest.
 
-    The virtual studio paints unless --robot names a robot arm, a plotter or a person (docs/how-to/index.md).
+    The virtual studio paints unless --robot names a robot arm, a plotter or a person (docs/how-to/machine.md).
 
     --text paints a text prompt, --style uses the style of another picture, --semantic paints what a
     picture shows, and --sketch follows the lines of a drawing. They can be combined (docs/how-to/several-goals.md).
