@@ -160,7 +160,7 @@ def _top() -> Iterator[tuple[str, Any]]:
 def _described(name: str, command: Any, level: int) -> Iterator[str]:
     if (deferred := getattr(command, "_entry", None)) is not None:  # its module is imported when it is called
         command = deferred.load()
-    yield f"{'#' * level} `{name}` {{ #{_anchor(name)} }}"
+    yield f"{'#' * level} `{name}`"
     members = getattr(command, "commands", None)
     arguments = [param for param in command.params if param.param_type_name == "argument"]
     usage = " ".join(("frida-painter", name, *(_argument(one) for one in arguments), "[OPTIONS]"))
