@@ -7,7 +7,7 @@ PHOTO ?= examples/photographs/coffee.jpg
 PINS := pyproject.toml constraints.txt
 ADD := $(BIN)/python tools/install.py
 
-.PHONY: paint studio test quick lint docs size benchmarks benchmarks-gpu install browser downloads clean
+.PHONY: paint studio test quick lint docs size benchmarks benchmarks-gpu install browser downloads clean reference
 
 install: $(VENV)/dev
 
@@ -29,7 +29,7 @@ $(VENV)/web: $(VENV)/installed
 $(VENV)/dev: $(VENV)/installed
 	@echo "Installing the test tools, all that commands may need, and a physics engine: usually one to two minutes more."
 	@$(ADD) '.[dev]'
-	@touch $@ $(VENV)/web
+	@touch $@ $(VENV)/web $(VENV)/docs
 
 $(VENV)/docs: $(VENV)/installed
 	@echo "Installing what makes the documentation's site: usually some seconds."
@@ -49,6 +49,10 @@ lint: install
 	$(BIN)/mypy
 	$(BIN)/python tools/check_page.py lint
 
+# Pages of docs/reference that are made from the program itself. tests/docs fails if one is out of date.
+reference: $(VENV)/web
+	$(BIN)/python tools/write_reference.py
+
 docs: $(VENV)/docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
@@ -61,6 +65,7 @@ browser:
 downloads: install
 	@$(BIN)/python tests/downloads.py
 
+# tests/docs builds the documentation's site as strictly as `make docs` does.
 test: lint browser downloads
 	$(BIN)/python tools/check_page.py test
 	$(BIN)/pytest -n 2 --dist worksteal

@@ -2,17 +2,20 @@
 
     python benchmarks/report.py [--only iteration planning ...] [--keep]
 
-Every benchmark leaves its figures in .benchmarks/NAME.json; those that are not run are taken from
-there, and where there are none their part of the page stays as it is. --keep runs none. What needs a
-GPU is run where it is named. Leave the machine alone meanwhile: wall time suffers from everything else.
+Every benchmark leaves its figures in .benchmarks/NAME.json, with a digest of the source that they were measured on.
+The page holds figures of the present source only: those that are not run are taken from there if their digest is that
+of the present source, and are left out otherwise. --keep runs none. What needs a GPU is run if it is named. Leave the
+machine alone meanwhile: wall time suffers from everything else.
 """
 
 import argparse
+import hashlib
 import json
-import re
 import subprocess
 import sys
 from dataclasses import dataclass
+from datetime import date
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -21,18 +24,21 @@ from measure import Table
 ROOT = Path(__file__).parent.parent
 FIGURES = ROOT / ".benchmarks"
 PAGE = ROOT / "docs" / "benchmarks.md"
+SOURCE = ROOT / "src" / "frida_painter"
 OPENING = """# Benchmarks
 
-`make benchmarks` runs all measurements and writes this page. Each section names the command that prints only its
-tables. CPU time is that of one thread unless the table says otherwise.
+`make benchmarks` runs all measurements and writes this page; nothing on it is written by hand. Each section names the
+command that prints only its tables. CPU time is that of one thread unless the table says otherwise. What was measured
+on earlier code, with what was tried, is in the [laboratory](lab/index.md).
 """
+MISSING = "*Not measured on this code.*"
 
 
 @dataclass(frozen=True)
 class Section:
     """A benchmark, and what its part of the page says beside the tables.
 
-    elsewhere: whether it needs another machine than the others, which its part names.
+    elsewhere: True if it needs another machine than the others.
     """
 
     name: str
@@ -49,19 +55,38 @@ class Section:
     def file(self) -> Path:
         return FIGURES / f"{self.name}.json"
 
+    @property
+    def head(self) -> str:
+        return f"## {self.heading}\n\n`{self.command}`\n\n{self.text}\n"
+
     def run(self) -> None:
         command = [sys.executable, str(ROOT / "benchmarks" / f"{self.name}.py"), *self.options]
         subprocess.run([*command, "--json", str(self.file)], check=True, cwd=ROOT)
+        record = json.loads(self.file.read_text()) | {"code": digest(SOURCE), "date": f"{date.today():%Y-%m-%d}"}
+        self.file.write_text(json.dumps(record, indent=2))
+
+    def record(self) -> dict[str, Any] | None:
+        """What was measured on the present source; None if nothing was."""
+        if not self.file.exists():
+            return None
+        found: dict[str, Any] = json.loads(self.file.read_text())
+        return found if found.get("code") == digest(SOURCE) else None
 
     def markdown(self) -> str:
-        head = f"## {self.heading}\n\n`{self.command}`\n\n{self.text}\n"
-        if not self.file.exists():
-            return f"{head}\n*Not measured yet.*\n"
-        record = json.loads(self.file.read_text())
-        if self.elsewhere:
-            head += f"\nMeasured on: {measured_on(record)}.\n"
+        record = self.record()
+        if record is None:
+            return f"{self.head}\n{MISSING}\n"
         tables = [Table(**table) for table in record["tables"]] if "tables" in record else [rendering(record)]
-        return "\n".join([head, *(f"{table.markdown()}\n" for table in tables)])
+        about = f"Measured on {record['date']}: {measured_on(record)}.\n"
+        return "\n".join([self.head, about, *(f"{table.markdown()}\n" for table in tables)])
+
+
+def digest(source: Path) -> str:
+    """Twelve digits that change with every source file and its name."""
+    content = hashlib.sha256()
+    for path in sorted(source.rglob("*.py")):
+        content.update(f"{path.relative_to(source)}\0".encode() + path.read_bytes())
+    return content.hexdigest()[:12]
 
 
 SECTIONS = (
@@ -71,7 +96,7 @@ SECTIONS = (
         "The fast renderers are compared with the reference renderer, which works on the full canvas: forward and\n"
         "backward pass, with gradients for all inputs. Targets for `scanline`: at least 100x faster with 1/50 of the\n"
         "memory, better 200x with 1/150. Targets for `slices` (plain PyTorch): at least 20x, better 40x.\n"
-        "[Renderer](renderer.md) explains both.",
+        "[Renderer](explanation/renderer.md) explains both.",
     ),
     Section(
         "iteration",
@@ -81,7 +106,7 @@ SECTIONS = (
         "network makes one map; the map is padded to the full canvas, warped, turned into RGBA and composited. L2\n"
         "loss, backward pass and Adam follow. This is faster than the original program, which took 10.1 s for one\n"
         "iteration on a similar machine. Ours looks at every second row here, in turn\n"
-        "([planner](planner.md#interlaced-rows-planninginterlacepy)).",
+        "([planner](explanation/planner.md#gradient-descent)).",
         ("--no-wall",),
     ),
     Section(
@@ -109,7 +134,7 @@ SECTIONS = (
         "Knowing where the robot paints wins something, and planning again on what the camera sees wins something.\n"
         "Here only the second is left: the robot has no placement error. The same plan is painted without a look, and\n"
         "with looks that are each followed by a replan. Where the gain comes from is told\n"
-        "[with the planner](planner.md#what-planning-again-wins).",
+        "[in the laboratory](lab/planning.md#what-planning-again-wins).",
         ("--seeds", "11"),
     ),
     Section(
@@ -118,26 +143,28 @@ SECTIONS = (
         "`make benchmarks-gpu` measures this on a machine with an NVIDIA GPU, and writes this section alone. First\n"
         "the renderer of the device is compared with the reference, picture and gradients. Then the planner is\n"
         "timed. A wait is a synchronisation, as PyTorch counts them (`set_sync_debug_mode`).\n"
-        "[Renderer](renderer.md#tiles) and [planner](planner.md#on-a-gpu) explain how it works there.",
+        "[Renderer](explanation/renderer.md#tiles) and [planner](explanation/planner.md#on-a-gpu) explain\n"
+        "how it works there.",
         elsewhere=True,
     ),
     Section(
         "goals",
         "Goals that networks judge",
         "Each plan has 100 strokes of the broad brush; the planning image is 256 pixels high. The time includes\n"
-        "loading the networks. [Goals](goals.md) explains the objectives.",
+        "loading the networks. [Goals](lab/goals.md) explains the objectives.",
     ),
     Section(
         "sawyer",
         "The simulated Sawyer",
-        "Inverse kinematics, control and physics of the arm, without paint. [The simulated Sawyer](sawyer.md)\n"
+        "Inverse kinematics, control and physics of the arm, without paint. [The simulated\n"
+        "Sawyer](explanation/virtual-studio.md#the-simulated-sawyer) "
         "explains the model. `frida-painter experiments sawyer` paints a whole picture with it.",
     ),
     Section(
         "studio",
         "The studio under load",
         "Twenty clients watch while the virtual studio plans and paints; five more connect and never read.\n"
-        "[Studio](studio.md) lists the loads that the studio is tested with.",
+        "[Reliability](lab/reliability.md) lists the loads that the studio is tested with.",
     ),
     Section(
         "painting",
@@ -170,36 +197,10 @@ def measured_on(record: dict[str, Any]) -> str:
     return f"{record['hardware']}; {libraries}"
 
 
-def machines() -> str:
-    """What the figures were measured on: one line for each machine and set of versions; "" where none were."""
-    found: dict[str, list[str]] = {}
-    for section in SECTIONS:
-        if section.file.exists() and not section.elsewhere:
-            record = json.loads(section.file.read_text())
-            if "hardware" in record:
-                found.setdefault(measured_on(record), []).append(section.name)
-    if len(found) == 1:
-        return f"Measured on: {next(iter(found))}.\n"
-    return "".join(f"- {', '.join(names)}: {machine}.\n" for machine, names in found.items())
-
-
-def renewed(page: str) -> str:
-    """The page with the parts of what was measured; all others stay, also those that nothing here writes."""
-    opening, *parts = re.split(r"^(?=## )", page, flags=re.MULTILINE)
-    headings = [part.partition("\n")[0].removeprefix("## ") for part in parts]
-    at = 0
-    for section in SECTIONS:
-        if section.heading in headings:
-            at = headings.index(section.heading)
-            if section.file.exists():
-                parts[at] = section.markdown()
-        else:
-            at += bool(parts)
-            parts.insert(at, section.markdown())
-            headings.insert(at, section.heading)
-    known = machines()
-    parts.insert(0, f"{OPENING}\n{known}" if known or not opening else opening)
-    return "\n".join(part.strip("\n") + "\n" for part in parts)
+def page() -> str:
+    """The whole page, with what was measured on the present source."""
+    code = f"Code: frida-painter {version('frida-painter')}, source {digest(SOURCE)}.\n"
+    return "\n".join([OPENING, code, *(section.markdown() for section in SECTIONS)])
 
 
 def main() -> None:
@@ -218,7 +219,7 @@ def main() -> None:
                 section.run()
             except subprocess.CalledProcessError as error:  # it has said why
                 sys.exit(error.returncode)
-    options.page.write_text(renewed(PAGE.read_text() if PAGE.exists() else ""))
+    options.page.write_text(page())
     print(f"Written: {options.page}")
 
 

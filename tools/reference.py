@@ -1,7 +1,8 @@
 """Hooks of mkdocs: a page of reference for every room of the house, made from its docstrings, and links to it.
 
 A room is a package or a module directly below `frida_painter`. The pages in docs/ link to source
-files, as people read them in the repository; on the site these links lead to the reference.
+files and examples, as people read them in the repository; on the site, links to source lead to the reference.
+After the build, a module without a reference is a warning, and a warning ends a strict build.
 """
 
 import ast
@@ -13,9 +14,10 @@ from typing import Any
 from mkdocs.structure.files import File, Files
 
 PACKAGE = Path(__file__).parents[1] / "src/frida_painter"
+API = "reference/api"
 LOG = logging.getLogger("mkdocs.hooks.reference")  # a warning of mkdocs, which ends a strict build
-_SOURCE = re.compile(r"\]\(\.\./src/frida_painter/([\w/]+)\.py\)")
-_ELSEWHERE = re.compile(r"\[([^\]]*)\]\(\.\./(?!src/frida_painter/[\w/]+\.py\))([^)]*)\)")
+_SOURCE = re.compile(r"\]\(((?:\.\./)+)src/frida_painter/([\w/]+)\.py\)")
+_ELSEWHERE = re.compile(r"\[([^\]]*)\]\((?:\.\./)+((?:examples|src|tests|tools|benchmarks|CONTRIBUTING)\b[^)]*)\)")
 
 
 def rooms() -> list[str]:
@@ -25,8 +27,9 @@ def rooms() -> list[str]:
 
 
 def on_config(config: Any) -> Any:
-    """Adds the reference to the navigation."""
-    config.nav.append({"Reference": ["api/index.md", *({room: f"api/{room}.md"} for room in rooms())]})
+    """Adds the reference of all modules to the part Reference of the navigation."""
+    (part,) = (entry["Reference"] for entry in config.nav if "Reference" in entry)
+    part.append({"All modules": [f"{API}/index.md", *({room: f"{API}/{room}.md"} for room in rooms())]})
     return config
 
 
@@ -34,27 +37,44 @@ def on_files(files: Files, config: Any) -> Files:
     """Adds the pages of the reference."""
     for room in rooms():
         content = f"# {room}\n\n::: frida_painter.{room}\n"
-        files.append(File.generated(config, f"api/{room}.md", content=content))
+        files.append(File.generated(config, f"{API}/{room}.md", content=content))
     table = "\n".join(f"| [{room}]({room}.md) | {_purpose(room)} |" for room in rooms())
-    opening = "# Reference\n\nEvery room of the house, from its docstrings."
+    opening = "# All modules\n\nEvery room of the house, from its docstrings."
     index = f"{opening}\n\n| room | what it is for |\n|---|---|\n{table}\n"
-    files.append(File.generated(config, "api/index.md", content=index))
+    files.append(File.generated(config, f"{API}/index.md", content=index))
     return files
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Leads links to source files to the reference; what else lies outside docs/ is named by its path."""
-    markdown = _SOURCE.sub(lambda found: f"]({_reference(found[1])})", markdown)
+    up = "../" * page.file.src_uri.count("/")
+    markdown = _SOURCE.sub(lambda found: f"]({up}{_reference(found[2])})", markdown)
     return _ELSEWHERE.sub(
         lambda found: f"{found[1]} (`{found[2]}`)" if found[2] not in found[1] else found[1], markdown
     )
+
+
+def on_post_build(config: Any) -> None:
+    """Warns of modules that have no reference."""
+    pages = "".join(path.read_text(encoding="utf-8") for path in (Path(config.site_dir) / API).rglob("index.html"))
+    named = set(re.findall(r'id="(frida_painter[\w.]*)"', pages))
+    for name in sorted(modules() - named):
+        LOG.warning("%s has no reference on the site.", name)
+
+
+def modules() -> set[str]:
+    """The dotted names of all public modules but the package itself."""
+    paths = (path.relative_to(PACKAGE.parent).with_suffix("").parts for path in PACKAGE.rglob("*.py"))
+    found = {".".join(part for part in parts if part != "__init__") for parts in paths}
+    public = {name for name in found if not any(part.startswith("_") for part in name.split("."))}
+    return public - {"frida_painter"}
 
 
 def _reference(path: str) -> str:
     if not (PACKAGE / f"{path}.py").is_file():
         LOG.warning("A page links to src/frida_painter/%s.py, which does not exist.", path)
     parts = [part for part in path.split("/") if part != "__init__"]
-    return f"api/{parts[0]}.md#{'.'.join(('frida_painter', *parts))}"
+    return f"{API}/{parts[0]}.md#{'.'.join(('frida_painter', *parts))}"
 
 
 def _purpose(room: str) -> str:

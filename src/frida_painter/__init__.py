@@ -1,7 +1,7 @@
 """FRIDA painter: a robot that paints with people.
 
 `import frida_painter as fp` offers the names below; a name is loaded when it is first used, so that the import itself
-takes no time. Everything else is found in the modules, which docs/index.md leads through.
+takes no time. Everything else is found in the modules, which docs/reference/python.md leads to.
 """
 
 from importlib import import_module

@@ -55,7 +55,7 @@ class LearnedFile:
 class BareCanvas:
     """What the camera saw when the canvas was bare and white; by it a painting may begin on any canvas.
 
-    light: [3][15], as perception/flatfield.py has it; margin: linear light at places around the canvas, as
+    light: [3, 15], as perception/flatfield.py has it; margin: linear light at places around the canvas, as
     perception/margin.py has them, None where nothing was to be seen. Raises CalibrationError.
     """
 

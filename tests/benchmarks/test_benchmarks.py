@@ -106,16 +106,35 @@ def test_without_a_gpu_its_benchmark_says_what_to_do():
     assert done.stderr.count("\n") == 1
 
 
-def test_only_what_was_measured_is_renewed_on_the_page(tmp_path, monkeypatch):
+def test_the_page_holds_only_what_was_measured_on_the_present_source(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     report = program("report")
     monkeypatch.setattr(report, "FIGURES", tmp_path)
-    page = report.PAGE.read_text()
-    assert report.renewed(page) == page
+    assert report.page().count(report.MISSING) == len(report.SECTIONS)
     record = {"hardware": "another machine", "versions": {"torch": "9"}, "tables": [], "figures": {}}
-    (tmp_path / "gpu.json").write_text(json.dumps(record))
-    renewed = report.renewed(page)
-    assert renewed.count("Measured on: another machine; torch 9.") == 1
-    before, after = (set(text.split("\n## ")) for text in (page, renewed))
-    assert {part.partition("\n")[0] for part in before ^ after} == {"On a GPU"}
-    assert "*Not measured yet.*" in report.renewed("")
+    for code, shown in ((report.digest(report.SOURCE), 1), ("of yesterday", 0)):
+        (tmp_path / "gpu.json").write_text(json.dumps(record | {"code": code, "date": "2026-11-25"}))
+        page = report.page()
+        assert page.count("Measured on 2026-11-25: another machine; torch 9.") == shown
+        assert page.count(report.MISSING) == len(report.SECTIONS) - shown
+
+
+def test_the_page_in_the_docs_is_what_the_command_writes(monkeypatch):
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    report = program("report")
+    page = report.PAGE.read_text()
+    assert page.startswith(report.OPENING)
+    heads = [section.head for section in report.SECTIONS]
+    assert [head for head in heads if head not in page] == []
+    assert page.count("\n## ") == len(heads)
+
+
+def test_every_source_file_changes_the_digest(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    report = program("report")
+    (tmp_path / "a.py").write_text("x = 1")
+    first = report.digest(tmp_path)
+    (tmp_path / "b.py").write_text("")
+    second = report.digest(tmp_path)
+    (tmp_path / "b.py").write_text("y = 1")
+    assert len({first, second, report.digest(tmp_path)}) == 3

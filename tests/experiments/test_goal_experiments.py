@@ -110,7 +110,7 @@ def test_what_ships_to_be_painted() -> None:
 
 @pytest.mark.slow
 def test_the_experiment_in_the_documentation_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "experiments.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "experiments.md").read_text(encoding="utf-8")
     script = tmp_path / "gap.py"
     script.write_text(page.partition("```python\n")[2].partition("```")[0])
     runpy.run_path(str(script))

@@ -87,7 +87,7 @@ def test_the_six_that_are_taken_otherwise() -> None:
 def test_files_that_are_none_say_why(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(ConfigError) as refused:
         read_paints(file(tmp_path, text))
-    assert says in str(refused.value) and "docs/mixing.md" in str(refused.value)
+    assert says in str(refused.value) and "docs/how-to/mix.md" in str(refused.value)
 
 
 def test_all_faults_are_named_at_once_and_too_many_paints_refused(tmp_path: Path) -> None:

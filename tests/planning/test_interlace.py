@@ -96,7 +96,7 @@ def test_the_turns_have_the_cost_and_the_slopes_of_the_whole_in_the_mean(guarded
 
 
 def test_one_turn_tells_nearly_the_slope_of_all() -> None:
-    """The bound of docs/planner.md: the angle between what some rows say and what all say."""
+    """The bound of docs/lab/planning.md: the angle between what some rows say and what all say."""
     on = by_rows()
     strokes = some_strokes(30)
     whole = cost_and_slopes(strokes, on)

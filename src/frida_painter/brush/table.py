@@ -5,7 +5,7 @@ much smoother than the maps (see squash.py), are fitted by a tensor product of c
 slopes are the model's slopes too. Lengths and bends are cut into parts. Strokes of one part touch fewer
 cells and are more alike than all of them, so that each part writes its coefficients in a small basis of
 its own. A stroke then costs 4 x 4 x 4 rows of coefficients and one product with that basis.
-docs/stroke-model.md states error and speed.
+docs/lab/stroke-models.md states error and speed.
 """
 
 import math

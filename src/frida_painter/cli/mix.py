@@ -50,7 +50,7 @@ def mix(
 
     For a plan it also gives the amount of each paint, and the paints of each filling of the wells on their
     own, with a sheet each (mixing-layer-2.png). Colours that your paints cannot reach are marked.
-    The recipes are also written as a sheet to print. docs/mixing.md explains the file of your own paints.
+    The recipes are also written as a sheet to print. docs/how-to/mix.md explains the file of your own paints.
     """
     if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")

@@ -61,10 +61,10 @@ def paint(
 ) -> None:
     """Paint a photograph or a text prompt. Plans, paints some strokes, looks at the canvas and replans the rest.
 
-    The virtual studio paints unless --robot names a robot arm, a plotter or a person (docs/machines.md).
+    The virtual studio paints unless --robot names a robot arm, a plotter or a person (docs/how-to/machine.md).
 
     --text paints a text prompt, --style uses the style of another picture, --semantic paints what a
-    picture shows, and --sketch follows the lines of a drawing. They can be combined (docs/goals.md).
+    picture shows, and --sketch follows the lines of a drawing. They can be combined (docs/how-to/several-goals.md).
 
     The folder of the painting contains the painting, a timelapse film, the palette to mix, the strokes
     and a page. Ctrl-C stops after the current stroke and keeps the work. A second Ctrl-C stops the robot

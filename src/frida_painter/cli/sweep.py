@@ -14,7 +14,7 @@ from frida_painter.quantities import count_of
 from frida_painter.sweeps.spec import EngineName
 
 SweepFile = Annotated[
-    Path, typer.Argument(metavar="FILE", help="A sweep file (TOML, docs/sweeps.md).", show_default=False)
+    Path, typer.Argument(metavar="FILE", help="A sweep file (TOML, docs/how-to/sweep.md).", show_default=False)
 ]
 FolderOfSweep = Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of a sweep.", show_default=False)]
 Out = Annotated[

@@ -16,7 +16,7 @@ SIX = ("titanium white", "hansa yellow", "pyrrole red", "quinacridone magenta", 
 """Names of the published paints that are taken where nobody says what they own."""
 _MOST_BYTES = 2**18
 _ENTRIES = ("name", "color", "tint", "white", "over_white", "over_black")
-_ADVICE = "docs/mixing.md shows such a file"
+_ADVICE = "docs/how-to/mix.md shows such a file"
 
 
 def usual_paints() -> tuple[Paint, ...]:

@@ -19,7 +19,7 @@ class Effort:
     binding: steps once they are paints; rounds: in which strokes of several layers move to better places;
     settling: joint steps after each of them, and after each look; before_settling: which part of the effort each
     layer is grown with before that; polishing: last steps at full resolution; replanning: the same after
-    each look. docs/planner.md has the measurements.
+    each look. docs/lab/planning.md has the measurements.
     """
 
     growth: Growth = field(default_factory=Growth)

@@ -1,8 +1,8 @@
 """How near a painting will come to its photograph: what is expected of a plan, and within which range.
 
-The expectation is exact for the moments of the marks that the stroke model knows (docs/renderer.md). The range has
-three parts: chance, which lets every stroke leave another mark; the placement, as long as it is not known where the
-robot's strokes land; and what the model does not know, which was measured on paintings.
+The expectation is exact for the moments of the marks that the stroke model knows (docs/explanation/renderer.md). The
+range has three parts: chance, which lets every stroke leave another mark; the placement, as long as it is not known
+where the robot's strokes land; and what the model does not know, which was measured on paintings.
 """
 
 import math

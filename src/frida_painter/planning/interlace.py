@@ -1,7 +1,7 @@
 """Which rows of the canvas an iteration looks at: what a stroke does to one row, it does to the next one as well.
 
 Rendering takes time in proportion to the rows that strokes cross. The mean squared error of some rows estimates that of
-all, and the mean over the turns is the whole, with its gradient. docs/planner.md says what is lost and won.
+all, and the mean over the turns is the whole, with its gradient. docs/lab/planning.md says what is lost and won.
 """
 
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The inner loops of the scanline renderer, compiled by numba; the derivation is in docs/renderer.md.
+"""The inner loops of the scanline renderer, compiled by numba; the derivation is in docs/explanation/renderer.md.
 
 Each kernel works on a range of strokes or of bands of rows and writes to no memory that another
 range writes to, so that any number of threads computes the same bits. The loops over a run of

@@ -1,7 +1,7 @@
 """The inner loops that lay strokes of uncertain coverage: mean and variance of every pixel, and their gradients.
 
 Compiled by numba, in the manner of kernels.py: no range writes to memory that another range writes to. The
-recurrences and their derivation are in docs/renderer.md. `share` and `full` are those of `CoverageSpread`.
+recurrences and their derivation are in docs/explanation/renderer.md. `share` and `full` are those of `CoverageSpread`.
 """
 
 import numpy as np

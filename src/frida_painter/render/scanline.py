@@ -1,7 +1,7 @@
 """The renderer on the CPU: compiled scanlines that touch only the pixels which strokes cover.
 
 Equals `reference.composite`. The geometry is in spans.py, the loops are in kernels.py, and
-docs/renderer.md tells why the gradients are what they are. Nothing in here computes with torch,
+docs/explanation/renderer.md tells why the gradients are what they are. Nothing in here computes with torch,
 whose own threads spin for a while after each operation and would take the cores from the scanlines'.
 """
 

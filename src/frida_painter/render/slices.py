@@ -2,7 +2,7 @@
 
 For CUDA, and for machines without numba. Equals `reference.composite`, with gradients written out
 by hand so that one coverage per stroke slice is all that is kept. Strokes are sampled in batches
-(sampling.py) and laid over the canvas one by one. See docs/renderer.md.
+(sampling.py) and laid over the canvas one by one. See docs/explanation/renderer.md.
 """
 
 from collections.abc import Callable

@@ -2,7 +2,7 @@
 
 Compiled by Triton, which comes with PyTorch for CUDA. Tensors are contiguous, in one precision; pixels of a picture
 [3, H, W] lie H * W apart from channel to channel. numbers [2] are those of `CoverageSpread`. The recurrences and
-their derivation are in docs/renderer.md, and the same in moment_kernels.py.
+their derivation are in docs/explanation/renderer.md, and the same in moment_kernels.py.
 
 What many tiles add to is added in whole numbers, of which every order has the same sum.
 """

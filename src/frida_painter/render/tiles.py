@@ -2,7 +2,7 @@
 
 Equals `reference.composite` and `reference.composite_moments`. Nothing is asked of the device on the way: how many
 pixels a stroke covers is known there and nowhere else. The kernels are in tile_kernels.py, and need Triton, which comes
-with PyTorch for CUDA. See docs/renderer.md.
+with PyTorch for CUDA. See docs/explanation/renderer.md.
 """
 
 import math

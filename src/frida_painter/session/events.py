@@ -268,7 +268,7 @@ class StrokeLeftOut:
 class Photographed:
     """A photograph was taken by which something is decided; None where there was no room to keep it.
 
-    captured_at: s of the robot's clock; sequence: the camera's number; light: of the room, [3][terms]; content: sha256
+    captured_at: s of the robot's clock; sequence: the camera's number; light: of the room, [3, terms]; content: sha256
     of the file, None where there is none, and in journals of earlier programs.
     """
 

@@ -1,6 +1,6 @@
 """`ros`: any arm behind ROS that follows Cartesian trajectories of its brush's tip, by four topics of stock messages.
 
-What the arm's node must keep to is told in docs/machines.md. `rospy_connection` speaks with a ROS 1 master,
+What the arm's node must keep to is told in docs/how-to/ros.md. `rospy_connection` speaks with a ROS 1 master,
 `rosbridge` with any ROS behind a rosbridge server.
 """
 
