@@ -2,10 +2,10 @@
 
     python benchmarks/forecasts.py PICTURES [--seeds 31 5] [--kept FOLDER] [--processes 2] [--json figures.json]
 
-PICTURES is a folder of photographs. Each is painted with the settings of `frida-painter paint` in the virtual studio, in
-a process of its own with one thread. The first forecast is that of the first plan, the last one that of the last plan;
-both are PSNR in dB at the planner's resolution. They are compared with the camera's picture of the finished painting,
-averaged over the areas of the planner's pixels (OpenCV), and with the canvas as it really is. FOLDER keeps the figures
+PICTURES is a folder of photographs. Each is painted with the settings of `frida-painter paint` in the virtual studio,
+by one thread. The first forecast is that of the first plan, the last one that of the last plan; both are PSNR in dB at
+the planner's resolution. They are compared with the camera's picture of the finished painting and with the canvas as it
+really is; camera's picture and photograph are averaged over the areas of the planner's pixels. FOLDER keeps the figures
 of each painting; what lies there is not painted again.
 """
 
@@ -22,8 +22,6 @@ from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
 
-import cv2
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -74,27 +72,20 @@ def paint(given: tuple[Path, int], settings: dict[str, object], kept: Path | Non
     with PaintingRun(spec, listeners=[hear]) as run:
         painting = run.simulate(opener=studio.open)
         grid, ground = run.planner.fine, to_hex(torch.tensor(run.planner.ground))
-    assert run.target is not None
-    wanted = images.fit(run.target, grid.rows, grid.columns)
+    wanted = images.averaged(images.load(picture), grid.rows, grid.columns)
     found = Figures(
         picture.stem,
         seed,
         ground,
         (told[0].expected, told[0].least, told[0].most),
         (told[-1].expected, told[-1].least, told[-1].most),
-        _decibels(_shrunk(painting.photograph, grid.rows, grid.columns), wanted),
+        _decibels(images.averaged(painting.photograph, grid.rows, grid.columns), wanted),
         _decibels(studio.truth(grid.rows), wanted),
         time.process_time() - begun,
     )
     if file is not None:
         storage.write_text(file, json.dumps(asdict(found)))
     return found
-
-
-def _shrunk(picture: Tensor, rows: int, columns: int) -> Tensor:
-    """A picture [3, H, W] averaged over areas by OpenCV, which nothing of the planner has a hand in."""
-    pixels = np.ascontiguousarray(picture.permute(1, 2, 0).numpy())
-    return torch.from_numpy(cv2.resize(pixels, (columns, rows), interpolation=cv2.INTER_AREA)).permute(2, 0, 1)
 
 
 def _decibels(picture: Tensor, wanted: Tensor) -> float:
@@ -166,8 +157,7 @@ def main() -> None:
     os.environ |= {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}  # of the processes to come
     work = partial(paint, settings=QUICK if options.quick else {}, kept=options.kept)
     todo = [(picture, seed) for seed, picture in product(options.seeds, pictures)]
-    # A process for each: what one painting left in memory does not slow down the next.
-    with ProcessPoolExecutor(options.processes, get_context("spawn"), max_tasks_per_child=1) as pool:
+    with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
         found = list(pool.map(work, todo))
     publish([every_painting(found), how_true(found)], [asdict(one) for one in found], options)
 

@@ -37,10 +37,17 @@ class PictureTerm(Term):
         return ImageTerm(self.image, self.weight)
 
     def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
-        """The picture as it fills so many rows and columns."""
+        """The picture as it fills so many rows and columns; a smaller one keeps the pixels that it has.
+
+        It will be shrunk again, to where it is planned and judged, and is not softened on the way.
+        """
         from frida_painter import images
 
-        return replace(self, image=(images.pad if pad else images.fit)(self.image, rows, columns))
+        if pad:
+            return replace(self, image=images.pad(self.image, rows, columns))
+        scale = min(1.0, self.image.shape[1] / rows, self.image.shape[2] / columns)
+        fewer = max(1, round(scale * rows)), max(1, round(scale * columns))
+        return replace(self, image=images.averaged(self.image, *fewer))
 
     @classmethod
     def open(cls, path: Path, weight: float = 1.0) -> Self:
