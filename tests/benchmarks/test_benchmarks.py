@@ -69,8 +69,8 @@ def test_a_quick_run_prints_and_writes_tables(name, tmp_path):
 def test_forecasts_stand_beside_what_was_painted(tmp_path):
     pictures, kept = tmp_path / "pictures", tmp_path / "kept"
     pictures.mkdir()
-    ramp = np.linspace(40, 220, 96, dtype=np.uint8)
-    Image.fromarray(np.stack(np.broadcast_arrays(ramp[:, None], ramp[::-1], 90), -1)).save(pictures / "ramp.png")
+    down, across = np.mgrid[40:232:2, 40:232:2].astype(np.uint8)
+    Image.fromarray(np.stack((down, across[:, ::-1], np.full_like(down, 90)), -1)).save(pictures / "ramp.png")
     command = [sys.executable, str(BENCHMARKS / "forecasts.py"), str(pictures), "--quick", "--kept", str(kept)]
     command += ["--json", str(tmp_path / "figures.json")]
     subprocess.run(command, check=True, capture_output=True, timeout=300)

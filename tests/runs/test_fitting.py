@@ -42,6 +42,18 @@ def test_padding_shows_the_whole_picture_on_white(square: Goal) -> None:
     assert float(made.target[:, :, :200].min()) == 1 and float(middle[:, :400].max()) == 0
 
 
+@pytest.mark.parametrize(("side", "planned"), [(60, 60), (1728, 864)])
+def test_what_is_planned_towards_is_not_softened_on_the_way(side: int, planned: int, tmp_path: Path) -> None:
+    """A small picture keeps its pixels; of a large one each pixel is the mean of those that it stands for."""
+    chance = torch.Generator().manual_seed(3)
+    images.save(torch.rand(3, side, side, generator=chance), tmp_path / "noise.png")
+    (term,) = fitted(RunSpec.of(), make_goal(tmp_path / "noise.png")).goal.terms
+    assert term.picture is not None
+    means = torch.nn.functional.avg_pool2d(images.load(tmp_path / "noise.png"), side // planned)
+    assert term.picture.shape == means.shape
+    assert float((term.picture - means).abs().max()) < 1e-5
+
+
 @pytest.mark.parametrize("settings", [{"robot": "human", "camera": "opencv:0"}, {"calibration": Path("record.json")}])
 def test_a_canvas_that_lies_on_an_easel_stays_as_it_is(square: Goal, settings: dict[str, object]) -> None:
     made = fitted(RunSpec.of(canvas="300x200mm", **settings), square)
