@@ -37,17 +37,10 @@ class PictureTerm(Term):
         return ImageTerm(self.image, self.weight)
 
     def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
-        """The picture as it fills so many rows and columns; a smaller one keeps the pixels that it has.
-
-        It will be shrunk again, to where it is planned and judged, and is not softened on the way.
-        """
+        """The picture as it fills so many rows and columns."""
         from frida_painter import images
 
-        if pad:
-            return replace(self, image=images.pad(self.image, rows, columns))
-        scale = min(1.0, self.image.shape[1] / rows, self.image.shape[2] / columns)
-        fewer = max(1, round(scale * rows)), max(1, round(scale * columns))
-        return replace(self, image=images.averaged(self.image, *fewer))
+        return replace(self, image=(images.pad if pad else images.fit)(self.image, rows, columns))
 
     @classmethod
     def open(cls, path: Path, weight: float = 1.0) -> Self:
@@ -85,6 +78,19 @@ class ImageTerm(PictureTerm):
     def guide(self) -> Tensor:
         """What is planned towards."""
         return self.image if self.wanted is None else self.wanted
+
+    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
+        """The picture as it fills so many rows and columns; a smaller one keeps the pixels that it has.
+
+        It will be shrunk again, to where it is planned and judged, and is not softened on the way.
+        """
+        from frida_painter import images
+
+        if pad:
+            return super().fitted(rows, columns, pad=True)
+        scale = min(1.0, self.image.shape[1] / rows, self.image.shape[2] / columns)
+        fewer = max(1, round(scale * rows)), max(1, round(scale * columns))
+        return replace(self, image=images.averaged(self.image, *fewer))
 
     def with_picture(self, picture: Tensor) -> ImageTerm:
         """The same for another picture, in which the same places matter."""
