@@ -339,3 +339,32 @@ def test_fit_crops_the_middle_and_keeps_proportions() -> None:
 def test_fit_averages_over_area_when_it_makes_smaller() -> None:
     checks = (torch.arange(400)[:, None] + torch.arange(400)).remainder(2).float().expand(3, -1, -1)
     assert (images.fit(checks, 50, 50) - 0.5).abs().max() < 0.01
+
+
+@settings(max_examples=40, deadline=None)
+@given(*(st.integers(1, 40) for _ in range(2)), *(st.integers(1, 5) for _ in range(2)), st.integers(0, 2**31))
+def test_averaged_pixels_are_the_means_of_their_areas(
+    rows: int, columns: int, taller: int, wider: int, seed: int
+) -> None:
+    image = torch.rand(3, rows * taller, columns * wider, generator=torch.Generator().manual_seed(seed))
+    times = min(taller, wider)
+    top, left = (rows * (taller - times)) // 2, (columns * (wider - times)) // 2
+    middle = image[:, top : top + rows * times, left : left + columns * times]
+    areas = middle.reshape(3, rows, times, columns, times).mean((2, 4))
+    assert (images.averaged(image, rows, columns) - areas).abs().max() < 1e-5
+
+
+@settings(max_examples=40, deadline=None)
+@given(*(st.integers(1, 60) for _ in range(4)), st.integers(0, 2**31))
+def test_averaged_has_the_shape_and_the_range_of_fit(
+    height: int, width: int, rows: int, columns: int, seed: int
+) -> None:
+    image = torch.rand(3, height, width, generator=torch.Generator().manual_seed(seed))
+    found = images.averaged(image, rows, columns)
+    assert found.shape == (3, rows, columns)
+    assert found.min() >= image.min() - 1e-5 and found.max() <= image.max() + 1e-5
+
+
+def test_averaging_keeps_detail_that_fit_softens() -> None:
+    image = torch.rand(3, 300, 300, generator=torch.Generator().manual_seed(1))
+    assert images.averaged(image, 100, 100).std() > 1.2 * images.fit(image, 100, 100).std()

@@ -73,18 +73,39 @@ def from_uint8(pixels: NDArray[np.uint8]) -> Tensor:
 def fit(image: Tensor, rows: int, columns: int) -> Tensor:
     """The picture [3, H, W] as it fills `rows` x `columns`: its middle, cropped to that shape, resampled.
 
-    Smaller is averaged over area, larger is interpolated; the result stays in [0, 1].
+    Smaller is averaged under a triangle as wide as two new pixels, larger is interpolated; the result stays in [0, 1].
     """
+    middle = _middle(image, rows, columns)
+    if middle.shape[1:] == (rows, columns):
+        return middle.contiguous()
+    resampled = functional.interpolate(middle[None], (rows, columns), mode="bilinear", antialias=True)
+    return resampled[0].clamp(0, 1)
+
+
+def averaged(image: Tensor, rows: int, columns: int) -> Tensor:
+    """The picture [3, H, W] as `fit` has it, but each pixel is the mean of the area that it covers.
+
+    That keeps detail which `fit` softens, and is how pictures of two sizes are compared. What is to grow is
+    interpolated. Not differentiable.
+    """
+    import cv2  # few who carry pictures compare them
+
+    middle = _middle(image, rows, columns)
+    if middle.shape[1] < rows or middle.shape[2] < columns:
+        return fit(middle, rows, columns)
+    pixels = np.ascontiguousarray(middle.detach().permute(1, 2, 0).cpu().numpy())
+    shrunk = cv2.resize(pixels, (columns, rows), interpolation=cv2.INTER_AREA)
+    return torch.from_numpy(shrunk).permute(2, 0, 1).contiguous().to(image)
+
+
+def _middle(image: Tensor, rows: int, columns: int) -> Tensor:
+    """The middle of a picture [3, H, W], cropped to the proportions of `rows` x `columns`."""
     _, height, width = image.shape
     scale = min(height / rows, width / columns)
     kept_rows = min(height, max(1, round(rows * scale)))
     kept_columns = min(width, max(1, round(columns * scale)))
     top, left = (height - kept_rows) // 2, (width - kept_columns) // 2
-    middle = image[:, top : top + kept_rows, left : left + kept_columns]
-    if (kept_rows, kept_columns) == (rows, columns):
-        return middle.contiguous()
-    resampled = functional.interpolate(middle[None], (rows, columns), mode="bilinear", antialias=True)
-    return resampled[0].clamp(0, 1)
+    return image[:, top : top + kept_rows, left : left + kept_columns]
 
 
 def blurred(picture: Tensor, spread: float) -> Tensor:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from PIL import Image
@@ -63,6 +64,21 @@ def test_a_quick_run_prints_and_writes_tables(name, tmp_path):
     record = json.loads(figures.read_text())
     assert record["figures"] and record["tables"]
     assert all(len(row) == len(table["columns"]) for table in record["tables"] for row in table["rows"])
+
+
+@pytest.mark.slow
+def test_forecasts_stand_beside_what_was_painted(tmp_path):
+    pictures, kept = tmp_path / "pictures", tmp_path / "kept"
+    pictures.mkdir()
+    down, across = np.mgrid[40:232:2, 40:232:2].astype(np.uint8)
+    Image.fromarray(np.stack((down, across[:, ::-1], np.full_like(down, 90)), -1)).save(pictures / "ramp.png")
+    command = [sys.executable, str(BENCHMARKS / "forecasts.py"), str(pictures), "--quick", "--kept", str(kept)]
+    command += ["--json", str(tmp_path / "figures.json")]
+    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    (found,) = json.loads((tmp_path / "figures.json").read_text())["figures"]
+    assert found == json.loads((kept / "ramp-31.json").read_text())
+    assert found["picture"] == "ramp" and abs(found["by_camera"] - found["in_truth"]) < 2
+    assert found["first"][1] < found["first"][0] < found["first"][2]
 
 
 @pytest.mark.slow

@@ -42,6 +42,17 @@ def test_padding_shows_the_whole_picture_on_white(square: Goal) -> None:
     assert float(made.target[:, :, :200].min()) == 1 and float(middle[:, :400].max()) == 0
 
 
+@pytest.mark.parametrize("side", [60, 700, 1280, 1500])
+def test_what_is_planned_towards_is_not_softened_on_the_way(side: int, tmp_path: Path) -> None:
+    """At the planner's resolution it has the means of the file's areas, whatever its size."""
+    chance = torch.Generator().manual_seed(3)
+    images.save(torch.rand(3, side, side, generator=chance), tmp_path / "noise.png")
+    (term,) = fitted(RunSpec.of(), make_goal(tmp_path / "noise.png")).goal.terms
+    assert term.picture is not None and term.picture.shape[1] <= 1024
+    of_file = images.averaged(images.load(tmp_path / "noise.png"), 256, 256)
+    assert float((images.averaged(term.picture, 256, 256) - of_file).abs().max()) < 1e-4
+
+
 @pytest.mark.parametrize("settings", [{"robot": "human", "camera": "opencv:0"}, {"calibration": Path("record.json")}])
 def test_a_canvas_that_lies_on_an_easel_stays_as_it_is(square: Goal, settings: dict[str, object]) -> None:
     made = fitted(RunSpec.of(canvas="300x200mm", **settings), square)

@@ -1,6 +1,8 @@
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
 
 from frida_painter import registry
 from frida_painter.errors import ConfigError, PluginError
@@ -13,10 +15,14 @@ from frida_painter.hardware.drivers.gcode import GcodeRobot
 from frida_painter.hardware.drivers.ros import RosRobot
 from frida_painter.hardware.drivers.xarm import XarmRobot
 from frida_painter.hardware.workcell import WorkcellConfig, example
+from frida_painter.session.canvas_observer import CanvasObserver
+from frida_painter.session.canvas_start import CanvasStart
 from frida_painter.session.easel_order import EaselOrder
 from frida_painter.session.easels import camera_named, machines, open_easel, robot_named
 from frida_painter.session.names import SIMULATED
 from plugins import install
+
+AS_SEEN = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))  # a map of colours that changes nothing
 
 
 @pytest.fixture
@@ -100,6 +106,27 @@ def order(tmp_path: Path, **values: object) -> EaselOrder:
         "state": tmp_path, "workspace": tmp_path / "easel.toml", "camera": "opencv:0",
     }  # fmt: skip
     return EaselOrder(**{**known, **values})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("ground", [(0.7, 0.5, 0.15), (0.6, 0.15, 0.1), (0.2, 0.25, 0.7)])
+def test_a_studio_is_delivered_with_a_camera_that_sees_a_deep_ground_as_it_is(
+    tmp_path: Path, ground: tuple[float, float, float]
+) -> None:
+    """A camera whose bands leak sees the first one 0.04 too blue: a plan would be replanned against that."""
+    easel = open_easel(order(tmp_path, robot="virtual", workspace=None, camera="", seed=7)).easel
+    easel.robot.connect()
+    easel.camera.connect()
+    off = []
+    for known in (easel, replace(easel, calibration=replace(easel.calibration, color=AS_SEEN))):
+        observer = CanvasObserver(known, CanvasStart(ground))
+        observer.look(easel.robot.home().finished_at, 120)  # white, which teaches it the light
+        easel.operator.tone(ground)
+        seen = observer.look(easel.robot.home().finished_at, 120).mean((1, 2))
+        easel.operator.tone((1.0, 1.0, 1.0))
+        off.append(float((seen - torch.tensor(ground)).abs().max()))
+    delivered, uncorrected = off
+    assert delivered < 0.008
+    assert uncorrected > 2 * delivered and uncorrected > 0.015
 
 
 def test_a_real_easel_is_put_together_from_its_workspace(tmp_path: Path) -> None:

@@ -65,7 +65,7 @@ def forecast(
     if photograph is None:
         return None
     canvas = scenes[0].canvas
-    target = images.fit(photograph.to(canvas), *canvas.shape[1:])
+    target = images.averaged(photograph.to(canvas), *canvas.shape[1:])
     error, chance = _error_and_chance(strokes, scenes, target)
     if placement is None or unseen == 0:
         return SimilarityForecast.of_error(error, chance)

@@ -400,7 +400,8 @@ class Planner:
         self, plan: Plan, canvas: Tensor, placement: Placement | None = None, unseen: int = 0
     ) -> SimilarityForecast | None:
         """How near the plan's painting on a canvas [3, H, W] will come to its photograph; as forecast.py says."""
-        return forecast(self.goal, *self.scenes.stack(plan, canvas, self.fine), placement, unseen)
+        seen = images.averaged(canvas, self.fine.rows, self.fine.columns)
+        return forecast(self.goal, *self.scenes.stack(plan, seen, self.fine), placement, unseen)
 
     def validation_loss(self, picture: Tensor) -> float:
         """The distance of a picture [3, H, W] of the canvas to the goal, by the validation objective if any."""

@@ -1,5 +1,6 @@
 """How pictures and canvas come together: the canvas takes their proportions, or they are cropped or padded."""
 
+import math
 from dataclasses import dataclass
 
 from torch import Tensor
@@ -46,7 +47,17 @@ def fitted(spec: RunSpec, goal: Goal, *, canvas_is_fixed: bool = False) -> Fitte
     grid = PixelGrid.of_height(spec.canvas, max(PHOTOGRAPH_ROWS, spec.render_height))
     place = images.pad if spec.fit == "pad" else images.fit
     target = None if picture is None else place(picture, grid.rows, grid.columns)
-    return Fitted(spec, goal.fitted(grid.rows, grid.columns, pad=spec.fit == "pad"), target, remark)
+    return Fitted(spec, goal.fitted(*_planned_from(spec), pad=spec.fit == "pad"), target, remark)
+
+
+def _planned_from(spec: RunSpec) -> tuple[int, int]:
+    """Rows and columns of the pictures that a planner is given: some times those that it plans and judges in.
+
+    Means of whole pixels are then exactly those of the file's areas, and no detail is lost in between.
+    """
+    grid = PixelGrid.of_height(spec.canvas, spec.render_height)
+    times = math.ceil(PHOTOGRAPH_ROWS / grid.rows)
+    return times * grid.rows, times * grid.columns
 
 
 def _lost(picture: Tensor, canvas: CanvasSize) -> str:

@@ -79,6 +79,19 @@ class ImageTerm(PictureTerm):
         """What is planned towards."""
         return self.image if self.wanted is None else self.wanted
 
+    def fitted(self, rows: int, columns: int, *, pad: bool = False) -> Self:
+        """The picture as it fills so many rows and columns; a smaller one keeps the pixels that it has.
+
+        It will be shrunk again, to where it is planned and judged, and is not softened on the way.
+        """
+        from frida_painter import images
+
+        if pad:
+            return super().fitted(rows, columns, pad=True)
+        scale = min(1.0, self.image.shape[1] / rows, self.image.shape[2] / columns)
+        fewer = max(1, round(scale * rows)), max(1, round(scale * columns))
+        return replace(self, image=images.averaged(self.image, *fewer))
+
     def with_picture(self, picture: Tensor) -> ImageTerm:
         """The same for another picture, in which the same places matter."""
         return replace(self, image=picture, wanted=None)

@@ -14,9 +14,10 @@ from frida_painter.session.easel_kind import EaselKind, OpenEasel
 from frida_painter.session.names import ARM_FILM, DIARY
 
 if TYPE_CHECKING:  # pages and help know these kinds without what computes them
-    from frida_painter.calibration import Calibration
+    from frida_painter.calibration import Calibration, Matrix
     from frida_painter.hardware.easel import Easel
     from frida_painter.session.easel_order import EaselOrder
+    from frida_painter.virtual.camera import CameraSpec
     from frida_painter.virtual.studio import StudioSettings, VirtualStudio
 
 
@@ -46,10 +47,22 @@ def furnished(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[Virtual
         settings=settings,
         state=None if order.folder is None else order.folder / DIARY,
     )
-    easel = studio.easel
+    easel = replace(studio.easel, calibration=replace(studio.easel.calibration, color=_true_colors_of(settings.camera)))
     if order.canvas_picture is not None:
         easel = replace(easel, calibration=_having_seen_it_bare(easel.calibration, order, own, settings))
     return studio, easel
+
+
+def _true_colors_of(camera: "CameraSpec") -> "Matrix":
+    """From the light that the camera sees to true light, as a studio is delivered with its camera measured.
+
+    Each of its bands holds a little of the others' light. Evenly lit white looks white to it, and a deep yellow ground
+    would look so much bluer than it is that a painter who trusts the photograph paints against it.
+    """
+    import numpy as np
+
+    unmixed = np.linalg.inv((1 - 3 * camera.bleed) * np.eye(3) + camera.bleed)
+    return tuple((*map(float, row), 0.0) for row in unmixed)
 
 
 def _having_seen_it_bare(
