@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 from PIL import ExifTags, Image
-from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from frida_painter import storage
 from frida_painter.errors import ImageError
@@ -286,6 +285,8 @@ def _libvips() -> Any:
     import pyvips
 
     logging.getLogger("pyvips").setLevel(logging.CRITICAL + 1)
+    if pyvips.API_mode:  # its own handler fails at warnings that are no text, which those about damaged files can be
+        pyvips.ffi.def_extern(name="_log_handler_callback")(lambda *_warning: None)
     pyvips.cache_set_max(0)
     return pyvips
 
@@ -377,6 +378,7 @@ _PHOTOMETRIC: dict[int, tuple[str, Space | None]] = {
     32844: ("LogL", None), 32845: ("LogLuv", None), 34892: ("raw photograph of a camera", None),
 }  # fmt: skip
 _SAMPLES = {1: "unsigned", 2: "signed", 3: "float", 4: "undefined", 5: "complex integer", 6: "complex"}
+_TAGS = {254, 255, 258, 262, 274, 277, 318, 319, 332, 338, 339, 50706}
 _REDUCED, _MASK = 1, 4
 
 
@@ -413,18 +415,17 @@ class _Page:
 
 
 def _pages(given: _Given) -> list[_Page]:
-    """The pages of a TIFF that stand in its chain. Raises SyntaxError and others where it is damaged."""
+    """The pages of a TIFF that stand in its chain. Raises TiffFileError and others if it is damaged."""
+    import tifffile
+
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)
     given.file.seek(0)
-    head = given.file.read(16)
-    directory = ImageFileDirectory_v2(head if head[2:4] in (b"+\0", b"\0+") else head[:8])
-    pages: list[_Page] = []
-    seen = {0}
-    while directory.next not in seen and len(pages) < _MAX_PAGES:
-        seen.add(directory.next)
-        given.file.seek(directory.next)
-        directory.load(given.file)
-        pages.append(_Page(len(pages), dict(directory)))
-    return pages
+    # Only tags are read: of whole numbers, and of fractions the chromaticities.
+    pages = tifffile.TiffFile(given.file, name=given.path.name).pages
+    tags = [page.aspage().tags for page, _ in zip(pages, range(_MAX_PAGES), strict=False)]
+    return [
+        _Page(number, {tag.code: tag.value for tag in page if tag.code in _TAGS}) for number, page in enumerate(tags)
+    ]
 
 
 def _read_tiff(given: _Given) -> _Stored:
@@ -450,10 +451,15 @@ def _read_tiff(given: _Given) -> _Stored:
         return _read_lab_of_bytes(given)
     image = given.strips(page=page.number)
     given.require_size(image.width, image.height)
-    alpha = _TIFF_ALPHA.get(extra[0] if extra else 0, "none")
+    # libvips takes the weight of opacity out of the colours itself, but not out of these.
+    if extra[:1] == (1,) and (image.format == "uint" or (sample == 3 and space == "grey")):
+        raise given.refuse(f"{page.name()} with premultiplied opacity")
+    alpha: Alpha = "straight" if extra[:1] in ((1,), (2,)) else "none"
     if image.bands < COLOR_BANDS[space] + (alpha != "none"):
         alpha = "none"
-    most = {"uchar": 255.0, "ushort": 65535.0, "short": 65535.0, "uint": 2.0**32 - 1, "float": 1.0}[image.format]
+    most = {"uchar": 255.0, "ushort": 65535.0, "short": 65535.0, "uint": 65535.0, "float": 1.0}[image.format]
+    if image.format == "uint":
+        image = (image / 65537).rint().cast("ushort")
     meaning = Meaning(space, most, alpha, _light_of_tiff(page), _field(image, "icc-profile-data", b""))
     if sample == 3:
         _require_unit(given, page, image[: meaning.bands])
@@ -464,9 +470,6 @@ def _read_tiff(given: _Given) -> _Stored:
     if space == "lab":
         image = lab_of_16_bits(image, icc=page.tag(262, 8) == 9) if bits[0] == 16 else lab_of_8_bits(image)
     return image, meaning, page.tag(274, 1)
-
-
-_TIFF_ALPHA: dict[int, Alpha] = {1: "premultiplied", 2: "straight"}  # ExtraSamples
 
 
 def _require_unit(given: _Given, page: _Page, image: "pyvips.Image") -> None:
@@ -484,9 +487,12 @@ def _require_unit(given: _Given, page: _Page, image: "pyvips.Image") -> None:
 def _light_of_tiff(page: _Page) -> Light:
     """The primaries and the white that a TIFF states, with the curve of sRGB, as viewers have it."""
     colors, white = page.tags.get(319, ()), page.tags.get(318, ())
-    if not (isinstance(colors, tuple) and isinstance(white, tuple) and len(colors) == 6 and len(white) == 2):
+    if not (isinstance(colors, tuple) and isinstance(white, tuple) and len(colors) == 12 and len(white) == 4):
         return SRGB_LIGHT
-    points = np.array([float(value) for value in (*colors, *white)]).reshape(4, 2)
+    fractions = np.array([*colors, *white], float).reshape(-1, 2)
+    if not (fractions[:, 1] > 0).all():
+        return SRGB_LIGHT
+    points = (fractions[:, 0] / fractions[:, 1]).reshape(4, 2)
     primaries = tuple((float(x), float(y)) for x, y in points)
     return Light(None, primaries) if are_primaries(primaries) else SRGB_LIGHT
 
