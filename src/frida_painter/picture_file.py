@@ -246,7 +246,7 @@ def require_size(path: Path, width: int, height: int, most_pixels: int = MOST_PI
 def one_line(cause: BaseException) -> str:
     """What a decoder complains of, in one short line."""
     lines = [line.strip() for line in str(cause).splitlines() if line.strip()]
-    if len(lines) > 1 and lines[0].startswith("unable to call"):  # libvips: its own function, then the complaint
+    if len(lines) > 1 and lines[0].startswith("unable to "):  # libvips: its own function, then the complaint
         lines = lines[1:2]
     return " ".join(" ".join(lines).split())[:120] or type(cause).__name__
 

@@ -237,7 +237,7 @@ def test_what_telephones_save_is_taken(tmp_path: Path, name: str) -> None:
     ("name", "content", "says"),
     [
         ("IMG_1.CR2", b"II*\0\x10\0\0\0CR\2\0", r"IMG_1.CR2 came and cannot be used: it is a camera's raw photograph"),
-        ("IMG_1.psd", b"8BPS\0\1", "IMG_1.psd .* Photoshop.*set the camera or the telephone to JPEG"),
+        ("IMG_1.psd", b"8BPS\0\1", r"IMG_1.psd .*\(Photoshop\).*set the camera or the telephone to JPEG"),
         ("IMG_1.bin", b"\xff\xd8\xff\xe0", "IMG_1.bin .* JPEG picture by its content and not by its name"),
     ],
 )
