@@ -198,7 +198,7 @@ def png(columns: int, rows: int) -> bytes:
         (png(200, 15), "at least 16"),
         (wide_png(40_000, 1_000), "40000 x 1000 pixels; a picture has at most 30000"),
         (wide_png(12_000, 12_000), "12000 x 12000 pixels.*100 million"),
-        (wide_png(40_000, 30_000), "1200 million pixels"),
+        (wide_png(40_000, 30_000), "40000 x 30000 pixels.*100 million"),
         (wide_png(64, 64), "damaged"),
         (png(64, 64)[:80], "damaged"),
     ],

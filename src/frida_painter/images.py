@@ -20,10 +20,9 @@ def load(
     path: str | Path, *, most_pixels: int = picture_file.MOST_PIXELS, longest: int = picture_file.LONGEST
 ) -> Tensor:
     """A picture file as sRGB, [3, H, W] float32 in [0, 1], decoded as picture_file.py says. Raises ImageError."""
-    picture = picture_file.decode(Path(path), most_pixels=most_pixels, longest=longest)
-    if picture.mode == "F":
-        return torch.from_numpy(np.array(picture)).clamp(0, 1).expand(3, -1, -1).contiguous()
-    return from_uint8(np.asarray(picture))
+    pixels = picture_file.decode(Path(path), most_pixels=most_pixels, longest=longest)
+    planes = torch.from_numpy(pixels).permute(2, 0, 1).contiguous()
+    return planes.float() / 255 if planes.dtype == torch.uint8 else planes.clamp_(0, 1)
 
 
 def save(image: Tensor, path: str | Path) -> None:

@@ -1,72 +1,203 @@
 """A picture file that anybody may have given, decoded with care.
 
 A file is untrusted: its size is checked before a pixel is decoded, and whatever goes wrong inside a
-decoder becomes one sentence.
+decoder becomes one sentence. Its own word about itself counts, and not its name: pages, depth, transparency,
+profiles, orientation. What it says and we cannot obey is refused by name.
+
+libvips decodes, in strips where a format has them: a picture of 100 megapixels is never whole in memory where it
+need not be. BMP comes from Pillow, and HEIC from libheif.
 """
 
-import io
-import re
+import logging
+import struct
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ExifTags, Image, ImageCms, ImageOps, UnidentifiedImageError
+from PIL import ExifTags, Image
 
 from frida_painter import storage
 from frida_painter.errors import ImageError
+from frida_painter.picture_colors import (
+    ADOBE_LIGHT,
+    COLOR_BANDS,
+    SRGB_LIGHT,
+    Alpha,
+    Bytes,
+    Floats,
+    Light,
+    Meaning,
+    Space,
+    are_primaries,
+    lab_of_8_bits,
+    lab_of_16_bits,
+    light_of_code_points,
+    shrink,
+    to_srgb,
+)
+
+if TYPE_CHECKING:
+    import pyvips
 
 FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "BMP", "GIF")
+"""Of Pillow's own, for who reads small pictures with it."""
+SUFFIXES = (
+    ".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".webp", ".tif", ".tiff", ".bmp", ".gif",
+    ".heic", ".heif", ".hif", ".avif",
+)  # fmt: skip
 MOST_PIXELS = 100_000_000
 MOST_SIDE = 30_000
 LEAST_SIDE = 16
 LONGEST = 4096
-WHAT = "a JPEG, PNG, WebP, TIFF, BMP or GIF picture"
+WHAT = "a JPEG, PNG, WebP, TIFF, HEIC, AVIF, BMP or GIF picture"
 _ADVICE = f"give {WHAT}"
 _MOST_BYTES = 2**30
+_MAX_PAGES = 1000
+_ROWS = 1024  # are copied at a time
+_READ = ("JPEG", "PNG", "WebP", "TIFF", "GIF", "BMP", "HEIC", "AVIF")
+
+# The first bytes of files, and what they are (the Library of Congress' list of formats, and their own specifications).
+_SIGNATURES = (
+    (b"\xff\xd8\xff", "JPEG"),
+    (b"\x89PNG\r\n\x1a\n", "PNG"),
+    (b"GIF87a", "GIF"),
+    (b"GIF89a", "GIF"),
+    (b"BM", "BMP"),
+    (b"II*\0\x10\0\0\0CR", "a camera's raw photograph (CR2)"),
+    (b"IIRO", "a camera's raw photograph (ORF)"),
+    (b"IIU\0", "a camera's raw photograph (RW2)"),
+    (b"FUJIFILMCCD-RAW", "a camera's raw photograph (RAF)"),
+    (b"II*\0", "TIFF"),
+    (b"MM\0*", "TIFF"),
+    (b"II+\0", "TIFF"),
+    (b"MM\0+", "TIFF"),
+    (b"8BPS", "a PSD (Photoshop) picture"),
+    (b"gimp xcf", "an XCF (GIMP) picture"),
+    (b"v/1\x01", "an EXR (OpenEXR) picture"),
+    (b"#?RADIANCE", "an HDR (Radiance) picture"),
+    (b"#?RGBE", "an HDR (Radiance) picture"),
+    (b"\xff\x0a", "a JPEG XL picture"),
+    (b"\0\0\0\x0cJXL \r\n\x87\n", "a JPEG XL picture"),
+    (b"\0\0\0\x0cjP  \r\n\x87\n", "a JPEG 2000 picture"),
+    (b"\xff\x4f\xff\x51", "a JPEG 2000 picture"),
+    (b"\0\0\x01\0", "an ICO (icon)"),
+    (b"\0\0\x02\0", "a CUR (cursor)"),
+    (b"icns", "an ICNS (icon)"),
+    (b"DDS ", "a DDS (texture) picture"),
+    (b"qoif", "a QOI picture"),
+    (b"farbfeld", "a farbfeld picture"),
+    (b"\x0a\x05\x01", "a PCX picture"),
+    (b"\x01\xda", "an SGI picture"),
+    (b"SIMPLE  =", "a FITS picture"),
+    (b"%PDF", "a PDF"),
+    (b"%!PS", "a PostScript page"),
+    (b"\xc5\xd0\xd3\xc6", "a PostScript page"),
+    (b"AT&TFORM", "a DjVu page"),
+    (b"PK\x03\x04", "a ZIP archive, or a document that is one"),
+    (b"\x1f\x8b", "a gzip archive"),
+    (b"\x1a\x45\xdf\xa3", "a film"),
+)
+_BRANDS = {  # of files that begin with a box "ftyp" (ISO/IEC 14496-12)
+    **dict.fromkeys((b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1", b"heif"), "HEIC"),
+    **dict.fromkeys((b"avif", b"avis"), "AVIF"),
+    b"crx ": "a camera's raw photograph (CR3)",
+    b"jxl ": "a JPEG XL picture",
+    b"jp2 ": "a JPEG 2000 picture",
+}
+_NETPBM = {
+    **dict.fromkeys((b"P1", b"P4"), "PBM"), **dict.fromkeys((b"P2", b"P5"), "PGM"),
+    **dict.fromkeys((b"P3", b"P6"), "PPM"), b"P7": "PAM", b"PF": "PFM", b"Pf": "PFM",
+}  # fmt: skip
 
 
-def decode(path: Path, *, most_pixels: int = MOST_PIXELS, longest: int = LONGEST) -> Image.Image:
-    """A picture file as Pillow's "RGB" in sRGB, upright and opaque; as "F" in [0, 1] where it is grey of 16 bits.
+def decode(path: Path, *, most_pixels: int = MOST_PIXELS, longest: int = LONGEST) -> Bytes | Floats:
+    """A picture file in sRGB, upright and opaque, [H, W, 3]: bytes, or float32 in [0, 1] if it has more than 8 bits.
 
-    The photograph is turned as its EXIF says, brought to sRGB by its ICC profile, and laid on white
-    where it is transparent; of an animation the first frame counts. A picture whose longer side has
-    more than `longest` pixels is made smaller. Raises ImageError for everything that is not such a
-    picture, or has more than `most_pixels`, a side above 30,000 or one below 16 pixels.
+    The photograph is turned as it says (EXIF, TIFF, HEIC), brought to sRGB by its ICC profile, or by the gamma and
+    primaries that it states, and laid on white if it is transparent. Of an animation the first frame counts, and of
+    several pages the first that is no thumbnail or mask. Numbers with a decimal point are sRGB from 0 to 1 unless a
+    profile says other. A picture whose longer side has more than `longest` pixels is made smaller. Raises ImageError
+    for everything that is not such a picture, or has more than `most_pixels`, a side above 30,000 or below 16 pixels.
     """
     with storage.opened(path, WHAT, _MOST_BYTES, ImageError) as file:
-        start = file.read(512)
-        if not start:
-            raise ImageError(f"{path} is empty (0 bytes); {_ADVICE}.")
-        file.seek(0)
-        return _opened(path, file, start, most_pixels, longest)
+        name = require_format(path, file)
+        with _told(path, name):
+            image, meaning, orientation = _READERS.get(name, _read_strips)(
+                _Given(path, file, name, most_pixels, longest)
+            )
+            image, meaning = shrink(image[: meaning.bands] if image.bands > meaning.bands else image, meaning, longest)
+            image = _held(image)  # from here on the file, and what is large of it, is gone
+            return _upright(to_srgb(image, meaning), orientation)
 
 
-def _opened(path: Path, content: BinaryIO, start: bytes, most_pixels: int, longest: int) -> Image.Image:
-    """The picture in an open file, which begins with `start`."""
+def _held(image: Any) -> Any:
+    """The picture, computed, in memory of its own."""
+    return _libvips().Image.new_from_memory(
+        image.write_to_memory(), image.width, image.height, image.bands, image.format
+    )
+
+
+def is_picture(name: str) -> bool:
+    """Whether `format_of` gave the name of a kind of pictures, be they read here or not."""
+    return name in _READ or name.endswith(" picture") or name.startswith("a camera's raw photograph")
+
+
+def require_format(path: Path, file: BinaryIO) -> str:
+    """The name of the format that an open file begins with ("PNG"). Raises ImageError if that is not read here."""
+    file.seek(0)
+    start = file.read(512)
+    file.seek(0)
+    if not start:
+        raise ImageError(f"{path} is empty (0 bytes); {_ADVICE}.")
+    name = format_of(start)
+    if name not in _READ:
+        raise ImageError(f"{path} is {name}, not a picture that can be read; {_ADVICE}.")
+    return name
+
+
+def format_of(start: bytes) -> str:
+    """The format that a file of these first bytes (512 are enough) has: "PNG", or "a PDF" if it is not read here."""
+    if start[4:8] == b"ftyp":
+        length = int.from_bytes(start[:4], "big")
+        brands = [start[8:12], *(start[at : at + 4] for at in range(16, min(length, len(start)), 4))]
+        first = [_BRANDS[brand] for brand in brands if brand in _BRANDS]
+        # A picture of the general kind ("mif1") says among the compatible brands which one it is.
+        return next((name for name in first if name == "AVIF"), first[0]) if first else "a film"
+    if start[:4] == b"RIFF":
+        return "WebP" if start[8:12] == b"WEBP" else "a sound or a film"
+    for signature, name in _SIGNATURES:
+        if start.startswith(signature):
+            return name
+    if start[:2] in _NETPBM and start[2:3].isspace():
+        return f"a {_NETPBM[start[:2]]} picture"
+    text = start.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if text[:1] == b"<":
+        return "an SVG or HTML page"
+    return "a text" if b"\0" not in start and start.isascii() else "of an unknown kind"
+
+
+@contextmanager
+def _told(path: Path, name: str) -> Iterator[None]:
+    """Whatever a decoder stumbles over becomes one sentence, and nothing else is said."""
     try:
         # Pillow warns about odd metadata and large pictures, neither of which a painter can act upon.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            with Image.open(content, formats=FORMATS) as file:
-                require_size(path, *file.size, most_pixels)
-                return _decode(path, file, longest)
+            yield
     except ImageError:
         raise
-    except UnidentifiedImageError as cause:
-        raise ImageError(f"{path} is {_looks_like(start)}, not a picture that can be read; {_ADVICE}.") from cause
-    except Image.DecompressionBombError as cause:
-        count = int(re.findall(r"\d+", f"{cause} 0")[0])
-        raise ImageError(
-            f"{path} has {count / 1e6:.0f} million pixels; a picture has at most {most_pixels / 1e6:g} million; "
-            "make it smaller first."
-        ) from cause
     except MemoryError as cause:
         raise ImageError(f"{path} needs more memory than this machine has; make it smaller first.") from cause
     except Exception as cause:  # decoders raise whatever they stumble over in a damaged file
-        raise ImageError(f"{path} is a damaged picture ({one_line(cause)}); take an undamaged copy.") from cause
+        if isinstance(cause, OSError) and cause.errno is not None:
+            raise
+        raise ImageError(f"{path} is a damaged {name} picture ({one_line(cause)}); take an undamaged copy.") from cause
 
 
 def exposure_time(path: Path) -> float | None:
@@ -78,14 +209,26 @@ def exposure_time(path: Path) -> float | None:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                with Image.open(content, formats=FORMATS) as file:
-                    said = file.getexif().get_ifd(ExifTags.IFD.Exif)
+                said = _exif(content).get_ifd(ExifTags.IFD.Exif)
             moment = datetime.strptime(str(said[ExifTags.Base.DateTimeOriginal]).strip("\0 "), "%Y:%m:%d %H:%M:%S")
             offset = str(said.get(ExifTags.Base.OffsetTimeOriginal, "")).strip("\0 ")
             zoned = datetime.strptime(offset, "%z").tzinfo if offset else None
             return moment.replace(tzinfo=zoned).timestamp() + 1
         except Exception:  # decoders raise whatever they stumble over; who decodes the picture is told
             return None
+
+
+def _exif(content: BinaryIO) -> Image.Exif:
+    if format_of(content.read(512)) == "HEIC":
+        import pi_heif
+
+        content.seek(0)
+        exif = Image.Exif()
+        exif.load(pi_heif.open_heif(content).info["exif"] or b"")
+        return exif
+    content.seek(0)
+    with Image.open(content, formats=(*FORMATS, "AVIF")) as file:
+        return file.getexif()
 
 
 def require_size(path: Path, width: int, height: int, most_pixels: int = MOST_PIXELS) -> None:
@@ -102,75 +245,310 @@ def require_size(path: Path, width: int, height: int, most_pixels: int = MOST_PI
 
 def one_line(cause: BaseException) -> str:
     """What a decoder complains of, in one short line."""
-    return " ".join(str(cause).split())[:120] or type(cause).__name__
+    lines = [line.strip() for line in str(cause).splitlines() if line.strip()]
+    if len(lines) > 1 and lines[0].startswith("unable to "):  # libvips: its own function, then the complaint
+        lines = lines[1:2]
+    return " ".join(" ".join(lines).split())[:120] or type(cause).__name__
 
 
-def _decode(path: Path, file: Image.Image, longest: int) -> Image.Image:
-    share = longest / max(file.size)
-    if share < 1:
-        # A JPEG can be decoded at a half, a quarter or an eighth of its size, without ever being whole in memory.
-        file.draft(None, (round(file.size[0] * share), round(file.size[1] * share)))
-    file.load()
-    upright = ImageOps.exif_transpose(file)
-    deep = _deep_gray(path, upright)
-    if deep is not None:
-        return _shrunk(Image.fromarray(deep), longest)
-    if upright.has_transparency_data:
-        layered = _shrunk(upright.convert("RGBA"), longest)
-        paper = Image.new("RGB", layered.size, "white")
-        paper.paste(_to_srgb(layered.convert("RGB"), upright.info), mask=layered.getchannel("A"))
-        return paper
-    plain = upright.convert("RGB" if upright.mode == "P" else "L") if upright.mode in ("P", "1") else upright
-    return _to_srgb(_shrunk(plain, longest), upright.info)
+@dataclass(frozen=True)
+class _Given:
+    """An open picture file, and how large it may be and is to become."""
 
+    path: Path
+    file: BinaryIO
+    format: str
+    most_pixels: int
+    longest: int
 
-def _deep_gray(path: Path, picture: Image.Image) -> NDArray[np.float32] | None:
-    """Grey [H, W] in [0, 1] of a picture with 16 bits or floating-point values; None for all others."""
-    if picture.mode == "F":
-        most, values = 1.0, np.asarray(picture, dtype=np.float64)
-    elif picture.mode.startswith("I"):
-        most, values = 65535.0, np.asarray(picture, dtype=np.float64)
-    else:
-        return None
-    if not (np.isfinite(values).all() and values.min() >= 0 and values.max() <= most):
-        raise ImageError(
-            f"{path} has grey values from {values.min():g} to {values.max():g}; "
-            f"pictures of its kind (mode {picture.mode}) have values from 0 to {most:g}; save it as 8-bit PNG."
+    def strips(self, **options: Any) -> "pyvips.Image":
+        """The picture as libvips reads it, once, from top to bottom; only its head has been read yet."""
+        library = _libvips()
+        source = library.Source.new_from_descriptor(self.file.fileno())
+        self.file.seek(0)
+        loader = getattr(library.Image, f"{'heif' if self.format == 'AVIF' else self.format.lower()}load_source")
+        return loader(source, access="sequential", fail_on="error", **options)
+
+    def require_size(self, width: int, height: int) -> None:
+        """Raises ImageError unless the picture may have so many pixels."""
+        require_size(self.path, width, height, self.most_pixels)
+
+    def refuse(self, what: str) -> ImageError:
+        """The error for a picture that says of itself what cannot be obeyed."""
+        return ImageError(
+            f"{self.path} is a {self.format} of a kind that cannot be read ({what}); save it as sRGB with 8 or 16 bits."
         )
-    return (values / most).astype(np.float32)
 
 
-def _shrunk(picture: Image.Image, longest: int) -> Image.Image:
-    share = longest / max(picture.size)
-    if share >= 1:
-        return picture
-    width, height = (max(1, round(side * share)) for side in picture.size)
-    return picture.resize((width, height), Image.Resampling.BOX, reducing_gap=2.0)
+def _libvips() -> Any:
+    """The library, which says nothing to the standard error and keeps nothing of what it read."""
+    import pyvips
+
+    logging.getLogger("pyvips").setLevel(logging.CRITICAL + 1)
+    if pyvips.API_mode:  # its own handler fails at warnings that are no text, which those about damaged files can be
+        pyvips.ffi.def_extern(name="_log_handler_callback")(lambda *_warning: None)
+    pyvips.cache_set_max(0)
+    return pyvips
 
 
-def _to_srgb(picture: Image.Image, info: dict[str | tuple[int, int], object]) -> Image.Image:
-    """The picture in sRGB by its own profile; as plain RGB where it has none that fits its channels."""
-    standard = ImageCms.createProfile("sRGB")
-    if picture.mode == "LAB":
-        converted = ImageCms.profileToProfile(picture, ImageCms.createProfile("LAB"), standard, outputMode="RGB")
-        return converted if converted is not None else picture
-    embedded = info.get("icc_profile")
-    if isinstance(embedded, bytes) and embedded:
-        try:
-            profile = ImageCms.ImageCmsProfile(io.BytesIO(embedded))
-            if "sRGB" not in ImageCms.getProfileDescription(profile):
-                converted = ImageCms.profileToProfile(picture, profile, standard, outputMode="RGB")
-                picture = converted if converted is not None else picture
-        except (ImageCms.PyCMSError, OSError, ValueError):
-            pass  # a foreign or damaged profile says nothing about the colours
-    return picture.convert("RGB")
+def _upright(pixels: NDArray[Any], orientation: int) -> Bytes | Floats:
+    """Pixels that a file stores turned, as EXIF 2.32 numbers it (tag 0x0112)."""
+    if orientation in (5, 6, 7, 8):
+        pixels = pixels.transpose(1, 0, 2)
+    if orientation in (3, 4, 7, 8):
+        pixels = pixels[::-1]
+    if orientation in (2, 3, 6, 7):
+        pixels = pixels[:, ::-1]
+    return np.array(pixels, order="C")
 
 
-def _looks_like(start: bytes) -> str:
-    if start[4:8] == b"ftyp":
-        return "a HEIC photograph or a film"
-    if start.lstrip()[:1] == b"<":
-        return "an SVG or HTML page"
-    if start[:4] == b"%PDF":
-        return "a PDF"
-    return "a text" if b"\0" not in start and start.isascii() else "of an unknown kind"
+# The formats: how each is read, what its numbers mean, and how it is turned (EXIF's number)
+
+_Stored = tuple["pyvips.Image", Meaning, int]
+
+
+def _read_strips(given: _Given) -> _Stored:
+    """JPEG, PNG, WebP and GIF."""
+    image = given.strips()
+    given.require_size(image.width, image.height)
+    profile, light = _field(image, "icc-profile-data", b""), SRGB_LIGHT
+    if given.format == "PNG":
+        profile, light = _word_of_png(given, profile)
+    elif _field(image, "exif-ifd4-InteroperabilityIndex", "").startswith("R03"):  # DCF: the camera means Adobe RGB
+        light = ADOBE_LIGHT
+    share = given.longest / max(image.width, image.height)
+    # Both can be decoded at a half, a quarter or an eighth of their size, without ever being whole in memory.
+    factor = next((factor for factor in (8, 4, 2) if share * factor <= 1), 1)
+    if factor > 1 and given.format == "JPEG":
+        image = given.strips(shrink=factor)
+    elif factor > 1 and given.format == "WebP":
+        image = given.strips(scale=1 / factor)
+    space: Space = "cmyk" if image.interpretation == "cmyk" else "grey" if image.bands < 3 else "rgb"
+    most = 65535.0 if image.format == "ushort" else 255.0
+    alpha: Alpha = "straight" if image.bands > COLOR_BANDS[space] else "none"
+    return image, Meaning(space, most, alpha, light, profile), _field(image, "orientation", 1)
+
+
+def _field(image: "pyvips.Image", name: str, otherwise: Any) -> Any:
+    return image.get(name) if image.get_typeof(name) else otherwise
+
+
+def _word_of_png(given: _Given, profile: bytes) -> tuple[bytes, Light]:
+    """The profile and the light that a PNG states: of cICP, iCCP, sRGB, gAMA with cHRM the first counts."""
+    chunks = _chunks_of_png(given.file)
+    if len(points := chunks.get(b"cICP", b"")) == 4:
+        return b"", light_of_code_points(str(given.path), points[0], points[1])
+    light = SRGB_LIGHT
+    if b"sRGB" not in chunks:
+        if len(content := chunks.get(b"gAMA", b"")) == 4 and 0.1 <= (gamma := _be(content, "I")[0] / 1e5) <= 10:
+            light = replace(light, exponent=1 / gamma)
+        if len(content := chunks.get(b"cHRM", b"")) == 32:
+            white, *colors = np.array(_be(content, "8I")).reshape(4, 2) / 1e5
+            primaries = tuple((float(x), float(y)) for x, y in (*colors, white))
+            light = replace(light, primaries=primaries) if are_primaries(primaries) else light
+    return profile, light
+
+
+def _be(content: bytes, form: str) -> tuple[int, ...]:
+    return struct.unpack(f">{form}", content)
+
+
+def _chunks_of_png(file: BinaryIO) -> dict[bytes, bytes]:
+    """What stands before the pixels and says what they mean."""
+    file.seek(8)
+    found: dict[bytes, bytes] = {}
+    for _ in range(_MAX_PAGES):
+        head = file.read(8)
+        kind = head[4:]
+        if len(head) < 8 or kind == b"IDAT":
+            break
+        length = _be(head[:4], "I")[0]
+        if kind in (b"cICP", b"sRGB", b"gAMA", b"cHRM") and length <= 32:
+            found.setdefault(kind, file.read(length))
+            length = 0
+        file.seek(length + 4, 1)
+    return found
+
+
+# TIFF 6.0 and its supplements: the names of photometric interpretations, and those that are read.
+_PHOTOMETRIC: dict[int, tuple[str, Space | None]] = {
+    0: ("grey, white is zero", "grey"), 1: ("grey", "grey"), 2: ("RGB", "rgb"), 3: ("palette", "rgb"),
+    4: ("transparency mask", None), 5: ("CMYK", "cmyk"), 6: ("YCbCr", "rgb"), 8: ("CIE Lab", "lab"),
+    9: ("ICC Lab", "lab"), 10: ("ITU Lab", None), 32803: ("raw photograph of a camera", None),
+    32844: ("LogL", None), 32845: ("LogLuv", None), 34892: ("raw photograph of a camera", None),
+}  # fmt: skip
+_SAMPLES = {1: "unsigned", 2: "signed", 3: "float", 4: "undefined", 5: "complex integer", 6: "complex"}
+_TAGS = {254, 255, 258, 262, 274, 277, 318, 319, 332, 338, 339, 50706}
+_REDUCED, _MASK = 1, 4
+
+
+@dataclass(frozen=True)
+class _Page:
+    """A page of a TIFF, by its tags."""
+
+    number: int
+    tags: dict[int, Any]
+
+    def tag(self, number: int, otherwise: int) -> int:
+        """The value of a tag that has one, or one for each sample; None is none of them."""
+        values = self.tags.get(number, otherwise)
+        if isinstance(values, tuple):
+            return values[0] if values else otherwise
+        return values
+
+    @property
+    def is_picture(self) -> bool:
+        """Whether it is neither marked as a reduced picture nor as a mask (NewSubfileType, and the old SubfileType)."""
+        return not self.tag(254, 0) & (_REDUCED | _MASK) and self.tag(255, 1) != 2
+
+    @property
+    def count(self) -> int:
+        """Samples of each pixel."""
+        return self.tag(277, 1)
+
+    def name(self) -> str:
+        """What it is, in words ("32-bit float RGB")."""
+        photometric = _PHOTOMETRIC.get(self.tag(262, -1), (f"photometric interpretation {self.tag(262, -1)}", None))[0]
+        bits = self.tags.get(258, (1,))
+        bits = "/".join(map(str, dict.fromkeys(bits if isinstance(bits, tuple) else (bits,))))
+        return f"{bits}-bit {_SAMPLES.get(self.tag(339, 1), 'unknown')} {photometric}"
+
+
+def _pages(given: _Given) -> list[_Page]:
+    """The pages of a TIFF that stand in its chain. Raises TiffFileError and others if it is damaged."""
+    import tifffile
+
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)
+    given.file.seek(0)
+    # Only tags are read: of whole numbers, and of fractions the chromaticities.
+    pages = tifffile.TiffFile(given.file, name=given.path.name).pages
+    tags = [page.aspage().tags for page, _ in zip(pages, range(_MAX_PAGES), strict=False)]
+    return [
+        _Page(number, {tag.code: tag.value for tag in page if tag.code in _TAGS}) for number, page in enumerate(tags)
+    ]
+
+
+def _read_tiff(given: _Given) -> _Stored:
+    """The first page that is a picture."""
+    pages = _pages(given)
+    page = next((page for page in pages if page.is_picture), pages[0])
+    if 50706 in page.tags:
+        raise ImageError(f"{given.path} is a camera's raw photograph (DNG), not a picture that can be read; {_ADVICE}.")
+    space = _PHOTOMETRIC.get(page.tag(262, -1), ("", None))[1]
+    sample = page.tag(339, 1)
+    bits, extra = page.tags.get(258, (1,)), page.tags.get(338, ())
+    bits = bits if isinstance(bits, tuple) else (bits,)
+    extra = extra if isinstance(extra, tuple) else (extra,)
+    depths = {"grey": (1, 2, 4, 8, 16, 32), "rgb": (8, 16, 32), "cmyk": (8, 16), "lab": (8, 16)}
+    known = {1: depths.get(space or "", ()), 3: (16, 32) if space in ("grey", "rgb") else ()}
+    stored = COLOR_BANDS[space] if space else 0
+    if page.tag(262, 0) == 3:
+        known, stored = {1: (1, 2, 4, 8)}, 1
+    is_known = len(set(bits)) == 1 and bits[0] in known.get(sample, ()) and page.count >= stored
+    if space is None or not is_known or (space == "cmyk" and page.tag(332, 1) != 1):  # InkSet
+        raise given.refuse(page.name())
+    if page.tag(262, 0) == 8 and bits[0] == 8:
+        return _read_lab_of_bytes(given)
+    image = given.strips(page=page.number)
+    given.require_size(image.width, image.height)
+    # libvips takes the weight of opacity out of the colours itself, but not out of these.
+    if extra[:1] == (1,) and (image.format == "uint" or (sample == 3 and space == "grey")):
+        raise given.refuse(f"{page.name()} with premultiplied opacity")
+    alpha: Alpha = "straight" if extra[:1] in ((1,), (2,)) else "none"
+    if image.bands < COLOR_BANDS[space] + (alpha != "none"):
+        alpha = "none"
+    most = {"uchar": 255.0, "ushort": 65535.0, "short": 65535.0, "uint": 65535.0, "float": 1.0}[image.format]
+    if image.format == "uint":
+        image = (image / 65537).rint().cast("ushort")
+    meaning = Meaning(space, most, alpha, _light_of_tiff(page), _field(image, "icc-profile-data", b""))
+    if sample == 3:
+        _require_unit(given, page, image[: meaning.bands])
+        image = given.strips(page=page.number)
+        if page.tag(262, 1) == 0:  # libvips turns whole numbers only
+            negative = image[0].linear(-1, 1)
+            image = negative.bandjoin(image[1]) if alpha != "none" else negative
+    if space == "lab":
+        image = lab_of_16_bits(image, icc=page.tag(262, 8) == 9) if bits[0] == 16 else lab_of_8_bits(image)
+    return image, meaning, page.tag(274, 1)
+
+
+def _require_unit(given: _Given, page: _Page, image: "pyvips.Image") -> None:
+    """Raises ImageError unless numbers with a decimal point are from 0 to 1, all of them; reads the file once."""
+    if ((image >= 0) & (image <= 1)).min() == 255:
+        return
+    image = given.strips(page=page.number)[: image.bands]
+    extremes = image.stats().numpy()[0]
+    raise ImageError(
+        f"{given.path} is a TIFF ({page.name()}) with values from {extremes[0]:g} to {extremes[1]:g}, or that are no "
+        "numbers; such pictures have values from 0 to 1; save it with 8 or 16 bits."
+    )
+
+
+def _light_of_tiff(page: _Page) -> Light:
+    """The primaries and the white that a TIFF states, with the curve of sRGB, as viewers have it."""
+    colors, white = page.tags.get(319, ()), page.tags.get(318, ())
+    if not (isinstance(colors, tuple) and isinstance(white, tuple) and len(colors) == 12 and len(white) == 4):
+        return SRGB_LIGHT
+    fractions = np.array([*colors, *white], float).reshape(-1, 2)
+    if not (fractions[:, 1] > 0).all():
+        return SRGB_LIGHT
+    points = (fractions[:, 0] / fractions[:, 1]).reshape(4, 2)
+    primaries = tuple((float(x), float(y)) for x, y in points)
+    return Light(None, primaries) if are_primaries(primaries) else SRGB_LIGHT
+
+
+def _read_lab_of_bytes(given: _Given) -> _Stored:
+    """A TIFF of CIE Lab with bytes, which libvips does not read."""
+    given.file.seek(0)
+    with Image.open(given.file, formats=("TIFF",)) as file:
+        given.require_size(*file.size)
+        if file.mode != "LAB":
+            raise given.refuse("8-bit CIE Lab beside other pages")
+        file.load()
+        orientation = file.getexif().get(ExifTags.Base.Orientation, 1)
+        stored = np.array(file)
+        stored[..., 1:] ^= 128  # a and b have a sign here
+        image = _libvips().Image.new_from_array(stored)
+    return lab_of_8_bits(image), Meaning("lab", 255.0), orientation
+
+
+def _read_bmp(given: _Given) -> _Stored:
+    given.file.seek(0)
+    with Image.open(given.file, formats=("BMP",)) as file:
+        given.require_size(*file.size)
+        file.load()
+        picture = file if file.mode in ("L", "RGB", "RGBA") else file.convert("L" if file.mode == "1" else "RGB")
+        stored = np.empty((picture.height, picture.width, len(picture.getbands())), np.uint8)
+        for top in range(0, picture.height, _ROWS):
+            part = picture.crop((0, top, picture.width, min(top + _ROWS, picture.height)))
+            stored[top : top + _ROWS] = np.asarray(part).reshape(part.height, part.width, -1)
+    image = _libvips().Image.new_from_array(stored)
+    return image, Meaning("rgb" if image.bands > 2 else "grey", 255.0, _straight(image.bands)), 1
+
+
+def _straight(bands: int) -> Alpha:
+    return "straight" if bands in (2, 4) else "none"
+
+
+def _read_heif(given: _Given) -> _Stored:
+    """HEIC and AVIF, which their container turns upright, and for which it states the colours' code points."""
+    import pi_heif
+
+    given.file.seek(0)
+    head = pi_heif.open_heif(given.file, convert_hdr_to_8bit=False)
+    given.require_size(*head.size)
+    light, points = SRGB_LIGHT, head.info.get("nclx_profile")
+    if points is not None and "icc_profile" not in head.info:
+        light = light_of_code_points(
+            str(given.path), int(points["color_primaries"]), int(points["transfer_characteristics"])
+        )
+    image = given.strips() if given.format == "AVIF" else _libvips().Image.new_from_array(np.asarray(head))
+    deep = image.format == "ushort"
+    bits = int(head.info["bit_depth"])
+    most = float((2**bits - 1) << (16 - bits)) if deep else 255.0  # of 10 and 12 bits the upper ones are used
+    alpha: Alpha = "premultiplied" if head.premultiplied_alpha else _straight(image.bands)
+    profile = head.info.get("icc_profile", b"")
+    return image, Meaning("rgb" if image.bands > 2 else "grey", most, alpha, light, profile), 1
+
+
+_READERS = {"TIFF": _read_tiff, "BMP": _read_bmp, "HEIC": _read_heif, "AVIF": _read_heif}

@@ -175,7 +175,7 @@ def test_photographs_that_are_none(command: str, refuse: Callable[..., str], tmp
     says = {
         "nowhere.jpg": "does not exist",
         "text.jpg": "is a text, not a picture",
-        "cut.jpg": "is a damaged picture",
+        "cut.jpg": "is a damaged JPEG picture (VipsJpeg: premature end of JPEG image)",
         "wide.png": f"is {MOST_WIDE} x 16 pixels; a picture has at most 30000",
         "empty.png": "is empty",
         ".": "is a folder",

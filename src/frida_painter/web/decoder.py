@@ -10,6 +10,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from frida_painter import picture_file
@@ -39,18 +40,18 @@ def main() -> None:
         file.write(sys.stdin.buffer.read())
         file.flush()
         try:
-            picture = picture_file.decode(Path(file.name), most_pixels=_MOST_PIXELS, longest=_LONGEST)
+            pixels = picture_file.decode(Path(file.name), most_pixels=_MOST_PIXELS, longest=_LONGEST)
         except ImageError as trouble:
             print(str(trouble).replace(file.name, "The file"), file=sys.stderr)
             sys.exit(2)
-    _of_bytes(picture).save(sys.stdout.buffer, format="PNG")
+    Image.fromarray(_of_bytes(pixels)).save(sys.stdout.buffer, format="PNG")
 
 
-def _of_bytes(picture: Image.Image) -> Image.Image:
-    """The picture with one byte for each value; grey of 16 bits is rounded."""
-    if picture.mode != "F":
-        return picture
-    return Image.fromarray((np.asarray(picture).clip(0, 1) * 255).round().astype(np.uint8))
+def _of_bytes(pixels: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.uint8]:
+    """The picture with one byte for each value; deeper ones are rounded."""
+    if pixels.dtype == np.uint8:
+        return pixels.astype(np.uint8)
+    return (pixels.clip(0, 1) * 255).round().astype(np.uint8)
 
 
 if __name__ == "__main__":

@@ -53,7 +53,7 @@ def keep(content: bytes, folder: Path) -> str:
     folder.mkdir(parents=True, exist_ok=True)
     require_disk(folder, 2**26)
     with storage.replacing(folder / f"{identifier}.png", mode=0o600) as temporary, temporary.open("wb") as decoded:
-        environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "VIPS_CONCURRENCY": "1"}
         try:
             done = subprocess.run(
                 [sys.executable, "-m", "frida_painter.web.decoder"], input=content, stdout=decoded,

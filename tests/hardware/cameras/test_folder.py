@@ -217,3 +217,53 @@ def test_what_is_no_folder_is_refused_and_a_folder_that_vanishes_is_told(tmp_pat
 def test_waiting_that_cannot_be_is_refused(tmp_path: Path, patience: float, lag: float) -> None:
     with pytest.raises(ConfigError, match="patience"):
         FolderSettings(tmp_path, patience, lag)
+
+
+@pytest.mark.parametrize("name", ["IMG_1.HEIC", "IMG_1.jfif", "IMG_1.avif"])
+def test_what_telephones_save_is_taken(tmp_path: Path, name: str) -> None:
+    camera = camera_at(tmp_path, patience=5)
+    kind = {"HEIC": None, "jfif": "JPEG", "avif": "AVIF"}[name.partition(".")[2]]
+    if kind is None:
+        sample = Path(__file__).parents[2] / "heic" / "plain.heic"
+        thread = later(0.1, lambda: (tmp_path / name).write_bytes(sample.read_bytes()))
+    else:
+        thread = later(0.1, lambda: picture(120).save(tmp_path / name, format=kind))
+    frame = camera.capture(time.monotonic())
+    thread.join()
+    assert abs(float(frame.image.mean()) - (137 if kind is None else 120)) < 2
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("IMG_1.CR2", b"II*\0\x10\0\0\0CR\2\0", r"IMG_1.CR2 came and cannot be used: it is a camera's raw photograph"),
+        ("IMG_1.psd", b"8BPS\0\1", r"IMG_1.psd .*\(Photoshop\).*set the camera or the telephone to JPEG"),
+        ("IMG_1.bin", b"\xff\xd8\xff\xe0", "IMG_1.bin .* JPEG picture by its content and not by its name"),
+    ],
+)
+def test_a_picture_that_came_and_cannot_be_used_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, content: bytes, says: str
+) -> None:
+    monkeypatch.setattr("frida_painter.hardware.cameras.folder._WRITING", 0.3)
+    (tmp_path / "old.CR2").write_bytes(b"II*\0\x10\0\0\0CR\2\0")  # lay there before
+    camera = camera_at(tmp_path, patience=20)
+    thread = later(0.1, lambda: (tmp_path / name).write_bytes(content))
+    began = time.monotonic()
+    with pytest.raises(CameraError, match=says):
+        camera.capture(began)
+    thread.join()
+    assert time.monotonic() - began < 15, "it is named long before the patience ends"
+
+
+def test_what_comes_beside_a_picture_is_not_in_its_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("frida_painter.hardware.cameras.folder._WRITING", 0.2)
+    camera = camera_at(tmp_path, patience=1)
+    (tmp_path / "notes.txt").write_text("a text")
+    (tmp_path / "IMG_2.mov").write_bytes(b"\0\0\0\x14ftypqt  ")
+    thread = later(0.2, lambda: (tmp_path / "notes2.txt").write_text("another"))
+    with pytest.raises(StaleFrame):
+        camera.capture(time.monotonic())
+    thread.join()
+    picture(90).save(tmp_path / "IMG_3.jpg")
+    (tmp_path / "IMG_3.CR2").write_bytes(b"II*\0\x10\0\0\0CR\2\0")  # the same photograph, raw
+    assert camera.capture(time.monotonic() - 1).image.shape == (40, 60, 3)

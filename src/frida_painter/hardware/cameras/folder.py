@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from frida_painter import storage
+from frida_painter import picture_file, storage
 from frida_painter.errors import CameraError, ConfigError, ImageError, StaleFrame
 from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.cameras.shutter import Shutter
 from frida_painter.hardware.kinds import CameraKind
 
-_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp")
+_PARTIAL = (".part", ".partial", ".tmp", ".crdownload", ".download")  # as programs name what they still write
 _POLL = 0.05
 _STILL = 0.2
 _WRITING = 5.0
@@ -70,10 +70,10 @@ class FolderCamera:
     def connect(self) -> None:
         """Looks whether there is such a folder, or one for such a file. Raises CameraError."""
         path = self.settings.path
-        if not (path.is_dir() or (path.suffix.lower() in _SUFFIXES and path.parent.is_dir())):
+        if not (path.is_dir() or (path.suffix.lower() in picture_file.SUFFIXES and path.parent.is_dir())):
             raise CameraError(
                 f"{str(path)!r} is no folder, nor a picture in one; give the folder into which your camera's pictures "
-                f"come, or a file that it overwrites ({', '.join(_SUFFIXES)})."
+                f"come, or a file that it overwrites ({', '.join(picture_file.SUFFIXES)})."
             )
         self._shutter.opened()
 
@@ -85,6 +85,7 @@ class FolderCamera:
         self._shutter.require_open()
         until = time.monotonic() + self.settings.patience
         known, self._refused = set(self._files()), ""
+        strangers = set(self._all_files())
         while time.monotonic() < until:
             files = self._files()
             fresh = next((file for file in files if file not in known), None)
@@ -98,7 +99,9 @@ class FolderCamera:
                 elif frame := self._frame(fresh, captured_at, newer_than):
                     return frame
             known.update(files)
+            self._require_usable(strangers, _WRITING)
             time.sleep(_POLL)
+        self._require_usable(strangers, 0)
         raise StaleFrame(self._nothing_new())
 
     def close(self) -> None:
@@ -107,7 +110,7 @@ class FolderCamera:
 
     def _frame(self, file: _File, captured_at: float, newer_than: float) -> Frame | None:
         """The photograph in a file; None where it is not whole yet, has changed meanwhile, or is an old one."""
-        from frida_painter import images, picture_file  # whoever only asks for this camera's name reads no picture
+        from frida_painter import images  # whoever only asks for this camera's name reads no picture
 
         time.sleep(_STILL)
         if _looked_at(file.path) != file:
@@ -132,6 +135,25 @@ class FolderCamera:
             return None
         return self._shutter.frame(image, captured_at, newer_than)
 
+    def _require_usable(self, known: set[_File], age: float) -> None:
+        """Raises CameraError if a picture came, other than those known, that cannot be used, `age` seconds ago or more.
+
+        Until then the same picture may come in a kind that can: cameras write raw photographs beside JPEG.
+        """
+        files = self._all_files() if self.settings.path.is_dir() else []
+        usable = {file.path.stem for file in files if file.path.suffix.lower() in picture_file.SUFFIXES}
+        for file in files:
+            suffix = file.path.suffix.lower()
+            if file in known or suffix in (*picture_file.SUFFIXES, *_PARTIAL) or file.path.stem in usable:
+                continue
+            if age <= file.age and picture_file.is_picture(kind := _kind(file)):
+                advice = f"is {kind}; set the camera or the telephone to JPEG"
+                if " " not in kind:
+                    advice = f"is a {kind} picture by its content and not by its name; have it saved as .{kind.lower()}"
+                raise CameraError(f"{file.path.name} came and cannot be used: it {advice}.")
+            if age <= file.age:
+                known.add(file)
+
     def _refuse(self, why: str) -> None:
         self._refused = why
 
@@ -146,7 +168,11 @@ class FolderCamera:
         return None
 
     def _files(self) -> list[_File]:
-        """Pictures that are there, the newest first."""
+        """Pictures that are there, by their names, the newest first."""
+        found = [file for file in self._all_files() if file.path.suffix.lower() in picture_file.SUFFIXES]
+        return sorted(found, key=lambda file: (-file.written, file.path.name))
+
+    def _all_files(self) -> list[_File]:
         path = self.settings.path
         try:
             paths = list(path.iterdir()) if path.is_dir() else [path]
@@ -154,12 +180,7 @@ class FolderCamera:
             raise CameraError(
                 f"The folder {str(path)!r} cannot be read any more ({gone.strerror}); look at it."
             ) from gone
-        found = [
-            file
-            for file in map(_looked_at, paths)
-            if file and file.path.suffix.lower() in _SUFFIXES and not file.path.name.startswith(".")
-        ]
-        return sorted(found, key=lambda file: (-file.written, file.path.name))
+        return [file for file in map(_looked_at, paths) if file and not file.path.name.startswith(".")]
 
     def _nothing_new(self) -> str:
         newest = next(iter(self._files()), None)
@@ -180,6 +201,13 @@ class FolderCamera:
 
 def _moment(when: float | None) -> str:
     return "before" if when is None else f"on {datetime.fromtimestamp(when):%Y-%m-%d at %H:%M:%S}"
+
+
+def _kind(file: _File) -> str:
+    """What a file is by its first bytes; nothing if it cannot be opened."""
+    with suppress(ImageError), storage.opened(file.path, "a picture", storage.MAX_BYTES, ImageError) as content:
+        return picture_file.format_of(content.read(512))
+    return ""
 
 
 def _looked_at(path: Path) -> _File | None:
