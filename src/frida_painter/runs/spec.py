@@ -118,8 +118,8 @@ class RunSpec(BaseModel):
     colors: int = Field(12, ge=1, le=24, description="Number of paints to mix.")
     canvas: Canvas = Field(
         CanvasSize(14 * 0.0254, 11 * 0.0254),
-        description="Canvas size, width x height, in in, cm or mm, like 14x11in or 297x210mm. It is rotated to match "
-        "the picture.",
+        description="Canvas size: width x height in in, cm or mm, like 14x11in or 297x210mm, or a name from A6 to A0, "
+        "letter, legal or tabloid, like A3 or 'A3 landscape'. It is rotated to match the picture.",
         json_schema_extra={"metavar": "SIZE", "default": "14x11in"},
     )
     fit: Literal["canvas", "crop", "pad"] = Field(
