@@ -142,10 +142,10 @@ def test_lab_of_adobe_is_what_little_cms_makes_of_it(tmp_path_factory: pytest.Te
     coded = Image.frombytes("LAB", (1, 1), bytes(rounded ^ np.array([0, 128, 128], np.uint8)))
     made = ImageCms.profileToProfile(coded, profile, ImageCms.createProfile("sRGB"), outputMode="RGB")
     wanted = np.array(made.getpixel((0, 0))) / 255
-    assume(wanted.min() > 0.04 and wanted.max() < 0.98)  # outside of sRGB each clips in its own way
+    assume(wanted.min() > 0.1 and wanted.max() < 0.98)  # outside of sRGB each clips in its own way
     for file in ("lab.ase", "lab.aco"):
         (found,) = read_colors(place / file)
-        assert np.abs(np.array(found) - wanted).max() < 0.015, (file, lab)
+        assert np.abs(np.array(found) - wanted).max() < 0.02, (file, lab)
 
 
 @pytest.mark.parametrize(

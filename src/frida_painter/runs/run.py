@@ -349,7 +349,7 @@ class PaintingRun:
             self.spec,
             self.planner,
             easel,
-            self.controls,
+            replace(self.controls, stop_asked=self._stop_asked),
             mixed=self.controls.mixed or (lambda wanted: self.mixed),
             paint_on=self._paint_on,
             notify=hear,
@@ -358,6 +358,10 @@ class PaintingRun:
             placement=self._reopened.placement if self._reopened else None,
         )
         return self.session
+
+    def _stop_asked(self) -> bool:
+        """Whether it ends after this stroke or planning iteration: a person wants that, or the robot was stopped."""
+        return self.controls.stop_asked() or (self._process is not None and self._process.stopped)
 
     def _paint_on(self, sentence: str, canvas: Tensor) -> bool:
         """Whether a canvas that is not bare at first is painted on; it is shown to whoever is asked."""
