@@ -27,7 +27,7 @@ SCRIPTS = (
     "poster",
     "watch_painting",
 )
-TINY = {"strokes": 6, "rows": 64, "effort": 0.02}
+TINY = {"strokes": 6, "render_height": 64, "effort": 0.05}
 MOST_LINES = 15
 
 
@@ -46,7 +46,8 @@ def coarse_brush(monkeypatch: pytest.MonkeyPatch, tables: dict[str, StrokeTable]
             tables[model.brush] = coarse_table(model)
         return tables[model.brush]
 
-    monkeypatch.setattr("frida_painter.planning.layers.cached_table", table)
+    for room in ("planning.layers", "runs.opening"):
+        monkeypatch.setattr(f"frida_painter.{room}.cached_table", table)
 
 
 def script(name: str) -> Callable[..., None]:

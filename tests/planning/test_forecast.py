@@ -16,7 +16,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.stack import stacked_moments
 from frida_painter.render import composite
-from scenes import CANVAS, goal, scene, small_table, some_strokes, target
+from scenes import CANVAS, goal, plain, scene, small_table, some_strokes, target
 
 
 def varying(share: float) -> Scene:
@@ -91,7 +91,7 @@ def test_no_strokes_leave_the_canvas_as_it_is() -> None:
 
 
 def test_only_goals_with_a_photograph_have_one() -> None:
-    planner = Planner(goal(), CANVAS, small_table(), rows=32, effort=Effort().scaled(0.02))
+    planner = Planner(goal(), plain(CANVAS, small_table(), rows=32, effort=Effort().scaled(0.02)))
     plan = planner.plan(strokes=3, colors=2)
     assert str(planner.forecast(plan, planner.bare)).count("dB expected") == 1
     wordy = SimpleNamespace(terms=(SimpleNamespace(is_pixelwise=False, picture=None),))
