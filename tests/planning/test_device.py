@@ -140,9 +140,8 @@ def test_a_tensor_left_behind_would_be_found() -> None:
     with elsewhere() as device:
         by = planner(goal(), device)
         here = torch.rand(3, by.coarse.rows, by.coarse.columns)
-        by.scenes.initial_objective = WeightedObjective(
-            [(1.0, ObjectiveTerm(lambda seen: (seen - here).square().mean()))]
-        )
+        left = WeightedObjective([(1.0, ObjectiveTerm(lambda seen: (seen - here).square().mean()))])
+        by.scenes = replace(by.scenes, initial_objective=left)
         with pytest.raises(RuntimeError, match="one device"):
             by.plan(BARE, 4, 2, unheard)
 

@@ -17,6 +17,7 @@ from frida_painter.planning.effort import Effort
 from frida_painter.planning.optimize import Step, optimize_together
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.scene import Scene
+from frida_painter.planning.scenes import Scenes
 from networks import NoEncoderRegistry, QuickEncoders
 from scenes import CANVAS, goal, picture, plain, small_table
 
@@ -168,11 +169,10 @@ def test_where_planning_again_diverges_the_plan_stays(monkeypatch: pytest.Monkey
         calls += 1
         return (picture * (math.nan if calls > 3 else 1)).mean()
 
-    monkeypatch.setattr(
-        by.scenes,
-        "of",
-        lambda canvas, grid, name: Scene(torch.ones(3, grid.rows, grid.columns), CANVAS, by.models[name], broken),
-    )
+    def broken_scene(self: Scenes, canvas: torch.Tensor, grid: PixelGrid, name: str) -> Scene:
+        return Scene(torch.ones(3, grid.rows, grid.columns), CANVAS, by.models[name], broken)
+
+    monkeypatch.setattr(Scenes, "of", broken_scene)
     assert by.replan(plan, BARE, lambda step: None) is plan
     assert calls > 3
 
