@@ -134,7 +134,7 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
     table.evening.session.run(4, 1, made)
     table.evening.session.journal.close()
     after = table.evening.session.planner
-    assert after is not planner and after.region is planner.region is not None
+    assert after is not planner and after.region is not None and planner.region is None
     assert after.goal.terms[0].weight == 2
     assert table.told(RegionProtected) == [RegionProtected("regions/1.png", False, "region-1.png")]
     history = Journal.reopen(folder.painting)[1]
