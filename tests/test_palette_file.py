@@ -140,12 +140,13 @@ def test_lab_of_adobe_is_what_little_cms_makes_of_it(tmp_path_factory: pytest.Te
     profile = ImageCms.createProfile("LAB")
     rounded = np.array([round(lab[0] * 2.55), round(lab[1]) + 128, round(lab[2]) + 128], np.uint8)
     coded = Image.frombytes("LAB", (1, 1), bytes(rounded ^ np.array([0, 128, 128], np.uint8)))
-    made = ImageCms.profileToProfile(coded, profile, ImageCms.createProfile("sRGB"), outputMode="RGB")
+    exactly = ImageCms.Flags.NOOPTIMIZE  # else it interpolates in a coarse table
+    made = ImageCms.profileToProfile(coded, profile, ImageCms.createProfile("sRGB"), outputMode="RGB", flags=exactly)
     wanted = np.array(made.getpixel((0, 0))) / 255
-    assume(wanted.min() > 0.1 and wanted.max() < 0.98)  # outside of sRGB each clips in its own way
+    assume(wanted.min() > 0.02 and wanted.max() < 0.98)  # outside of sRGB each clips in its own way
     for file in ("lab.ase", "lab.aco"):
         (found,) = read_colors(place / file)
-        assert np.abs(np.array(found) - wanted).max() < 0.02, (file, lab)
+        assert np.abs(np.array(found) - wanted).max() < 0.006, (file, lab)
 
 
 @pytest.mark.parametrize(
