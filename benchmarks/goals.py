@@ -20,6 +20,7 @@ from frida_painter.objectives.kinds.style import StyleTerm
 from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
+from frida_painter.planning.settings import PlannerSettings
 from frida_painter.session.opening import prepare_process
 from measure import Table, arguments, broad_brush, canvas_like, cpu_seconds, photograph, publish
 
@@ -54,7 +55,12 @@ def measure(name: str, goal: Goal, *, rows: int, strokes: int, effort: Effort) -
 
     def work() -> None:
         nonlocal planner
-        planner = Planner(goal, size, model, rows=rows, effort=effort, seed=0)
+        planner = Planner(
+            goal,
+            PlannerSettings(
+                size, model, rows=rows, effort=effort, seed=0, layers=1, new_paints=False, focus="none", sharpness=0.0
+            ),
+        )
         bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
         planner.plan(bare, strokes, min(COLORS, strokes), lambda step: None)
 

@@ -35,6 +35,7 @@ from frida_painter.planning.optimize import optimize
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.refine import discretize
 from frida_painter.planning.scene import on_device
+from frida_painter.planning.settings import PlannerSettings
 from frida_painter.render import composite_moments, reference
 from frida_painter.session.opening import prepare_process
 from measure import Table, arguments, blank_scene, broad_brush, canvas_like, hardware, photograph, publish
@@ -189,11 +190,17 @@ def plans(options: Namespace, device: torch.device, name: str) -> tuple[Table, l
 
             def work(goal: Goal = goal, strokes: int = strokes) -> None:
                 nonlocal planner, plan
-                planner = Planner(
-                    goal, canvas_like(photo), broad_brush(), rows=64 if options.quick else 256, device=device,
+                settings = PlannerSettings(
+                    canvas_like(photo),
+                    broad_brush(),
+                    rows=64 if options.quick else 256,
                     effort=Effort().scaled(0.03) if options.quick else Effort(),
-                    encoders=EncoderRegistry(device=device),
-                )  # fmt: skip
+                    layers=1,
+                    new_paints=False,
+                    focus="none",
+                    sharpness=0.0,
+                )
+                planner = Planner(goal, settings, encoders=EncoderRegistry(device=device), device=device)
                 plan = planner.plan(strokes=6 if options.quick else strokes, colors=6 if options.quick else COLORS)
 
             try:

@@ -26,7 +26,15 @@ def main() -> None:
     def plan(count: int, effort: float) -> Any:
         size = canvas_like(wanted)
         chosen = Effort().scaled(effort)
-        planner = Planner(goal.Goal((ImageTerm(wanted),)), size, model, rows=rows, effort=chosen, seed=seed)
+        facts = {"rows": rows, "effort": chosen, "seed": seed}
+        wished = goal.Goal((ImageTerm(wanted),))
+        try:
+            from frida_painter.planning.settings import PlannerSettings
+        except ImportError:  # before 0.3
+            planner = Planner(wished, size, model, **facts)
+        else:
+            plain = {"layers": 1, "new_paints": False, "focus": "none", "sharpness": 0.0}
+            planner = Planner(wished, PlannerSettings(size, model, **facts, **plain))
         return planner.plan(torch.ones(3, rows, planner.fine.columns), count, colors, lambda step: None)
 
     plan(4, 0.02)  # loads kernels

@@ -33,6 +33,7 @@ from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.refine import relocate
 from frida_painter.planning.scene import Scene
+from frida_painter.planning.settings import PlannerSettings
 from frida_painter.session.opening import prepare_process
 from frida_painter.strokes import Strokes
 from measure import Table, arguments, blank_scene, broad_brush, canvas_like, cpu_seconds, photograph, psnr, publish
@@ -94,7 +95,20 @@ def measure(task: tuple[str, int], case: Case) -> Figures:
     begun = time.process_time()
     free = free_plan(case, coarse, small, fine, seed, wanted, size)
     middle = time.process_time()
-    planner = Planner(Goal((ImageTerm(wanted),)), size, model, rows=case.rows, effort=case.effort, seed=seed)
+    planner = Planner(
+        Goal((ImageTerm(wanted),)),
+        PlannerSettings(
+            size,
+            model,
+            rows=case.rows,
+            effort=case.effort,
+            seed=seed,
+            layers=1,
+            new_paints=False,
+            focus="none",
+            sharpness=0.0,
+        ),
+    )
     plan = planner.plan(fine.canvas, case.strokes, case.colors, lambda step: None)
     end = time.process_time()
     return Figures(
@@ -147,7 +161,20 @@ def free_plan(
     case: Case, coarse: Scene, small: Tensor, fine: Scene, seed: int, wanted: Tensor, size: CanvasSize
 ) -> Strokes:
     """A plan in colours and an order of its own, of as many coarse and fine iterations as the planner's."""
-    planner = Planner(Goal((ImageTerm(wanted),)), size, coarse.model, rows=case.rows, effort=case.effort, seed=seed)
+    planner = Planner(
+        Goal((ImageTerm(wanted),)),
+        PlannerSettings(
+            size,
+            coarse.model,
+            rows=case.rows,
+            effort=case.effort,
+            seed=seed,
+            layers=1,
+            new_paints=False,
+            focus="none",
+            sharpness=0.0,
+        ),
+    )
     strokes = grow(case, coarse, small, seed)
     effort = case.effort
     growing = min(effort.growth.rounds, case.strokes) * effort.growth.settling

@@ -21,6 +21,7 @@ from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import Growth
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
+from frida_painter.planning.settings import PlannerSettings
 from measure import Table, arguments, broad_brush, canvas_like, cpu_seconds, photograph, publish
 
 
@@ -38,7 +39,20 @@ def main() -> None:
     torch.set_num_threads(1)
     wanted = photograph(options.picture)
     goal, size = Goal((ImageTerm(wanted),)), canvas_like(wanted)
-    planner = Planner(goal, size, broad_brush(), rows=rows, effort=effort, seed=0)
+    planner = Planner(
+        goal,
+        PlannerSettings(
+            size,
+            broad_brush(),
+            rows=rows,
+            effort=effort,
+            seed=0,
+            layers=1,
+            new_paints=False,
+            focus="none",
+            sharpness=0.0,
+        ),
+    )
     bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
     planner.plan(bare, min(options.strokes, 20), options.colors, lambda step: None)  # warms up
 

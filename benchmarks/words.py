@@ -62,7 +62,7 @@ def measure(
     start = time.process_time()
     spec = spec.changed(goal=[{"text": prompt.words}], seed=seed)
     planner = open_planner(spec, Goal((TextTerm(prompt.words),)), encoders)
-    settled_ground(spec, planner)
+    planner, _, _ = settled_ground(spec, planner)
     shown = planner.expected(planner.plan(None, spec.strokes, spec.colors))
     seconds = time.process_time() - start
     begun = planner.goal.initial_terms[0].guide

@@ -12,10 +12,10 @@ def unrest(picture: torch.Tensor) -> torch.Tensor:
     return picture.diff(dim=1).abs().mean() + picture.diff(dim=2).abs().mean()
 
 
-def main(photo: str, picture: str, strokes: int = 300, weight: float = 0.5, **settings: float) -> None:
+def main(photo: str, picture: str, weight: float = 0.5, **settings: float) -> None:
     goal = fp.make_goal(photo, objective=unrest, weights={"objective": weight})
-    planner = fp.Planner(goal, **settings)
-    fp.save_picture(planner.expected(planner.plan(strokes=strokes)), picture)
+    planner = fp.make_planner(goal, **settings)
+    fp.save_picture(planner.expected(planner.plan()), picture)
 
 
 if __name__ == "__main__":

@@ -8,9 +8,9 @@ import sys
 import frida_painter as fp
 
 
-def main(photo: str, paints: str, plan: str, strokes: int = 300, **settings: float) -> None:
-    planner, palette = fp.Planner(fp.make_goal(photo), **settings), fp.Palette.load(paints)
-    wished = planner.plan(strokes=strokes, colors=len(palette))
+def main(photo: str, paints: str, plan: str, **settings: float) -> None:
+    planner, palette = fp.make_planner(photo, palette=paints, **settings), fp.Palette.load(paints)
+    wished = planner.plan()
     planner.bind_to_palette(wished, planner.bare, palette).save(plan)
 
 

@@ -19,9 +19,9 @@ class FeltPen:
         return torch.sigmoid((half - away) / 0.0005)
 
 
-def main(photo: str, picture: str, strokes: int = 300, **settings: float) -> None:
-    planner = fp.Planner(fp.make_goal(photo), model=FeltPen(fp.load_stroke_model("broad")), **settings)
-    fp.save_picture(planner.expected(planner.plan(strokes=strokes)), picture)
+def main(photo: str, picture: str, **settings: float) -> None:
+    planner = fp.make_planner(photo, model=FeltPen(fp.load_stroke_model("broad")), **settings)
+    fp.save_picture(planner.expected(planner.plan()), picture)
 
 
 if __name__ == "__main__":

@@ -5,9 +5,9 @@ import sys
 import frida_painter as fp
 
 
-def main(photo: str, folder: str, strokes: int = 300, **settings: float) -> None:
-    planner = fp.Planner(fp.make_goal(photo), **settings)
-    plan = planner.plan(strokes=strokes)
+def main(photo: str, folder: str, **settings: float) -> None:
+    planner = fp.make_planner(photo, **settings)
+    plan = planner.plan()
     plan.save(f"{folder}/plan.json")
     fp.save_picture(planner.expected(plan), f"{folder}/plan.png")
 

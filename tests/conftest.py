@@ -42,9 +42,10 @@ def pytest_configure(config: pytest.Config) -> None:
     six times the processor time, and their sums come in another order on every machine.
     """
     os.environ["OMP_NUM_THREADS"] = "1"  # of processes that are started from here, xdist's workers too
-    # Under nohup a program ignores that its terminal was closed; the tests ask what it does where it does not.
+    # Under nohup a program ignores that its terminal was closed, and one that a script starts in the background ignores
+    # Ctrl-C. Whatever it starts inherits that; the tests ask what a program does that ignores neither.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # of a run in the background of a script
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if not torch.cuda.is_available():
         os.environ["TRITON_INTERPRET"] = "1"  # read when Triton is imported, by whatever imports it first

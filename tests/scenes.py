@@ -1,11 +1,14 @@
 """Small canvases, pictures and brushes to plan with in a moment."""
 
+from collections.abc import Sequence
 from functools import cache
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from frida_painter import images
+from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal
@@ -13,10 +16,20 @@ from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.palette import to_lab
 from frida_painter.planning.scene import Scene
+from frida_painter.planning.settings import PlannerSettings
 from frida_painter.strokes import Strokes
 from marks import SMALL, ribbon
 
 CANVAS = CanvasSize(0.12, 0.09)
+
+
+def plain(
+    size: CanvasSize | str, model: StrokeModel | str | Sequence[StrokeModel | str], **settings: Any
+) -> PlannerSettings:
+    """Settings of a planner that does one thing at a time, where these do not say otherwise."""
+    return PlannerSettings(
+        size, model, **{"layers": 1, "new_paints": False, "focus": "none", "sharpness": 0.0, **settings}
+    )
 
 
 @cache

@@ -16,6 +16,7 @@ from frida_painter.planning.fading import Fading
 from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
+from frida_painter.planning.region import Region
 from frida_painter.session.brushwork import Brushwork
 from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
 from frida_painter.session.events import Event, Paused
@@ -43,6 +44,10 @@ class NotingPlanner:
     located: list[int] = field(default_factory=list)
     placements: list[Placement] = field(default_factory=list)
     left_out: list[int] = field(default_factory=list)
+
+    def keeping_clear(self, region: Region | None) -> "NotingPlanner":
+        """Itself: no stroke of it keeps clear of anything."""
+        return self
 
     def plan(self, canvas: Tensor, strokes: int, colors: int, notify: Callable[[Step], None]) -> Plan:
         notify(Step(1, 2, 0.5))

@@ -1,4 +1,5 @@
 import math
+import re
 
 import pytest
 import torch
@@ -31,6 +32,29 @@ SHARES = st.tuples(st.floats(0, 1), st.floats(0, 1))
         ("40×30cm", 0.4, 0.3),
         ("1x.5m", 1, 0.5),
         ("8.5x11in", 0.2159, 0.2794),
+        ("30 x 40 cm", 0.3, 0.4),
+        ("11,5x14 in", 0.2921, 0.3556),
+        ('12×16"', 0.3048, 0.4064),
+        ("12″ x 16″", 0.3048, 0.4064),
+        ("12\u00a0×\u00a016\u00a0inches", 0.3048, 0.4064),
+        ("12 in. by 16 in.", 0.3048, 0.4064),
+        ("300mm x 400mm", 0.3, 0.4),
+        ("30cm x 12in", 0.3, 0.3048),
+        ("30cm x 40", 0.3, 0.4),
+        ("8 1/2 x 11 in", 0.2159, 0.2794),
+        ("8½x11in", 0.2159, 0.2794),
+        ("1' x 1.5 feet", 0.3048, 0.4572),
+        ("３０×４０cm", 0.3, 0.4),
+        ("30*40 centimetres", 0.3, 0.4),
+        ("A5", 0.148, 0.21),
+        ("a4", 0.21, 0.297),
+        ("A3 landscape", 0.42, 0.297),
+        ("portrait A2", 0.42, 0.594),
+        ("A4 (Landscape)", 0.297, 0.21),
+        ("Letter", 0.2159, 0.2794),
+        ("tabloid, landscape", 0.4318, 0.2794),
+        ("ledger", 0.4318, 0.2794),
+        ("30x40cm landscape", 0.4, 0.3),
     ],
 )
 def test_sizes_as_people_write_them(text: str, width: float, height: float) -> None:
@@ -39,11 +63,60 @@ def test_sizes_as_people_write_them(text: str, width: float, height: float) -> N
 
 
 @pytest.mark.parametrize(
-    "text", ["", "14", "14x11", "14x11ft", "14inx11in", "-14x11in", "nanxnanmm", "1e9x1mm", "x1mm"]
-)
-def test_sizes_that_are_not_understood(text: str) -> None:
-    with pytest.raises(ConfigError, match="for example 14x11in"):
+    ("text", "says"),
+    [
+        *((text, "is not understood; give width x height with a unit, or a name") for text in (
+            "", "-14x11in", "nanxnanmm", "infxinfmm", "1e9x1mm", "x1mm", "30 40 cm", "30x40x50cm", "A9", "letters",
+            "landscape", "30x40parsec", "0/0x1in", "1/0x5in",
+        )),
+        ("14", "names one side; .* a square is 14 x 14 cm"),
+        ("40cm", "names one side; .* a square is 40 x 40 cm"),
+        ("14x11", "has no unit; write which one it is .14x11in, 14x11cm, 14x11mm."),
+        ("landscape portrait A4", "landscape and portrait"),
+    ],
+)  # fmt: skip
+def test_sizes_that_are_not_understood_say_what_to_write(text: str, says: str) -> None:
+    with pytest.raises(ConfigError, match=says) as refused:
         CanvasSize.parse(text)
+    assert "for example 14x11in" in str(refused.value) or "give one of them" in str(refused.value)
+
+
+@given(SIZES, st.sampled_from(["mm", "cm", "m", "in", "inches", '"', "ft"]), st.sampled_from(["x", " × ", " by "]))
+def test_a_size_is_read_in_whatever_unit_it_is_written(size: CanvasSize, unit: str, between: str) -> None:
+    of = {"mm": 0.001, "cm": 0.01, "m": 1, "ft": 0.3048}.get(unit, 0.0254)
+    width, height = (f"{metres / of:.6f}" for metres in (size.width, size.height))
+    for comma in (".", ","):
+        try:
+            read = CanvasSize.parse(f"{width}{between}{height} {unit}".replace(".", comma))
+        except ConfigError:  # rounded to just outside
+            assert min(size.width, size.height) < 0.030001 or max(size.width, size.height) > 2.99999
+            continue
+        assert (read.width, read.height) == (pytest.approx(size.width, abs=1e-6), pytest.approx(size.height, abs=1e-6))
+
+
+@given(st.text(max_size=30))
+def test_any_text_is_a_size_or_refused(text: str) -> None:
+    try:
+        CanvasSize.parse(text)
+    except ConfigError as refused:
+        assert str(refused).endswith(".")
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(10, 400), (400, 10), (30, 1000), (1000, 13), (16, 1600), (3000, 16)])
+def test_a_picture_too_long_for_the_canvas_is_told_so_with_a_canvas_that_would_do(rows: int, columns: int) -> None:
+    with pytest.raises(ConfigError) as refused:
+        CanvasSize.parse("14x11in").turned_like(rows, columns).shaped_like(rows, columns)
+    told = str(refused.value)
+    share = max(rows, columns) / min(rows, columns)
+    assert told.startswith(
+        f"The picture is {share:.3g} times as {'wide as high' if columns > rows else 'high as wide'}"
+    )
+    assert "give --fit crop or --fit pad" in told and "was given" not in told
+    advised = re.search(r"--canvas (\S+mm)", told)
+    assert (advised is not None) == (share < 98)
+    if advised is not None:
+        found = CanvasSize.parse(advised[1]).shaped_like(rows, columns)
+        assert found.width / found.height == pytest.approx(columns / rows)
 
 
 @pytest.mark.parametrize("text", ["0x0mm", "100x100m", "29x100mm", "100x29mm", "3001x100mm"])

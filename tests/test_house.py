@@ -34,6 +34,7 @@ LAYERS = (
         "frame_kernels",
         "strokes",
         "palette",
+        "palette_file",
         "drawing",
         "plan",
         "lens",

@@ -13,7 +13,7 @@ import frida_painter
 from plans import made_up_plan
 from scenes import picture
 
-MOST_NAMES = 20
+MOST_NAMES = 22
 FOLDER = Path(frida_painter.__file__).parent
 
 

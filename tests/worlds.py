@@ -31,6 +31,7 @@ from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
+from scenes import plain
 
 CANVAS = CanvasSize(0.12, 0.09)
 STROKES, REPLANS = 12, 2
@@ -50,7 +51,9 @@ class World:
         torch.set_num_threads(1)
         model = StrokeTable.of(load_stroke_model("fine"), detail=TableDetail((2, 2, 2), 8))
         coffee = torch.from_numpy(data.coffee().copy()).permute(2, 0, 1).float() / 255
-        planner = Planner(Goal((ImageTerm(coffee),)), CANVAS, model, rows=64, effort=Effort().scaled(0.05), seed=seed)
+        planner = Planner(
+            Goal((ImageTerm(coffee),)), plain(CANVAS, model, rows=64, effort=Effort().scaled(0.05), seed=seed)
+        )
         world = cls(planner)
         plan = planner.plan
 

@@ -19,11 +19,13 @@ if TYPE_CHECKING:
     from frida_painter.palette import Palette
     from frida_painter.plan import Plan
     from frida_painter.planning.planner import Planner
+    from frida_painter.planning.settings import PlannerSettings
     from frida_painter.render.painting import render as render_strokes
     from frida_painter.render.plan_picture import render_plan
     from frida_painter.runs.goals import make_goal
     from frida_painter.runs.run import PaintingRun
     from frida_painter.runs.run import paint as paint
+    from frida_painter.runs.settling import make_planner
     from frida_painter.runs.spec import RunSpec
     from frida_painter.strokes import Strokes
     from frida_painter.sweeps.sweep import sweep as sweep
@@ -37,6 +39,7 @@ __all__ = [
     "Palette",
     "Plan",
     "Planner",
+    "PlannerSettings",
     "Robot",
     "RunSpec",
     "StrokeModel",
@@ -44,6 +47,7 @@ __all__ = [
     "load_picture",
     "load_stroke_model",
     "make_goal",
+    "make_planner",
     "open_virtual_studio",
     "paint",
     "render_plan",
@@ -61,6 +65,7 @@ _HOMES = {
     "Palette": ("palette", "Palette"),
     "Plan": ("plan", "Plan"),
     "Planner": ("planning.planner", "Planner"),
+    "PlannerSettings": ("planning.settings", "PlannerSettings"),
     "Robot": ("hardware.robot", "Robot"),
     "RunSpec": ("runs.spec", "RunSpec"),
     "StrokeModel": ("brush.stroke_model", "StrokeModel"),
@@ -68,6 +73,7 @@ _HOMES = {
     "load_picture": ("images", "load"),
     "load_stroke_model": ("brush.weights", "load_stroke_model"),
     "make_goal": ("runs.goals", "make_goal"),
+    "make_planner": ("runs.settling", "make_planner"),
     "open_virtual_studio": ("virtual.studio", "open_studio"),
     "paint": ("runs.run", "paint"),
     "render_plan": ("render.plan_picture", "render_plan"),

@@ -54,7 +54,14 @@ class RobotDisconnected(RobotError):
 
 
 class RobotStopped(RobotError):
-    """The robot was stopped and stays so until a person has looked and re-arms it."""
+    """The robot was stopped and stays so until a person has looked and re-arms it.
+
+    asked: whether a person asked for it while the painting was under way (the stop file), which is no fault.
+    """
+
+    def __init__(self, message: str, *, asked: bool = False) -> None:
+        super().__init__(message)
+        self.asked = asked
 
 
 class RobotBusy(RobotError):

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 
 if TYPE_CHECKING:  # kinds of goals are known, and asked for, where nothing is planned
@@ -155,13 +154,6 @@ class Goal:
         begun = tuple(term.begun(self) for term in self.terms if term.initial_order == min(orders))
         same = len(begun) == len(self.terms) and all(map(lambda one, other: one is other, begun, self.terms))
         return self.terms if same else begun
-
-    @property
-    def usual_canvas(self) -> CanvasSize:
-        """The largest canvas in the proportions of the first picture within 14 x 11 inches, or within 11 x 14."""
-        size = CanvasSize.parse("14x11in")
-        pictures = [term.guide for term in self.initial_terms if term.guide is not None]
-        return size.turned_like(*pictures[0].shape[1:]).shaped_like(*pictures[0].shape[1:]) if pictures else size
 
 
 def require_weight(weight: float, what: str) -> None:

@@ -12,10 +12,9 @@ from torch import Tensor
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError
+from frida_painter.palette_file import read_colors
 
 MOST_COLORS = 64
-_MOST_BYTES = 2**16
-_PALETTE_FILE = 'a palette is a JSON file like {"paints": ["#f2e9dc", "#3b2f2a"]}, in the order of the wells'
 
 
 def to_lab(color: Tensor) -> Tensor:
@@ -115,30 +114,14 @@ class Palette:
 
     @classmethod
     def load(cls, path: str | Path) -> "Palette":
-        """The palette of a JSON file: {"paints": ["#f2e9dc", ...]}, in the order of the wells. Raises ConfigError."""
-        path = Path(path)
-        content = storage.read_bytes(path, "a palette (JSON)", _MOST_BYTES, ConfigError)
-        try:
-            record = json.loads(content)
-        except (ValueError, RecursionError) as cause:
-            raise ConfigError(f"{path} is not JSON ({cause}); {_PALETTE_FILE}.") from cause
-        if not isinstance(record, dict) or set(record) != {"paints"} or not isinstance(record["paints"], list):
-            raise ConfigError(f"{path} is not a palette; {_PALETTE_FILE}.")
-        if not 1 <= len(record["paints"]) <= MOST_COLORS:
-            raise ConfigError(f"{path} has {len(record['paints'])} paints; a palette has 1 to {MOST_COLORS}.")
-        faults = []
-        colors = []
-        for number, text in enumerate(record["paints"], 1):
-            try:
-                colors.append(from_hex(text))
-            except ConfigError as error:
-                faults.append(f"paint {number}: {error}")
-        if faults:
-            raise ConfigError(f"{path} is not a palette: {' '.join(faults)}")
-        return cls(torch.stack(colors))
+        """The palette of a file of any form that palette_file.py reads, in its order. Raises ConfigError."""
+        colors = read_colors(Path(path))
+        if not 1 <= len(colors) <= MOST_COLORS:
+            raise ConfigError(f"{path} has {len(colors)} paints; a palette has 1 to {MOST_COLORS}.")
+        return cls(torch.tensor(colors))
 
     def save(self, path: str | Path) -> None:
-        """Writes such a file. Raises StorageError."""
+        """Writes a JSON file: {"paints": ["#f2e9dc", ...]}. Raises StorageError."""
         storage.write_text(Path(path), json.dumps({"paints": [to_hex(color) for color in self.color]}, indent=2) + "\n")
 
     def lab(self) -> Tensor:

@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import signal
+import subprocess
 import sys
 import time
 from collections import namedtuple
@@ -19,7 +20,8 @@ from safetensors.torch import load_file, save
 
 from frida_painter import cli, storage
 from frida_painter.__main__ import main as command
-from frida_painter.errors import ConfigError
+from frida_painter.cli.stop_signal import stop_on_signals
+from frida_painter.errors import ConfigError, RobotStopped
 from frida_painter.hardware.workcell import example
 from plans import made_up_plan
 
@@ -101,8 +103,8 @@ def photo(tmp_path: Path) -> str:
         (("--out", "x" * 300), ("cannot be written",)),
         (("--colour", "3"), ("--colour",)),
         (("--palette", "nowhere.json"), ("nowhere.json does not exist",)),
-        (("--palette", "."), ("is no palette (JSON)",)),
-        (("--palette", "odd.toml"), ("--colors",)),
+        (("--palette", "."), ("is a folder; give the path of a palette",)),
+        (("--palette", "odd.toml"), ("line 1: 'stroks = 300' is not a colour", "palette of GIMP (.gpl)")),
         (("--palette", "odd.json"), ("paint 2: 'red' is not a colour",)),
         (("--palette", "two.json", "--colors", "3"), ("two.json has 2 paints, and 3 are wanted",)),
         (("--brush", "zero.safetensors"), ("zero.safetensors is not a plain file",)),
@@ -357,3 +359,46 @@ def test_a_signal_at_any_moment_ends_it_in_a_sentence(
     told = capsys.readouterr().err
     assert end.value.code == 128 + number
     assert told == f"\nfrida-painter: it was ended ({number.name}); nothing more is done.\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_a_signal_that_was_ignored_from_the_beginning_stays_so(
+    number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As of a painting under nohup, or one that a script has in the background while something else is in front."""
+
+    def working(**given: object) -> None:
+        with stop_on_signals() as stop:
+            os.kill(os.getpid(), number)
+            time.sleep(0.05)
+            print("asked to stop" if stop.asked else "not asked")
+
+    monkeypatch.setattr(cli, "build", lambda: working)
+    known = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {each: signal.getsignal(each) for each in known}
+    signal.signal(number, signal.SIG_IGN)
+    try:
+        with pytest.raises(SystemExit) as end:
+            command()
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+    assert capsys.readouterr().out == "not asked\n" and not end.value.code
+
+
+def test_the_tests_hear_ctrl_c_and_so_does_whatever_they_start() -> None:
+    asking = "import signal; print(signal.getsignal(signal.SIGINT) is signal.SIG_IGN)"
+    assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
+    assert subprocess.run([sys.executable, "-c", asking], capture_output=True, text=True).stdout == "False\n"
+
+
+@pytest.mark.parametrize(("asked", "status"), [(True, 130), (False, 2)])
+def test_a_stop_that_was_asked_for_ends_as_one_and_any_other_is_a_fault(
+    asked: bool, status: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stopped(**given: object) -> None:
+        raise RobotStopped("dip: nothing moves, the arm was stopped (the stop file stop appeared); arm it", asked=asked)
+
+    monkeypatch.setattr(cli, "build", lambda: stopped)
+    assert run(monkeypatch, "resume") == status
+    assert capsys.readouterr().err.count("nothing moves, the arm was stopped") == 1

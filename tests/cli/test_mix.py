@@ -55,7 +55,7 @@ def test_a_palette_and_one_s_own_paints(monkeypatch, capsys) -> None:
         ('{"paints": ["#d0b090", "red"]}', "paint 2: 'red' is not a colour"),
         ('{"paints": ["#d0b090", 7, NaN]}', "paint 2: '7' is not a colour; write it like #b97f2c. paint 3: 'nan'"),
         ('{"paints": "#d0b090"}', "is not a palette; a palette is a JSON file like"),
-        ('["#d0b090"]', "is not a palette"),
+        ('["#d0b090", 3]', "paint 2: '3' is not a colour"),
         ('{"paints": ["#d0b090"], "x": 1}', "is not a palette"),
         ("paints", "is not JSON"),
         ("[" * 100_000, ""),

@@ -128,12 +128,32 @@ def test_whoever_ends_it_while_planning_leaves_nothing_half_done(tmp_path: Path,
 
 def test_the_stop_file_stops_a_painting_that_is_planning(tmp_path: Path) -> None:
     """Fault F8: a stop is pressed."""
-    painter = paint(tmp_path, "--effort", "5")
+    painter = paint(tmp_path, "--effort", "20")
     painter.wait_for("studio.diary", strokes=1)
+    until(lambda: painter.process.poll() is not None or (painter.folder / "journal").exists(), 300)
     (painter.folder / STOP_FILE).touch()
-    until(lambda: not (painter.folder / STOP_FILE).exists(), 30)
-    painter.process.send_signal(signal.SIGINT)  # the planner goes on for as long as nobody tells it
-    status, _, err = painter.end()
-    assert status == 130 and "Traceback" not in err, err
-    assert not held(painter)
+    status, out, err = painter.end()
+    require_stopped(painter, status, out, err)
     assert len(moves(painter.folder)) == 1, "the first look, and nothing since"
+    assert not (painter.folder / "plan.json").exists(), "nobody plans on for a robot that stands still"
+
+
+def test_the_stop_file_stops_a_painting_in_the_middle_of_a_motion_and_keeps_the_work(tmp_path: Path) -> None:
+    """Fault F8: a stop is pressed."""
+    painter = paint(tmp_path, "--pace", "4")
+    painter.wait_for("plan.json", strokes=3)  # dips of many seconds, and strokes
+    (painter.folder / STOP_FILE).touch()
+    status, out, err = painter.end()
+    require_stopped(painter, status, out, err)
+    told = result(painter)
+    assert told["stopped"] and told["strokes_painted"] < 24 and "Stopped after" in out
+    count = len(moves(painter.folder))
+    time.sleep(1)
+    assert len(moves(painter.folder)) == count
+
+
+def require_stopped(painter: Painter, status: int, out: str, err: str) -> None:
+    """It ended as a painting that a person stopped, and said so in a sentence; the file is gone again."""
+    assert status == 130 and "Traceback" not in err, (status, out, err)
+    assert err.count("was stopped (the stop file stop appeared)") == 1, err
+    assert not held(painter) and not (painter.folder / STOP_FILE).exists()

@@ -27,7 +27,7 @@ SCRIPTS = (
     "poster",
     "watch_painting",
 )
-TINY = {"strokes": 6, "rows": 64, "effort": 0.02}
+TINY = {"strokes": 6, "render_height": 64, "effort": 0.05}
 MOST_LINES = 15
 
 
@@ -46,7 +46,8 @@ def coarse_brush(monkeypatch: pytest.MonkeyPatch, tables: dict[str, StrokeTable]
             tables[model.brush] = coarse_table(model)
         return tables[model.brush]
 
-    monkeypatch.setattr("frida_painter.planning.layers.cached_table", table)
+    for room in ("planning.layers", "runs.opening"):
+        monkeypatch.setattr(f"frida_painter.{room}.cached_table", table)
 
 
 def script(name: str) -> Callable[..., None]:
@@ -150,7 +151,9 @@ def test_a_listener_is_told_of_every_look(
 @pytest.mark.slow
 def test_an_objective_of_ones_own_shapes_the_plan(tmp_path: Path) -> None:
     def unrest(weight: float) -> float:
-        script("own_objective")(PHOTO, str(tmp_path / "calm.png"), 20, weight, rows=64, effort=0.1)
+        script("own_objective")(
+            PHOTO, str(tmp_path / "calm.png"), strokes=20, weight=weight, render_height=64, effort=0.1
+        )
         picture = fp.load_picture(tmp_path / "calm.png")
         return float(picture.diff(dim=1).abs().mean() + picture.diff(dim=2).abs().mean())
 
@@ -164,7 +167,7 @@ def test_the_notebook_runs_from_top_to_bottom(
     cells = code_cells()
     sources = ["".join(cell["source"]) for cell in cells]
     assert cells[0]["metadata"]["tags"] == ["parameters"]
-    sources[0] = f"photo, strokes, rows, effort = {PHOTO!r}, 6, 64, 0.02"
+    sources[0] = f"photo, strokes, rows, effort = {PHOTO!r}, 6, 64, 0.05"
     assert not any(foreign(source) for source in sources)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "cells.py").write_text("\n".join(sources))

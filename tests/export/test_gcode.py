@@ -3,6 +3,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from easels import CALIBRATION, WORKSPACE
 from frida_painter.brush.kinds import MEDIUM
@@ -162,7 +164,56 @@ def test_a_machine_with_a_rack_changes_its_brush_and_waits_for_dry_paint_only() 
 
     lines = gcode(several, actions(several), Gcode(), pauses=False, change=change).splitlines()
     assert changes == [("", "medium"), ("medium", "fine")]
-    (wait,) = (line for line in lines if line.startswith("M0"))
-    assert "take" not in wait and "clean" not in wait and "let this layer dry for 20 minutes" in wait
+    assert [line for line in lines if line.startswith("M0")] == [
+        "M0 (fill the wells with the paints of layer 2)",
+        "M0 (let this layer dry for 20 minutes before the next one)",
+    ]
     assert lines.index("; change to medium") < lines.index("; stroke 1") < lines.index("; stroke 12")
     assert lines.index("; stroke 12") < lines.index("; change to fine") < lines.index("; stroke 13")
+
+
+STRANGE = (
+    "a brush of squirrel hair that somebody has named with very many words, as painters do",
+    "x" * 200,
+    "Pinsel Größe 8 für Öl 画笔 🖌",
+    "evil)\nG1 Z-100\r\x18!~?; (\x85\u2028M3 S1000",
+)
+
+
+@pytest.mark.parametrize("flavour", ["grbl", "marlin"])
+@pytest.mark.parametrize("pauses", [True, False])
+@given(names=st.lists(st.sampled_from(STRANGE) | st.text(max_size=90), min_size=3, max_size=3, unique=True))
+@settings(max_examples=25)
+def test_no_line_is_long_or_holds_what_a_machine_would_obey(flavour: str, pauses: bool, names: list[str]) -> None:
+    plan = replace(PLAN, ground=(0.2, 0.1, 0.1), layers=(replace(PLAN.layers[0], brush="fine"),))
+    for seed in range(2):
+        plan = plan.under(replace(MORE, layers=(replace(MORE.layers[0], brush=f"b{seed}"),)))
+    todo = actions(replace(plan, layers=tuple(replace(layer, brush="fine") for layer in plan.layers)))
+    named = replace(plan, layers=tuple(map(lambda layer, name: replace(layer, brush=name), plan.layers, names)))
+    program = gcode(named, todo, Gcode(flavour), pauses=pauses, drying=86399.0)
+    lines = program.split("\n")
+    assert max(map(len, lines)) <= 70
+    assert all(" " <= sign <= "~" for line in lines for sign in line)
+    assert not set(program) & set("!?~")
+    for line in lines:
+        code, _, said = line.partition(";")
+        assert ";" not in said and not (code and said)
+        if line.startswith("M0 ") and flavour == "grbl":
+            assert re.fullmatch(r"M0 \([^()]+\)", line)
+        elif code:
+            assert re.fullmatch(r"(G1|G2[01]|G9[04]|M0 )[^()]*", code)
+    assert [line for line in lines if re.match("G[0-9]", line)] == [
+        line for line in gcode(plan, todo, Gcode(flavour), pauses=pauses).split("\n") if re.match("G[0-9]", line)
+    ], "names change nothing that moves"
+
+
+def test_what_does_not_fit_on_one_line_is_a_pause_each_and_nothing_of_it_is_lost() -> None:
+    several = PLAN.under(replace(MORE, layers=(replace(MORE.layers[0], brush="fine"),)))
+    lines = gcode(several, actions(several), Gcode("marlin"), pauses=True).splitlines()
+    begins = lines.index("; stroke 13")
+    waits = [line for line in lines[lines.index("; stroke 12") : begins] if line.startswith("M0")]
+    assert waits[:3] == [
+        "M0 clean the brush, take the fine brush",
+        "M0 fill the wells with the paints of layer 2",
+        "M0 let this layer dry for 20 minutes before the next one",
+    ]

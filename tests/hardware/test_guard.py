@@ -29,6 +29,8 @@ from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.guard import GuardedRobot
 from frida_painter.hardware.guarded_camera import GuardedCamera
 from frida_painter.hardware.latch import Latch
+from frida_painter.hardware.link.host import told as words_of
+from frida_painter.hardware.link.remote import heard
 from frida_painter.hardware.robot import MotionReport, Robot, Waypoints
 from frida_painter.hardware.workspace import BrushRack
 from frida_painter.virtual.faults import FailedMotion, Faults
@@ -157,6 +159,48 @@ def test_a_stop_and_an_end_that_fail_still_hold(method: str, deed: str, hang: Ha
     with pytest.raises(RobotStopped, match="a person said so"):
         guard.follow(ABOVE)
     assert len(robot.motions) == 1
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_a_stop_in_the_middle_of_a_dip_is_told_as_what_it_was(tmp_path: Path, asked: bool) -> None:
+    """Fault F8: a stop is pressed. A person's own stop is no fault, and the first stop is the one that counts."""
+    begun, held = threading.Event(), threading.Event()
+
+    def dip() -> None:
+        begun.set()
+        held.wait(30)
+        raise MotionFailed("dip: the virtual robot was stopped on its way.")
+
+    robot = MisbehavingRobot()
+    guard = guarded(robot, tmp_path, patience=30.0, grace=30.0, connecting=30.0)
+    guard.connect()
+    robot.bad, robot.deed = "follow", dip
+    told: list[FridaError] = []
+
+    def follow() -> None:
+        try:
+            guard.follow(ABOVE)
+        except FridaError as error:
+            told.append(error)
+
+    moving = threading.Thread(target=follow)
+    moving.start()
+    assert begun.wait(30)
+    guard.stop("the stop file stop appeared", asked=asked)
+    guard.stop("and another one", asked=not asked)
+    held.set()
+    moving.join(30)
+    (error,) = told
+    assert isinstance(error, RobotStopped) and error.asked is asked and "the stop file stop appeared" in str(error)
+    again = heard(words_of(error))
+    assert isinstance(again, RobotStopped) and again.asked is asked and str(again) == str(error)
+    with pytest.raises(RobotStopped):
+        guard.home()
+    guard.close()
+    latched = guarded(MisbehavingRobot(), tmp_path)
+    with pytest.raises(RobotStopped) as later:
+        latched.connect()
+    assert not later.value.asked, "whoever starts again has to look first"
 
 
 def test_a_stop_latches_before_any_disk_has_answered_and_survives_a_restart(

@@ -39,7 +39,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.planning.region import Region
 from frida_painter.render import reference
 from networks import QuickEncoders, random_hed_tensors, random_lite_tensors, random_reader, random_vgg_tensors
-from scenes import CANVAS, goal, picture, small_table
+from scenes import CANVAS, goal, picture, plain, small_table
 from tiny_clip import resnet_tensors, write_clip
 
 QUICK = Effort(Growth(2, 2, 4), relocations=1, refining=2, drawing=1, binding=2, settling=2, polishing=2, replanning=2)
@@ -59,7 +59,7 @@ def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def planner(wanted: Goal, device: torch.device | None) -> Planner:
     return Planner(
-        wanted, CANVAS, small_table(), rows=64, effort=QUICK, seed=3, encoders=QuickEncoders(), device=device
+        wanted, plain(CANVAS, small_table(), rows=64, effort=QUICK, seed=3), encoders=QuickEncoders(), device=device
     )
 
 
@@ -75,8 +75,8 @@ def everything(by: Planner) -> tuple[Plan, Plan, Plan, torch.Tensor, float, Plac
     bound = by.bind_to_palette(plan, BARE, Palette(plan.palette.color * 0.9), unheard)
     forbidden = torch.zeros(64, 85, dtype=torch.bool)
     forbidden[40:, 60:] = True
-    by.region = Region(forbidden)
-    again = by.towards(Goal((ImageTerm(1 - picture()),))).replan(plan.part(slice(4, 8)), after, unheard)
+    clear = by.keeping_clear(Region(forbidden))
+    again = clear.towards(Goal((ImageTerm(1 - picture()),))).replan(plan.part(slice(4, 8)), after, unheard)
     return plan, bound, again, by.expected(plan, BARE), by.validation_loss(after), known
 
 
@@ -141,9 +141,8 @@ def test_a_tensor_left_behind_would_be_found() -> None:
     with elsewhere() as device:
         by = planner(goal(), device)
         here = torch.rand(3, by.coarse.rows, by.coarse.columns)
-        by.scenes.initial_objective = WeightedObjective(
-            [(1.0, ObjectiveTerm(lambda seen: (seen - here).square().mean()))]
-        )
+        left = WeightedObjective([(1.0, ObjectiveTerm(lambda seen: (seen - here).square().mean()))])
+        by.scenes = replace(by.scenes, initial_objective=left)
         with pytest.raises(RuntimeError, match="one device"):
             by.plan(BARE, 4, 2, unheard)
 

@@ -12,9 +12,9 @@ from frida_painter.planning.planner import Planner
 from frida_painter.planning.scenes import Scenes
 from frida_painter.render import composite
 from plans import in_layers, made_up_plan
-from scenes import CANVAS, goal, small_table
+from scenes import CANVAS, goal, plain, small_table
 
-PLANNER = Planner(goal(), CANVAS, small_table(), rows=64, effort=Effort().scaled(0.1), seed=1, layers=2)
+PLANNER = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scaled(0.1), seed=1, layers=2))
 BARE = torch.ones(3, 64, 64)
 
 

@@ -24,7 +24,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.planning.scene import Scene
 from frida_painter.planning.stack import stacked_moments
 from frida_painter.render import composite
-from scenes import CANVAS, goal, scene, small_table, some_strokes
+from scenes import CANVAS, goal, plain, scene, small_table, some_strokes
 
 
 def varying(share: float) -> Scene:
@@ -112,7 +112,7 @@ def test_of_a_finished_painting_it_is_its_similarity_by_areas(seed: int, contras
     """Of pictures with more detail than is planned in; another library's averages are the other side."""
     generator = torch.Generator().manual_seed(seed)
     wanted, seen = (0.5 + contrast * (torch.rand(3, 90, 120, generator=generator) - 0.5) for _ in range(2))
-    planner = Planner(Goal((ImageTerm(wanted),)), CANVAS, small_table(), rows=30)
+    planner = Planner(Goal((ImageTerm(wanted),)), plain(CANVAS, small_table(), rows=30))
     limits, nothing = small_table().limits, torch.zeros(0, dtype=torch.long)
     empty = Plan.of(some_strokes(0), Palette(torch.zeros(1, 3)), nothing, canvas=CANVAS, brush="small", limits=limits)
     error = (avg_pool2d(wanted, 3) - avg_pool2d(seen, 3)).square().mean()
@@ -120,7 +120,7 @@ def test_of_a_finished_painting_it_is_its_similarity_by_areas(seed: int, contras
 
 
 def test_only_goals_with_a_photograph_have_one() -> None:
-    planner = Planner(goal(), CANVAS, small_table(), rows=32, effort=Effort().scaled(0.02))
+    planner = Planner(goal(), plain(CANVAS, small_table(), rows=32, effort=Effort().scaled(0.02)))
     plan = planner.plan(strokes=3, colors=2)
     assert str(planner.forecast(plan, planner.bare)).count("dB expected") == 1
     wordy = SimpleNamespace(terms=(SimpleNamespace(is_pixelwise=False, picture=None),))

@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import pytest
 import torch
@@ -11,7 +12,7 @@ from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.plan import WHITE
 from frida_painter.planning.ground import ground_around_things, possible_grounds, proposed_ground
 from frida_painter.planning.planner import Effort, Planner
-from scenes import CANVAS, small_table
+from scenes import CANVAS, plain, small_table
 
 CHANNEL = st.floats(0, 1, width=32)
 
@@ -30,7 +31,7 @@ def test_grounds_are_white_the_mean_and_ever_darker_ones(left: tuple[float, ...]
 
 def planner(picture: torch.Tensor) -> Planner:
     wanted = Goal((ImageTerm(picture),))
-    return Planner(wanted, CANVAS, small_table(), rows=64, effort=Effort().scaled(0.2))
+    return Planner(wanted, plain(CANVAS, small_table(), rows=64, effort=Effort().scaled(0.2)))
 
 
 @pytest.mark.slow
@@ -38,7 +39,7 @@ def test_a_dark_picture_is_painted_on_a_dark_ground_and_a_light_one_on_white() -
     dark = torch.full((3, 64, 85), 0.15)
     dark[:, 20:30, 20:60] = 0.9
     by = planner(dark)
-    by.ground = proposed_ground(by, 6, 2)
+    by = by.on_ground(proposed_ground(by, 6, 2))
     assert max(by.ground) < 0.3
     plan = by.plan(None, 6, 2)
     assert plan.ground == by.ground and float((by.expected(plan)[:, :4].mean() - 0.15).abs()) < 0.1
@@ -54,7 +55,7 @@ def test_without_a_picture_a_person_names_the_ground(monkeypatch: pytest.MonkeyP
 
 
 def test_too_many_layers_are_refused_before_anything_is_tried() -> None:
-    by = Planner(Goal((ImageTerm(torch.zeros(3, 64, 85)),)), CANVAS, small_table(), rows=64, layers=8)
+    by = Planner(Goal((ImageTerm(torch.zeros(3, 64, 85)),)), plain(CANVAS, small_table(), rows=64, layers=8))
     heard: list[object] = []
     with pytest.raises(ConfigError, match="layers"):
         proposed_ground(by, 6, 2, heard.append)
@@ -67,7 +68,7 @@ def test_around_things_the_commonest_colour_is_the_ground() -> None:
     picture[0, 20:60, 20:60], matters[20:60, 20:60] = 1.0, 4.0
     by = planner(picture)
     assert ground_around_things(by) == WHITE, "a photograph says nothing of things"
-    by = Planner(Goal((ImageTerm(picture, 1.0, matters / matters.mean()),)), CANVAS, small_table(), rows=64)
+    by = Planner(Goal((ImageTerm(picture, 1.0, matters / matters.mean()),)), plain(CANVAS, small_table(), rows=64))
     assert ground_around_things(by) == pytest.approx((0.8, 0.8, 0.8), abs=0.003)
 
 
@@ -76,10 +77,12 @@ def test_no_ground_is_darker_than_the_darkest_paint() -> None:
     black = torch.zeros(3, 64, 85)
     by = planner(black)
     assert max(proposed_ground(by, 4, 1)) == 0
-    by.darkest = (0.2, 0.1, 0.1)
+    by = Planner(by.goal, replace(by.settings, darkest=(0.2, 0.1, 0.1)))
     assert proposed_ground(by, 4, 1) == pytest.approx((0.2, 0.1, 0.1), abs=0.003)
     matters = torch.ones(64, 85)
     matters[20:60, 20:60] = 4.0
-    by = Planner(Goal((ImageTerm(black, 1.0, matters / matters.mean()),)), CANVAS, small_table(), rows=64)
-    by.darkest = (0.2, 0.1, 0.1)
+    by = Planner(
+        Goal((ImageTerm(black, 1.0, matters / matters.mean()),)),
+        plain(CANVAS, small_table(), rows=64, darkest=(0.2, 0.1, 0.1)),
+    )
     assert ground_around_things(by) == pytest.approx((0.2, 0.1, 0.1), abs=0.003)

@@ -14,14 +14,14 @@ from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.layers import layer_sizes, usual_shares
 from frida_painter.planning.planner import Planner
-from scenes import CANVAS, goal, small_table
+from scenes import CANVAS, goal, plain, small_table
 
 QUICK = Effort().scaled(0.1)
 BARE = torch.ones(3, 64, 85)
 
 
 def planner(layers: int | None = 2, wanted: Goal | None = None, effort: Effort = QUICK) -> Planner:
-    return Planner(wanted or goal(), CANVAS, small_table(), rows=64, effort=effort, seed=1, layers=layers)
+    return Planner(wanted or goal(), plain(CANVAS, small_table(), rows=64, effort=effort, seed=1, layers=layers))
 
 
 @pytest.fixture(scope="module")
@@ -117,13 +117,11 @@ def test_steps_show_what_lies_below_and_are_as_many_as_were_told() -> None:
 
 @pytest.mark.slow
 def test_a_stroke_that_cannot_keep_clear_is_missing_from_its_layer() -> None:
-    by = planner()
     from frida_painter.planning.region import Region
 
     forbidden = torch.zeros(64, 85, dtype=torch.bool)
     forbidden[:, :40] = True
-    by.region = Region(forbidden)
-    found = by.plan(BARE, 30, 4)
+    found = planner().keeping_clear(Region(forbidden)).plan(BARE, 30, 4)
     assert sum(found.layer_sizes) == len(found) and len(found.layer_sizes) == 2
 
 
@@ -138,7 +136,7 @@ def two_brushes(**settings: object) -> Planner:
     fine = copy.copy(small_table())
     fine.brush = "finer"
     models = [small_table(), fine]
-    return Planner(goal(), CANVAS, models, rows=64, effort=QUICK, **{"layers": None, **settings})  # type: ignore[arg-type]
+    return Planner(goal(), plain(CANVAS, models, rows=64, effort=QUICK, **{"layers": None, **settings}))  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
@@ -193,10 +191,10 @@ def test_brushes_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ConfigError, match="3 shares of the strokes were given"):
         two_brushes(shares=(0.5, 0.3, 0.2))
     with pytest.raises(ConfigError, match="Two stroke models of one brush"):
-        Planner(goal(), CANVAS, [small_table(), copy.copy(small_table())], rows=64)
+        Planner(goal(), plain(CANVAS, [small_table(), copy.copy(small_table())], rows=64))
     with pytest.raises(ConfigError, match=r"Layer 2 gets 1\.0% of 20 strokes, which is not one stroke"):
         layer_sizes(20, (0.5, 0.01, 0.49))
     with pytest.raises(PlanError, match="The plan is for the brush 'small', and here are finer"):
         fine = copy.copy(small_table())
         fine.brush = "finer"
-        Planner(goal(), CANVAS, fine, rows=64).expected(planner(1).plan(BARE, 3, 2))
+        Planner(goal(), plain(CANVAS, fine, rows=64)).expected(planner(1).plan(BARE, 3, 2))

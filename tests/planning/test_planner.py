@@ -1,5 +1,6 @@
 import math
 import time
+from dataclasses import replace
 
 import pytest
 import torch
@@ -16,15 +17,16 @@ from frida_painter.planning.effort import Effort
 from frida_painter.planning.optimize import Step, optimize_together
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.scene import Scene
+from frida_painter.planning.scenes import Scenes
 from networks import NoEncoderRegistry, QuickEncoders
-from scenes import CANVAS, goal, picture, small_table
+from scenes import CANVAS, goal, picture, plain, small_table
 
 QUICK = Effort().scaled(0.1)
 BARE = torch.ones(3, 64, 85)
 
 
 def planner(seed: int = 0, effort: Effort = QUICK, wanted: Goal | None = None) -> Planner:
-    return Planner(wanted or goal(), CANVAS, small_table(), rows=64, effort=effort, seed=seed)
+    return Planner(wanted or goal(), plain(CANVAS, small_table(), rows=64, effort=effort, seed=seed))
 
 
 def planned(count: int = 24, colors: int = 4, seed: int = 0, effort: Effort = QUICK) -> Plan:
@@ -53,8 +55,8 @@ def test_exactly_so_many_strokes_and_no_more_paints(strokes: int, colors: int) -
 @pytest.mark.slow
 def test_no_paint_is_darker_than_the_darkest_one_and_the_forecast_knows() -> None:
     night = picture() * 0.3
-    free, bound = planner(wanted=Goal((ImageTerm(night),))), planner(wanted=Goal((ImageTerm(night),)))
-    bound.darkest = (0.2, 0.15, 0.1)
+    free = planner(wanted=Goal((ImageTerm(night),)))
+    bound = Planner(free.goal, replace(free.settings, darkest=(0.2, 0.15, 0.1)))
     assert bound.towards(goal()).darkest == pytest.approx(bound.darkest)
     plans = [by.plan(None, 24, 4) for by in (free, bound)]
     assert float(plans[0].palette.color.amin()) < 0.05
@@ -173,11 +175,10 @@ def test_where_planning_again_diverges_the_plan_stays(monkeypatch: pytest.Monkey
         calls += 1
         return (picture * (math.nan if calls > 3 else 1)).mean()
 
-    monkeypatch.setattr(
-        by.scenes,
-        "of",
-        lambda canvas, grid, name: Scene(torch.ones(3, grid.rows, grid.columns), CANVAS, by.models[name], broken),
-    )
+    def broken_scene(self: Scenes, canvas: torch.Tensor, grid: PixelGrid, name: str) -> Scene:
+        return Scene(torch.ones(3, grid.rows, grid.columns), CANVAS, by.models[name], broken)
+
+    monkeypatch.setattr(Scenes, "of", broken_scene)
     assert by.replan(plan, BARE, lambda step: None) is plan
     assert calls > 3
 
@@ -199,7 +200,7 @@ def test_more_effort_is_more_iterations() -> None:
 
 @pytest.mark.slow
 def test_pictures_alone_are_planned_without_any_network_and_whatever_is_given_they_stay_so() -> None:
-    by = Planner(goal(), CANVAS, small_table(), rows=64, effort=QUICK, seed=0, encoders=NoEncoderRegistry())
+    by = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=QUICK, seed=0), encoders=NoEncoderRegistry())
     assert by.plan(BARE, 8, 3, lambda step: None).digest == planned(8, 3).digest
 
 
@@ -207,10 +208,10 @@ def test_pictures_alone_are_planned_without_any_network_and_whatever_is_given_th
 def test_a_style_changes_the_plan_and_is_come_nearer_to() -> None:
     effort = Effort().scaled(0.1)
     wanted = Goal((ImageTerm(picture(120, 160)), StyleTerm(1 - picture(), 3.0)))
-    by = Planner(wanted, CANVAS, small_table(), rows=64, effort=effort, seed=0, encoders=QuickEncoders())
-    plain = planned(16, 4, effort=effort)
+    by = Planner(wanted, plain(CANVAS, small_table(), rows=64, effort=effort, seed=0), encoders=QuickEncoders())
+    alone = planned(16, 4, effort=effort)
     styled = by.plan(BARE, 16, 4, lambda step: None)
-    assert by.validation_loss(by.expected(styled, BARE)) < by.validation_loss(by.expected(plain, BARE))
+    assert by.validation_loss(by.expected(styled, BARE)) < by.validation_loss(by.expected(alone, BARE))
     again = by.replan(styled.part(slice(8, None)), by.expected(styled.part(slice(8)), BARE), lambda step: None)
     assert len(again) == 8
 
@@ -221,7 +222,7 @@ def test_meaning_is_come_nearer_to_and_planning_again_never_leads_away() -> None
 
     def meaning(image: torch.Tensor) -> Planner:
         wanted = Goal((SemanticTerm(image),))
-        return Planner(wanted, CANVAS, small_table(), rows=64, effort=QUICK, seed=0, encoders=QuickEncoders())
+        return Planner(wanted, plain(CANVAS, small_table(), rows=64, effort=QUICK, seed=0), encoders=QuickEncoders())
 
     by = meaning(picture(120, 160))
     plan = by.plan(BARE, 12, 3, lambda step: None)

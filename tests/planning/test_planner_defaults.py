@@ -1,59 +1,182 @@
-"""What a notebook leaves out of a planner is what a person would have said."""
+"""What a notebook leaves out is what a person who says nothing gets on the command line, and makes the same plan."""
 
-import inspect
+import sys
+from dataclasses import MISSING, fields
+from pathlib import Path
 
 import pytest
 import torch
 
+from frida_painter import cli, images
+from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.brush.table import StrokeTable
 from frida_painter.errors import ConfigError
 from frida_painter.frames import CanvasSize
 from frida_painter.goal import Goal
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.objectives.kinds.style import StyleTerm
+from frida_painter.objectives.kinds.text import TextTerm
+from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
+from frida_painter.planning.settings import PlannerSettings
+from frida_painter.runs.goals import make_goal
+from frida_painter.runs.opening import planner_settings, wanted_ground
+from frida_painter.runs.run import PaintingRun
+from frida_painter.runs.settling import make_planner
 from frida_painter.runs.spec import RunSpec
 from marks import coarse_table
 from networks import QuickEncoders
-from scenes import goal, picture, small_table
+from scenes import goal, picture, plain, small_table
 
 SHAPES = ((120, 160), (160, 120))
+# The field of RunSpec for a setting: both have the same default, unless the description leaves it open (None).
+NAMES = {"size": "canvas", "model": "brushes", "rows": "render_height"}
+LEFT_OPEN = {"layers", "shares", "new_paints", "ground", "darkest"}
+NOT_DESCRIBED = {"region"}  # a person draws it in a pause
+QUICK = {"render_height": 64, "effort": 0.05}
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Path:
+    """Tall, of odd proportions and larger than the canvas is planned: it is to be fitted."""
+    images.save(picture(307, 211), tmp_path / "photo.png")
+    return tmp_path / "photo.png"
+
+
+@pytest.fixture
+def coarse_brushes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Coarsely tabulated brushes, which are there sooner."""
+    made: dict[str, StrokeTable] = {}
+
+    def table(model: StrokeModel) -> StrokeTable:
+        return made.setdefault(model.brush, made.get(model.brush) or coarse_table(model))
+
+    for room in ("planning.layers", "runs.opening"):
+        monkeypatch.setattr(f"frida_painter.{room}.cached_table", table)
+
+
+def require_alike(one: PlannerSettings, other: PlannerSettings) -> None:
+    """Every field of one is that of the other."""
+    for field in fields(PlannerSettings):
+        here, there = getattr(one, field.name), getattr(other, field.name)
+        if field.name == "model":
+            here, there = ([model.brush for model in models] for models in (here, there))
+        assert here == there, field.name
 
 
 def small(**settings: object) -> Planner:
-    return Planner(goal(), "12x9cm", small_table(), rows=64, effort=0.02, **settings)  # type: ignore[arg-type]
+    return Planner(goal(), plain("12x9cm", small_table(), rows=64, effort=0.02, **settings))
 
 
-def test_the_usual_canvas_has_the_proportions_of_the_picture() -> None:
+def test_every_default_of_a_planner_is_that_of_a_description() -> None:
+    described = RunSpec.model_fields
+    for field in fields(PlannerSettings):
+        name = NAMES.get(field.name, field.name)
+        if field.name in NOT_DESCRIBED:
+            assert name not in described and field.default is None
+        elif field.name == "shares":
+            assert field.default is None and RunSpec(brushes="broad").shares is None
+        elif field.name in LEFT_OPEN:
+            assert described[name].default is None, f"{name}: one that is said holds for all faces"
+        elif field.name in ("size", "model"):
+            assert field.default is MISSING and name in described, "each planner has its own"
+        else:
+            assert described[name].default == field.default, name
+    assert {NAMES.get(field.name, field.name) for field in fields(PlannerSettings)} - NOT_DESCRIBED - {"shares"} <= set(
+        described
+    ), "whatever is new is described"
+
+
+@pytest.mark.parametrize("strokes", [20, 120, 300])
+@pytest.mark.parametrize("more", [{}, {"canvas": "A4", "fit": "crop", "seed": 4, "focus": "none", "new_paints": False}])
+def test_a_notebook_and_the_command_line_tell_a_planner_the_same(
+    photo: Path, strokes: int, more: dict[str, object], coarse_brushes: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    quick = "frida_painter.runs.ground_choice.proposed_ground"
+    monkeypatch.setattr(quick, lambda planner, strokes, colors, notify: (strokes / 1000, colors / 100, 0.5))
+    with PaintingRun(RunSpec.of(goal=[{"image": str(photo)}], strokes=strokes, **QUICK, **more)) as run:
+        theirs = run.planner
+    for asked in (str(photo), make_goal(photo), make_goal(images.load(photo))):
+        mine = make_planner(asked, strokes=strokes, **QUICK, **more)
+        require_alike(mine.settings, theirs.settings)
+        assert mine.size == theirs.size and mine.fine == theirs.fine and mine.effort == theirs.effort
+        for one, other in zip(mine.goal.terms, theirs.goal.terms, strict=True):
+            assert isinstance(one, ImageTerm) and isinstance(other, ImageTerm) and torch.equal(one.image, other.image)
+    assert (theirs.ground == (0.12, 0.12, 0.5)) == (strokes == 120)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [(), ("--brushes", "fine", "--canvas", "A5"), ("--seed", "3", "--no-new-paints")])
+def test_a_notebook_and_the_command_line_make_the_same_plan_to_the_last_bit(
+    photo: Path, tmp_path: Path, words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = ("--strokes", "104", "--render-height", "64", "--effort", "0.05", "--colors", "4")
+    monkeypatch.setattr(
+        sys, "argv", ["frida-painter", "plan", str(photo), *told, *words, "--out", str(tmp_path / "out")]
+    )
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert not end.value.code
+    theirs = Plan.load(tmp_path / "out")
+    named = dict(zip([word[2:] for word in words[::2]], words[1::2], strict=False))
+    more = {"new_paints": False, "seed": 3} if "--no-new-paints" in words else named
+    mine = make_planner(photo, strokes=104, colors=4, **QUICK, **more).plan()
+    assert mine.digest == theirs.digest and mine.ground == theirs.ground and mine.layers == theirs.layers
+    for name, part in mine.strokes.arrays().items():
+        assert part.numpy().tobytes() == theirs.strokes.arrays()[name].numpy().tobytes(), name
+
+
+def test_what_is_usual_depends_on_the_kinds_of_a_goal_that_has_no_description(coarse_brushes: None) -> None:
+    pictured, shown = Goal((ImageTerm(picture()),)), picture()
+    assert make_planner(pictured, strokes=99, **QUICK).brushes == ("broad",)
+    styled = Goal((StyleTerm(shown),))
+    planner = make_planner(styled, strokes=110, encoders=QuickEncoders(), **QUICK)
+    assert planner.brushes == ("broad", "medium") and planner.ground == (1, 1, 1)
+    words = Goal((TextTerm("a lemon"),))
+    said = RunSpec.of(goal=[{"text": "a lemon"}], strokes=110)
+    planner = make_planner(words, strokes=110, encoders=QuickEncoders(), **QUICK)
+    assert planner.brushes == said.brush_names == ("broad", "fine") and wanted_ground(said) == "scene"
+    own = Goal((make_goal(objective=lambda seen: seen.mean()).terms[0],))
+    assert str(make_planner(own, strokes=10, **QUICK).plan().canvas) == str(RunSpec().canvas)
+
+
+def test_the_usual_canvas_has_the_proportions_of_the_picture(coarse_brushes: None) -> None:
     usual = RunSpec().canvas
-    lying, upright = (Planner(Goal((ImageTerm(picture(*shape)),)), model=small_table(), rows=64) for shape in SHAPES)
-    assert lying.size == usual.shaped_like(*SHAPES[0])
+    lying, upright = (make_planner(Goal((ImageTerm(picture(*shape)),)), strokes=9, **QUICK) for shape in SHAPES)
+    assert str(lying.size) == str(usual.shaped_like(*SHAPES[0]))
     assert upright.size == CanvasSize(lying.size.height, lying.size.width)
-    styled = Goal((StyleTerm(picture(*SHAPES[1])),))
-    assert Planner(styled, model=small_table(), rows=64, encoders=QuickEncoders()).size == upright.size
 
 
-def test_what_is_left_out_is_what_the_command_line_takes() -> None:
-    settings = RunSpec()
-    planner = inspect.signature(Planner).parameters
-    plan = inspect.signature(Planner.plan).parameters
-    assert planner["rows"].default == settings.render_height
-    assert planner["seed"].default == settings.seed
-    assert planner["effort"].default == settings.effort
-    assert planner["model"].default == settings.brush_names[0]
-    assert (plan["strokes"].default, plan["colors"].default) == (settings.strokes, settings.colors)
+def test_stroke_models_of_one_s_own_take_the_place_of_the_brushes(coarse_brushes: None) -> None:
+    settled = make_planner(goal(), strokes=120, ground="white", model=small_table(), **QUICK)
+    assert settled.brushes == (small_table().brush,) and len(settled.layer_sizes(120)) == 2
+    told = planner_settings(RunSpec.of(goal=[{"image": "x.png"}], strokes=120, **QUICK), small_table())
+    assert told.shares is None and told.model is small_table()
 
 
-def test_a_brush_is_known_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter.planning.layers.cached_table", coarse_table)
-    assert Planner(goal(), "12x9cm", "fine", rows=64).brushes == ("fine",)
+def test_nothing_of_a_planner_changes_when_another_ground_is_asked_for() -> None:
+    by = small()
+    toned = by.on_ground((0.5, 0.25, 0.125))
+    assert by.ground == (1, 1, 1) and toned.ground == (0.5, 0.25, 0.125) == tuple(toned.bare[:, 0, 0].tolist())
+    assert toned.goal is by.goal and toned.scenes is by.scenes and toned.towards(goal()).ground == toned.ground
+    for name in ("ground", "region", "darkest", "seed"):
+        with pytest.raises(AttributeError):
+            setattr(by, name, None)
+    with pytest.raises(AttributeError):
+        by.settings.ground = (0.0, 0.0, 0.0)  # type: ignore[misc]
+
+
+def test_a_brush_is_known_by_its_name(coarse_brushes: None) -> None:
+    assert Planner(goal(), plain("12x9cm", "fine", rows=64)).brushes == ("fine",)
 
 
 @pytest.mark.slow
 def test_a_bare_canvas_is_planned_on_and_nobody_has_to_listen() -> None:
     by = small()
-    told, silent = by.plan(by.bare, 6, 3, lambda step: None), small().plan(strokes=6, colors=3)
+    told, silent = by.plan(by.bare, 6, 3, lambda step: None), small(strokes=6, colors=3).plan()
     assert torch.equal(told.strokes.position, silent.strokes.position)
+    assert len(small(colors=12).plan(strokes=2)) == 2, "few strokes have a paint each"
     assert torch.equal(by.expected(silent), by.expected(silent, torch.ones_like(by.bare)))
     assert small(seed=5).plan(strokes=6, colors=3).digest != silent.digest
     bound = by.bind_to_palette(silent, by.bare, silent.palette)
@@ -64,7 +187,7 @@ def test_a_bare_canvas_is_planned_on_and_nobody_has_to_listen() -> None:
 def test_effort_is_a_factor_or_told_one_by_one() -> None:
     assert small().effort == Effort().scaled(0.02)
     exactly = Effort(polishing=3)
-    assert Planner(goal(), "12x9cm", small_table(), rows=64, effort=exactly).effort is exactly
+    assert Planner(goal(), plain("12x9cm", small_table(), rows=64, effort=exactly)).effort is exactly
 
 
 @pytest.mark.parametrize(("strokes", "colors"), [(0, 3), (-1, 3), (6, 0)])

@@ -10,7 +10,7 @@ from frida_painter.planning.optimize import optimize
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.region import Region, region_of
 from frida_painter.render import render
-from scenes import CANVAS, goal, scene, small_table, some_strokes
+from scenes import CANVAS, goal, plain, scene, small_table, some_strokes
 
 LEFT = torch.zeros(60, 80, dtype=torch.bool)
 LEFT[:, :36] = True
@@ -75,10 +75,11 @@ def test_gradient_descent_draws_strokes_out_of_it() -> None:
 @pytest.mark.slow
 def test_a_plan_made_again_keeps_clear_and_a_new_goal_keeps_the_region() -> None:
     effort = Effort().scaled(0.05)
-    planner = Planner(goal(), CANVAS, small_table(), rows=64, effort=effort, seed=1)
+    planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=effort, seed=1))
     white = torch.ones(3, planner.fine.rows, planner.fine.columns)
     plan = planner.plan(white, 12, 3, lambda step: None)
-    planner.region = Region(LEFT)
+    free, planner = planner, planner.keeping_clear(Region(LEFT))
+    assert free.region is None and planner.region is not None
     assert planner.towards(goal()).region is planner.region
     steps: list[tuple[int, int]] = []
     again = planner.replan(plan, white, lambda step: steps.append((step.iteration, step.of)), rounds=2)
@@ -87,7 +88,7 @@ def test_a_plan_made_again_keeps_clear_and_a_new_goal_keeps_the_region() -> None
     assert torch.equal(again.palette.color, plan.palette.color)
     fresh = planner.plan(white, 12, 3, lambda step: None)
     assert painted_inside(planner.region, fresh.strokes) < 1 / 255
-    planner.region = Region(SLIVER)
+    planner = planner.keeping_clear(Region(SLIVER))
     assert len(planner.replan(plan, white, lambda step: None)) == 0
 
 

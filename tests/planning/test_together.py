@@ -21,7 +21,7 @@ from frida_painter.planning.stack import stacked_cost, stacked_loss
 from frida_painter.planning.together import beneath, mixed_later
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
-from scenes import CANVAS, goal, scene, small_table, some_strokes, target
+from scenes import CANVAS, goal, plain, scene, small_table, some_strokes, target
 
 
 def varying(rows: int = 48) -> Scene:
@@ -33,7 +33,7 @@ def varying(rows: int = 48) -> Scene:
 
 def planner(layers: int = 3, **more: object) -> Planner:
     facts = {"rows": 64, "effort": Effort().scaled(0.1), "seed": 1, "new_paints": True, **more}
-    return Planner(goal(), CANVAS, small_table(), layers=layers, **facts)
+    return Planner(goal(), plain(CANVAS, small_table(), layers=layers, **facts))
 
 
 def cost(parts: Sequence[StrokesInScene]) -> float:

@@ -27,6 +27,7 @@ from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.faults import Faults
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
 from frida_painter.virtual.table import PlacementError
+from scenes import plain
 
 CANVAS = CanvasSize(0.20, 0.16)
 ROWS = 128
@@ -57,7 +58,7 @@ def evening(
 ) -> tuple[Painting, VirtualStudio, Planner]:
     """The cup of coffee, painted in the virtual studio by a robot that stands off; rise: of the canvas, metres."""
     planner = Planner(
-        Goal((ImageTerm(coffee()),)), CANVAS, broad(), rows=ROWS, effort=Effort().scaled(effort), seed=seed
+        Goal((ImageTerm(coffee()),)), plain(CANVAS, broad(), rows=ROWS, effort=Effort().scaled(effort), seed=seed)
     )
     settings = StudioSettings(rise=rise)
     studio = open_studio(CANVAS, "broad", seed=seed, placement_error=OFF, faults=faults, settings=settings)

@@ -24,6 +24,7 @@ from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter.virtual.table import PlacementError
+from scenes import plain
 
 CANVAS = CanvasSize(0.20, 0.16)
 # Bands that leak into each other ten times as much as those of the usual studio's camera.
@@ -40,7 +41,7 @@ def error(seed: int, *, calibrated: bool) -> float:
     """The cup of coffee in 120 strokes and four looks: how far the canvas as it really is is from it, squared."""
     target = torch.from_numpy(data.coffee().copy()).permute(2, 0, 1).float() / 255
     effort = Effort().scaled(0.2)
-    planner = Planner(Goal((ImageTerm(target),)), CANVAS, medium(), rows=128, effort=effort, seed=seed)
+    planner = Planner(Goal((ImageTerm(target),)), plain(CANVAS, medium(), rows=128, effort=effort, seed=seed))
     settings = StudioSettings(camera=CAMERA, placement_error=EXACT)
     studio = open_studio(CANVAS, "medium", seed=seed, settings=settings)
     easel = studio.easel

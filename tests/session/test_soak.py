@@ -30,7 +30,7 @@ from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
-from scenes import picture
+from scenes import picture, plain
 
 STROKES, REPLANS, PAINTS = 2000, 40, 8
 CANVAS = CanvasSize(0.24, 0.18)
@@ -87,7 +87,7 @@ def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(
     model = StrokeTable.of(load_stroke_model("fine"), detail=TableDetail((2, 2, 2), 8))
     # A goal that is begun with something else spares looking for better places, which takes most of the time.
     goal = Goal((ImageTerm(picture(120, 160)),), initial=(ImageTerm(picture(120, 160)),))
-    planner = Planner(goal, CANVAS, model, rows=64, effort=EFFORT, seed=0)
+    planner = Planner(goal, plain(CANVAS, model, rows=64, effort=EFFORT, seed=0))
     studio = open_studio(CANVAS, "fine", settings=SETTINGS, state=tmp_path / "studio.diary")
     easel = studio.easel
     easel.robot.connect()

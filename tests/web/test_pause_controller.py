@@ -21,7 +21,7 @@ from frida_painter.web.folder import PaintingFolder
 from frida_painter.web.painting_request import PaintingRequest
 from frida_painter.web.pause_controller import PauseController
 from frida_painter.web.stop_line import StopPressed, StopWatch
-from scenes import CANVAS, goal, picture, small_table
+from scenes import CANVAS, goal, picture, plain, small_table
 from sittings import Evening
 
 PICTURE = "a" * 32
@@ -123,7 +123,7 @@ def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> Non
 def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp_path: Path) -> None:
     folder.painting.mkdir()
     table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))
-    planner = Planner(goal(), CANVAS, small_table(), rows=64, effort=Effort().scaled(0.02), seed=1)
+    planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scaled(0.02), seed=1))
     white = torch.ones(3, planner.fine.rows, planner.fine.columns)
     made = planner.plan(white, 4, 1, lambda step: None)
     table.evening.session.planner = planner
@@ -138,7 +138,7 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder, tmp
     table.evening.session.run(4, 1, made)
     table.evening.session.journal.close()
     after = table.evening.session.planner
-    assert after is not planner and after.region is planner.region is not None
+    assert after is not planner and after.region is not None and planner.region is None
     assert after.goal.terms[0].weight == 2
     assert table.told(RegionProtected) == [RegionProtected("regions/1.png", False, "region-1.png")]
     history = Journal.reopen(folder.painting)[1]

@@ -25,7 +25,7 @@ from frida_painter.web.pause_controller import PauseController
 from frida_painter.web.state import PaintingState
 from frida_painter.web.stop_line import StopWatch
 from frida_painter.web.telling import Reporter
-from scenes import CANVAS, goal, small_table
+from scenes import CANVAS, goal, plain, small_table
 from sittings import Evening
 
 STROKES, PAUSE_AFTER, STOP_AFTER = 6, 2, 4
@@ -81,7 +81,7 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     (tmp_path / "live").mkdir()
     folder, feed = PaintingFolder(tmp_path), Feed(PaintingFolder(tmp_path))
     page = Page(folder)
-    planner = Planner(goal(), CANVAS, small_table(), rows=64, effort=Effort().scaled(0.02), seed=1)
+    planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scaled(0.02), seed=1))
     bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
     made = planner.plan(bare, STROKES, 1, lambda step: None)
 

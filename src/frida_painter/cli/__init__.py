@@ -10,7 +10,7 @@ from rich.console import Console
 from frida_painter.cli.commands import COMMANDS
 from frida_painter.cli.deferred import group_of, nothing_first
 from frida_painter.cli.stop_signal import leave_terminal
-from frida_painter.errors import FridaError, PaintingPaused
+from frida_painter.errors import FridaError, PaintingPaused, RobotStopped
 from frida_painter.storage import shown
 
 _PAUSED = 3
@@ -37,7 +37,8 @@ def main() -> None:
     """Runs the command line.
 
     Exit status 0 when done, 2 with one sentence when something has to be mended, 3 when a painting has
-    paused and can be resumed, 130 when stopped. Raises KeyboardInterrupt where a signal ended it (__main__.py).
+    paused and can be resumed, 130 when stopped, also by the stop file. Raises KeyboardInterrupt if a signal
+    ended it (__main__.py).
     """
     try:
         status = build()(prog_name="frida-painter", standalone_mode=False)
@@ -45,7 +46,7 @@ def main() -> None:
         raise KeyboardInterrupt from abort
     except FridaError as error:
         _complain(str(error))
-        status = _PAUSED if isinstance(error, PaintingPaused) else 2
+        status = _status(error)
     except _UsageError as error:
         _complain(_advice(error))
         status = 2
@@ -56,6 +57,12 @@ def main() -> None:
         _complain(f"{shown(str(error.filename or 'The system'))}: {error.strerror or error}; nothing more was done.")
         status = 2
     sys.exit(status)
+
+
+def _status(error: FridaError) -> int:
+    if isinstance(error, RobotStopped) and error.asked:
+        return 128 + signal.SIGINT
+    return _PAUSED if isinstance(error, PaintingPaused) else 2
 
 
 def _complain(message: str) -> None:

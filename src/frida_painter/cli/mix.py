@@ -27,7 +27,7 @@ def mix(
         Path,
         typer.Argument(
             metavar="PLAN|PALETTE",
-            help='A plan.json, the folder of a painting, or a palette: {"paints": ["#f2e9dc", ...]}.',
+            help="A plan.json, the folder of a painting, or a palette in any form that --palette of paint takes.",
             show_default=False,
         ),
     ],
@@ -79,13 +79,13 @@ def _wanted(path: Path) -> list[tuple[int, "Palette", list[float] | None]]:
     That is in millilitres, None where no plan says what the paints are for.
     """
     from frida_painter.mixing.amounts import volumes
-    from frida_painter.palette import Palette
+    from frida_painter.perception.swatches import read_palette
     from frida_painter.plan import Plan
 
     if path.is_dir() or _is_plan(path):
         plan = Plan.load(path)
         return [(layer, part.palette, volumes(part).tolist()) for layer, part in plan.by_wells()]
-    return [(1, Palette.load(path), None)]
+    return [(1, read_palette(path, None), None)]
 
 
 def _is_plan(path: Path) -> bool:

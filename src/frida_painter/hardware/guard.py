@@ -66,6 +66,7 @@ class GuardedRobot:
         self._lock = threading.RLock()  # a signal may come while it is held, and stop as well
         self._stop: StopRecord | None = latch.read()
         self._stopped_at = steady()
+        self._asked = False
         self._latching: threading.Thread | None = None
         self._tip: NDArray[np.float64] | None = None
         self._moving = threading.Event()
@@ -135,12 +136,16 @@ class GuardedRobot:
         way = waypoints.length + self._away_from(waypoints.position[0])
         return self._move(waypoints.label, lambda: self.robot.follow(waypoints), way / waypoints.speed)
 
-    def stop(self, reason: str = "it was asked for") -> None:
-        """Stops at once, from any thread, and latches. As often as one likes: the first reason stays."""
+    def stop(self, reason: str = "it was asked for", *, asked: bool = False) -> None:
+        """Stops at once, from any thread, and latches. As often as one likes: the first reason stays.
+
+        asked: whether a person asked for it, as RobotStopped tells.
+        """
         with self._lock:
             first = self._stop is None
             if first:
                 self._stop, self._stopped_at = StopRecord(self.latch.easel, reason, time.time()), steady()
+                self._asked = asked
         sending = threading.Thread(target=self._send_stop, daemon=True)
         sending.start()
         if first:  # the disk may be slow or gone; the robot is stopped beside it, and sooner
@@ -252,7 +257,8 @@ class GuardedRobot:
     def _refusal(self, label: str) -> RobotStopped:
         assert self._stop is not None
         why = self._stop.reason.rstrip(".")
-        return RobotStopped(f"{label}: nothing moves, {self._stop.easel} was stopped ({why}); {self.latch.remedy}")
+        told = f"{label}: nothing moves, {self._stop.easel} was stopped ({why}); {self.latch.remedy}"
+        return RobotStopped(told, asked=self._asked)
 
     def _away_from(self, point: NDArray[np.float64]) -> float:
         return 0.0 if self._tip is None else float(np.linalg.norm(point - self._tip))

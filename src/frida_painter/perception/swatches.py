@@ -1,13 +1,17 @@
-"""What was really mixed, read from a photograph of a strip of swatches whose first field is bare white paper."""
+"""Paints from a file: of colours, a picture of them, or a photograph of swatches beside bare white paper."""
 
+import contextlib
 from pathlib import Path
 
+import numpy as np
 import torch
+from PIL import Image
 from torch import Tensor
 
-from frida_painter import images
-from frida_painter.errors import ConfigError, FrameRejected
+from frida_painter import images, picture_file, storage
+from frida_painter.errors import ConfigError, FrameRejected, ImageError
 from frida_painter.palette import MOST_COLORS, Palette
+from frida_painter.palette_file import FORMS, is_palette_file
 from frida_painter.perception.light import to_linear, to_srgb
 
 _PAPER = 0.9  # what white paper reflects
@@ -61,15 +65,53 @@ def _field(strip: Tensor, number: int, pitch: float) -> Tensor:
 
 
 def read_palette(path: Path, count: int | None) -> Palette:
-    """The palette of a JSON file, or of a photograph of `count` swatches.
+    """The palette of a file of any form: of colours, a picture of them, or a photograph of `count` swatches.
 
-    Raises ConfigError, ImageError and FrameRejected; ConfigError also where it has not `count` paints.
+    A picture of at most 64 different colours, without a blend of them anywhere, shows the paints themselves. Raises
+    ConfigError, ImageError and FrameRejected; ConfigError also if there are not `count` paints.
     """
-    if path.suffix.lower() == ".json":
-        palette = Palette.load(path)
-        if count is not None and len(palette) != count:
-            raise ConfigError(f"{path} has {len(palette)} paints, and {count} are wanted; give one colour for each.")
-        return palette
+    found = Palette.load(path) if is_palette_file(path) else _pictured(path, count)
+    if count is not None and len(found) != count:
+        raise ConfigError(f"{path} has {len(found)} paints, and {count} are wanted; give one colour for each.")
+    return found
+
+
+def _pictured(path: Path, count: int | None) -> Palette:
+    """The palette of a picture of colours, or of a photograph of `count` swatches."""
+    try:
+        picture = _picture(path)
+    except ImageError as error:
+        raise ImageError(f"{str(error).removesuffix('.')}; {FORMS}.") from error
+    found = _flat_colors(picture)
+    if found is not None and (count is None or len(found) != count + 1):  # then it is not bare paper and the swatches
+        return found
     if count is None:
-        raise ConfigError(f"How many swatches {path} shows is not known; say it with --colors.")
-    return read_swatches(images.load(path), count)
+        raise ConfigError(
+            f"{path} is a photograph, and how many swatches it shows is not known; say it with --colors, where there "
+            f"is one, or write their colours down: {FORMS}."
+        )
+    return read_swatches(picture, count)
+
+
+def _picture(path: Path) -> Tensor:
+    """A picture of any size, sRGB [3, H, W]; one of a pixel for each colour is smaller than other pictures may be."""
+    with (
+        storage.opened(path, picture_file.WHAT, storage.MAX_BYTES, ImageError) as file,
+        contextlib.suppress(Exception),  # whatever is wrong with it is told below
+        Image.open(file, formats=("PNG", "GIF", "BMP", "WEBP", "TIFF")) as picture,
+    ):
+        if min(picture.size) < picture_file.LEAST_SIDE and max(picture.size) <= picture_file.LONGEST:
+            return images.from_uint8(np.asarray(picture.convert("RGB")))
+    return images.load(path)
+
+
+def _flat_colors(picture: Tensor) -> Palette | None:
+    """The colours of a picture of few of them, in the order in which one reads; None if there are more."""
+    pixels = images.to_uint8(picture).reshape(-1, 3)
+    code = (pixels.astype(np.uint32) * np.array([65536, 256, 1], np.uint32)).sum(1)
+    if len(np.unique(code[:: max(1, len(code) // 4096)])) > MOST_COLORS:
+        return None
+    colors, first = np.unique(code, return_index=True)
+    if len(colors) > MOST_COLORS:
+        return None
+    return Palette(torch.from_numpy(pixels[np.sort(first)].astype(np.float32) / 255))

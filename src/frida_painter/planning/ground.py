@@ -1,6 +1,7 @@
 """The ground: the colour in which a canvas is toned before it is painted on."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -8,6 +9,7 @@ from torch import Tensor
 from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.goal import Goal
+from frida_painter.objectives.attention import EVERYWHERE
 from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.palette import to_lab
 from frida_painter.plan import WHITE
@@ -44,8 +46,8 @@ def proposed_ground(
     few = max(strokes // 2, min(strokes, _FEWEST))
 
     def expected_loss(ground: tuple[float, float, float]) -> float:
-        trial.ground = ground
-        return trial.expected_loss(trial.plan(None, few, min(colors, few), notify), trial.bare)
+        on_it = trial.on_ground(ground)
+        return on_it.expected_loss(on_it.plan(None, few, min(colors, few), notify), on_it.bare)
 
     losses = {ground: expected_loss(ground) for ground in possible_grounds(_in_paint(picture, planner))}
     best = min(losses, key=lambda ground: losses[ground])
@@ -70,21 +72,18 @@ def possible_grounds(picture: Tensor) -> list[tuple[float, float, float]]:
 
 def _quick(planner: Planner, term: ImageTerm) -> Planner:
     """A planner that comes to a rough plan for a picture in a seventh of the time, with its first two brushes."""
-    brushes = planner.brushes[:2]
-    quick = Planner(
-        Goal((term,)),
-        planner.size,
-        [planner.models[brush] for brush in brushes],
-        rows=min(_TRIAL_ROWS, planner.fine.rows),
+    settings = replace(
+        planner.settings,
+        model=[planner.models[brush] for brush in planner.brushes[:2]],
+        rows=min(_TRIAL_ROWS, planner.settings.rows),
         effort=planner.effort.scaled(_TRYING),
-        seed=planner.seed,
-        encoders=planner.encoders,
-        device=planner.device,
         layers=None,
-        new_paints=planner.new_paints,
+        shares=None,
+        focus=EVERYWHERE,  # the term has what matters, and is as sharp as it is to be
+        sharpness=0.0,
+        ground=WHITE,
     )
-    quick.region, quick.darkest = planner.region, planner.darkest
-    return quick
+    return Planner(Goal((term,)), settings, encoders=planner.encoders, device=planner.device)
 
 
 def _in_paint(picture: Tensor, planner: Planner) -> Tensor:

@@ -1,9 +1,10 @@
 """The planner: a goal and a canvas become a plan, and what is left of a plan is planned again from a photograph."""
 
+import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 import torch
 from torch import Tensor
@@ -13,11 +14,11 @@ from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.errors import ConfigError, PlanningDiverged
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal
-from frida_painter.objectives.attention import EVERYWHERE, focused
+from frida_painter.objectives.attention import focused
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.interpretation import interpreted, prepare
 from frida_painter.palette import MOST_COLORS, Palette
-from frida_painter.plan import WHITE, Plan
+from frida_painter.plan import Plan
 from frida_painter.planning.binding import bound
 from frida_painter.planning.effort import Effort as Effort
 from frida_painter.planning.fading import Fading, fading_of
@@ -31,6 +32,7 @@ from frida_painter.planning.refine import MOVED, MOVED_WHERE_A_LAYER_BEGINS
 from frida_painter.planning.region import Region
 from frida_painter.planning.scene import is_bare, on_device
 from frida_painter.planning.scenes import Scenes
+from frida_painter.planning.settings import PlannerSettings
 from frida_painter.planning.stack import stacked_cost, stacked_loss
 from frida_painter.planning.step_count import StepCount, at_the_end, unheard
 from frida_painter.planning.together import LayerAtWork, mixed_later, settled_together
@@ -40,89 +42,91 @@ _POLISHING_PACE = 0.5
 
 
 class Planner:
-    """Plans strokes towards one goal on one canvas (paper, Algorithm 1).
+    """Plans strokes towards one goal on one canvas (paper, Algorithm 1), as its settings say; nothing of it changes.
 
-    size: of the canvas, such as "14x11in"; by default in the proportions of the goal's first picture, within 14 x 11
-    inches. model: what the brush's marks look like, or the name of a brush that comes with the project; several, of
-    different brushes or the same, paint a layer each. rows: height of the picture in which is planned; the start is
-    planned at half of it. effort: how many iterations are spent, as a factor of the usual number, or one by one. Every
-    random choice comes from `seed`. encoders: the networks that the goal is seen through, by default those that were
-    fetched. device: where is planned; pictures and plans come and go on the CPU. layers: of a plan, one for each of
-    several models; None: that many, or LAYERS of one model, towards a picture in 100 strokes or more, else one, of the
-    first model. shares: of the strokes that each layer gets, by default as planning/layers.py says. new_paints: whether
-    each layer has a palette of its own. focus, sharpness: what matters most in photographs, and how much sharper than
-    them the plan is, as objectives/attention.py and objectives/sharpening.py say.
-    Raises WeightsError where a network that the goal needs is missing, ConfigError where layers, models and shares are
-    not as many.
+    encoders: the networks that the goal is seen through, by default those that were fetched. device: where is planned;
+    pictures and plans come and go on the CPU. Raises WeightsError if a network that the goal needs is missing,
+    ConfigError if layers, models and shares are not as many.
     """
 
     def __init__(
         self,
         goal: Goal,
-        size: CanvasSize | str | None = None,
-        model: StrokeModel | str | Sequence[StrokeModel | str] = "broad",
+        settings: PlannerSettings,
         *,
-        rows: int = 256,
-        effort: Effort | float = 1.0,
-        seed: int = 0,
         encoders: EncoderRegistry | None = None,
         device: torch.device | None = None,
-        layers: int | None = 1,
-        shares: Sequence[float] | None = None,
-        new_paints: bool = False,
-        focus: str = EVERYWHERE,
-        sharpness: float = 0.0,
     ) -> None:
-        self.size = size = goal.usual_canvas if size is None else CanvasSize.of(size)
-        models = stroke_models(model)
-        self.models: Mapping[str, StrokeModel] = {one.brush: one for one in models}
-        self.brushes = tuple(one.brush for one in models)  # of each layer, or the one of all layers
+        size, models = CanvasSize.of(settings.size), stroke_models(settings.model)
+        self.size: Final = size
+        self.models: Final[Mapping[str, StrokeModel]] = {one.brush: one for one in models}
+        self.brushes: Final = tuple(one.brush for one in models)  # of each layer, or the one of all layers
+        layers, shares = settings.layers, settings.shares
         if len(models) > 1 and layers not in (None, 1, len(models)):
             raise ConfigError(f"{layers} layers and {len(models)} brushes were given; give one brush for each layer.")
         if shares is not None and len(shares) != (len(models) if len(models) > 1 else layers or 1):
             raise ConfigError(f"{len(shares)} shares of the strokes were given; give one for each layer.")
-        spent = effort if isinstance(effort, Effort) else Effort().scaled(effort)
-        self.effort = spent if all(term.is_pixelwise for term in goal.terms) else spent.judged_by_networks()
-        self.fine = PixelGrid.of_height(size, rows)
-        self.coarse = PixelGrid.of_height(size, max(rows // 2, 32))
-        self.seed = seed
-        self.ground = WHITE
-        self.layers = len(models) if len(models) > 1 and layers == 1 else layers
-        self.shares, self.new_paints, self.focus, self.sharpness = shares, new_paints, focus, sharpness
-        self.encoders, self.device = encoders or EncoderRegistry(), device or torch.device("cpu")
-        self.goal = goal = interpreted(focused(goal, focus, self.encoders), self.fine, self.encoders, seed, sharpness)
-        near, grids = goal.to(self.device), (self.fine, self.coarse)
+        layers = len(models) if len(models) > 1 and layers == 1 else layers
+        spent = settings.effort if isinstance(settings.effort, Effort) else Effort().scaled(settings.effort)
+        spent = spent if all(term.is_pixelwise for term in goal.terms) else spent.judged_by_networks()
+        self.settings: Final = replace(settings, size=size, model=models, effort=spent, layers=layers)
+        self.effort: Final = spent
+        self.fine: Final = PixelGrid.of_height(size, settings.rows)
+        self.coarse: Final = PixelGrid.of_height(size, max(settings.rows // 2, 32))
+        self.encoders: Final = encoders or EncoderRegistry()
+        self.device: Final = device or torch.device("cpu")
+        seen = focused(goal, settings.focus, self.encoders)
+        self.goal: Final = interpreted(seen, self.fine, self.encoders, settings.seed, settings.sharpness)
+        near, grids = self.goal.to(self.device), (self.fine, self.coarse)
         initial = (
-            prepare(Goal(near.initial_terms), self.coarse, self.encoders, seed)
-            if goal.initial_terms is not goal.terms
+            prepare(Goal(near.initial_terms), self.coarse, self.encoders, settings.seed)
+            if self.goal.initial_terms is not self.goal.terms
             else None
         )
         self.scenes = Scenes(
             size=size,
             models={name: on_device(one, self.device) for name, one in self.models.items()},
-            goal=goal,
-            objectives={grid: prepare(near, grid, self.encoders, seed) for grid in grids},
+            goal=self.goal,
+            objectives={grid: prepare(near, grid, self.encoders, settings.seed) for grid in grids},
             initial_objective=initial,
             device=self.device,
+            region=settings.region,
+            darkest=settings.darkest,
         )
 
     @property
-    def region(self) -> Region | None:
-        """What strokes keep clear of, from the next plan on."""
-        return self.scenes.region
+    def seed(self) -> int:
+        """The seed of every random choice."""
+        return self.settings.seed
 
-    @region.setter
-    def region(self, region: Region | None) -> None:
-        self.scenes.region = region
+    @property
+    def ground(self) -> tuple[float, float, float]:
+        """sRGB of the bare canvas."""
+        return self.settings.ground
+
+    @property
+    def region(self) -> Region | None:
+        """What strokes keep clear of."""
+        return self.settings.region
 
     @property
     def darkest(self) -> tuple[float, float, float] | None:
-        """sRGB of the darkest paint that there is: from the next plan on, none is planned darker. None: black."""
-        return self.scenes.darkest
+        """sRGB of the darkest paint that there is: none is planned darker. None: black."""
+        return self.settings.darkest
 
-    @darkest.setter
-    def darkest(self, color: tuple[float, float, float] | None) -> None:
-        self.scenes.darkest = color
+    def on_ground(self, ground: tuple[float, float, float]) -> "Planner":
+        """The same planner for a bare canvas of that colour, sRGB."""
+        return self._with(replace(self.settings, ground=ground), self.scenes)
+
+    def keeping_clear(self, region: Region | None) -> "Planner":
+        """The same planner, whose strokes keep clear of that region."""
+        return self._with(replace(self.settings, region=region), replace(self.scenes, region=region))
+
+    def _with(self, settings: PlannerSettings, scenes: Scenes) -> "Planner":
+        """A copy that shares what was prepared for the goal."""
+        other = copy.copy(self)
+        vars(other).update(settings=settings, scenes=scenes)
+        return other
 
     @property
     def bare(self) -> Tensor:
@@ -132,22 +136,25 @@ class Planner:
     def plan(
         self,
         canvas: Tensor | None = None,
-        strokes: int = 300,
-        colors: int = 12,
+        strokes: int | None = None,
+        colors: int | None = None,
         notify: Callable[[Step], None] | None = None,
     ) -> Plan:
         """A plan of `strokes` strokes in at most `colors` paints for a canvas picture [3, H, W], by default a bare one.
 
+        How many, the settings say by default; fewer strokes than colours of the settings have a paint each.
         There are fewer paints where more would hardly be told apart. A photograph of a bare canvas is planned on as
         bare: its noise would make another plan. notify: hears of every step. Raises ConfigError where not a stroke or
         not a paint was asked for, or more paints than a plan has, and PlanningDiverged where no plan is found.
         """
+        strokes = self.settings.strokes if strokes is None else strokes
+        colors = min(self.settings.colors, max(strokes, 1)) if colors is None else colors
         if not (strokes >= 1 and colors >= 1):
             raise ConfigError(f"{strokes} strokes in {colors} paints were asked for; give at least 1 of each.")
         if canvas is None or is_bare(images.fit(canvas, self.coarse.rows, self.coarse.columns), self.ground):
             canvas = self.bare
         sizes = self.layer_sizes(strokes)
-        palettes = len(sizes) if self.new_paints else 1
+        palettes = len(sizes) if self.settings.new_paints else 1
         if palettes * colors > MOST_COLORS:
             raise ConfigError(
                 f"{colors} paints for each of {palettes} layers were asked for; a plan has at most {MOST_COLORS}: give "
@@ -159,11 +166,11 @@ class Planner:
         layers: list[LayerAtWork] = []
         below = canvas
         for count, brush in zip(sizes, self.layer_brushes(strokes), strict=True):
-            wells = layers[0].paints if layers and not self.new_paints else min(colors, count)
+            wells = layers[0].paints if layers and not self.settings.new_paints else min(colors, count)
             if layers:
                 below = self._laid(layers[-1], below)
             layers.append(self._grown(count, brush, below, wells, effort, generator, steps, layers))
-        if len(layers) > 1 and not self.new_paints:
+        if len(layers) > 1 and not self.settings.new_paints:
             layers = [replace(layer, mixes=False) for layer in layers]
         rounds = self.effort.rounds_of(len(layers))
         first, *later = self._settled(
@@ -326,7 +333,7 @@ class Planner:
         parts = rest.filled_layers()
         # Never back to a lighter paint inside a layer: it would pick up the dark paint that is still wet.
         lightest = 0 if fresh else int(parts[0].paint.min())
-        mixed = mixed_later(rest, self.new_paints, fresh=fresh)
+        mixed = mixed_later(rest, self.settings.new_paints, fresh=fresh)
         layers = [
             LayerAtWork(
                 part.layers[0].brush,
@@ -346,23 +353,7 @@ class Planner:
 
     def towards(self, goal: Goal) -> "Planner":
         """A planner for another goal, everything else being the same."""
-        planner = Planner(
-            goal,
-            self.size,
-            [self.models[brush] for brush in self.brushes],
-            rows=self.fine.rows,
-            effort=self.effort,
-            seed=self.seed,
-            encoders=self.encoders,
-            device=self.device,
-            layers=self.layers,
-            shares=self.shares,
-            new_paints=self.new_paints,
-            focus=self.focus,
-            sharpness=self.sharpness,
-        )
-        planner.region, planner.ground, planner.darkest = self.region, self.ground, self.darkest
-        return planner
+        return Planner(goal, self.settings, encoders=self.encoders, device=self.device)
 
     def locate(self, painted: Plan, known: Placement, before: Tensor, seen: Tensor) -> Placement:
         """Where strokes really land, from those just painted and the canvas [3, H, W] before and after them.
@@ -431,12 +422,11 @@ class Planner:
 
     def layer_sizes(self, strokes: int) -> tuple[int, ...]:
         """How many of so many strokes each layer of a plan gets. Raises ConfigError where there are too few."""
-        layers = self.layers
+        layers, shares = self.settings.layers, self.settings.shares
         if layers is None:
             pictures = any(term.guide is not None for term in self.goal.initial_terms)
             layers = usual_layers(strokes, len(self.brushes)) if pictures else 1
-        shares = self.shares if self.shares is not None and len(self.shares) == layers else usual_shares(layers)
-        return layer_sizes(strokes, shares)
+        return layer_sizes(strokes, shares if shares is not None and len(shares) == layers else usual_shares(layers))
 
     def layer_brushes(self, strokes: int) -> tuple[str, ...]:
         """The brush of each layer of a plan of so many strokes."""
@@ -445,4 +435,4 @@ class Planner:
 
     def iterations(self, strokes: int) -> int:
         """How many iterations a plan of so many strokes takes."""
-        return self.effort.planning(self.layer_sizes(strokes), new_paints=self.new_paints)
+        return self.effort.planning(self.layer_sizes(strokes), new_paints=self.settings.new_paints)

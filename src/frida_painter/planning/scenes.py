@@ -20,7 +20,7 @@ from frida_painter.planning.scene import PAINT_PRICE, Scene
 from frida_painter.strokes import Strokes
 
 
-@dataclass
+@dataclass(frozen=True)
 class Scenes:
     """Makes scenes.
 

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.errors import ConfigError
+from frida_painter.errors import ConfigError, ImageError
+from frida_painter.palette_file import is_palette_file, read_colors
 from frida_painter.session.replan_policy import replan_policy_named
 
 MOST_LAYERS = 8
@@ -183,9 +184,12 @@ def canvas_of(workspace: Path) -> CanvasSize:
 
 
 def paints_of(palette: Path) -> int:
-    """The number of paints of a palette file. Raises ConfigError, also for a photograph, which shows any number."""
-    from frida_painter.palette import Palette  # with it come tensors
+    """The number of paints of a palette's file or picture. Raises ConfigError for a photograph, which shows any."""
+    if is_palette_file(palette):
+        return len(read_colors(palette))
+    from frida_painter.perception.swatches import read_palette  # with it come tensors
 
-    if palette.suffix.lower() != ".json":
-        raise ConfigError(f"{palette} is no palette (JSON); how many swatches a photograph shows, --colors says.")
-    return len(Palette.load(palette))
+    try:
+        return len(read_palette(palette, None))
+    except ImageError as error:
+        raise ConfigError(str(error)) from error

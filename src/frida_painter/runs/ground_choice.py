@@ -15,24 +15,27 @@ from frida_painter.runs.opening import wanted_ground
 from frida_painter.runs.spec import RunSpec
 
 
-def settled_ground(spec: RunSpec, planner: Planner, notify: Callable[[Step], None] = unheard) -> tuple[str, str]:
-    """The ground, "white" or a colour, which the planner has from then on, and a sentence on it or "".
+def settled_ground(
+    spec: RunSpec, planner: Planner, notify: Callable[[Step], None] = unheard
+) -> tuple[Planner, str, str]:
+    """The planner on the ground that the description means, that ground, "white" or a colour, and a sentence on it.
 
-    notify: hears of every step of quick plans. Raises ConfigError where no picture tells colours for "auto".
+    The sentence is "" if nothing was chosen. notify: hears of every step of quick plans. Raises ConfigError if no
+    picture tells colours for "auto".
     """
     wanted = wanted_ground(spec)
     if wanted == AUTO:
-        planner.ground = proposed_ground(planner, spec.strokes, spec.colors, notify)
-        said = "The ground that suits this picture best: {}."
-    elif wanted == OF_SCENE:
-        planner.ground = ground_around_things(planner)
-        said = (
-            "" if planner.ground == WHITE else "The canvas is toned in the colour around the things of the scene: {}."
+        color, said = (
+            proposed_ground(planner, spec.strokes, spec.colors, notify),
+            "The ground that suits this picture best: {}.",
         )
+    elif wanted == OF_SCENE:
+        color = ground_around_things(planner)
+        said = "" if color == WHITE else "The canvas is toned in the colour around the things of the scene: {}."
     else:
-        return wanted, ""
-    ground = _named(planner.ground)
-    return ground, said.format(ground)
+        return planner, wanted, ""
+    ground = _named(color)
+    return planner.on_ground(color), ground, said.format(ground)
 
 
 def ground_of(plan: Plan) -> str:

@@ -1,12 +1,13 @@
 """Opening what a run needs: its planner, its session at an easel, led by controls, and what records it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from torch import Tensor
 
 from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.brush.table_cache import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration
@@ -22,6 +23,7 @@ from frida_painter.planning.effort import Effort
 from frida_painter.planning.layers import FEWEST_FOR_LAYERS
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
+from frida_painter.planning.settings import PlannerSettings
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.fields import AUTO, OF_SCENE, ground_color, rgb
 from frida_painter.runs.spec import RunSpec
@@ -95,38 +97,22 @@ def darkest_paint(spec: RunSpec) -> tuple[float, float, float] | None:
     return None if told is None else rgb(told)
 
 
-def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = None) -> Planner:
-    """The planner that the description means.
+def open_planner(
+    spec: RunSpec,
+    goal: Goal,
+    encoders: EncoderRegistry | None = None,
+    model: StrokeModel | Sequence[StrokeModel] | None = None,
+) -> Planner:
+    """The planner that the description means, on the usual ground, or on white if one is to be chosen.
 
     What the easel's own strokes taught of the brush, by its calibration record, goes before what the project ships.
-    encoders: the networks that the goal is seen through, by default those that were fetched.
-    Raises CalibrationError where the record is damaged, and WeightsError and ConfigError where there is no such
-    brush, or a network that the goal needs is missing.
+    encoders: the networks that the goal is seen through, by default those that were fetched; model: what takes the
+    place of the description's brushes. Raises CalibrationError if the record is damaged, and WeightsError and
+    ConfigError if there is no such brush, or a network that the goal needs is missing.
     """
-    known = None if spec.calibration is None else Calibration.load(spec.calibration)
-    usual = spec.brushes is None and (spec.strokes < FEWEST_FOR_LAYERS or spec.is_short)
-    names = spec.brush_names[:1] if usual else spec.brush_names
-    models = {name: cached_table(load_stroke_model(_source(name, known))) for name in names}
-    layers = spec.layers if spec.brushes is None or len(names) == 1 else len(names)
     device = planning_device()
     networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures)
-    planner = Planner(
-        goal,
-        spec.canvas,
-        [models[name] for name in names],
-        rows=spec.render_height,
-        effort=Effort().scaled(spec.effort),
-        seed=spec.seed,
-        encoders=networks,
-        layers=1 if layers is None and spec.is_short else layers,
-        shares=spec.shares if len(names) > 1 else None,
-        new_paints=spec.new_paints is not False and spec.palette is None,
-        focus=spec.focus,
-        sharpness=spec.sharpness,
-        device=device,
-    )
-    planner.ground = ground_color(wanted_ground(spec)) or WHITE
-    planner.darkest = darkest_paint(spec)
+    planner = Planner(goal, planner_settings(spec, model), encoders=networks, device=device)
     if networks.idle_clip is not None:
         raise ConfigError(
             f"--clip was given {networks.idle_clip[:60]!r}, and nothing of this goal is seen through a CLIP; leave it "
@@ -140,6 +126,36 @@ def open_planner(spec: RunSpec, goal: Goal, encoders: EncoderRegistry | None = N
     if device.type == "cpu":
         await_loops()
     return planner
+
+
+def planner_settings(spec: RunSpec, model: StrokeModel | Sequence[StrokeModel] | None = None) -> PlannerSettings:
+    """What the planner of a description is told; model: in place of its brushes. Raises as `open_planner` does."""
+    known = None if spec.calibration is None else Calibration.load(spec.calibration)
+    usual = spec.brushes is None and (spec.strokes < FEWEST_FOR_LAYERS or spec.is_short)
+    names = spec.brush_names[:1] if usual else spec.brush_names
+    layers = spec.layers if spec.brushes is None or len(names) == 1 else len(names)
+    shares = spec.shares if len(names) > 1 else None
+    if model is None:
+        models = {name: cached_table(load_stroke_model(_source(name, known))) for name in names}
+        model = [models[name] for name in names]
+    else:
+        layers, shares = spec.layers, None
+    return PlannerSettings(
+        spec.canvas,
+        model,
+        strokes=spec.strokes,
+        colors=spec.colors,
+        rows=spec.render_height,
+        effort=Effort().scaled(spec.effort),
+        seed=spec.seed,
+        layers=1 if layers is None and spec.is_short else layers,
+        shares=shares,
+        new_paints=spec.new_paints is not False and spec.palette is None,
+        focus=spec.focus,
+        sharpness=spec.sharpness,
+        ground=ground_color(wanted_ground(spec)) or WHITE,
+        darkest=darkest_paint(spec),
+    )
 
 
 def _source(brush: str, known: Calibration | None) -> str | Path:

@@ -38,17 +38,15 @@ from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Recorder
-from frida_painter.runs.brush_choice import suited_brushes
 from frida_painter.runs.easel import needed_calibrations, order, require_sensible, with_operator
-from frida_painter.runs.fields import AUTO
 from frida_painter.runs.fitting import fitted
 from frida_painter.runs.folder import CALIBRATION, NOW, keep_goal, keep_spec, new_folder
 from frida_painter.runs.folder import rests_on as hashes
 from frida_painter.runs.goals import open_goal
-from frida_painter.runs.ground_choice import settled_ground
 from frida_painter.runs.learned import keep_learned
-from frida_painter.runs.opening import Controls, open_planner, open_recorder, open_session
+from frida_painter.runs.opening import Controls, open_recorder, open_session
 from frida_painter.runs.reopening import ReopenedPainting, reopen
+from frida_painter.runs.settling import SettledRun, settle
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import resuming
 from frida_painter.session.easel_kind import OpenEasel
@@ -110,10 +108,9 @@ class PaintingRun:
         if _reopened is None:
             require_sensible(spec)
         self._reopened = _reopened
-        goal = open_goal(spec)
-        made = fitted(spec, goal, canvas_is_fixed=_reopened is not None)
-        self.spec, self.goal, self.target = made.spec, made.goal, made.target
-        self.remarks = [made.remark] if made.remark else []
+        self._fitted = fitted(spec, open_goal(spec), canvas_is_fixed=_reopened is not None)
+        self._settled: SettledRun | None = None
+        self.goal, self.target = self._fitted.goal, self._fitted.target
         self.choosing: Callable[[str], None] = lambda what: None
         self.mixed: Palette | None = None
         self._folder = None if folder is None else Path(folder)
@@ -122,7 +119,6 @@ class PaintingRun:
         self._state = state
         self._record_may_differ = record_may_differ
         self._encoders = encoders
-        self._planner: Planner | None = None
         self._stack = ExitStack()
         self._process: EaselProcess | None = None
         self._easel: Easel | None = None
@@ -177,25 +173,27 @@ class PaintingRun:
 
     @property
     def planner(self) -> Planner:
-        """The planner, opened when it is first asked for. Raises WeightsError where a network is missing."""
-        if self._planner is None:
-            if self.spec.brushes == AUTO:
-                self._choose_brushes()
-            planner = open_planner(self.spec, self.goal, self._encoders)
-            ground, remark = settled_ground(self.spec, planner, lambda step: self.choosing("ground"))
-            if self.spec.ground != ground:
-                self.spec = self.spec.model_copy(update={"ground": ground})
-            self.remarks += [remark] if remark else []
-            if self._reopened is not None:
-                planner.region = resuming.region(self.folder, self._reopened.history)
-            self._planner = planner  # whoever ends the choosing leaves none that is not settled
-        return self._planner
+        """The planner, opened when it is first asked for; nothing of the painting is left open from then on.
 
-    def _choose_brushes(self) -> None:
-        """Settles the brushes that the description leaves to the planner; a painting keeps them from then on."""
-        brushes = suited_brushes(self.spec, self.goal, self._encoders, notify=lambda step: self.choosing("brushes"))
-        self.spec = self.spec.model_copy(update={"brushes": brushes})
-        self.remarks.append(f"The brushes that suit this picture best: {brushes}.")
+        Raises WeightsError if a network is missing, and what `choosing` raises: then nothing is settled.
+        """
+        if self._settled is None:
+            region = None if self._reopened is None else resuming.region(self.folder, self._reopened.history)
+            self._settled = settle(
+                self._fitted, self._encoders, region=region, choosing=lambda what: self.choosing(what)
+            )
+        return self._settled.planner
+
+    @property
+    def spec(self) -> RunSpec:
+        """Its description: with its final canvas, and, once there is a planner, with the brushes and the ground."""
+        return self._fitted.spec if self._settled is None else self._settled.spec
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences for the person, on what a picture lost and on what was chosen."""
+        chosen = () if self._settled is None else self._settled.remarks
+        return [*([self._fitted.remark] if self._fitted.remark else []), *chosen]
 
     @property
     def easel(self) -> Easel:
@@ -330,8 +328,8 @@ class PaintingRun:
         except CalibrationError:
             if not (easel.simulated and self._record_may_differ):
                 raise
-        self.spec = self.spec.model_copy(update={"calibration": None})
-        self._planner = None
+        self._fitted = replace(self._fitted, spec=self.spec.model_copy(update={"calibration": None}))
+        self._settled = None
         return easel
 
     def _recorder(self) -> Recorder:
@@ -351,7 +349,7 @@ class PaintingRun:
             self.spec,
             self.planner,
             easel,
-            self.controls,
+            replace(self.controls, stop_asked=self._stop_asked),
             mixed=self.controls.mixed or (lambda wanted: self.mixed),
             paint_on=self._paint_on,
             notify=hear,
@@ -360,6 +358,10 @@ class PaintingRun:
             placement=self._reopened.placement if self._reopened else None,
         )
         return self.session
+
+    def _stop_asked(self) -> bool:
+        """Whether it ends after this stroke or planning iteration: a person wants that, or the robot was stopped."""
+        return self.controls.stop_asked() or (self._process is not None and self._process.stopped)
 
     def _paint_on(self, sentence: str, canvas: Tensor) -> bool:
         """Whether a canvas that is not bare at first is painted on; it is shown to whoever is asked."""

@@ -5,6 +5,7 @@ Command line, page, TOML files, experiments and notebooks describe a painting by
 
 import json
 from collections.abc import Mapping
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -14,6 +15,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from frida_painter import storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
+from frida_painter.planning.settings import PlannerSettings
 from frida_painter.quantities import count_of
 from frida_painter.runs.faults import sentence_on
 from frida_painter.runs.fields import (
@@ -50,6 +52,8 @@ FEWER_BRUSHES = "broad:50%,medium:50%"
 _FEWEST_FOR_ALL = 200  # strokes
 WORDS_BRUSHES = "broad:50%,fine:50%"
 """The same of words alone: a thing is recognised by its outline and its small parts."""
+_OF_PLANS: dict[str, Any] = {field.name: field.default for field in fields(PlannerSettings)}
+"""Defaults of the planner's settings, which are those of all faces."""
 _MOST_BYTES = 2**20
 
 
@@ -90,7 +94,7 @@ class RunSpec(BaseModel):
     goal: Items = ()
     initial: InitialItems = ()
     strokes: int = Field(
-        300,
+        _OF_PLANS["strokes"],
         ge=1,
         le=20_000,
         description="Number of brush strokes. Exactly this number is painted, unless --minutes has fewer.",
@@ -115,11 +119,11 @@ class RunSpec(BaseModel):
             "drying takes a third of --minutes"
         },
     )
-    colors: int = Field(12, ge=1, le=24, description="Number of paints to mix.")
+    colors: int = Field(_OF_PLANS["colors"], ge=1, le=24, description="Number of paints to mix.")
     canvas: Canvas = Field(
         CanvasSize(14 * 0.0254, 11 * 0.0254),
-        description="Canvas size, width x height, in in, cm or mm, like 14x11in or 297x210mm. It is rotated to match "
-        "the picture.",
+        description="Canvas size: width x height in in, cm or mm, like 14x11in or 297x210mm, or a name from A6 to A0, "
+        "letter, legal or tabloid, like A3 or 'A3 landscape'. It is rotated to match the picture.",
         json_schema_extra={"metavar": "SIZE", "default": "14x11in"},
     )
     fit: Literal["canvas", "crop", "pad"] = Field(
@@ -148,7 +152,10 @@ class RunSpec(BaseModel):
         "are kept.",
     )
     render_height: int = Field(
-        256, ge=64, le=2048, description="Height of the planning image in pixels. Higher is finer and slower."
+        _OF_PLANS["rows"],
+        ge=64,
+        le=2048,
+        description="Height of the planning image in pixels. Higher is finer and slower.",
     )
     replans: int = Field(
         4,
@@ -181,13 +188,13 @@ class RunSpec(BaseModel):
         json_schema_extra={"metavar": "#RRGGBB", "default": "in the studio #121212, otherwise #000000"},
     )
     focus: Focus = Field(
-        "faces",
+        _OF_PLANS["focus"],
         description="What matters most in a picture. faces: faces, where there are any; subject: what the picture "
         "shows, as networks see it, and edges; none: every place is worth the same.",
         json_schema_extra={"metavar": "faces|subject|none"},
     )
     sharpness: float = Field(
-        0.3,
+        _OF_PLANS["sharpness"],
         ge=0,
         le=2,
         allow_inf_nan=False,
@@ -204,14 +211,14 @@ class RunSpec(BaseModel):
         json_schema_extra={"metavar": "MINUTES"},
     )
     effort: float = Field(
-        1.0,
+        _OF_PLANS["effort"],
         ge=0.05,
         le=20,
         allow_inf_nan=False,
         description="Planning effort. 2 plans twice as long, 0.5 half as long.",
     )
     seed: int = Field(
-        0,
+        _OF_PLANS["seed"],
         ge=0,
         le=2**31 - 1,
         description="Random seed. The same seed gives the same painting, another seed a different one.",

@@ -12,6 +12,7 @@ import socket
 import sys
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -114,13 +115,19 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
 
         signal.signal(signal.SIGTERM, end)
         if order.folder is not None:
-            stack.callback(StopFile(order.folder / STOP_FILE, robot.stop).dismiss)
+            stack.callback(StopFile(order.folder / STOP_FILE, partial(robot.stop, asked=True)).dismiss)
             stack.callback(LivePicture(camera, order.folder / LIVE_PICTURE).dismiss)
         limits = SIMULATED if simulated else MACHINE
-        stack.callback(Watch(line, robot.stop, lambda: robot.moving, CpuActivity(os.getppid()), limits).dismiss)
+        stopped = partial(_is_stopped, robot)
+        painter = CpuActivity(os.getppid())
+        stack.callback(Watch(line, robot.stop, lambda: robot.moving, painter, limits, stopped=stopped).dismiss)
         limits_told = {"patience": given.patience, "grace": given.grace, "answer": given.answer}
         wire.send({**_about(easel), "simulated": simulated, **limits_told})
         return Host(robot, camera, easel.operator, easel.reach).serve(wire)
+
+
+def _is_stopped(robot: GuardedRobot) -> bool:
+    return robot.stopped is not None
 
 
 def _about(easel: Easel) -> dict[str, Any]:

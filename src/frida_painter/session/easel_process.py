@@ -79,6 +79,11 @@ class EaselProcess:
             self._link.most_silence = math.inf
         return _easel(about, self._link)
 
+    @property
+    def stopped(self) -> bool:
+        """Whether the robot was stopped, by whom or whatever: nothing that is planned from then on is painted."""
+        return self._pulse.stopped
+
     @contextmanager
     def hearing_signals(self) -> Iterator[None]:
         """Signals reach the easel's process as well, from the system's own handler, whatever Python is busy with.

@@ -129,10 +129,10 @@ class PauseController:
             case Protect(number, only):
                 drawn = self.folder.region(number)
                 drawing = images.load(drawn)
-                session.planner.region = region_of(drawing, only_inside=only)
+                session.planner = session.planner.keeping_clear(region_of(drawing, only_inside=only))
                 self._tell_region(RegionProtected(self._kept(drawing, number), only, drawn.name))
             case Free():
-                session.planner.region = None
+                session.planner = session.planner.keeping_clear(None)
                 self._tell_region(RegionProtected(None))
             case ChangeGoal():
                 self._pursue(command)

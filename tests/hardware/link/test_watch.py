@@ -294,6 +294,22 @@ def test_the_stop_file_stops_at_once_and_is_taken_away(tmp_path: Path) -> None:
     watching.dismiss()
 
 
+def test_the_painting_process_is_told_that_the_robot_was_stopped(line) -> None:
+    stops = Stops()
+    pulse = Pulse(line[0])
+    watching = Watch(line[1], stops, lambda: False, Painter(), patient(), stopped=lambda: bool(stops.reasons))
+    time.sleep(3 * watch.BEAT_EVERY)
+    assert not pulse.stopped
+    stops("the stop file appeared")
+    deadline = time.monotonic() + 30
+    while not pulse.stopped:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    assert pulse.silent == 0, "what tells it is a heartbeat as well"
+    watching.dismiss()
+    pulse.end()
+
+
 def test_a_pulse_whose_line_is_full_or_gone_troubles_nobody(line) -> None:
     pulse = Pulse(line[0])
     for _ in range(100_000):

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from frida_painter.errors import FridaError, MotionFailed, RobotBusy, RobotDisconnected, RobotError
+from frida_painter.errors import FridaError, MotionFailed, RobotBusy, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.camera import Camera
 from frida_painter.hardware.easel import Operator
 from frida_painter.hardware.link.wire import Wire
@@ -103,6 +103,8 @@ def told(error: FridaError) -> dict[str, Any]:
         details = {"pid": error.pid}
     elif isinstance(error, MotionFailed):
         details = {"code": error.code, "waypoint": error.waypoint}
+    elif isinstance(error, RobotStopped):
+        details = {"asked": error.asked}
     return {"error": type(error).__name__, "message": str(error), "details": details}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter import errors
-from frida_painter.errors import FridaError, MotionFailed, RobotBusy, RobotDisconnected, RobotError
+from frida_painter.errors import FridaError, MotionFailed, RobotBusy, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.link.watch import Pulse
 from frida_painter.hardware.link.wire import Arrays, Wire
@@ -200,6 +200,8 @@ def heard(answer: Mapping[str, Any]) -> FridaError:
         return RobotBusy(message, details.get("pid"))
     if kind is MotionFailed:
         return MotionFailed(message, details.get("code"), details.get("waypoint"))
+    if kind is RobotStopped:
+        return RobotStopped(message, asked=details.get("asked") is True)
     if isinstance(kind, type) and issubclass(kind, FridaError):
         return kind(message)
     return RobotError(message)

@@ -40,7 +40,8 @@ class Watch:
 
     line: bytes as above come over it. A silence that is longer than `patience` allows stops the robot, as
     silence.py tells, and so does a computer that slept. Once the line was closed (the painting process
-    ended), nothing can move any more but what moves already.
+    ended), nothing can move any more but what moves already. stopped: whether the robot stands still for whatever
+    reason, which the heartbeats tell the painting process.
     """
 
     def __init__(
@@ -50,7 +51,10 @@ class Watch:
         moving: Callable[[], bool],
         process: Process,
         patience: Patience = MACHINE,
+        *,
+        stopped: Callable[[], bool] = lambda: False,
     ) -> None:
+        self._stopped = stopped
         self._line, self._stop, self._moving, self._process = line, stop, moving, process
         self._nap = patience.nap
         self._rule = SilenceRule(steady(), patience)
@@ -88,7 +92,7 @@ class Watch:
         if now - self._beaten >= BEAT_EVERY:
             self._beaten = now
             with contextlib.suppress(OSError):  # the painting process is gone, or has not read for long
-                self._line.send(BEAT)
+                self._line.send(STOP if self._stopped() else BEAT)
 
     def _look(self, now: float) -> LinkState:
         thinking = self._process.thinking()
@@ -149,7 +153,7 @@ class Pulse:
     def __init__(self, line: socket.socket) -> None:
         self._line = line
         self._line.setblocking(False)
-        self._silent = 0.0
+        self._silent, self._stopped = 0.0, False
         self._ended = threading.Event()
         threading.Thread(target=self._beat, name="heartbeat", daemon=True).start()
 
@@ -162,6 +166,11 @@ class Pulse:
     def silent(self) -> float:
         """Seconds since the watch was heard; of a time in which this process did not run, next to nothing counts."""
         return self._silent
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the watch has told that the robot was stopped, for whatever reason, and stays so."""
+        return self._stopped
 
     def stop(self) -> None:
         """Has the robot stopped at once."""
@@ -184,9 +193,11 @@ class Pulse:
     def _heard(self) -> bool:
         """Whether anything came since this was asked before."""
         try:
-            return bool(self._line.recv(4096))
+            content = self._line.recv(4096)
         except OSError:
             return False
+        self._stopped = self._stopped or STOP in content
+        return bool(content)
 
     def _send(self, byte: bytes) -> None:
         with contextlib.suppress(OSError):  # nobody listens any more, or the line is full of heartbeats

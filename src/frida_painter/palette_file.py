@@ -1,0 +1,495 @@
+"""Files of palettes as painters have them, read as colours in their order; loaded without any tensor.
+
+Formats are recognised by their content, not by their names. Nothing is guessed: a colour that needs a printer's profile
+(CMYK), is transparent or is written in two ways at once is refused by its number.
+
+Sources: "Adobe Photoshop File Formats" (.aco, 2019); the comments of Scribus' and GIMP's importers (.ase); GIMP's
+"GPL palette format" (app/core/gimppalette-load.c); Krita's KoColorSet (.kpl); Microsoft's "Multimedia Programming
+Interface 1.0" (RIFF PAL).
+"""
+
+import colorsys
+import csv
+import io
+import itertools
+import json
+import math
+import re
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from frida_painter import storage
+from frida_painter.errors import ConfigError
+
+Color = tuple[float, float, float]
+"""sRGB in [0, 1]."""
+
+FORMS = (
+    'a palette is a JSON file like {"paints": ["#f2e9dc", "#3b2f2a"]}, a list of such colours (one a line, or CSV), a '
+    "palette of GIMP (.gpl), Adobe (.ase, .aco), Krita (.kpl), Procreate (.swatches), Paint.NET (.txt) or Windows "
+    "(.pal), or a picture of its colours, in the order of the wells"
+)
+_WHAT = "a palette"
+_MAX_BYTES = 2**20
+_MAX_FAULTS = 3  # that are told
+_HEX = re.compile(r"(?:[0-9a-f]{3}|[0-9a-f]{6}|[0-9a-f]{8})")
+_NUMBER = re.compile(r"(?<![\w.#-])(?:\d+(?:\.\d*)?|\.\d+)(?![\w.])")
+_LISTS = ("paints", "colors", "colours", "palette", "swatches")
+_WRITTEN = ("hex", "hexcode", "html", "color", "colour", "value", "code")
+_BANDS = (("r", "g", "b"), ("red", "green", "blue"))
+
+
+class _Fault(ValueError):
+    """A colour, or the whole, that cannot be read; says why, in words that follow the name of the file."""
+
+
+def is_palette_file(path: Path) -> bool:
+    """Whether the file is text or a binary palette, rather than a picture. Raises ConfigError if it cannot be read."""
+    if path.suffix.lower() == ".json":
+        return True
+    with storage.opened(path, _WHAT, storage.MAX_BYTES, ConfigError) as file:
+        start = file.read(4096)
+    binary = start[:4] in (b"ASEF", b"PK\3\4") or (start[:4] == b"RIFF" and start[8:12] == b"PAL ")
+    return binary or not start or _is_aco(start, path.stat().st_size) or _text(start, cut=True) is not None
+
+
+def read_colors(path: Path) -> list[Color]:
+    """The colours of a palette file, in its order. Raises ConfigError, which says what a palette is."""
+    content = storage.read_bytes(path, _WHAT, _MAX_BYTES, ConfigError)
+    try:
+        return list(_colors(content, is_json=path.suffix.lower() == ".json"))
+    except _Fault as fault:
+        raise ConfigError(f"{storage.shown(path)} {fault}; {FORMS}.") from fault
+    except (
+        struct.error,
+        IndexError,
+        zipfile.BadZipFile,
+        NotImplementedError,
+        RuntimeError,
+        OSError,
+        EOFError,
+        zlib.error,
+    ) as cut:
+        raise ConfigError(f"{storage.shown(path)} is damaged or cut off ({cut}); take an undamaged copy.") from cut
+
+
+def _colors(content: bytes, *, is_json: bool) -> Iterable[Color]:
+    if content[:4] == b"ASEF":
+        return _ase(content)
+    if content[:4] == b"RIFF" and content[8:12] == b"PAL ":
+        return _riff(content)
+    if content[:4] == b"PK\3\4":
+        return _archive(content)
+    if _is_aco(content, len(content)):
+        return _aco(content)
+    text = _text(content)
+    if text is None:
+        raise _Fault("is of an unknown kind")
+    first = text.lstrip()
+    if is_json or first[:1] in ("{", "["):
+        return _json(text)
+    if first.startswith("GIMP Palette"):
+        return _gpl(first.splitlines())
+    if first.startswith("JASC-PAL"):
+        return _jasc(first.splitlines())
+    return _list(text.splitlines())
+
+
+def _text(content: bytes, *, cut: bool = False) -> str | None:
+    """The content as text, None if it is none. cut: whether it may end within a character."""
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return content.decode("utf-16", "replace")
+    if b"\0" in content or any(byte < 9 for byte in content):
+        return None
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        if cut and error.start > len(content) - 4:
+            return content[: error.start].decode("utf-8-sig")
+        if content[:1] >= b"\x80":  # what is called something in Latin-1 has a letter first; pictures have none
+            return None
+        return content.decode("latin-1")
+
+
+def _plural(faults: Iterable[str]) -> _Fault:
+    told = list(itertools.islice(faults, _MAX_FAULTS))
+    return _Fault(f"is not a palette: {' '.join(told)}".removesuffix("."))
+
+
+def _hex(text: Any, *, opacity_first: bool) -> Color:
+    """ "#b97f2c", "b97f2c", "#b72" or "0xB97F2C" in sRGB; of eight digits two are the opacity, by default the last.
+
+    Raises ConfigError for anything else, and for a colour that is not opaque.
+    """
+    given = text.strip().lower() if isinstance(text, str) else ""
+    digits = given.removeprefix("#").removeprefix("0x")
+    marked = given != digits
+    # Without a mark three digits are a number, and of eight nobody knows which two are the opacity.
+    if _HEX.fullmatch(digits) is None or (len(digits) != 6 and not marked and not opacity_first):
+        raise ConfigError(f"{str(text)[:20]!r} is not a colour; write it like #b97f2c.")
+    if len(digits) == 3:
+        digits = "".join(2 * digit for digit in digits)
+    if len(digits) == 8:
+        opacity, digits = (digits[:2], digits[2:]) if opacity_first else (digits[6:], digits[:6])
+        if opacity != "ff":
+            raise ConfigError(f"{str(text)[:20]!r} is not opaque, and paint is; write it like #b97f2c.")
+    red, green, blue = (int(digits[at : at + 2], 16) / 255 for at in (0, 2, 4))
+    return red, green, blue
+
+
+class _Numbers:
+    """Colours as three numbers each: of 0 to 255 if all are whole, and otherwise from 0 to 1."""
+
+    def __init__(self) -> None:
+        self._whole = True
+        self._found: list[tuple[str, Color]] = []
+
+    def add(self, where: str, bands: Sequence[Any]) -> int:
+        """Takes one down; returns its number. Raises _Fault if these are no three numbers."""
+        values = [float(band) for band in bands if isinstance(band, int | float) and not isinstance(band, bool)]
+        if len(values) != 3 or len(bands) != 3 or not all(math.isfinite(value) for value in values):
+            raise _Fault(f"{where}: {str(list(bands))[:30]} are not three numbers.")
+        self._whole = self._whole and all(value.is_integer() for value in values)
+        self._found.append((where, (values[0], values[1], values[2])))
+        return len(self._found) - 1
+
+    def color(self, number: int) -> Color:
+        """The colour of that number, once all are known. Raises _Fault if it is out of range."""
+        where, (red, green, blue) = self._found[number]
+        most = 255 if self._whole else 1
+        if not all(0 <= band <= most for band in (red, green, blue)):
+            raise _Fault(f"{where}: {red:g}, {green:g}, {blue:g} are not from 0 to {most}.")
+        return red / most, green / most, blue / most
+
+
+def _settled(found: list[Color | int], numbers: _Numbers, faults: list[str]) -> list[Color]:
+    """The colours, those of numbers in place of theirs. Raises _Fault, naming what is wrong."""
+    colors = []
+    for one in found:
+        try:
+            colors.append(numbers.color(one) if isinstance(one, int) else one)
+        except _Fault as fault:
+            faults.append(str(fault))
+    if faults:
+        raise _plural(faults)
+    return colors
+
+
+def _json(text: str) -> list[Color]:
+    try:
+        record = json.loads(text)
+    except (ValueError, RecursionError) as cause:
+        raise _Fault(f"is not JSON ({cause})") from cause
+    entries = _listed(record)
+    if entries is None:
+        raise _Fault("is not a palette")
+    found: list[Color | int] = []
+    faults: list[str] = []
+    numbers = _Numbers()
+    for number, entry in enumerate(entries, 1):
+        where = f"paint {number}"
+        value = _value(entry)
+        try:
+            if isinstance(value, list):
+                found.append(numbers.add(where, value))
+            else:
+                found.append(_hex(value, opacity_first=False))
+        except ConfigError as error:
+            faults.append(f"{where}: {error}")
+        except _Fault as fault:
+            faults.append(str(fault))
+    return _settled(found, numbers, faults)
+
+
+def _listed(record: Any) -> list[Any] | None:
+    """The list of colours in a JSON value, None if there is none, or more than one."""
+    if isinstance(record, list):
+        return record
+    if not isinstance(record, dict):
+        return None
+    if "paints" in record:  # ours, which has nothing else
+        return record["paints"] if set(record) == {"paints"} and isinstance(record["paints"], list) else None
+    inner = [record[key] for key in _LISTS if isinstance(record.get(key), list | dict)]
+    if len(inner) == 1:
+        return _listed(inner[0])
+    named = list(record.values())
+    return named if named and not inner and all(isinstance(value, str | list) for value in named) else None
+
+
+def _value(entry: Any) -> Any:
+    """What an entry says of its colour: a text, or a list of three numbers."""
+    if not isinstance(entry, dict):
+        return entry
+    known = {str(key).lower(): value for key, value in entry.items()}
+    for bands in _BANDS:
+        if set(bands) <= set(known):
+            return [known[band] for band in bands]
+    value = next((known[key] for key in (*_WRITTEN, "rgb") if key in known), None)
+    return _value(value) if isinstance(value, dict) else value
+
+
+def _gpl(lines: Sequence[str]) -> list[Color]:
+    colors, faults = [], []
+    for number, line in enumerate(lines[1:], 2):
+        if not line.strip() or line.lstrip().startswith("#") or re.match(r"\s*[A-Za-z]+\s*:", line):
+            continue
+        row = re.match(r"\s*(\d+)[\s,]+(\d+)[\s,]+(\d+)(?=\s|$)", line)
+        if row is None or not all(int(band) <= 255 for band in row.groups()):
+            faults.append(f"line {number}: {line.strip()[:30]!r} is not a colour; write three numbers from 0 to 255.")
+        else:
+            red, green, blue = (int(band) / 255 for band in row.groups())
+            colors.append((red, green, blue))
+    if faults:
+        raise _plural(faults)
+    return colors
+
+
+def _jasc(lines: Sequence[str]) -> list[Color]:
+    rows = [line.split() for line in lines[2:] if line.strip()]
+    if not rows or len(rows[0]) != 1 or rows[0][0] != str(len(rows) - 1):
+        raise _Fault(f"is damaged: it has {max(len(rows) - 1, 0)} colours and says otherwise")
+    numbers = _Numbers()
+    try:
+        found: list[Color | int] = [
+            numbers.add(f"paint {number}", [int(band) for band in row[:3]]) for number, row in enumerate(rows[1:], 1)
+        ]
+    except ValueError as error:
+        raise _Fault(f"is not a palette: {error}") from error
+    return _settled(found, numbers, [])
+
+
+def _list(lines: Sequence[str]) -> list[Color]:
+    """Colours one or more a line, with or without names; or a table whose first line names its columns."""
+    head = next((line for line in lines if line.strip()), "")
+    opacity_first = any(line.lower().lstrip("; ").startswith("paint.net") for line in lines[:3])
+    columns = _columns(head)
+    found: list[Color | int] = []
+    faults: list[str] = []
+    numbers = _Numbers()
+    for number, line in enumerate(lines, 1):
+        said = line.strip()
+        if not said or said.startswith((";", "//")) or re.match(r"#(\s|#|!|$)", said) or (columns and line is head):
+            continue
+        where = f"line {number}"
+        try:
+            written = _cells(line, head, columns) if columns else _written(said)
+            if isinstance(written, list):
+                found.append(numbers.add(where, written))
+            else:
+                found += [_hex(color, opacity_first=opacity_first) for color in written]
+        except ConfigError as error:
+            faults.append(f"{where}: {error}")
+        except (_Fault, ValueError) as fault:
+            told = str(fault)
+            faults.append(told if told.startswith("line") else f"{where}: {said[:30]!r} is not a colour.")
+    return _settled(found, numbers, faults)
+
+
+def _split(line: str, head: str) -> list[str]:
+    """The cells of a line in a table with that first line."""
+    try:
+        return next(csv.reader([line], delimiter=max("\t;,", key=head.count)), [])
+    except csv.Error:
+        return []
+
+
+def _columns(head: str) -> tuple[int, ...] | None:
+    """The column that has the colour, or the three that have its bands; None if the line names no columns."""
+    names = [cell.strip().lower() for cell in _split(head, head)]
+    for bands in _BANDS:
+        if set(bands) <= set(names):
+            return tuple(names.index(band) for band in bands)
+    return next(((names.index(name),) for name in _WRITTEN if name in names), None)
+
+
+def _cells(line: str, head: str, columns: tuple[int, ...]) -> tuple[str, ...] | list[float]:
+    cells = _split(line, head)
+    if not max(columns) < len(cells):
+        raise ValueError("too few cells")
+    return (cells[columns[0]],) if len(columns) == 1 else [float(cells[column]) for column in columns]
+
+
+def _written(line: str) -> tuple[str, ...] | list[float]:
+    """What a line without columns says: colours in hexadecimal digits, or three numbers."""
+    marked = re.findall(r"(?:#|\b0x)\w+", line.lower())
+    if marked:
+        return tuple(marked)
+    words = [word for word in re.split(r"[\s,;\"'\[\]:]+", line.lower()) if word]
+    bare = [word for word in words if re.fullmatch(r"[0-9a-f]{6}|[0-9a-f]{8}", word)]
+    if len(bare) > 1 and len(bare) < len(words):  # "facade" may be a name
+        bare = [word for word in bare if not word.isalpha()]
+        if len(bare) != 1:
+            raise ValueError("which of its words are colours?")
+    numbers = [float(number) for number in _NUMBER.findall(line)]
+    if not bare and len(numbers) != 3:
+        raise ValueError("neither one nor the other")
+    return tuple(bare) if bare else numbers
+
+
+def _riff(content: bytes) -> list[Color]:
+    if content[12:16] != b"data":
+        raise _Fault("is a RIFF palette of a kind that is not read")
+    (count,) = struct.unpack_from("<H", content, 22)
+    return [_bytes(*struct.unpack_from("<3B", content, 24 + 4 * number)) for number in range(count)]
+
+
+def _bytes(red: int, green: int, blue: int) -> Color:
+    return red / 255, green / 255, blue / 255
+
+
+def _is_aco(start: bytes, size: int) -> bool:
+    """Whether a file that begins so is an Adobe colour swatch file, which has no name of its own in it."""
+    if len(start) < 4 or start[0] != 0 or start[1] not in (1, 2):
+        return False
+    least = 4 + 10 * int.from_bytes(start[2:4], "big")
+    return size == least or (size > least and (start[1] == 2 or start[least : least + 2] in (b"\0\2", b"")))
+
+
+def _aco(content: bytes) -> Iterator[Color]:
+    """The first section; the second one has the same colours with names."""
+    version, count = struct.unpack_from(">HH", content)
+    at = 4
+    for number in range(1, count + 1):
+        model, *parts = struct.unpack_from(">H4H", content, at)
+        at += 10
+        if version == 2:
+            (letters,) = struct.unpack_from(">I", content, at)
+            at += 4 + 2 * letters
+        first, second, third, _ = parts
+        signed = [value - 65536 if value >= 32768 else value for value in parts]
+        match model:
+            case 0:
+                yield first / 65535, second / 65535, third / 65535
+            case 1:
+                yield colorsys.hsv_to_rgb(first / 65535, second / 65535, third / 65535)
+            case 7:
+                yield _from_lab(first / 100, signed[1] / 100, signed[2] / 100)
+            case 8:
+                yield (min(first / 10000, 1.0),) * 3
+            case 2 | 9:
+                raise _cmyk(number)
+            case _:
+                raise _Fault(f"is not a palette: paint {number} is of a colour book (model {model}); save it as RGB")
+
+
+def _ase(content: bytes) -> Iterator[Color]:
+    (blocks,) = struct.unpack_from(">I", content, 8)
+    at, number = 12, 0
+    for _ in range(blocks):
+        kind, length = struct.unpack_from(">HI", content, at)
+        at += 6
+        if kind == 1:
+            number += 1
+            (letters,) = struct.unpack_from(">H", content, at)
+            yield _of_model(content[at + 2 + 2 * letters : at + length], number)
+        at += length
+
+
+def _of_model(block: bytes, number: int) -> Color:
+    """A colour of an Adobe swatch exchange file, from the name of its model on."""
+    match block[:4].strip().upper():
+        case b"RGB":
+            color = struct.unpack_from(">3f", block, 4)
+        case b"LAB":
+            lightness, a, b = struct.unpack_from(">3f", block, 4)
+            color = _from_lab(100 * lightness, a, b)
+        case b"GRAY":
+            color = 3 * struct.unpack_from(">f", block, 4)
+        case b"CMYK":
+            raise _cmyk(number)
+        case model:
+            raise _Fault(f"is not a palette: paint {number} is of the colour model {model!r}, which is not read")
+    if not all(-1e-6 <= band <= 1 + 1e-6 for band in color):
+        raise _Fault(f"is not a palette: paint {number} has a part outside 0 to 1")
+    red, green, blue = (min(max(band, 0.0), 1.0) for band in color)
+    return red, green, blue
+
+
+def _cmyk(number: int) -> _Fault:
+    return _Fault(
+        f"has paint {number} in CMYK, which is no colour without its printer's profile; save the swatches as RGB or Lab"
+    )
+
+
+def _from_lab(lightness: float, a: float, b: float) -> Color:
+    """CIE L*a*b* of the profile connection space (D50) in sRGB, clipped to it (Bradford's adaptation, ICC.1)."""
+    y = (lightness + 16) / 116
+    x, y, z = (
+        white * (root**3 if root > 6 / 29 else 3 * (6 / 29) ** 2 * (root - 4 / 29))
+        for white, root in ((0.96422, y + a / 500), (1.0, y), (0.82521, y - b / 200))
+    )
+    linear = (
+        3.1338561 * x - 1.6168667 * y - 0.4906146 * z,
+        -0.9787684 * x + 1.9161415 * y + 0.0334540 * z,
+        0.0719453 * x - 0.2289914 * y + 1.4052427 * z,
+    )
+    red, green, blue = (
+        min(max(12.92 * part if part <= 0.0031308 else 1.055 * part ** (1 / 2.4) - 0.055, 0.0), 1.0) for part in linear
+    )
+    return red, green, blue
+
+
+def _archive(content: bytes) -> list[Color]:
+    """The palette in the ZIP file of Krita or Procreate."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        names = {name.rpartition("/")[2].lower(): name for name in archive.namelist()}
+        for wanted, read in (("colorset.xml", _krita), ("swatches.json", _procreate)):
+            if wanted in names:
+                with archive.open(names[wanted]) as file:
+                    inner = file.read(_MAX_BYTES + 1)
+                if len(inner) > _MAX_BYTES:
+                    raise _Fault("holds a palette of more than a megabyte")
+                return read(inner)
+    raise _Fault("is a ZIP file without a palette in it")
+
+
+def _krita(content: bytes) -> list[Color]:
+    if b"<!" in content.replace(b"<!--", b""):
+        raise _Fault("is not a palette: its XML declares entities")
+    try:
+        entries = list(ElementTree.fromstring(content).iter("ColorSetEntry"))
+        return [_krita_color(entry, number) for number, entry in enumerate(entries, 1)]
+    except (ElementTree.ParseError, KeyError, ValueError) as error:
+        if isinstance(error, _Fault):
+            raise
+        raise _Fault(f"is damaged ({error})") from error
+
+
+def _krita_color(entry: ElementTree.Element, number: int) -> Color:
+    model = next((part for part in entry if part.tag != "Position"), None)
+    if model is None:
+        raise _Fault(f"is not a palette: paint {number} has no colour")
+    space = model.get("space", "sRGB")
+    match model.tag:
+        case "RGB" | "sRGB" if "srgb" in space.lower() and "linear" not in space.lower() and "g10" not in space.lower():
+            color = tuple(float(model.attrib[band]) for band in ("r", "g", "b"))
+        case "Lab":
+            color = _from_lab(*(float(model.attrib[part]) for part in ("L", "a", "b")))
+        case "Gray":
+            color = (float(model.attrib["g"]),) * 3
+        case "CMYK":
+            raise _cmyk(number)
+        case tag:
+            raise _Fault(f"is not a palette: paint {number} is in {tag} of {space[:40]}; save the palette in sRGB")
+    if not all(0 <= band <= 1 for band in color):
+        raise _Fault(f"is not a palette: paint {number} has a part outside 0 to 1")
+    red, green, blue = color
+    return red, green, blue
+
+
+def _procreate(content: bytes) -> list[Color]:
+    try:
+        record = json.loads(content)
+        sets = record if isinstance(record, list) else [record]
+        entries = [one for group in sets for one in group["swatches"] if one is not None]
+        parts = [[float(one[name]) for name in ("hue", "saturation", "brightness")] for one in entries]
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise _Fault(f"is damaged ({error!r})") from error
+    if not all(0 <= part <= 1 for three in parts for part in three):
+        raise _Fault("is not a palette: a hue, saturation or brightness is not from 0 to 1")
+    return [colorsys.hsv_to_rgb(*three) for three in parts]
