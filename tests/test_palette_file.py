@@ -37,8 +37,8 @@ ACO = base64.b64decode(
 def zipped(name: str, content: str) -> bytes:
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("mimetype", "application/x-krita-palette")
-        archive.writestr(name, content)
+        for file_name, text in (("mimetype", "application/x-krita-palette"), (name, content)):
+            archive.writestr(zipfile.ZipInfo(file_name, (2026, 1, 1, 0, 0, 0)), text)  # the same bytes in all processes
     return file.getvalue()
 
 
