@@ -1,6 +1,6 @@
 """How often a canvas that nobody touched is said to have moved, and how often one that was moved is found.
 
-    python benchmarks/moved_canvas.py [--seed 100] [--canvas 14x11in] [--json figures.json]
+    python benchmarks/moved_canvas.py [--seed 100] [--canvas 14x11in] [--moves 3] [--json figures.json]
 
 Pictures with dark, white, patterned, framed, vignetted and striped edges are painted in the virtual studio by rough plans
 that come of no planner, on every ground that the planner could choose. At every stage of each, three cameras in three
@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from torch import Tensor
 from frida_painter import images
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration
-from frida_painter.errors import FrameRejected
+from frida_painter.errors import FrameDoubtful, FrameRejected
 from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.goal import Goal
 from frida_painter.objectives.kinds.image import ImageTerm
@@ -273,3 +272,108 @@ def _motions(random: np.random.Generator, count: int) -> list[tuple[str, Placeme
 def grounds_of(edge: str, seed: int) -> list[tuple[float, float, float]]:
     """Those that the planner would choose among."""
     return possible_grounds(picture_with(edge, np.random.default_rng((seed, EDGES.index(edge)))))
+
+
+@dataclass
+class Count:
+    """Of so many looks at canvases, how many verdicts were which."""
+
+    still: int = 0
+    unsure: int = 0
+    moved: int = 0
+    refused: int = 0
+
+    @property
+    def looks(self) -> int:
+        return self.still + self.unsure + self.moved + self.refused
+
+    def add(self, verdict: str) -> None:
+        setattr(self, verdict, getattr(self, verdict) + 1)
+
+
+def verdict_on(look: Look, known: dict[int, tuple[FrameCheck, FlatField]]) -> str:
+    """By the check that a painting makes of every photograph; refused: for another reason than that it moved."""
+    if id(look.first) not in known:
+        known[id(look.first)] = (
+            FrameCheck.learn(look.first, look.calibration, look.size),
+            _light(look.first, look.calibration, look.size),
+        )
+    learned, light = known[id(look.first)]
+    good = replace(learned, last=learned.view.light(look.before))
+    picture = rectify(look.seen, look.calibration, PixelGrid.of_height(look.size, _ROWS))
+    try:
+        good.require(look.seen, true_color(light.correct(picture), look.calibration), look.expected)
+    except FrameDoubtful:
+        return "unsure"
+    except FrameRejected as reason:
+        return "moved" if "no longer where it was" in str(reason) else "refused"
+    return "still"
+
+
+def main() -> None:
+    parser = arguments(__doc__)
+    parser.add_argument("--seed", type=int, default=100)
+    parser.add_argument("--canvas", default="14x11in")
+    parser.add_argument("--strokes", type=int, default=120)
+    parser.add_argument("--moves", type=int, default=3, help="at every stage")
+    parser.add_argument("--grounds", type=int, default=3, help="of each picture")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    edges, strokes = (EDGES[:1], 24) if options.quick else (EDGES, options.strokes)
+    size, random = CanvasSize.of(options.canvas), np.random.default_rng(options.seed)
+    counts: dict[tuple[str, str], Count] = {}
+    missed: list[str] = []
+    for number, edge in enumerate(edges):
+        for ground in grounds_of(edge, options.seed + number)[: options.grounds]:
+            seed = options.seed + number
+            bump = Bump(int(random.integers(8, strokes)), tuple(0.0015 * _way(random)))
+            painters = (
+                (Painter(edge, ground, size, seed, strokes, options.moves), ()),
+                (Painter(edge, ground, size, seed, strokes, 0), (bump,)),
+            )
+            for painter, bumps in painters:
+                known: dict[int, tuple[FrameCheck, FlatField]] = {}
+                for look in painter.looks(bumps):
+                    if bumps and not look.moved:
+                        continue  # seen before
+                    verdict = verdict_on(look, known)
+                    counts.setdefault((look.stage, look.how), Count()).add(verdict)
+                    if verdict != ("moved" if look.moved else "still"):
+                        missed.append(
+                            f"{verdict}: {look.edge}, ground {look.ground}, {look.stage}, camera {look.camera}, {look.how}"
+                            f" {1000 * look.shift:.1f} mm {look.turn:.2f} degrees"
+                        )
+                        print(missed[-1], flush=True)
+    still, moved = (_sum([each for (_, how), each in counts.items() if (how == "still") is quiet]) for quiet in (True, False))
+    rows = [(*key, *_row(count)) for key, count in sorted(counts.items(), key=lambda item: item[0][1] != "still")]
+    table = Table(
+        f"Looks at canvases of {options.canvas}, seed {options.seed}",
+        ("stage", "canvas or camera", "looks", "lies still", "cannot tell", "was moved", "refused otherwise"),
+        [*rows, ("all", "still", *_row(still)), ("all", "moved", *_row(moved))],
+        [
+            f"False alarms: {still.looks - still.still} of {still.looks}. Found: {moved.looks - moved.still} of "
+            f"{moved.looks} ({100 * (moved.looks - moved.still) / max(1, moved.looks):.1f} %), surely {moved.moved}."
+        ],
+    )
+    publish([table], {"false": still.looks - still.still, "still": still.looks, "missed": missed}, options)
+
+
+def _way(random: np.random.Generator) -> NDArray[np.float64]:
+    angle = random.uniform(0, 2 * math.pi)
+    return np.array([math.cos(angle), math.sin(angle)])
+
+
+def _row(count: Count) -> tuple[str, ...]:
+    return tuple(map(str, (count.looks, count.still, count.unsure, count.moved, count.refused)))
+
+
+def _sum(counts: list[Count]) -> Count:
+    whole = Count()
+    for count in counts:
+        for name in ("still", "unsure", "moved", "refused"):
+            setattr(whole, name, getattr(whole, name) + getattr(count, name))
+    return whole
+
+
+if __name__ == "__main__":
+    main()

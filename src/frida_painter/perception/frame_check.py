@@ -120,10 +120,12 @@ class FrameCheck:
             )
         self._require_sharp(photograph)
         found = self.register(photograph, expected)
-        self._require_place(found, doubtful=doubtful)
+        self._require_unmoved(found)
         self._require_uncovered(photograph)
         if expected is not None:
             self.require_explained(seen, expected)
+        if not doubtful:
+            self._require_sure(found)
         return replace(self, last=self.view.light(photograph), drift=self.drift.followed_by(found.motion))
 
     def register(self, photograph: NDArray[np.uint8], expected: Expected | None) -> Registration:
@@ -154,19 +156,23 @@ class FrameCheck:
                 "camera, and see that nothing shakes it."
             )
 
-    def _require_place(self, found: Registration, *, doubtful: bool) -> None:
-        far = self.drift.followed_by(found.motion).corner_shift(self.size) * 1000
+    def _require_unmoved(self, found: Registration) -> None:
         if found.verdict is Verdict.MOVED:
             raise FrameRejected(
-                f"The canvas is no longer where it was: its edge is {far:.1f} mm away in the photograph. Put "
-                "canvas and camera back as they were, or repeat the canvas and robot calibrations."
+                f"The canvas is no longer where it was: its edge is {self._millimetres(found)} mm away in the photograph. "
+                "Put canvas and camera back as they were, or repeat the canvas and robot calibrations."
             )
-        if found.verdict is Verdict.UNSURE and not doubtful:
+
+    def _require_sure(self, found: Registration) -> None:
+        if found.verdict is Verdict.UNSURE:
             raise FrameDoubtful(
-                "The photograph does not tell whether the canvas is still where it was: its edge may be "
-                f"{far:.1f} mm away, or may have been painted over. Look whether canvas or camera was moved; if they "
-                "were not, go on."
+                "The photograph does not tell whether the canvas is still where it was: what can be seen of it fits a "
+                f"place {self._millimetres(found)} mm away, and others. Look whether canvas or camera was moved; if "
+                "neither was, go on."
             )
+
+    def _millimetres(self, found: Registration) -> str:
+        return f"{self.drift.followed_by(found.motion).corner_shift(self.size) * 1000:.1f}"
 
     def _require_uncovered(self, photograph: NDArray[np.uint8]) -> None:
         edge = self._edge_in(photograph)

@@ -21,11 +21,12 @@ from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.perception.light import light_of_bytes
 from frida_painter.perception.rectify import photographed_pixels
 
-_PITCH = 0.001  # metres of the canvas per pixel of what is registered
+_COARSEST, _ROWS = 0.001, 250  # metres of the canvas per pixel of what is registered, and pixels along its shorter side
 _AROUND = 0.015  # metres of the table that are looked at around the canvas
 _REACH = 0.012  # metres that a motion is searched for
 _DIM = 0.02  # linear light that is added before logarithms are taken: the camera's noise
 _NOISE = 0.1  # logarithm of light within which a pixel looks as it should
+_GRAINY = 4.0  # times the usual square of a difference is still noise
 _SOFTEST = 0.8  # the same, where a search begins
 _BESIDE = 0.006  # metres that strokes may lie beside where they were sent, at most
 _CHANGED = 0.04  # logarithm of light from which strokes are said to have changed a pixel
@@ -33,11 +34,10 @@ _SPREAD = 0.15  # logarithm of light by which paint looks lighter or darker than
 _SMOOTHNESS = 0.7  # pixels, standard deviation, so that between pixels a picture is as smooth as on them
 _RIM = 2  # pixels on either side of the edge of the canvas, in which its blur shows
 _BLUR = 0.8  # pixels, standard deviation of that
-_WITNESS = 15  # pixels along the side of a square that has one voice
-_FAINT = 1.0  # pixels explained worse by a witness, below which it hardly counts
+_WITNESSES, _WIDEST = 20, 15  # along the shorter side of a view, squares that have one voice each; pixels of one
+_FAINT, _LOUD = 1 / 15, 4 / 15  # of the side of a witness, in pixels that it finds explained worse: hardly counts; fully
 _STRANGE = 0.5  # how badly a canvas is explained on which a person may have painted anything
 _PATCH = 13  # pixels of a square that looks otherwise all over, as no motion makes it
-_LOUD = 4.0  # the same, from which it counts no more
 _LIGHT_CELL = 10  # pixels along the side of a square by which light is compared
 
 MAX_SHIFT = 0.00125
@@ -45,7 +45,7 @@ MAX_SHIFT = 0.00125
 MAX_TURN = math.radians(0.4)
 """Radians that the canvas may have turned."""
 _SURE = 4.0  # standard deviations by which witnesses agree
-_SURE_STILL = 3.0
+_SURE_STILL = 2.0
 _WELL_WITHIN = 0.5  # of what is allowed: a canvas was moved if no such motion explains a photograph as well
 
 Pixels = NDArray[np.float32]
@@ -128,7 +128,8 @@ class CanvasView:
     """The plane of the canvas, a little of the table around it included, as a camera sees it.
 
     grid: of the canvas alone; column, row [rows, columns] float32: where each of its pixels lies in a photograph; canvas, seen [rows, columns]
-    bool: which are on the canvas, and in the photograph; smoothing: pixels of the photograph that make one of these.
+    bool: which are on the canvas, and in the photograph; smoothing: pixels of the photograph that make one of these;
+    pitch: metres of one.
     """
 
     grid: PixelGrid
@@ -137,22 +138,25 @@ class CanvasView:
     canvas: NDArray[np.bool_]
     seen: NDArray[np.bool_]
     smoothing: int
+    pitch: float
 
     @classmethod
     def of(cls, calibration: Calibration, size: CanvasSize) -> Self:
         """By a calibration record."""
-        around = round(_AROUND / _PITCH)
-        grid = PixelGrid(size, round(size.height / _PITCH), round(size.width / _PITCH))
+        sides = np.linalg.norm(np.roll(calibration.corners, -1, 0) - np.array(calibration.corners), axis=1)
+        finest = 2 * (size.width + size.height) / float(sides.sum())  # a pixel of the photograph
+        pitch = max(finest, min(_COARSEST, size.width / _ROWS, size.height / _ROWS))
+        around = round(_AROUND / pitch)
+        grid = PixelGrid(size, round(size.height / pitch), round(size.width / pitch))
         down, across = np.arange(-around, grid.rows + around), np.arange(-around, grid.columns + around)
         place = np.stack(np.meshgrid(across, down), -1).astype(np.float64)
         seen = photographed_pixels(place.reshape(-1, 2), calibration, grid).reshape(place.shape)
         rows, columns = calibration.photograph
         in_sight = np.isfinite(seen).all(2) & (seen >= 0).all(2) & (seen <= (columns - 1, rows - 1)).all(2)
         canvas = ((place >= 0) & (place < (grid.columns, grid.rows))).all(2)
-        step = float(np.median(np.linalg.norm(np.diff(seen[canvas.any(1)][:, canvas.any(0)], axis=1), axis=2)))
         column, row = np.nan_to_num(seen, nan=-1.0).astype(np.float32).transpose(2, 0, 1)
         return cls(
-            grid, np.ascontiguousarray(column), np.ascontiguousarray(row), canvas, in_sight, 2 * int(step / 2) + 1
+            grid, np.ascontiguousarray(column), np.ascontiguousarray(row), canvas, in_sight, 2 * int(pitch / finest / 2) + 1, pitch
         )
 
     def light(self, photograph: NDArray[np.uint8]) -> Pixels:
@@ -173,7 +177,8 @@ class _Scene:
 
     seen, expected: logarithm of light [rows, columns, 3]; known: where both can be compared; canvas: where the canvas
     is expected; touched: where strokes came since; as_paint: how badly a pixel is explained by these strokes, [0, 1];
-    rim: where the edge of the canvas is blurred into them.
+    rim: where the edge of the canvas is blurred into them; grain: square of the camera's noise, to which a picture
+    that is moved by parts of a pixel, and so smoothed, must owe nothing.
     """
 
     seen: Pixels
@@ -184,6 +189,7 @@ class _Scene:
     as_paint: Pixels
     rim: Pixels
     pitch: float
+    grain: float
 
     def coarser(self) -> "_Scene":
         """The same with half as many rows and columns."""
@@ -198,10 +204,10 @@ class _Scene:
     def misfit(self, motion: Motion, noise: float = _NOISE) -> Pixels:
         """How badly each pixel is explained by a motion, [rows, columns], from 0 to 1."""
         expected, canvas, known, touched = self._moved(motion)
-        misfit = _misfit(self.seen - expected, noise)
+        misfit = _misfit(self.seen - expected, noise, self.grain)
         on_table = canvas <= 0.5
         lies_still = on_table & (self.canvas <= 0.5)  # the table need not have gone with the canvas
-        misfit = np.where(lies_still, np.minimum(misfit, _misfit(self.seen - self.expected, noise)), misfit)
+        misfit = np.where(lies_still, np.minimum(misfit, _misfit(self.seen - self.expected, noise, self.grain)), misfit)
         misfit = np.where(~on_table & (touched > 0), np.minimum(misfit, self.as_paint), misfit)
         return np.asarray(misfit * (known > 0.99), np.float32)
 
@@ -239,16 +245,22 @@ class _Scene:
     def votes(self, better: Motion, worse: Motion) -> float:
         """By how many standard deviations witnesses agree that one motion explains the photograph better."""
         voices = self._voices((self.misfit(worse) - self.misfit(better))[..., None])[:, 0]
-        loud = np.tanh(voices / _LOUD)
+        loud = np.tanh(voices / (_LOUD * self._witness))
         return float(loud.sum() / math.sqrt((loud**2).sum() + (_FAINT / _LOUD) ** 2))
+
+    @property
+    def _witness(self) -> int:
+        """Pixels along the side of a witness."""
+        return min(_WIDEST, max(2, min(self.canvas.shape) // _WITNESSES))
 
     def _voices(self, each: NDArray[np.float32]) -> NDArray[np.float64]:
         """Sums over squares of pixels [rows, columns, k]: [squares, k]."""
         rows, columns, k = each.shape
-        high, wide = -(-rows // _WITNESS), -(-columns // _WITNESS)
-        padded = np.zeros((high * _WITNESS, wide * _WITNESS, k), np.float64)
+        side = self._witness
+        high, wide = -(-rows // side), -(-columns // side)
+        padded = np.zeros((high * side, wide * side, k), np.float64)
         padded[:rows, :columns] = each
-        return padded.reshape(high, _WITNESS, wide, _WITNESS, k).sum((1, 3)).reshape(-1, k)
+        return padded.reshape(high, side, wide, side, k).sum((1, 3)).reshape(-1, k)
 
     def _moved(self, motion: Motion) -> tuple[Pixels, Pixels, Pixels, Pixels]:
         expected = self._warped(self.expected, motion)
@@ -304,14 +316,14 @@ def _rivals(size: CanvasSize) -> list[Motion]:
     """Motions a little larger than is allowed: a canvas lies still where none of them explains a photograph as well."""
     far = 1.2 * MAX_SHIFT
     shifts = [Motion(far * math.cos(angle), far * math.sin(angle)) for angle in np.arange(8) * math.pi / 4]
-    turn = 1.2 * min(MAX_TURN, MAX_SHIFT / math.hypot(size.width / 2, size.height / 2))
+    turn = far / math.hypot(size.width / 2, size.height / 2)
     return [*shifts, Motion(turn=turn), Motion(turn=-turn)]
 
 
 def _best(fine: _Scene, size: CanvasSize) -> tuple[Motion, NDArray[np.float64]]:
     """The motion by which most of the photograph is explained, found from coarse to fine, and its covariance."""
     coarse = fine.coarser()
-    step = 2 * coarse.pitch
+    step = 2 * max(coarse.pitch, _REACH / 6)
     count = int(_REACH / step)
     grid = [Motion(step * x, step * y) for x in range(-count, count + 1) for y in range(-count, count + 1)]
     reach = math.hypot(size.width, size.height) / 2
@@ -349,7 +361,7 @@ def _scene(
     if strokes is not None:
         change = view.around(np.asarray(np.log(strokes[1] + _DIM) - np.log(strokes[0] + _DIM), np.float32))
         is_changed = ((np.abs(change) > _CHANGED).any(2) & view.canvas).astype(np.uint8)
-        around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * round(_BESIDE / _PITCH) + 1,) * 2)
+        around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * round(_BESIDE / view.pitch) + 1,) * 2)
         touched = cv2.dilate(is_changed, around).astype(np.float32) * canvas
     else:
         even = seen - _lamps(seen - expected, known * (1 - canvas))
@@ -370,9 +382,11 @@ def _scene(
         beyond = np.maximum(np.maximum(low - _SPREAD - seen, seen - high - _SPREAD), 0)
         as_paint = np.where(touched > 0, _misfit(beyond, _NOISE), 1).astype(np.float32)
         as_paint[ring & (touched > 0)] = 0
+    alike = ((seen - expected) ** 2).mean(2)[(known > 0) & (touched <= 0)]
+    grain = min(_GRAINY * float(np.median(alike)), (_NOISE / 2) ** 2) if alike.size else 0.0
     expected, is_rim = _with_rim(view, seen, expected, touched)
     return _Scene(
-        seen.astype(np.float32), expected, known, canvas, touched, as_paint, is_rim, _PITCH
+        seen.astype(np.float32), expected, known, canvas, touched, as_paint, is_rim, view.pitch, grain
     )
 
 
@@ -424,7 +438,7 @@ def _lamps(change: Pixels, weight: Pixels) -> Pixels:
     return plane
 
 
-def _misfit(off: Pixels, noise: float) -> Pixels:
-    """How little a difference of light [..., 3] looks like noise, [...], from 0 to 1."""
-    square = (off**2).mean(-1)
+def _misfit(off: Pixels, noise: float, grain: float = 0.0) -> Pixels:
+    """How little a difference of light [..., 3] looks like noise, [...], from 0 to 1; squares up to `grain` are none."""
+    square = np.maximum((off**2).mean(-1) - grain, 0)
     return np.asarray(square / (square + noise**2), np.float32)
