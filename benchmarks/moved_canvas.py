@@ -2,10 +2,11 @@
 
     python benchmarks/moved_canvas.py [--seed 100] [--canvas 14x11in] [--moves 3] [--json figures.json]
 
-Pictures with dark, white, patterned, framed, vignetted and striped edges are painted in the virtual studio by rough plans
-that come of no planner, on every ground that the planner could choose. At every stage of each, three cameras in three
-lights photograph the canvas as it lies, and moved and turned by known amounts; each photograph is judged against that of
-the stage before. In some paintings the canvas was moved between two strokes.
+Pictures with dark, white, patterned, framed, vignetted and striped edges are painted in the virtual studio by rough
+plans that come of no planner, on every ground that the planner could choose. At every stage of each, three cameras in
+three lights photograph the canvas as it lies, and moved and turned by known amounts; each photograph is judged against
+that of the stage before. In some paintings the canvas was moved between two strokes. A rough plan smears wet paint as
+no planner would: looks that are refused because of that, and not as moved, are counted beside.
 """
 
 import math
@@ -30,6 +31,7 @@ from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify
+from frida_painter.perception.registration import Verdict
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.ground import possible_grounds
@@ -171,7 +173,7 @@ class Painter:
         )
 
     def looks(self, bumps: tuple[Bump, ...] = ()) -> Iterator[Look]:
-        """Those at every stage, the canvas lying still, and moved in a few ways; with bumps only the first after one."""
+        """Those at every stage, the canvas lying still and moved in a few ways; after a bump, one look and no more."""
         self.studio.easel.robot.home()
         table = self.studio.table
         first = [_photograph(camera) for camera in self._cameras]
@@ -199,7 +201,7 @@ class Painter:
                 yield from self._by_cameras(name, "in between", knocked, first, before, expected)
                 return
             now = []
-            for number, camera in enumerate(self._cameras):
+            for camera in self._cameras:
                 lamps = self._random.uniform(0.93, 1.07)
                 camera.faults = Faults(light_changes=(LightChange(0, (lamps,) * 3),))
                 now.append(_photograph(camera))
@@ -220,7 +222,9 @@ class Painter:
         now[number] = _photograph(self._cameras[number])
         yield from self._looks_of(name, way, motion, first, before, now, expected)
 
-    def _looks_of(self, name: str, way: str, motion: PlacementError, first: Any, before: Any, now: Any, expected: Any) -> Any:
+    def _looks_of(
+        self, name: str, way: str, motion: PlacementError, first: Any, before: Any, now: Any, expected: Any
+    ) -> Any:
         ground = "white" if self._ground == WHITE else "mean" if self._ground[0] else "dark"
         for number, photograph in enumerate(now):
             if photograph is not None:
@@ -285,14 +289,15 @@ class Count:
 
     @property
     def looks(self) -> int:
-        return self.still + self.unsure + self.moved + self.refused
+        return self.still + self.unsure + self.moved
 
-    def add(self, verdict: str) -> None:
+    def add(self, verdict: str, *, refused: bool) -> None:
         setattr(self, verdict, getattr(self, verdict) + 1)
+        self.refused += refused
 
 
-def verdict_on(look: Look, known: dict[int, tuple[FrameCheck, FlatField]]) -> str:
-    """By the check that a painting makes of every photograph; refused: for another reason than that it moved."""
+def verdict_on(look: Look, known: dict[int, tuple[FrameCheck, FlatField]]) -> tuple[str, bool]:
+    """As a painting judges every photograph, and whether it refuses this one for another reason than that it moved."""
     if id(look.first) not in known:
         known[id(look.first)] = (
             FrameCheck.learn(look.first, look.calibration, look.size),
@@ -300,14 +305,16 @@ def verdict_on(look: Look, known: dict[int, tuple[FrameCheck, FlatField]]) -> st
         )
     learned, light = known[id(look.first)]
     good = replace(learned, last=learned.view.light(look.before))
+    found = {Verdict.STILL: "still", Verdict.UNSURE: "unsure", Verdict.MOVED: "moved"}
+    verdict = found[good.register(look.seen, look.expected).verdict]
     picture = rectify(look.seen, look.calibration, PixelGrid.of_height(look.size, _ROWS))
     try:
         good.require(look.seen, true_color(light.correct(picture), look.calibration), look.expected)
     except FrameDoubtful:
-        return "unsure"
+        return verdict, False
     except FrameRejected as reason:
-        return "moved" if "no longer where it was" in str(reason) else "refused"
-    return "still"
+        return verdict, "no longer where it was" not in str(reason)
+    return verdict, False
 
 
 def main() -> None:
@@ -336,15 +343,17 @@ def main() -> None:
                 for look in painter.looks(bumps):
                     if bumps and not look.moved:
                         continue  # seen before
-                    verdict = verdict_on(look, known)
-                    counts.setdefault((look.stage, look.how), Count()).add(verdict)
+                    verdict, refused = verdict_on(look, known)
+                    counts.setdefault((look.stage, look.how), Count()).add(verdict, refused=refused)
                     if verdict != ("moved" if look.moved else "still"):
                         missed.append(
-                            f"{verdict}: {look.edge}, ground {look.ground}, {look.stage}, camera {look.camera}, {look.how}"
-                            f" {1000 * look.shift:.1f} mm {look.turn:.2f} degrees"
+                            f"{verdict}: {look.edge}, ground {look.ground}, {look.stage}, camera {look.camera}, "
+                            f"{look.how} {1000 * look.shift:.1f} mm {look.turn:.2f} degrees"
                         )
                         print(missed[-1], flush=True)
-    still, moved = (_sum([each for (_, how), each in counts.items() if (how == "still") is quiet]) for quiet in (True, False))
+    still, moved = (
+        _sum([each for (_, how), each in counts.items() if (how == "still") is quiet]) for quiet in (True, False)
+    )
     rows = [(*key, *_row(count)) for key, count in sorted(counts.items(), key=lambda item: item[0][1] != "still")]
     table = Table(
         f"Looks at canvases of {options.canvas}, seed {options.seed}",

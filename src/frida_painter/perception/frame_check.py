@@ -84,7 +84,7 @@ class FrameCheck:
     clipped: float
     view: CanvasView = field(repr=False)
     last: Pixels = field(repr=False)
-    drift: Motion = Motion()
+    drift: Motion = field(default_factory=Motion)
 
     @classmethod
     def learn(
@@ -100,7 +100,14 @@ class FrameCheck:
         """
         edge = PaperEdge.read(photograph, calibration.corners, _REACH * _pixels(calibration, size))
         view = CanvasView.of(calibration, size)
-        return cls(calibration, size, edge, _clipped(photograph, calibration), view, view.light(photograph if last is None else last))
+        return cls(
+            calibration,
+            size,
+            edge,
+            _clipped(photograph, calibration),
+            view,
+            view.light(photograph if last is None else last),
+        )
 
     def require(
         self, photograph: NDArray[np.uint8], seen: Tensor, expected: Expected | None, *, doubtful: bool = False
@@ -120,8 +127,8 @@ class FrameCheck:
             )
         self._require_sharp(photograph)
         found = self.register(photograph, expected)
-        self._require_unmoved(found)
         self._require_uncovered(photograph)
+        self._require_unmoved(found)
         if expected is not None:
             self.require_explained(seen, expected)
         if not doubtful:
@@ -159,8 +166,8 @@ class FrameCheck:
     def _require_unmoved(self, found: Registration) -> None:
         if found.verdict is Verdict.MOVED:
             raise FrameRejected(
-                f"The canvas is no longer where it was: its edge is {self._millimetres(found)} mm away in the photograph. "
-                "Put canvas and camera back as they were, or repeat the canvas and robot calibrations."
+                f"The canvas is no longer where it was: its edge is {self._millimetres(found)} mm away in the "
+                "photograph. Put canvas and camera back as they were, or repeat the canvas and robot calibrations."
             )
 
     def _require_sure(self, found: Registration) -> None:
@@ -179,8 +186,8 @@ class FrameCheck:
         covered = edge.covered_since(self.edge) * 2 * (self.size.width + self.size.height) / len(edge.table)
         if covered > _MOST_COVERED:
             raise FrameRejected(
-                f"Something reaches over the edge of the canvas, {covered * 100:.0f} cm wide. Take arms, hands and "
-                "things out of the camera's sight."
+                f"Something reaches over the edge of the canvas, {covered * 100:.0f} cm wide, or the canvas was moved "
+                "far. Take arms, hands and things out of the camera's sight, and put the canvas back."
             )
 
     def _edge_in(self, photograph: NDArray[np.uint8]) -> PaperEdge:

@@ -2,9 +2,9 @@
 
 The painter knows what it painted, and where. So what is compared is whole: the canvas as it was last photographed, the
 strokes since then, which may lie a little beside where they were sent, its edges, and the table around it. A motion
-moves all of that at once; paint along an edge changes some colours, and moves nothing. Small squares of canvas and table
-are witnesses, and each tells how much worse the photograph is explained by one motion than by another. The verdict
-is by how far they agree.
+moves all of that at once; paint along an edge changes some colours, and moves nothing. Small squares of canvas and
+table are witnesses, and each tells how much worse the photograph is explained by one motion than by another. The
+verdict is by how far they agree.
 """
 
 import math
@@ -34,8 +34,12 @@ _SPREAD = 0.15  # logarithm of light by which paint looks lighter or darker than
 _SMOOTHNESS = 0.7  # pixels, standard deviation, so that between pixels a picture is as smooth as on them
 _RIM = 2  # pixels on either side of the edge of the canvas, in which its blur shows
 _BLUR = 0.8  # pixels, standard deviation of that
-_WITNESSES, _WIDEST = 20, 15  # along the shorter side of a view, squares that have one voice each; pixels of one
-_FAINT, _LOUD = 1 / 15, 4 / 15  # of the side of a witness, in pixels that it finds explained worse: hardly counts; fully
+_WITNESSES, _WIDEST = 20, 12  # along the shorter side of a view, squares that have one voice each; pixels of one
+_FAINT, _LOUD = (
+    1 / 15,
+    4 / 15,
+)  # of the side of a witness, in pixels that it finds explained worse: hardly counts; fully
+_MURMUR = 0.02  # of the pixels of a witness: no voice
 _STRANGE = 0.5  # how badly a canvas is explained on which a person may have painted anything
 _PATCH = 13  # pixels of a square that looks otherwise all over, as no motion makes it
 _LIGHT_CELL = 10  # pixels along the side of a square by which light is compared
@@ -44,7 +48,7 @@ MAX_SHIFT = 0.00125
 """Metres that a corner of the canvas may have moved."""
 MAX_TURN = math.radians(0.4)
 """Radians that the canvas may have turned."""
-_SURE = 4.0  # standard deviations by which witnesses agree
+_SURE = 3.0  # standard deviations by which witnesses agree
 _SURE_STILL = 2.0
 _WELL_WITHIN = 0.5  # of what is allowed: a canvas was moved if no such motion explains a photograph as well
 
@@ -127,9 +131,9 @@ class Registration:
 class CanvasView:
     """The plane of the canvas, a little of the table around it included, as a camera sees it.
 
-    grid: of the canvas alone; column, row [rows, columns] float32: where each of its pixels lies in a photograph; canvas, seen [rows, columns]
-    bool: which are on the canvas, and in the photograph; smoothing: pixels of the photograph that make one of these;
-    pitch: metres of one.
+    grid: of the canvas alone; column, row [rows, columns] float32: where each of its pixels lies in a photograph;
+    canvas, seen [rows, columns] bool: which are on the canvas, and in the photograph; smoothing: pixels of the
+    photograph that make one of these; pitch: metres of one.
     """
 
     grid: PixelGrid
@@ -152,11 +156,17 @@ class CanvasView:
         place = np.stack(np.meshgrid(across, down), -1).astype(np.float64)
         seen = photographed_pixels(place.reshape(-1, 2), calibration, grid).reshape(place.shape)
         rows, columns = calibration.photograph
-        in_sight = np.isfinite(seen).all(2) & (seen >= 0).all(2) & (seen <= (columns - 1, rows - 1)).all(2)
-        canvas = ((place >= 0) & (place < (grid.columns, grid.rows))).all(2)
+        in_sight = np.asarray(((seen >= 0) & (seen <= (columns - 1, rows - 1))).all(2), np.bool_)  # NaN: not
+        canvas = np.asarray(((place >= 0) & (place < (grid.columns, grid.rows))).all(2), np.bool_)
         column, row = np.nan_to_num(seen, nan=-1.0).astype(np.float32).transpose(2, 0, 1)
         return cls(
-            grid, np.ascontiguousarray(column), np.ascontiguousarray(row), canvas, in_sight, 2 * int(pitch / finest / 2) + 1, pitch
+            grid,
+            np.ascontiguousarray(column),
+            np.ascontiguousarray(row),
+            canvas,
+            in_sight,
+            2 * int(pitch / finest / 2) + 1,
+            pitch,
         )
 
     def light(self, photograph: NDArray[np.uint8]) -> Pixels:
@@ -188,15 +198,15 @@ class _Scene:
     touched: Pixels
     as_paint: Pixels
     rim: Pixels
+    grain: Pixels
     pitch: float
-    grain: float
 
     def coarser(self) -> "_Scene":
         """The same with half as many rows and columns."""
         rows, columns = self.canvas.shape
         arrays = {
             name: np.asarray(cv2.resize(each, (columns // 2, rows // 2), interpolation=cv2.INTER_AREA), np.float32)
-            for name in ("seen", "expected", "known", "canvas", "touched", "as_paint", "rim")
+            for name in ("seen", "expected", "known", "canvas", "touched", "as_paint", "rim", "grain")
             for each in (getattr(self, name),)
         }
         return replace(self, **arrays, pitch=self.pitch * 2)
@@ -240,11 +250,13 @@ class _Scene:
             voices = self._voices(np.einsum("rcki,rck->rci", slope, off) * weight[..., None])
             spread = np.linalg.inv(normal)
             covariance = step[:, None] * (spread @ (voices.T @ voices) @ spread) * step
-        return motion, covariance
+        return motion, np.asarray(covariance, np.float64)
 
     def votes(self, better: Motion, worse: Motion) -> float:
         """By how many standard deviations witnesses agree that one motion explains the photograph better."""
         voices = self._voices((self.misfit(worse) - self.misfit(better))[..., None])[:, 0]
+        murmur = _MURMUR * self._witness**2
+        voices = np.sign(voices) * np.maximum(np.abs(voices) - murmur, 0)
         loud = np.tanh(voices / (_LOUD * self._witness))
         return float(loud.sum() / math.sqrt((loud**2).sum() + (_FAINT / _LOUD) ** 2))
 
@@ -289,7 +301,7 @@ def register(
     seen: Pixels,
     before: Pixels,
     strokes: tuple[Pixels, Pixels] | None = None,
-    drift: Motion = Motion(),  # noqa: B008
+    drift: Motion = Motion(),
 ) -> Registration:
     """How the canvas lies in a photograph, against one before, both as CanvasView.light has them.
 
@@ -329,8 +341,7 @@ def _best(fine: _Scene, size: CanvasSize) -> tuple[Motion, NDArray[np.float64]]:
     reach = math.hypot(size.width, size.height) / 2
     grid += [Motion(turn=way * 2 * step / reach) for way in (-3, -2, -1, 1, 2, 3)]
     grid += [Motion(growth=way * 2 * step / reach) for way in (-3, -2, -1, 1, 2, 3)]
-    loss = [float(coarse.misfit(motion, _SOFTEST / 3).sum()) for motion in grid]
-    ranking = np.argsort(loss)
+    ranking = np.argsort([float(coarse.misfit(motion, _SOFTEST / 3).sum()) for motion in grid])
     starts = [Motion()] if grid[ranking[0]] == Motion() else [Motion(), *(grid[at] for at in ranking[:3])]
     found = []
     for start in starts:
@@ -341,9 +352,7 @@ def _best(fine: _Scene, size: CanvasSize) -> tuple[Motion, NDArray[np.float64]]:
     loss = {Motion(): (float(fine.misfit(Motion()).sum()), known[1][1])}
     loss |= {motion: (float(fine.misfit(motion).sum()), covariance) for motion, covariance in known}
     best = min(loss, key=lambda motion: loss[motion][0])
-    rival = min(
-        (best.followed_by(each) for each in _rivals(size)), key=lambda motion: float(fine.misfit(motion).sum())
-    )
+    rival = min((best.followed_by(each) for each in _rivals(size)), key=lambda motion: float(fine.misfit(motion).sum()))
     if float(fine.misfit(rival).sum()) < loss[best][0]:
         motion, covariance = fine.refine(rival, (_SOFTEST / 4, _NOISE, _NOISE, _NOISE))
         loss |= {each: (float(fine.misfit(each).sum()), covariance) for each in (rival, motion)}
@@ -351,9 +360,7 @@ def _best(fine: _Scene, size: CanvasSize) -> tuple[Motion, NDArray[np.float64]]:
     return best, loss[best][1]
 
 
-def _scene(
-    view: CanvasView, seen: Pixels, expected: Pixels, strokes: tuple[Pixels, Pixels] | None
-) -> _Scene:
+def _scene(view: CanvasView, seen: Pixels, expected: Pixels, strokes: tuple[Pixels, Pixels] | None) -> _Scene:
     known = view.seen.astype(np.float32)
     canvas = view.canvas.astype(np.float32)
     touched = np.zeros_like(canvas)
@@ -382,12 +389,13 @@ def _scene(
         beyond = np.maximum(np.maximum(low - _SPREAD - seen, seen - high - _SPREAD), 0)
         as_paint = np.where(touched > 0, _misfit(beyond, _NOISE), 1).astype(np.float32)
         as_paint[ring & (touched > 0)] = 0
-    alike = ((seen - expected) ** 2).mean(2)[(known > 0) & (touched <= 0)]
-    grain = min(_GRAINY * float(np.median(alike)), (_NOISE / 2) ** 2) if alike.size else 0.0
+    grain = np.zeros_like(canvas)
+    for where in (view.canvas, ~view.canvas):
+        alike = ((seen - expected) ** 2).mean(2)[where & (known > 0) & (touched <= 0)]
+        if alike.size:
+            grain[where] = min(_GRAINY * float(np.median(alike)), (_NOISE / 2) ** 2)
     expected, is_rim = _with_rim(view, seen, expected, touched)
-    return _Scene(
-        seen.astype(np.float32), expected, known, canvas, touched, as_paint, is_rim, view.pitch, grain
-    )
+    return _Scene(seen.astype(np.float32), expected, known, canvas, touched, as_paint, is_rim, grain, view.pitch)
 
 
 def _with_rim(view: CanvasView, seen: Pixels, expected: Pixels, touched: Pixels) -> tuple[Pixels, Pixels]:
@@ -402,9 +410,7 @@ def _with_rim(view: CanvasView, seen: Pixels, expected: Pixels, touched: Pixels)
         for edge, inwards in ((inside[0], 1), (inside[-1], -1)):
             at = edge + inwards * np.arange(-_RIM, _RIM)
             within, beyond = edge + inwards * (_RIM + 1), edge - inwards * (_RIM + 2)
-            strip, paint, table = (
-                (slice(None),) * axis + (which,) for which in (at, [within], [beyond])
-            )
+            strip, paint, table = ((slice(None),) * axis + (which,) for which in (at, [within], [beyond]))
             light = share[strip] * np.exp(seen[paint]) + (1 - share[strip]) * np.exp(expected[table])
             is_new = np.broadcast_to(touched[paint] > 0, is_rim[strip].shape)
             composed[strip] = np.where(is_new[..., None], np.log(light), composed[strip])
@@ -438,7 +444,7 @@ def _lamps(change: Pixels, weight: Pixels) -> Pixels:
     return plane
 
 
-def _misfit(off: Pixels, noise: float, grain: float = 0.0) -> Pixels:
-    """How little a difference of light [..., 3] looks like noise, [...], from 0 to 1; squares up to `grain` are none."""
+def _misfit(off: Pixels, noise: float, grain: Pixels | float = 0.0) -> Pixels:
+    """How little a difference of light [..., 3] looks like noise, [...], from 0 to 1; none up to `grain`, a square."""
     square = np.maximum((off**2).mean(-1) - grain, 0)
     return np.asarray(square / (square + noise**2), np.float32)

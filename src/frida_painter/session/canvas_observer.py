@@ -140,7 +140,7 @@ class CanvasObserver:
         return true_color(self.light.correct(picture), self.easel.calibration)
 
     def learn_good(self, photograph: NDArray[np.uint8], last: NDArray[np.uint8] | None = None) -> None:
-        """From now on photographs are compared with this one, which an earlier run took first, and its last good one."""
+        """From now on photographs are compared with these: an earlier run took this one first, and `last` last."""
         self.good = FrameCheck.learn(photograph, self.easel.calibration, self.easel.canvas, last)
 
     def photograph(self, last_motion: float) -> Frame:

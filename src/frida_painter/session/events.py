@@ -266,7 +266,7 @@ class LastLookDoubted:
     @property
     def sentence(self) -> str:
         """That, for a person."""
-        return f"All {self.done} strokes are painted. Its last photograph may not show the painting as it is: {self.reason}"
+        return f"All {self.done} strokes are painted, and the last photograph may not show them well: {self.reason}"
 
 
 @dataclass(frozen=True)
@@ -348,8 +348,8 @@ class GoalChanged:
 
 Written = (
     PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | Drying | LayerBegun | BrushInHand
-    | StrokePainted | StrokeLeftOut | Photographed | TouchCorrected | LastLookDoubted | Paused | Stopped | Failed | Finished
-    | RegionProtected | GoalChanged | PageEvent
+    | StrokePainted | StrokeLeftOut | Photographed | TouchCorrected | LastLookDoubted | Paused | Stopped | Failed
+    | Finished | RegionProtected | GoalChanged | PageEvent
 )  # fmt: skip
 Moment = PlanningStep | Planned | Scheduled | GroundWanted | PaintsWanted | TimelapseFrame | Looked | Resumed
 Event = Moment | Written
