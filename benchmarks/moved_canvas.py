@@ -305,16 +305,17 @@ def verdict_on(look: Look, known: dict[int, tuple[FrameCheck, FlatField]]) -> tu
         )
     learned, light = known[id(look.first)]
     good = replace(learned, last=learned.view.light(look.before))
-    found = {Verdict.STILL: "still", Verdict.UNSURE: "unsure", Verdict.MOVED: "moved"}
-    verdict = found[good.register(look.seen, look.expected).verdict]
     picture = rectify(look.seen, look.calibration, PixelGrid.of_height(look.size, _ROWS))
     try:
         good.require(look.seen, true_color(light.correct(picture), look.calibration), look.expected)
     except FrameDoubtful:
-        return verdict, False
+        return "unsure", False
     except FrameRejected as reason:
-        return verdict, "no longer where it was" not in str(reason)
-    return verdict, False
+        if "no longer where it was" in str(reason):
+            return "moved", False
+        found = {Verdict.STILL: "still", Verdict.UNSURE: "unsure", Verdict.MOVED: "moved"}
+        return found[good.register(look.seen, look.expected).verdict], True
+    return "still", False
 
 
 def main() -> None:

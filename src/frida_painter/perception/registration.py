@@ -32,7 +32,7 @@ _BESIDE = 0.006  # metres that strokes may lie beside where they were sent, at m
 _CHANGED = 0.04  # logarithm of light from which strokes are said to have changed a pixel
 _SPREAD = 0.15  # logarithm of light by which paint looks lighter or darker than it was rendered
 _SMOOTHNESS = 0.7  # pixels, standard deviation, so that between pixels a picture is as smooth as on them
-_RIM = 2  # pixels on either side of the edge of the canvas, in which its blur shows
+_RIM = 4  # pixels on either side of the edge of the canvas, in which its blur shows
 _BLUR = 0.8  # pixels, standard deviation of that
 _WITNESSES, _WIDEST = 20, 12  # along the shorter side of a view, squares that have one voice each; pixels of one
 _FAINT, _LOUD = (
@@ -221,25 +221,28 @@ class _Scene:
         misfit = np.where(~on_table & (touched > 0), np.minimum(misfit, self.as_paint), misfit)
         return np.asarray(misfit * (known > 0.99), np.float32)
 
-    def refine(self, motion: Motion, noises: tuple[float, ...]) -> tuple[Motion, NDArray[np.float64]]:
+    def refine(
+        self, motion: Motion, noises: tuple[float, ...], *, grows: bool = True
+    ) -> tuple[Motion, NDArray[np.float64]]:
         """The motion near that one by which most is explained, and the covariance of its four numbers [4, 4].
 
+        grows: whether another growth than that of `motion` is looked for.
         Robust least squares, in which what does not fit counts less and less (Geman and McClure).
         """
         step = np.array([0.3 * self.pitch, 0.3 * self.pitch, 0.5 * self.pitch / 0.2, 0.5 * self.pitch / 0.2])
         loose = np.diag(step**-2) * 1e-3
         covariance = np.linalg.inv(loose)
         for noise in noises:
-            expected, canvas, known, touched = self._moved(motion)
+            expected, _, known, touched = self._moved(motion)
             off = self.seen - expected
             weight = (noise**2 / ((off**2).mean(2) + noise**2)) ** 2 * (known > 0.99)
             weight[(touched > 0) & (self._warped(self.rim, motion) < 0.5)] = 0
-            slope = np.empty((*off.shape, 4), np.float32)
-            for number in range(4):
+            slope = np.zeros((*off.shape, 4), np.float32)
+            for number in range(4 if grows else 3):
                 change = np.zeros(4)
                 change[number] = step[number]
                 slope[..., number] = self._warped(self.expected, Motion.of(motion.values + change)) - expected
-            slope[canvas * 0 + weight <= 0] = 0
+            slope[weight <= 0] = 0
             chosen = weight > 1e-4
             j, r, w = slope[chosen], off[chosen], weight[chosen]
             weighted = j * w[:, None, None]
@@ -345,11 +348,14 @@ def _best(fine: _Scene, size: CanvasSize) -> tuple[Motion, NDArray[np.float64]]:
     starts = [Motion()] if grid[ranking[0]] == Motion() else [Motion(), *(grid[at] for at in ranking[:3])]
     found = []
     for start in starts:
-        motion, _ = coarse.refine(start, (_SOFTEST, _SOFTEST, _SOFTEST / 2, _SOFTEST / 2, _SOFTEST / 4, _NOISE))
+        noises = (_SOFTEST, _SOFTEST, _SOFTEST / 2, _SOFTEST / 2, _SOFTEST / 4, _NOISE)
+        motion, _ = coarse.refine(start, noises, grows=start.growth != 0)
         found.append(motion if motion.corner_shift(size) < 2 * _REACH else start)
     coarsely = min(found, key=lambda motion: float(fine.misfit(motion).sum()))
-    known = [fine.refine(start, (_SOFTEST / 4, _NOISE, _NOISE, _NOISE)) for start in (coarsely, Motion())]
-    loss = {Motion(): (float(fine.misfit(Motion()).sum()), known[1][1])}
+    noises = (_SOFTEST / 4, _NOISE, _NOISE, _NOISE)
+    known = [fine.refine(start, noises, grows=start.growth != 0) for start in {coarsely, Motion()}]
+    known.append(fine.refine(min(known, key=lambda each: float(fine.misfit(each[0]).sum()))[0], noises[1:]))
+    loss = {Motion(): (float(fine.misfit(Motion()).sum()), known[-1][1])}
     loss |= {motion: (float(fine.misfit(motion).sum()), covariance) for motion, covariance in known}
     best = min(loss, key=lambda motion: loss[motion][0])
     rival = min((best.followed_by(each) for each in _rivals(size)), key=lambda motion: float(fine.misfit(motion).sum()))
