@@ -99,6 +99,10 @@ class FrameRejected(CameraError):
     """A fresh frame that does not show the canvas as it should; the message gives the reason."""
 
 
+class FrameDoubtful(FrameRejected):
+    """A fresh frame of which nobody can tell by itself whether it shows the canvas as it should: a person can."""
+
+
 class PaintingPaused(FridaError):
     """A painting could not go on by itself and nobody was there to ask; it can be resumed where it is."""
 

@@ -52,23 +52,6 @@ def test_shift_and_turn_are_told_apart_under_other_light():
     assert read(paper=150, table=70, seed=1).moved_since(read()) < 0.4
 
 
-def painted(shift=(0.0, 0.0)):
-    """A sheet with dark paint inside most of three sides, four pixels from the edge, as the edge sees it."""
-    seen = photograph(shift)
-    for start, end in (((66, 240), (66, 110)), ((66, 238), (300, 242)), ((332, 240), (335, 100))):
-        inward = np.array((198.0, 150.0)) - np.mean((start, end), 0)
-        inward = 10 * inward / np.linalg.norm(inward)
-        line = [np.rint(np.array(point) + inward + shift).astype(int).tolist() for point in (start, end)]
-        cv2.line(seen, *line, (25, 20, 60), 12)
-    return PaperEdge.read(seen, CORNERS, REACH)
-
-
-def test_paint_along_most_of_the_edge_is_no_motion_and_hides_none():
-    assert painted().drift_since(read()) < 1.0
-    for shift in ((4.0, 0.0), (0.0, -5.0), (3.0, 4.0)):
-        assert painted(shift).drift_since(read()) > 0.6 * math.hypot(*shift)
-
-
 def test_blur_shows_in_the_softness_alone():
     first, blurred = read(), read(blur=4.0)
     assert blurred.softness == pytest.approx(1.68 * 4.0, rel=0.2)

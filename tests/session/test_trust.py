@@ -6,7 +6,7 @@ import pytest
 
 from frida_painter.errors import PaintingPaused
 from frida_painter.plan import Plan
-from frida_painter.session.events import Event, Paused
+from frida_painter.session.events import Event, LastLookDoubted, Paused
 from frida_painter.session.journal import Journal
 from frida_painter.virtual.faults import Bump, Faults, InSight, LightChange, LostFocus
 from worlds import STROKES, World
@@ -64,6 +64,30 @@ def test_what_goes_away_by_itself_is_waited_for(world: World, tmp_path: Path) ->
         in_sight=(InSight("hand", 1, 2),), lost_focus=(LostFocus(4, 4, 0.015),), frozen_photographs=frozenset({6})
     )
     assert paint(world, tmp_path, faults) == []
+
+
+@pytest.mark.parametrize(
+    ("faults", "reason"),
+    [
+        (Faults(in_sight=(InSight("hand", 3),)), "reaches over the edge"),
+        (Faults(lost_focus=(LostFocus(3, blur=0.015),)), "blurred"),
+        (Faults(light_changes=(LightChange(3, (0.001, 0.001, 0.001)),)), "dark"),
+        (Faults(bumps=(Bump(10, (0.004, 0.003)),)), "no longer where it was"),
+        (Faults(failed_photographs=frozenset(range(3, 40))), "does not answer"),
+    ],
+)
+def test_a_painting_whose_strokes_are_all_painted_is_finished_whatever_its_last_photograph_says(
+    world: World, tmp_path: Path, faults: Faults, reason: str
+) -> None:
+    """Faults F21 and F23, after the last stroke: nothing is decided any more, and nobody is there to be asked."""
+    heard: list[Event] = []
+    session, studio = world.session(tmp_path, Journal.nowhere(), faults=faults, notify=heard.append)
+    painting = session.run(STROKES, 3)
+    studio.close()
+    (doubted,) = [event for event in heard if isinstance(event, LastLookDoubted)]
+    assert reason in doubted.reason and painting.remark == doubted.sentence
+    assert painting.painted == STROKES and painting.photograph.shape[0] == 3
+    assert not [event for event in heard if isinstance(event, Paused)]
 
 
 @pytest.mark.slow

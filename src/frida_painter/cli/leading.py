@@ -207,5 +207,6 @@ def tell(outcome: RunOutcome, of: int, seconds: float) -> None:
         *([f"  The arm       {folder / ARM_FILM}"] if (folder / ARM_FILM).exists() else []),
         f"  The page      {outcome.page}",
         *([f"  The easel     {outcome.calibration}, with what was learned of it"] if outcome.calibration else []),
+        *([f"  Remark        {painting.remark}"] if painting.remark else []),
         *([f"  To go on      frida-painter resume {folder}"] if not finished else []),
     )

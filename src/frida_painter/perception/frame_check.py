@@ -1,11 +1,12 @@
 """Whether a photograph shows the canvas as it must, before anything is decided by it; and if not, why not.
 
-Where the edges of the canvas are, and how sharp, is learned from a good photograph. What is on the
-canvas is compared with what should be: where nothing was painted since the last look, nothing may have
-changed; where something was, it may look as before, as it was meant to, or like anything in between.
+How sharp the edges of the canvas are is learned from a first good photograph; where it lies, from the last good one,
+with which each is registered. What is on the canvas is compared with what should be: where nothing was painted since
+the last look, nothing may have changed; where something was, it may look as before, as it was meant to, or like
+anything in between.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import cv2
@@ -17,14 +18,14 @@ from torch.nn import functional
 
 from frida_painter import images
 from frida_painter.calibration import Calibration
-from frida_painter.errors import FrameRejected
-from frida_painter.frames import CanvasSize
+from frida_painter.errors import FrameDoubtful, FrameRejected
+from frida_painter.frames import CanvasSize, PixelGrid
 from frida_painter.palette import to_lab
 from frida_painter.perception.light import to_linear
 from frida_painter.perception.paper_edge import PaperEdge
+from frida_painter.perception.registration import CanvasView, Motion, Pixels, Registration, Verdict, register
 
 _REACH = 0.012  # metres around the edge of the canvas in which it is looked for
-_MOST_DRIFT = 0.002  # metres
 _MOST_BLUR = 0.75  # pixels that the edge is wider than it was, and
 _BLURRED = 0.0008  # metres, whichever is more
 _LIGHT = (0.7, 1.4)  # of what is expected, in the middle of all places
@@ -72,25 +73,50 @@ class Expected:
 class FrameCheck:
     """A good photograph, to which others of the same camera and canvas are compared.
 
-    edge: of the canvas; clipped: share of the canvas that is as bright as can be recorded.
+    edge: of the canvas; clipped: share of the canvas that is as bright as can be recorded; view: how the camera sees
+    the canvas; last: the last good photograph in it, as CanvasView.light has it; drift: by how much the canvas lay
+    elsewhere in that one than in the first.
     """
 
     calibration: Calibration
     size: CanvasSize
     edge: PaperEdge
     clipped: float
+    view: CanvasView = field(repr=False)
+    last: Pixels = field(repr=False)
+    drift: Motion = field(default_factory=Motion)
 
     @classmethod
-    def learn(cls, photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> Self:
-        """From a photograph [rows, columns, 3] that shows the canvas where the calibration says that it is."""
-        edge = PaperEdge.read(photograph, calibration.corners, _REACH * _pixels(calibration, size))
-        return cls(calibration, size, edge, _clipped(photograph, calibration))
+    def learn(
+        cls,
+        photograph: NDArray[np.uint8],
+        calibration: Calibration,
+        size: CanvasSize,
+        last: NDArray[np.uint8] | None = None,
+    ) -> Self:
+        """From a photograph [rows, columns, 3] that shows the canvas where the calibration says that it is.
 
-    def require(self, photograph: NDArray[np.uint8], seen: Tensor, expected: Expected | None) -> None:
-        """Raises FrameRejected, with the reason, unless the photograph may be trusted.
+        last: one of the same canvas since, None where that is the last one.
+        """
+        edge = PaperEdge.read(photograph, calibration.corners, _REACH * _pixels(calibration, size))
+        view = CanvasView.of(calibration, size)
+        return cls(
+            calibration,
+            size,
+            edge,
+            _clipped(photograph, calibration),
+            view,
+            view.light(photograph if last is None else last),
+        )
+
+    def require(
+        self, photograph: NDArray[np.uint8], seen: Tensor, expected: Expected | None, *, doubtful: bool = False
+    ) -> Self:
+        """What later photographs are compared with; raises FrameRejected, with the reason, if this one is not trusted.
 
         seen [3, H, W]: the canvas in it, straight on and in true colours; expected: None where a person
-        may have painted as well, and anything may be there.
+        may have painted as well, and anything may be there; doubtful: whether a canvas counts as lying still if
+        nothing can tell; else FrameDoubtful is raised then.
         """
         if expected is not None:
             self._require_light(seen, expected)
@@ -99,9 +125,23 @@ class FrameCheck:
                 "The photograph is blown out: parts of the canvas are as bright as the camera can tell. Take glare off "
                 "the canvas, bring less light, or expose shorter."
             )
-        self._require_edge(photograph)
+        self._require_sharp(photograph)
+        found = self.register(photograph, expected)
+        self._require_uncovered(photograph)
+        self._require_unmoved(found)
         if expected is not None:
             self.require_explained(seen, expected)
+        if not doubtful:
+            self._require_sure(found)
+        return replace(self, last=self.view.light(photograph), drift=self.drift.followed_by(found.motion))
+
+    def register(self, photograph: NDArray[np.uint8], expected: Expected | None) -> Registration:
+        """How the canvas lies in a photograph [rows, columns, 3] against the last good one."""
+        strokes = None
+        if expected is not None:
+            before, after = (_light_of(picture, self.view.grid) for picture in (expected.before, expected.after))
+            strokes = before, after
+        return register(self.view, self.view.light(photograph), self.last, strokes, self.drift)
 
     def _require_light(self, seen: Tensor, expected: Expected) -> None:
         light = to_linear(images.fit(seen, *_shape(self.size))) + 0.02
@@ -114,27 +154,44 @@ class FrameCheck:
                 "back the light that was there when the painting was begun."
             )
 
-    def _require_edge(self, photograph: NDArray[np.uint8]) -> None:
+    def _require_sharp(self, photograph: NDArray[np.uint8]) -> None:
         pixels = _pixels(self.calibration, self.size)
-        edge = PaperEdge.read(photograph, self.calibration.corners, _REACH * pixels)
-        blur = edge.blurring_since(self.edge)
+        blur = self._edge_in(photograph).blurring_since(self.edge)
         if blur > max(_MOST_BLUR, _BLURRED * pixels):
             raise FrameRejected(
                 f"The photograph is blurred: the edge of the canvas is {blur:.1f} pixels wider than it was. Focus the "
                 "camera, and see that nothing shakes it."
             )
-        drift = edge.drift_since(self.edge) / pixels
-        if drift > _MOST_DRIFT:
+
+    def _require_unmoved(self, found: Registration) -> None:
+        if found.verdict is Verdict.MOVED:
             raise FrameRejected(
-                f"The canvas is no longer where it was: its edge is {drift * 1000:.1f} mm away in the photograph. Put "
-                "canvas and camera back as they were, or repeat the canvas and robot calibrations."
+                f"The canvas is no longer where it was: its edge is {self._millimetres(found)} mm away in the "
+                "photograph. Put canvas and camera back as they were, or repeat the canvas and robot calibrations."
             )
+
+    def _require_sure(self, found: Registration) -> None:
+        if found.verdict is Verdict.UNSURE:
+            raise FrameDoubtful(
+                "The photograph does not tell whether the canvas is still where it was: what can be seen of it fits a "
+                f"place {self._millimetres(found)} mm away, and others. Look whether canvas or camera was moved; if "
+                "neither was, go on."
+            )
+
+    def _millimetres(self, found: Registration) -> str:
+        return f"{self.drift.followed_by(found.motion).corner_shift(self.size) * 1000:.1f}"
+
+    def _require_uncovered(self, photograph: NDArray[np.uint8]) -> None:
+        edge = self._edge_in(photograph)
         covered = edge.covered_since(self.edge) * 2 * (self.size.width + self.size.height) / len(edge.table)
         if covered > _MOST_COVERED:
             raise FrameRejected(
-                f"Something reaches over the edge of the canvas, {covered * 100:.0f} cm wide. Take arms, hands and "
-                "things out of the camera's sight."
+                f"Something reaches over the edge of the canvas, {covered * 100:.0f} cm wide, or the canvas was moved "
+                "far. Take arms, hands and things out of the camera's sight, and put the canvas back."
             )
+
+    def _edge_in(self, photograph: NDArray[np.uint8]) -> PaperEdge:
+        return PaperEdge.read(photograph, self.calibration.corners, _REACH * _pixels(self.calibration, self.size))
 
     def require_explained(self, seen: Tensor, expected: Expected) -> None:
         """Raises FrameRejected where the canvas in the photograph shows what nobody has painted."""
@@ -150,6 +207,12 @@ class FrameCheck:
 
 def _shape(size: CanvasSize) -> tuple[int, int]:
     return max(2, round(size.height / _CELL)), max(2, round(size.width / _CELL))
+
+
+def _light_of(picture: Tensor, grid: PixelGrid) -> Pixels:
+    """Linear light [rows, columns, 3] of a picture [3, H, W]."""
+    light = to_linear(images.fit(picture, grid.rows, grid.columns))
+    return np.ascontiguousarray(light.permute(1, 2, 0).numpy(), np.float32)
 
 
 def _cell_area(size: CanvasSize) -> float:

@@ -20,11 +20,9 @@ _FINE = 2  # samples a pixel across the edge
 _LEAST_STEP = 0.06  # of linear light, between table and paper
 _LEAST_SEEN = 0.5  # of the places of a side
 _LEAST_LEFT = 0.2
-_FEW = 2  # places of a side
 _DIMMEST = 0.01  # linear light: the camera's noise
 _OTHER_LIGHT = 0.3  # natural logarithm of the light beside the edge, against that of all places
 _ROUNDS = 6
-_CORNER = 1.5  # times as far as a whole side, a corner moves at most
 
 
 @dataclass(frozen=True)
@@ -93,23 +91,6 @@ class PaperEdge:
             return math.inf
         return self._motion(self.offset - earlier.offset)
 
-    def drift_since(self, earlier: Self) -> float:
-        """Like `moved_since`, of a canvas whose edge may be painted over in places; NaN where too little is left.
-
-        Beside paint the edge seems to lie farther in. So those places say it that look within as they did, if there are
-        enough, and it is no farther than all of a side moved: where a canvas moves, whole sides do.
-        A lens that was turned, or a camera that came nearer, counts as well: then the whole edge lies
-        farther out, or in, than it did.
-        """
-        outwards = self.offset - earlier.offset
-        if not _enough(outwards):
-            return math.nan
-        is_painted = _is_other(self.inside, earlier.inside, self._brighter_than(earlier))
-        bare = np.where(is_painted, np.nan, outwards)
-        seen = bare if _enough(bare) else outwards
-        drift = max(self._motion(seen), float(abs(np.nanmedian(seen))))
-        return min(drift, _CORNER * _moved_side(outwards, bare))
-
     def blurring_since(self, earlier: Self) -> float:
         """How many pixels wider the edge is, in the middle of all places; NaN where too little of it is left."""
         wider = self.width - earlier.width
@@ -153,20 +134,6 @@ def _is_other(light: NDArray[np.float64], earlier: NDArray[np.float64], brighter
     """At which places the light is another than it was, the lamps being so many times as bright."""
     share = (light + _DIMMEST) / (earlier + _DIMMEST) / brighter
     return np.asarray(np.abs(np.log(share)) > _OTHER_LIGHT)
-
-
-def _moved_side(outwards: NDArray[np.float64], bare: NDArray[np.float64]) -> float:
-    """How far the side moved that moved farthest as a whole, of ways outwards [4 x 48]; bare: of those beside no paint.
-
-    That is what the outermost tenth of its bare places did, or of all where hardly any is bare: paint never lets an
-    edge seem to lie farther out.
-    """
-    moved = []
-    for side, unpainted in zip(outwards.reshape(4, _PLACES), bare.reshape(4, _PLACES), strict=True):
-        if np.isfinite(side).mean() >= _LEAST_LEFT:
-            told = unpainted if np.isfinite(unpainted).sum() >= _FEW else side
-            moved.append(abs(float(np.nanquantile(told, 0.9))))
-    return max(moved)
 
 
 def _enough(values: NDArray[np.float64]) -> bool:

@@ -289,7 +289,7 @@ class Recorder:
             ("Dips into paint", str(self._dips)),
             ("Brush cleaned", count_of(self._cleanings, "time")),
             ("Made in", f"{time.monotonic() - self._started:.0f} s"),
-            *self._mishaps(),
+            *self._mishaps(painting.remark),
             *([("Robot's clock", self._clock(painting))] if self._expected_seconds else []),
         )
         return Story(
@@ -316,7 +316,7 @@ class Recorder:
         """The numbers of strokes that are not on the canvas, and were to be."""
         return [*(self.before.given_up if self.before is not None else []), *self._strokes_left_out]
 
-    def _mishaps(self) -> tuple[tuple[str, str], ...]:
+    def _mishaps(self, remark: str) -> tuple[tuple[str, str], ...]:
         """What did not go as it should, for the page."""
         facts: list[tuple[str, str]] = []
         if self.before is not None:
@@ -324,6 +324,8 @@ class Recorder:
         if self._given_up:
             facts.append(("Strokes given up", ", ".join(map(str, self._given_up))))
         facts += [("Brush heights", sentence) for sentence in self._touch.values()]
+        if remark:
+            facts.append(("Last look", remark))
         if self._left_out:
             facts.append(("Pictures left out", f"{self._left_out}, for want of space on the disk"))
         return tuple(facts)

@@ -293,7 +293,7 @@ class PaintingRun:
         recorder = self._recorder()
         session = self._open_session(self.easel, journal, recorder.hear)
         if (bare := resuming.bare_photograph(self.folder)) is not None:
-            session.observer.learn_good(bare)
+            session.observer.learn_good(bare, resuming.last_photograph(self.folder, history))
         resuming.recall_brush(session.brushwork, history, self.controls.answer)
         now = session.look()
         images.save(now, self.folder / NOW)

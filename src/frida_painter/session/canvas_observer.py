@@ -106,17 +106,22 @@ class CanvasObserver:
             self._film_view = FilmView(calibration, self.light, grid)
         return self._film_view.picture(photograph)
 
-    def examine(self, last_motion: float, rows: int, expected: Expected | None = None) -> tuple[Frame, Tensor]:
+    def examine(
+        self, last_motion: float, rows: int, expected: Expected | None = None, *, doubtful: bool = False
+    ) -> tuple[Frame, Tensor]:
         """A look by which something is decided: the photograph is taken again until it may be trusted.
 
-        expected: what should be seen, None where that is not known. Raises FrameRejected, with the reason,
-        where the third photograph may not be trusted either, and CameraError as `look` does.
+        expected: what should be seen, None where that is not known; doubtful: whether a photograph is trusted in which
+        nothing tells where the canvas lies, because a person has looked. On a simulated easel that nobody can look at
+        the third such one is. Raises FrameRejected, with the reason, where the third photograph may not be trusted
+        either (FrameDoubtful where a person has to look), and CameraError as `look` does.
         """
         for attempt in range(1, _ATTEMPTS + 1):
             frame = self.photograph(last_motion)
+            trusting = doubtful or (self.easel.simulated and attempt == _ATTEMPTS)
             try:
                 canvas = self.see(frame.image, rows)
-                self._require_good(frame.image, canvas, expected)
+                self._require_good(frame.image, canvas, expected, doubtful=trusting)
             except (FrameRejected, StaleFrame):
                 if attempt == _ATTEMPTS:
                     raise
@@ -134,9 +139,9 @@ class CanvasObserver:
             self.light = self._start.light(photograph, picture, self.easel)
         return true_color(self.light.correct(picture), self.easel.calibration)
 
-    def learn_good(self, photograph: NDArray[np.uint8]) -> None:
-        """From now on photographs are compared with this one, which an earlier run took first."""
-        self.good = FrameCheck.learn(photograph, self.easel.calibration, self.easel.canvas)
+    def learn_good(self, photograph: NDArray[np.uint8], last: NDArray[np.uint8] | None = None) -> None:
+        """From now on photographs are compared with these: an earlier run took this one first, and `last` last."""
+        self.good = FrameCheck.learn(photograph, self.easel.calibration, self.easel.canvas, last)
 
     def photograph(self, last_motion: float) -> Frame:
         """A photograph taken after the last motion, never one that was seen before; tried three times.
@@ -145,7 +150,9 @@ class CanvasObserver:
         """
         return self._photographer.photograph(last_motion)
 
-    def _require_good(self, photograph: NDArray[np.uint8], canvas: Tensor, expected: Expected | None) -> None:
+    def _require_good(
+        self, photograph: NDArray[np.uint8], canvas: Tensor, expected: Expected | None, *, doubtful: bool
+    ) -> None:
         if self.good is None:
             self.learn_good(photograph)
             return
@@ -155,7 +162,7 @@ class CanvasObserver:
                 "The camera gave the very same photograph as before, byte for byte, although strokes were painted "
                 "since. Look whether it still works, and start it again."
             )
-        self.good.require(photograph, canvas, expected)
+        self.good = self.good.require(photograph, canvas, expected, doubtful=doubtful)
 
 
 _PATIENCE = 8  # strokes after a frame's turn, for which the hand leaves the canvas though it still has paint

@@ -257,6 +257,19 @@ class TouchCorrected:
 
 
 @dataclass(frozen=True)
+class LastLookDoubted:
+    """All `done` strokes are on the canvas, and its last photograph is not as it should be; `reason` is a sentence."""
+
+    reason: str
+    done: int
+
+    @property
+    def sentence(self) -> str:
+        """That, for a person."""
+        return f"All {self.done} strokes are painted, and the last photograph may not show them well: {self.reason}"
+
+
+@dataclass(frozen=True)
 class StrokeLeftOut:
     """Whoever paints by hand left stroke number `done` (from 1) of `of` out; it counts, and is not on the canvas."""
 
@@ -335,8 +348,8 @@ class GoalChanged:
 
 Written = (
     PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | Drying | LayerBegun | BrushInHand
-    | StrokePainted | StrokeLeftOut | Photographed | TouchCorrected | Paused | Stopped | Failed | Finished
-    | RegionProtected | GoalChanged | PageEvent
+    | StrokePainted | StrokeLeftOut | Photographed | TouchCorrected | LastLookDoubted | Paused | Stopped | Failed
+    | Finished | RegionProtected | GoalChanged | PageEvent
 )  # fmt: skip
 Moment = PlanningStep | Planned | Scheduled | GroundWanted | PaintsWanted | TimelapseFrame | Looked | Resumed
 Event = Moment | Written

@@ -29,6 +29,7 @@ from frida_painter.session.events import (
     Dipped,
     Event,
     Failed,
+    LastLookDoubted,
     MotionBegan,
     PaintingBegun,
     Paused,
@@ -150,7 +151,7 @@ class Journal:
 
     def hear(self, event: Event) -> None:
         """Notes what is not needed to go on; where it finds no room, it is left out."""
-        if isinstance(event, Paused | Failed):
+        if isinstance(event, Paused | Failed | LastLookDoubted):
             with contextlib.suppress(StorageError):
                 self.tell(event)
 

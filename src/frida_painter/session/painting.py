@@ -56,13 +56,15 @@ def difference(seen: Tensor, expected: Tensor) -> float:
 class Painting:
     """What came of it: the last photograph of the canvas [3, H, W], strokes painted, and those still planned.
 
-    robot_seconds: of the robot's clock, from the first plan to the last look.
+    robot_seconds: of the robot's clock, from the first plan to the last look; remark: a sentence on a photograph that
+    does not show the canvas as it should, "" where it does.
     """
 
     photograph: Tensor
     painted: int
     rest: Plan | None
     robot_seconds: float = 0.0
+    remark: str = ""
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ class PaintingProgress:
     planned_at: how many were done when it was last decided how the rest is painted; dried_at: how many were done when
     the paint was last let dry; wet: seconds that it still dries, where it has begun to; wells: what is in them, None
     where that is not known; canvas: what is remembered of it; gain: dB by which the last replan lowered the expected
-    loss, None before there was one.
+    loss, None before there was one; remark: what is to be said of the photograph of the finished canvas, if anything.
     """
 
     plan: Plan | None = None
@@ -101,6 +103,12 @@ class PaintingProgress:
     wells: Palette | None = None
     canvas: CanvasMemory = field(default_factory=CanvasMemory)
     gain: float | None = None
+    remark: str = ""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all strokes of a plan are done."""
+        return self.plan is not None and 0 < self.strokes <= self.painted
 
     @property
     def strokes(self) -> int:
@@ -156,7 +164,8 @@ class PaintingProgress:
 
     def as_painting(self, photograph: Tensor, robot_seconds: float = 0.0) -> Painting:
         """What has come of it by now, by a photograph of the canvas [3, H, W]."""
-        return Painting(photograph, self.painted, None if self.plan is None else self.rest, robot_seconds)
+        rest = None if self.plan is None else self.rest
+        return Painting(photograph, self.painted, rest, robot_seconds, self.remark)
 
     @property
     def _known_plan(self) -> Plan:

@@ -141,6 +141,14 @@ def bare_photograph(folder: Path) -> NDArray[np.uint8] | None:
         return None
 
 
+def last_photograph(folder: Path, history: History) -> NDArray[np.uint8] | None:
+    """The last photograph by which something was decided; None where there is none, or it is lost."""
+    try:
+        return None if history.last_photograph is None else images.load_exactly(folder / history.last_photograph)
+    except ImageError:
+        return None
+
+
 def as_left(kept: KeptPlan, history: History, planner: Planner, before: Tensor) -> Expected:
     """The canvas as it should be found: `before` with the strokes since, and the one in doubt perhaps."""
     until = history.painted if history.in_doubt is None else history.in_doubt

@@ -9,6 +9,7 @@ from frida_painter.session.events import (
     Drying,
     Failed,
     GoalChanged,
+    LastLookDoubted,
     LayerBegun,
     Paused,
     RegionProtected,
@@ -242,7 +243,7 @@ def _hear_painting(painting: PaintState, event: Written) -> None:
             painting.growing = None
             painting.looks = [*painting.looks[-_MOST_LOOKS:], {**asdict(event), "why": painting.why}]
             painting.why = ""
-        case TouchCorrected() if painting.looks:
+        case TouchCorrected() | LastLookDoubted() if painting.looks:
             told = [*painting.looks[-1].get("touch", []), event.sentence]
             painting.looks[-1] = {**painting.looks[-1], "touch": told}
         case Considering():

@@ -18,6 +18,7 @@ from frida_painter.session.events import (
     Dipped,
     Drying,
     Event,
+    LastLookDoubted,
     LayerBegun,
     Looked,
     PaintsWanted,
@@ -95,7 +96,7 @@ class Reporter:
                 self._photograph(photograph, done)
             case Looked():
                 self._looked(event)
-            case Stopped() | Finishing() | TouchCorrected():
+            case Stopped() | Finishing() | TouchCorrected() | LastLookDoubted():
                 self.feed.tell(event)
             case _:
                 pass
