@@ -348,7 +348,7 @@ def _best(fine: _Scene, size: CanvasSize) -> tuple[Motion, NDArray[np.float64]]:
     starts = [Motion()] if grid[ranking[0]] == Motion() else [Motion(), *(grid[at] for at in ranking[:3])]
     found = []
     for start in starts:
-        noises = (_SOFTEST, _SOFTEST, _SOFTEST / 2, _SOFTEST / 2, _SOFTEST / 4, _NOISE)
+        noises: tuple[float, ...] = (_SOFTEST, _SOFTEST, _SOFTEST / 2, _SOFTEST / 2, _SOFTEST / 4, _NOISE)
         motion, _ = coarse.refine(start, noises, grows=start.growth != 0)
         found.append(motion if motion.corner_shift(size) < 2 * _REACH else start)
     coarsely = min(found, key=lambda motion: float(fine.misfit(motion).sum()))
