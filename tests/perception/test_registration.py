@@ -120,6 +120,7 @@ def test_what_a_canvas_moved_before_counts_as_well():
     assert register(VIEW, VIEW.light(seen), VIEW.light(before), None, drift).verdict is Verdict.MOVED
 
 
-def test_where_nothing_can_be_seen_nothing_is_said():
+def test_a_canvas_that_is_gone_does_not_lie_still_and_one_never_seen_is_not_asked_about():
     table = np.full((460, 600, 3), TABLE, np.uint8)
-    assert judged(table, table).verdict is Verdict.UNSURE
+    assert judged(table, photograph(canvas())).verdict is not Verdict.STILL
+    assert judged(table, table).verdict is Verdict.STILL

@@ -308,7 +308,8 @@ def register(
 ) -> Registration:
     """How the canvas lies in a photograph, against one before, both as CanvasView.light has them.
 
-    strokes: the canvas before, and as the strokes since then make it, linear light [rows, columns, 3] of the view's
+    Where not even the photograph before would tell a motion, a canvas that shows none lies still: nobody is asked again
+    and again. strokes: the canvas before, and as the strokes since then make it, linear light [rows, columns, 3] of the view's
     grid; None where a person may have painted anything; drift: by how much it had moved before.
     """
     scene = _scene(view, seen, before, strokes)
@@ -323,8 +324,14 @@ def register(
         evidence = scene.votes(best, still)
         verdict = Verdict.MOVED if evidence >= _SURE else Verdict.UNSURE
         return Registration(verdict, best, deviation, evidence)
-    evidence = min(scene.votes(best, best.followed_by(rival)) for rival in _rivals(size))
-    return Registration(Verdict.STILL if evidence >= _SURE_STILL else Verdict.UNSURE, best, deviation, -evidence)
+    evidence = _stillness(scene, best, size)
+    sure = evidence >= _SURE_STILL or _stillness(_scene(view, before, before, None), Motion(), size) < _SURE_STILL
+    return Registration(Verdict.STILL if sure else Verdict.UNSURE, best, deviation, -evidence)
+
+
+def _stillness(scene: _Scene, best: Motion, size: CanvasSize) -> float:
+    """By how many standard deviations witnesses agree, at least, that the best motion is better than larger ones."""
+    return min(scene.votes(best, best.followed_by(rival)) for rival in _rivals(size))
 
 
 def _rivals(size: CanvasSize) -> list[Motion]:
@@ -397,8 +404,10 @@ def _scene(view: CanvasView, seen: Pixels, expected: Pixels, strokes: tuple[Pixe
         as_paint[ring & (touched > 0)] = 0
     grain = np.zeros_like(canvas)
     for where in (view.canvas, ~view.canvas):
-        alike = ((seen - expected) ** 2).mean(2)[where & (known > 0) & (touched <= 0)]
-        if alike.size:
+        as_before = where & (known > 0) & (touched <= 0)
+        if as_before.any():  # faint light on a bright canvas is another share of it than on a dark table
+            seen[where] -= np.median((seen - expected)[as_before], axis=0)
+            alike = ((seen - expected) ** 2).mean(2)[as_before]
             grain[where] = min(_GRAINY * float(np.median(alike)), (_NOISE / 2) ** 2)
     expected, is_rim = _with_rim(view, seen, expected, touched)
     return _Scene(seen.astype(np.float32), expected, known, canvas, touched, as_paint, is_rim, grain, view.pitch)
