@@ -51,18 +51,20 @@ def test_every_module_of_loops_is_compiled_before_it_is_needed_but_the_studios()
 
 def test_loops_are_compiled_once_and_it_is_told(one_module: Path) -> None:
     said: list[str] = []
-    with LoopCompiler(said.append, one_module):
-        assert len(said) == 1 and "first time" in said[0]
-        with LoopCompiler(said.append, one_module) as second:  # another command at the same time
+    with LoopCompiler(one_module):
+        with LoopCompiler(one_module) as second:  # another command at the same time
             assert second._processes == []
-        await_loops(one_module)
-    with LoopCompiler(said.append, one_module) as later:
-        assert later._processes == [] and len(said) == 1
+        await_loops(said.append, one_module)
+        assert len(said) == 1 and "first time" in said[0]
+    with LoopCompiler(one_module) as later:
+        assert later._processes == []
+        await_loops(said.append, one_module)
+    assert len(said) == 1
 
 
 def test_what_numba_has_kept_no_longer_is_compiled_again(one_module: Path, tmp_path: Path) -> None:
     with LoopCompiler(folder=one_module):
-        await_loops(one_module)
+        await_loops(folder=one_module)
     assert compiled._is_done(one_module, ("frame_kernels",))
     for kept in (tmp_path / "numba").rglob("*.nbi"):
         kept.unlink()
@@ -74,20 +76,20 @@ def test_a_process_that_is_not_done_ends_with_its_block_and_nothing_is_noted(one
         pass
     assert [process.poll() is not None for process in compiler._processes] == [True]
     assert not compiled._is_done(one_module, ("frame_kernels",))
-    await_loops(one_module)  # its lock went with it
+    await_loops(folder=one_module)  # its lock went with it
 
 
 def test_where_no_note_can_be_written_no_process_is_started(one_module: Path) -> None:
     one_module.write_text("a file where the folder should be")
     with LoopCompiler(folder=one_module) as compiler:
         assert compiler._processes == []
-    await_loops(one_module)
+    await_loops(folder=one_module)
 
 
 def test_planning_waits_for_whoever_compiles(tmp_path: Path) -> None:
     lock = os.open(tmp_path / "compiling.lock", os.O_RDWR | os.O_CREAT)
     fcntl.flock(lock, fcntl.LOCK_EX)
-    waiting = threading.Thread(target=await_loops, args=(tmp_path,))
+    waiting = threading.Thread(target=await_loops, kwargs={"folder": tmp_path})
     waiting.start()
     waiting.join(0.2)
     assert waiting.is_alive()

@@ -38,7 +38,9 @@ def zipped(name: str, content: str) -> bytes:
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for file_name, text in (("mimetype", "application/x-krita-palette"), (name, content)):
-            archive.writestr(zipfile.ZipInfo(file_name, (2026, 1, 1, 0, 0, 0)), text)  # the same bytes in all processes
+            archive.writestr(
+                zipfile.ZipInfo(file_name, (2026, 1, 1, 0, 0, 0)), text, zipfile.ZIP_DEFLATED
+            )  # the same bytes in all processes
     return file.getvalue()
 
 

@@ -39,7 +39,7 @@ LOOPS = (
     ("render.spans", "render.kernels", "render.moment_kernels"),
 )
 _HERE = Path(__file__).parent
-_SENTENCE = "Compiling the painter's loops, the first time only: about ten seconds, in which the rest is loaded."
+_SENTENCE = "Compiling the painter's loops, the first time only: up to ten seconds more."
 
 
 def compiles_for(tensor: "Tensor") -> bool:
@@ -56,12 +56,11 @@ def array(tensor: "Tensor") -> NDArray[Any]:
 class LoopCompiler:
     """Processes that compile the planner's loops, in a `with` block; none if that was done, or others are at it.
 
-    They end with the block. tell: hears in a sentence that there are some; folder: of the notes of what is compiled, by
-    default the system's for caches. Where that cannot be written to, loops are compiled when they are needed.
+    They end with the block. folder: of the notes of what is compiled, by default the
+    system's for caches. Where that cannot be written to, loops are compiled when they are needed.
     """
 
-    def __init__(self, tell: Callable[[str], None] = lambda sentence: None, folder: Path | None = None) -> None:
-        self._tell = tell
+    def __init__(self, folder: Path | None = None) -> None:
         self._folder = folder or _folder()
         self._processes: list[subprocess.Popen[bytes]] = []
 
@@ -75,7 +74,6 @@ class LoopCompiler:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 self._processes = [self._start(half, lock) for half in missing]
-                self._tell(_SENTENCE)
             finally:
                 os.close(lock)
         return self
@@ -98,12 +96,16 @@ class LoopCompiler:
         )
 
 
-def await_loops(folder: Path | None = None) -> None:
-    """Returns when no process compiles the planner's loops, at once if none does."""
+def await_loops(tell: Callable[[str], None] = lambda sentence: None, folder: Path | None = None) -> None:
+    """Returns when no process compiles the planner's loops, at once if none does. tell: hears what is waited for."""
     with suppress(OSError):  # no folder, and nothing was compiled in it
         lock = os.open(_lock(folder or _folder()), os.O_RDWR)
         try:
-            fcntl.flock(lock, fcntl.LOCK_SH)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                tell(_SENTENCE)
+                fcntl.flock(lock, fcntl.LOCK_SH)
         finally:
             os.close(lock)
 

@@ -141,7 +141,7 @@ def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -
             print(f"Choosing the {what}, by quick plans.", file=sys.stderr)
             said.add(what)
 
-    run.choosing = choosing
+    run.choosing, run.tell = choosing, lambda sentence: print(sentence, file=sys.stderr)
     encoders = run.planner.encoders
     for choice in encoders.choices:
         better = f" (better: {choice.better})" if choice.better else ""

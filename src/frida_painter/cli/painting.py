@@ -73,7 +73,7 @@ def paint(
     started = time.monotonic()
     spec = spec_of(photo, given)
     require_person(spec, asked=not yes)
-    with LoopCompiler(_tell):
+    with LoopCompiler():
         spec, chosen = (spec, None) if candidates == 1 else _best_of(candidates, spec)
         _paint(spec, chosen, started, given["out"], asked=not yes, asks_for_paints=ask)
 
@@ -99,10 +99,6 @@ def _paint(
     leader.conclude(outcome)
 
 
-def _tell(sentence: str) -> None:
-    print(sentence, file=sys.stderr)
-
-
 def _best_of(candidates: int, spec: "RunSpec") -> "tuple[RunSpec, Plan]":
     """The description with the best of so many seeds, and its plan; says which it is."""
     from rich.console import Console
@@ -119,7 +115,7 @@ def _best_of(candidates: int, spec: "RunSpec") -> "tuple[RunSpec, Plan]":
 def plan(*, photo: Photo = None, **given: Any) -> None:
     """Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix."""
     spec = spec_of(photo, given)
-    with LoopCompiler(_tell):
+    with LoopCompiler():
         _plan(spec, given["out"])
 
 

@@ -1,6 +1,5 @@
 """The command that goes on with a painting that broke off, was stopped or has paused."""
 
-import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -68,7 +67,7 @@ def resume(
     started = time.monotonic()
     prepare_process()
     with ExitStack() as stack:
-        stack.enter_context(LoopCompiler(lambda sentence: print(sentence, file=sys.stderr)))
+        stack.enter_context(LoopCompiler())
         run = stack.enter_context(PaintingRun.reopen(folder, accept_changes=accept_changes, pace=pace))
         require_person(run.spec, asked=not yes)
         _show(run)

@@ -309,8 +309,8 @@ def register(
     """How the canvas lies in a photograph, against one before, both as CanvasView.light has them.
 
     Where not even the photograph before would tell a motion, a canvas that shows none lies still: nobody is asked again
-    and again. strokes: the canvas before, and as the strokes since then make it, linear light [rows, columns, 3] of the view's
-    grid; None where a person may have painted anything; drift: by how much it had moved before.
+    and again. strokes: the canvas before, and as the strokes since then make it, linear light [rows, columns, 3] of the
+    view's grid; None where a person may have painted anything; drift: by how much it had moved before.
     """
     scene = _scene(view, seen, before, strokes)
     size = view.grid.size

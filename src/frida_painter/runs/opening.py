@@ -102,13 +102,15 @@ def open_planner(
     goal: Goal,
     encoders: EncoderRegistry | None = None,
     model: StrokeModel | Sequence[StrokeModel] | None = None,
+    tell: Callable[[str], None] = lambda sentence: None,
 ) -> Planner:
     """The planner that the description means, on the usual ground, or on white if one is to be chosen.
 
     What the easel's own strokes taught of the brush, by its calibration record, goes before what the project ships.
     encoders: the networks that the goal is seen through, by default those that were fetched; model: what takes the
-    place of the description's brushes. Raises CalibrationError if the record is damaged, and WeightsError and
-    ConfigError if there is no such brush, or a network that the goal needs is missing.
+    place of the description's brushes; tell: hears in a sentence what is waited for. Raises CalibrationError if the
+    record is damaged, and WeightsError and ConfigError if there is no such brush, or a network that the goal needs is
+    missing.
     """
     device = planning_device()
     networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures)
@@ -124,7 +126,7 @@ def open_planner(
             "leave it out, or give words alone (--text)."
         )
     if device.type == "cpu":
-        await_loops()
+        await_loops(tell)
     return planner
 
 

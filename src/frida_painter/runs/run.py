@@ -89,7 +89,8 @@ class PaintingRun:
     is painted on as it is delivered where the calibration record is of another one; encoders: the networks that the
     goal is seen through, by default those that were fetched; mixed: the paints that the description says were mixed,
     None where those of the plan are, and read when the block is entered; remarks: sentences for the person;
-    choosing: hears at every step of quick plans what they choose, "brushes" or "ground", and may raise to end them.
+    choosing: hears at every step of quick plans what they choose, "brushes" or "ground", and may raise to end them;
+    tell: hears in a sentence what is waited for before planning begins.
     Raises ConfigError and ImageError where the description makes no painting.
     """
 
@@ -112,6 +113,7 @@ class PaintingRun:
         self._settled: SettledRun | None = None
         self.goal, self.target = self._fitted.goal, self._fitted.target
         self.choosing: Callable[[str], None] = lambda what: None
+        self.tell: Callable[[str], None] = lambda sentence: None
         self.mixed: Palette | None = None
         self._folder = None if folder is None else Path(folder)
         self.listeners: list[Notify] = list(listeners)
@@ -180,7 +182,7 @@ class PaintingRun:
         if self._settled is None:
             region = None if self._reopened is None else resuming.region(self.folder, self._reopened.history)
             self._settled = settle(
-                self._fitted, self._encoders, region=region, choosing=lambda what: self.choosing(what)
+                self._fitted, self._encoders, region=region, choosing=lambda what: self.choosing(what), tell=self.tell
             )
         return self._settled.planner
 

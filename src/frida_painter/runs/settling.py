@@ -11,7 +11,6 @@ from frida_painter.objectives.kinds.image import ImageTerm
 from frida_painter.objectives.kinds.semantic import SemanticTerm
 from frida_painter.objectives.kinds.sketch import SketchTerm
 from frida_painter.objectives.kinds.style import StyleTerm
-from frida_painter.objectives.kinds.text import TextTerm
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.region import Region
 from frida_painter.runs.brush_choice import suited_brushes
@@ -27,7 +26,6 @@ _KINDS: dict[type[Term], str] = {
     SemanticTerm: "semantic",
     SketchTerm: "sketch",
     StyleTerm: "style",
-    TextTerm: "text",
 }
 
 
@@ -50,6 +48,7 @@ def settle(
     *,
     region: Region | None = None,
     choosing: Callable[[str], None] = lambda what: None,
+    tell: Callable[[str], None] = lambda sentence: None,
 ) -> SettledRun:
     """Chooses the brushes and the ground that a description leaves open, by quick plans, and opens the planner.
 
@@ -62,7 +61,7 @@ def settle(
         brushes = suited_brushes(spec, made.goal, encoders, notify=lambda step: choosing("brushes"))
         spec = spec.model_copy(update={"brushes": brushes})
         remarks.append(f"The brushes that suit this picture best: {brushes}.")
-    planner = open_planner(spec, made.goal, encoders)
+    planner = open_planner(spec, made.goal, encoders, tell=tell)
     planner, ground, remark = settled_ground(spec, planner, lambda step: choosing("ground"))
     if spec.ground != ground:
         spec = spec.model_copy(update={"ground": ground})
@@ -94,5 +93,5 @@ def make_planner(
 
 def _described(terms: Sequence[Term]) -> list[dict[str, object]]:
     """Terms as a description names them, without their pictures: what is usual depends on their kinds."""
-    kinds = [(term, _KINDS.get(type(term))) for term in terms]
+    kinds = [(term, _KINDS.get(type(term), None if term.words is None else "text")) for term in terms]
     return [{kind: term.words or "given as a picture"} for term, kind in kinds if kind is not None]

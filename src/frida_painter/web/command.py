@@ -107,7 +107,7 @@ def studio(
         if browser:
             webbrowser.open(links.once)  # others on this machine can read a browser's command line
 
-    with LoopCompiler(print):  # while people look at the page; the first plan waits for it
+    with LoopCompiler():  # while people look at the page; the first plan waits for it
         serve(store, easel, listen(address, port), tuple(name or ()), tell, stop_port, certified)
 
 
