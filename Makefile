@@ -68,7 +68,7 @@ downloads: install
 # tests/docs builds the documentation's site as strictly as `make docs` does.
 test: lint browser downloads
 	$(BIN)/python tools/check_page.py test
-	$(BIN)/pytest -n 2 --dist worksteal
+	$(BIN)/python tools/run_tests.py
 
 quick: install downloads
 	$(BIN)/pytest -n 2 --dist worksteal -m "not slow" --hypothesis-profile quick

@@ -26,7 +26,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from frida_painter.web.painting_store import PaintingStore
+from frida_painter.web.store import PaintingStore
 from measure import Table, arguments, publish
 from stop import Studio, Worker, begun, press
 

@@ -26,7 +26,7 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, storage
-from frida_painter.experiments.imperfections import StudioWithout
+from frida_painter.lab.paintings import StudioWithout
 from frida_painter.palette import to_hex
 from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.runs.run import PaintingRun

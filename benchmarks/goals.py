@@ -10,18 +10,18 @@ from dataclasses import asdict, dataclass
 
 import torch
 
+from frida_painter.devices import prepare_process
 from frida_painter.errors import WeightsError
-from frida_painter.experiments.targets import shipped
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.semantic import SemanticTerm
-from frida_painter.objectives.kinds.sketch import SketchTerm
-from frida_painter.objectives.kinds.style import StyleTerm
-from frida_painter.objectives.kinds.text import TextTerm
-from frida_painter.planning.effort import Effort
+from frida_painter.lab.targets import shipped
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import StyleTerm
+from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
-from frida_painter.session.opening import prepare_process
+from frida_painter.words.text import TextTerm
 from measure import Table, arguments, broad_brush, canvas_like, cpu_seconds, photograph, publish
 
 STROKES, COLORS = 100, 12

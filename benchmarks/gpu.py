@@ -18,26 +18,26 @@ from unittest import mock
 import torch
 from torch import Tensor
 
-from frida_painter.devices import half_precision
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.devices import half_precision, prepare_process
 from frida_painter.errors import WeightsError
-from frida_painter.experiments.targets import shipped
-from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
-from frida_painter.goal import Goal
-from frida_painter.objectives.encoders import clip, clip_resnet, efficientnet, vgg
+from frida_painter.frames import PixelGrid, pixel_to_map
+from frida_painter.lab.targets import shipped
+from frida_painter.objectives.encoders import classifiers, clip, vgg
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.style import StyleTerm
-from frida_painter.objectives.kinds.text import TextTerm
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.plan import Plan
-from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import uniform
+from frida_painter.planning.layers import Effort
 from frida_painter.planning.optimize import optimize
 from frida_painter.planning.planner import Planner
+from frida_painter.planning.problem import on_device
 from frida_painter.planning.refine import discretize
-from frida_painter.planning.scene import on_device
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.render import composite_moments, reference
-from frida_painter.session.opening import prepare_process
+from frida_painter.words.text import TextTerm
 from measure import Table, arguments, blank_scene, broad_brush, canvas_like, hardware, photograph, publish
 
 CANVAS = CanvasSize(0.3556, 0.2794)
@@ -166,7 +166,7 @@ def agreement(options: Namespace, device: torch.device, name: str) -> tuple[Tabl
 def full_precision() -> Iterator[None]:
     """Networks compute in float32."""
     with ExitStack() as stack:
-        for module in (clip, clip_resnet, efficientnet, vgg):
+        for module in (clip, clip, classifiers, vgg):
             stack.enter_context(mock.patch.object(module, "half_precision", lambda device: nullcontext()))
         yield
 

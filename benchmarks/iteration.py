@@ -20,16 +20,16 @@ from typing import Self
 import torch
 from torch import Tensor
 
-from frida_painter.brush.spread import CoverageSpread
-from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
+from frida_painter.brush.kinds import CoverageSpread
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.devices import prepare_process
+from frida_painter.frames import PixelGrid, pixel_to_map
 from frida_painter.planning.initialize import uniform
-from frida_painter.planning.interlace import interlaced
-from frida_painter.planning.optimize import optimize
+from frida_painter.planning.optimize import interlaced, optimize
+from frida_painter.planning.problem import Scene
 from frida_painter.planning.refine import discretize
-from frida_painter.planning.scene import Scene
 from frida_painter.planning.variables import Paints
 from frida_painter.render import composite_moments
-from frida_painter.session.opening import prepare_process
 from frida_painter.strokes import Strokes
 from measure import Table, arguments, blank_scene, broad_brush, cpu_seconds, photograph, publish, wall_seconds
 from original import OriginalPlan, PaperNetwork

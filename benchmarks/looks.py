@@ -11,13 +11,11 @@ from statistics import mean
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.experiments import paintings, targets
-from frida_painter.experiments.imperfections import PLACEMENT
-from frida_painter.experiments.ladder import FULL, PHOTOGRAPHS, QUICK
-from frida_painter.experiments.measures import psnr
-from frida_painter.experiments.outcome import silent
-from frida_painter.experiments.paintings import PaintingTrial, Tell
-from frida_painter.experiments.targets import Target
+from frida_painter.lab import paintings, targets
+from frida_painter.lab.base import psnr, silent
+from frida_painter.lab.ladder import FULL, PHOTOGRAPHS, QUICK
+from frida_painter.lab.paintings import PLACEMENT, PaintingTrial, Tell
+from frida_painter.lab.targets import Target
 from frida_painter.plan import Plan
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec

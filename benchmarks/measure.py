@@ -19,14 +19,14 @@ from rich.table import Table as TerminalTable
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.brush.table import StrokeTable
-from frida_painter.brush.table_cache import cached_table
+from frida_painter.brush.table import StrokeTable, cached_table
 from frida_painter.brush.weights import load_stroke_model
-from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.planning.scene import Scene
+from frida_painter.objectives.objective import Goal
+from frida_painter.planning.problem import Scene
 
 CANVAS_HEIGHT = 0.2794
 LIBRARIES = ("torch", "numpy", "numba", "scikit-learn", "opencv-python-headless")

@@ -22,10 +22,11 @@ from torch import Tensor
 from frida_painter import images
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import FrameDoubtful, FrameRejected
-from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
 from frida_painter.palette import Palette
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
@@ -33,11 +34,11 @@ from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify
 from frida_painter.perception.registration import Verdict
 from frida_painter.plan import WHITE, Plan
-from frida_painter.planning.effort import Effort
 from frida_painter.planning.ground import possible_grounds
+from frida_painter.planning.layers import Effort
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
-from frida_painter.session.brushwork import Brushwork
+from frida_painter.session.hand import Brushwork
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
 from frida_painter.virtual.faults import Bump, Faults, LightChange

@@ -18,7 +18,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from frida_painter.frames import CanvasSize, MapFrame
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.frames import MapFrame
 from frida_painter.strokes import Strokes
 
 HIDDEN, CHANNELS, ROWS, COLUMNS = 20, 20, 64, 128

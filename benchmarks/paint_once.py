@@ -15,7 +15,7 @@ from pathlib import Path
 import torch
 
 from frida_painter import images
-from frida_painter.experiments.imperfections import StudioWithout
+from frida_painter.lab.paintings import StudioWithout
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Dipped, Event, Scheduled

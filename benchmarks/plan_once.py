@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from frida_painter import goal
-from frida_painter.planning.planner import Effort, Planner
+from frida_painter.objectives import objective
+from frida_painter.planning.layers import Effort
+from frida_painter.planning.planner import Planner
 from measure import ImageTerm, broad_brush, canvas_like, photograph  # type: ignore[attr-defined]
 
 
@@ -27,7 +28,7 @@ def main() -> None:
         size = canvas_like(wanted)
         chosen = Effort().scaled(effort)
         facts = {"rows": rows, "effort": chosen, "seed": seed}
-        wished = goal.Goal((ImageTerm(wanted),))
+        wished = objective.Goal((ImageTerm(wanted),))
         try:
             from frida_painter.planning.settings import PlannerSettings
         except ImportError:  # before 0.3

@@ -24,17 +24,17 @@ from multiprocessing import get_context
 import torch
 from torch import Tensor
 
-from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.planning.effort import Effort
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.devices import prepare_process
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
 from frida_painter.planning.initialize import Growth, progressive, uniform
+from frida_painter.planning.layers import Effort
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.planner import Planner
+from frida_painter.planning.problem import Scene
 from frida_painter.planning.refine import relocate
-from frida_painter.planning.scene import Scene
 from frida_painter.planning.settings import PlannerSettings
-from frida_painter.session.opening import prepare_process
 from frida_painter.strokes import Strokes
 from measure import Table, arguments, blank_scene, broad_brush, canvas_like, cpu_seconds, photograph, psnr, publish
 

@@ -28,13 +28,14 @@ from rich.console import Console
 from rich.table import Table
 from torch import Tensor
 
-from frida_painter.frames import CanvasSize, MapFrame, PixelGrid, pixel_to_map
-from frida_painter.render import reference, scanline, slices
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.frames import MapFrame, PixelGrid, pixel_to_map
+from frida_painter.render import plain, reference, scanline
 
 CANVAS = CanvasSize(0.356, 0.279)
 FRAME = MapFrame(-0.020, 0.090, -0.034, 0.034, 48, 80)  # about 100 x 62 pixels at 256 rows
 CASES = ((256, 100), (256, 400), (512, 400), (512, 1000), (1024, 1000))
-PATHS = {"reference": reference.composite, "scanline": scanline.composite, "slices": slices.composite}
+PATHS = {"reference": reference.composite, "scanline": scanline.composite, "slices": plain.composite}
 REFERENCE_PIXELS = 10_000_000  # canvas pixels x strokes that the reference is timed on at most
 
 

@@ -14,16 +14,16 @@ import numpy as np
 import torch
 
 from frida_painter.brush.kinds import brush_kind
-from frida_painter.frames import CanvasSize
-from frida_painter.hardware import limits
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.hardware import gateway
 from frida_painter.hardware.motion import Motion
 from frida_painter.plan import Plan
+from frida_painter.sawyer.arm import SAWYER, SawyerArm
 from frida_painter.strokes import Strokes
-from frida_painter.virtual.arm import Way
-from frida_painter.virtual.brushes import brush_named
-from frida_painter.virtual.sawyer.arm import SawyerArm
-from frida_painter.virtual.studio import SAWYER, StudioSettings, open_studio
-from frida_painter.virtual.studio_layout import sawyer_layout
+from frida_painter.virtual.bristles import brush_named
+from frida_painter.virtual.robot import Way
+from frida_painter.virtual.studio import StudioSettings, open_studio
+from frida_painter.virtual.table import sawyer_layout
 from measure import Table, arguments, publish
 
 _STROKES, _PER_DIP = 200, 4
@@ -57,14 +57,14 @@ def main() -> None:
         strokes = random_strokes(brush, canvas, 4 if options.quick else _STROKES)
     layout = sawyer_layout(canvas, brush_named(brush))
     calibration = open_studio(canvas, brush, settings=StudioSettings(arm=SAWYER)).easel.calibration
-    motion, surface = Motion(layout.workspace, calibration), limits.Surface(canvas, calibration.press_height)
+    motion, surface = Motion(layout.workspace, calibration), gateway.Surface(canvas, calibration.press_height)
     arm, tip, stopped = SawyerArm(layout.workspace, canvas, seed=0), np.array(layout.home), threading.Event()
     arm.connect(tip)
     plane, depth, planning, seconds, spent = [], [], [], 0.0, 0.0
     for index in range(len(strokes)):
         begun = time.process_time()
         ways = [motion.stroke(strokes, index)]
-        limits.check(ways, layout.workspace, surface)
+        gateway.check(ways, layout.workspace, surface)
         planning.append(1000 * (time.process_time() - begun))
         if index % _PER_DIP == 0:
             ways.insert(0, motion.dip(index // _PER_DIP % 12))

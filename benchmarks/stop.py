@@ -40,12 +40,11 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from frida_painter.session.page_events import PlanRequested
-from frida_painter.web.feed import Feed
-from frida_painter.web.folder import WorkerLock
-from frida_painter.web.painting_request import PaintingRequest
-from frida_painter.web.painting_store import Entry, PaintingStore
-from frida_painter.web.stop_line import HEARD, STOP, WORK, call
+from frida_painter.session.events import PlanRequested
+from frida_painter.web.folder import PaintingRequest, WorkerLock
+from frida_painter.web.state import Feed
+from frida_painter.web.stop import HEARD, STOP, WORK, call
+from frida_painter.web.store import Entry, PaintingStore
 from measure import Table, arguments, publish
 
 FILES = 1024

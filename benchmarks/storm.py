@@ -30,10 +30,10 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis.errors import Unsatisfiable
 from schemathesis import GenerationMode
 
-from frida_painter.web.app import application
-from frida_painter.web.painting_store import PaintingStore
-from frida_painter.web.presence import Presence
-from frida_painter.web.studio_easel import StudioEasel
+from frida_painter.web.easel import StudioEasel
+from frida_painter.web.security import Presence
+from frida_painter.web.server import application
+from frida_painter.web.store import PaintingStore
 
 Request = tuple[str, str, dict[str, str], bytes]
 """Method, path, headers, body."""

@@ -35,10 +35,10 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from frida_painter.hardware.link.watch import StopFile
+from frida_painter.easel.watchdog import StopFile
 from frida_painter.session.events import Failed, StrokePainted
-from frida_painter.web.feed import Feed
 from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.state import Feed
 from measure import Table, arguments, publish
 
 WATCHING, DEAF = 20, 5

@@ -29,7 +29,7 @@ from statistics import median
 from typing import Any
 
 from frida_painter import images
-from frida_painter.sweeps.engine import LocalEngine, TaskLimits
+from frida_painter.lab.sweeps.engine import LocalEngine, TaskLimits
 from measure import Table, arguments, photograph, publish
 
 _SETTINGS = """

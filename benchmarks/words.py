@@ -16,16 +16,14 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, weights
-from frida_painter.experiments.text import JUDGE, QUICK, Prompt, Unjudged, log_probabilities, rank_of
-from frida_painter.goal import Goal
-from frida_painter.objectives.encoders.conse import class_names
-from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+from frida_painter.devices import prepare_process
+from frida_painter.lab.text import JUDGE, QUICK, Prompt, Unjudged, log_probabilities, rank_of
+from frida_painter.objectives.encoders.classifiers import EfficientNetLite, class_names
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.objectives.kinds.text import TextTerm
-from frida_painter.runs.ground_choice import settled_ground
-from frida_painter.runs.opening import open_planner
+from frida_painter.objectives.objective import Goal
+from frida_painter.runs.settle import open_planner, settled_ground
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.opening import prepare_process
+from frida_painter.words.text import TextTerm
 from measure import Table, arguments, publish
 
 STROKES = 100

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import torch
 
-from frida_painter.frames import CanvasSize
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.motion import Motion
 from frida_painter.palette import Palette
 from frida_painter.strokes import Strokes

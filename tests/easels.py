@@ -6,12 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import StaleFrame
-from frida_painter.frames import CanvasSize
-from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter.hardware.workspace import Workspace
+from frida_painter.hardware.robot import Frame, MotionReport, Waypoints, Workspace
 from frida_painter.palette import Palette
 
 CANVAS = CanvasSize(0.12, 0.09)

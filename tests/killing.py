@@ -170,10 +170,10 @@ class ForkedCommand(ForkedProcess):
         self._err = tempfile.TemporaryFile("w+")  # noqa: SIM115
 
         def work() -> None:
-            from frida_painter import cli
+            from frida_painter.cli import commands
 
             sys.argv = ["frida-painter", *words]
-            cli.main()
+            commands.main()
 
         super().__init__(work, stdout=self._out, stderr=self._err, cwd=folder, env={**os.environ, **(env or {})})
 
@@ -195,26 +195,26 @@ class ForkedCommand(ForkedProcess):
 
 
 class _ForkedEasel(ForkedProcess):
-    """`python -m frida_painter.session.easel_host WIRE LINE`, as EaselLaunch starts it."""
+    """`python -m frida_painter.easel.host WIRE LINE`, as EaselLaunch starts it."""
 
     def __init__(self, command: Sequence[str], *, stdin: int, stdout: int, stderr: IO[Any], **more: Any) -> None:
-        assert list(command[1:3]) == ["-m", "frida_painter.session.easel_host"], command
+        assert list(command[1:3]) == ["-m", "frida_painter.easel.host"], command
         assert stdin == stdout == subprocess.DEVNULL
-        from frida_painter.session import easel_host
+        from frida_painter.easel import host
 
-        super().__init__(lambda: easel_host.main(int(command[3]), int(command[4]), command[5]), stderr=stderr, **more)
+        super().__init__(lambda: host.main(int(command[3]), int(command[4]), command[5]), stderr=stderr, **more)
 
 
 @contextmanager
 def forked_easels() -> Iterator[None]:
     """Easels' processes are forked from this one; all else about them stays."""
     stand_in = SimpleNamespace(Popen=_ForkedEasel, DEVNULL=subprocess.DEVNULL)
-    with patch("frida_painter.session.easel_launch.subprocess", stand_in):
+    with patch("frida_painter.easel.launch.subprocess", stand_in):
         yield
 
 
 @contextmanager
 def fresh_easels() -> Iterator[None]:
     """Within `forked_easels`: easels' processes are started as people have them."""
-    with patch("frida_painter.session.easel_launch.subprocess", subprocess):
+    with patch("frida_painter.easel.launch.subprocess", subprocess):
         yield

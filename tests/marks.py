@@ -4,9 +4,8 @@ import numpy as np
 import torch
 
 from frida_painter.brush.bezier import BezierStroke, RibbonShape
-from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.kinds import BrushKind, StrokeModel
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.stroke_model import StrokeModel
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits

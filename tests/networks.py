@@ -2,24 +2,25 @@
 
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import torch
 from torch.nn import functional
 from torch.nn.functional import avg_pool2d
 
 from frida_painter.objectives.encoders.base import Reader
-from frida_painter.objectives.encoders.conse import ConSE, class_names
-from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
-from frida_painter.objectives.encoders.hed import Hed
+from frida_painter.objectives.encoders.classifiers import ConSE, EfficientNetLite, class_names
 from frida_painter.objectives.encoders.registry import Choice, EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.objectives.encoders.vgg import Vgg16
-from frida_painter.objectives.scenes.libraries import Pictograms
-from frida_painter.objectives.scenes.reading import PromptReader
-from frida_painter.objectives.scenes.retrieval import PictureIndex
+from frida_painter.objectives.encoders.vgg import Hed, Vgg16
+from frida_painter.words.libraries import Pictograms
+from frida_painter.words.reading import PromptReader
+from frida_painter.words.retrieval import PictureIndex
+
+Kept = TypeVar("Kept")
 
 
 @cache
@@ -169,11 +170,15 @@ class QuickEncoders(EncoderRegistry):
     def sentences(self) -> SentenceEncoder:
         return WordBag()
 
-    def prompts(self) -> PromptReader:
-        return PromptReader(None)
+    def keep(self, name: str, make: Callable[[], Kept]) -> Kept:
+        """Reads prompts without a grammar, and knows only the pictures that a test put under "picture index"."""
+        known = {"prompt reader": PromptReader(None), "picture index": None, **self.own}
+        return cast(Kept, known[name])
 
-    def picture_index(self) -> PictureIndex | None:
-        return None
+    @property
+    def own(self) -> dict[str, Any]:
+        """What a test put in the place of a prompt reader or a picture index."""
+        return self.__dict__.setdefault("_own", {})
 
 
 def index_of(folder: Path) -> PictureIndex:

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frida_painter.brush.kinds import BrushKind
-from frida_painter.frames import CanvasSize
-from frida_painter.hardware.camera import Frame
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.hardware.robot import Frame
 from frida_painter.strokes import StrokeLimits
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import NO_FAULTS, Faults

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.calibration import Calibration
-from frida_painter.frames import CanvasSize
+from frida_painter.canvas_size import CanvasSize
 
 SIZE = CanvasSize(0.4, 0.3)
 ROWS, COLUMNS = 240, 320

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import torch
 
-from frida_painter.frames import CanvasSize
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.strokes import StrokeLimits, Strokes

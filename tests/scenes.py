@@ -8,14 +8,15 @@ import torch
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.brush.kinds import StrokeModel
 from frida_painter.brush.table import StrokeTable, TableDetail
-from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
-from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.objective import Goal
 from frida_painter.palette import to_lab
-from frida_painter.planning.scene import Scene
+from frida_painter.planning.problem import Scene
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.strokes import Strokes
 from marks import SMALL, ribbon

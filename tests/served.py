@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from frida_painter.web.folder import WorkerLock
-from frida_painter.web.painting_store import PaintingStore
-from frida_painter.web.stop_line import StopWatch
+from frida_painter.web.stop import StopWatch
+from frida_painter.web.store import PaintingStore
 
 PATIENCE = 5.0
 """Seconds for a stop on a machine on which anything else may run; benchmarks/stop.py measures how long it takes."""

@@ -9,19 +9,18 @@ from torch import Tensor
 from easels import NotingRobot, PatientCamera, stub_easel
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.calibration import BrushRecord
-from frida_painter.hardware.workspace import BrushRack
+from frida_painter.hardware.robot import BrushRack
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.planning.fading import Fading
-from frida_painter.planning.forecast import SimilarityForecast
+from frida_painter.planning.forecast import Fading, SimilarityForecast
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
-from frida_painter.planning.region import Region
-from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
+from frida_painter.planning.problem import Region
 from frida_painter.session.events import Event, Paused
+from frida_painter.session.hand import Brushwork
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
+from frida_painter.session.observer import CanvasObserver, Timelapse
 from frida_painter.session.painting import Painting, ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy
 from marks import SMALL

@@ -10,12 +10,10 @@ from typing import Any
 from httpx import Response
 from starlette.testclient import TestClient
 
-from frida_painter.web.access import Keys
-from frida_painter.web.app import application, guarded
-from frida_painter.web.painting_store import PaintingStore
-from frida_painter.web.presence import Presence
-from frida_painter.web.roles import Role
-from frida_painter.web.studio_easel import StudioEasel
+from frida_painter.web.easel import StudioEasel
+from frida_painter.web.security import Keys, Presence, Role
+from frida_painter.web.server import application, guarded
+from frida_painter.web.store import PaintingStore
 
 HOST = "127.0.0.1:8350"
 ORIGIN = f"http://{HOST}"

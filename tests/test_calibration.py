@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from frida_painter import storage
 from frida_painter.calibration import Calibration, Done, LearnedFile, previous
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
-from frida_painter.frames import CanvasSize
-from frida_painter.lens import Lens
+from frida_painter.frames import Lens
 
 RECORD = Calibration(
     easel="virtual",

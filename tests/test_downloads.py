@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import downloads
-from frida_painter import model_folder, weights
+from frida_painter import registry, weights
 
 PROBE = """
 import pytest
@@ -25,7 +25,7 @@ def test_needs_nothing(): pass
 @pytest.fixture
 def probed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """An empty cache of downloads."""
-    monkeypatch.setenv(model_folder.VARIABLE, str(tmp_path / "models"))
+    monkeypatch.setenv(registry.VARIABLE, str(tmp_path / "models"))
     monkeypatch.delenv("CI", raising=False)
     return monkeypatch
 

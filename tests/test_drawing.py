@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from frida_painter.drawing import broadened, cleaned, colored, ink
+from frida_painter.objectives.sketch_loss import broadened, cleaned, colored, ink
 
 
 def sheet(rows: int = 120, columns: int = 160) -> torch.Tensor:

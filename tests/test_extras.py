@@ -7,16 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter import cli, extras
+from frida_painter import registry
+from frida_painter.cli import commands
 from frida_painter.errors import CameraError, ConfigError, FridaError, RobotError, WeightsError
 from frida_painter.hardware.cameras.gphoto import GphotoCamera
-from frida_painter.hardware.drivers.serial_line import SerialLine
+from frida_painter.hardware.drivers.gcode import SerialLine
 from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.objectives.scenes.drawings import read_picture
-from frida_painter.objectives.scenes.reading import PromptReader
-from frida_painter.web.abilities import abilities
-from frida_painter.weights import convert
+from frida_painter.web.routes import abilities
+from frida_painter.weights import catalogue
+from frida_painter.words.libraries import read_picture
+from frida_painter.words.reading import PromptReader
 
 PYPROJECT = Path(__file__).parents[1] / "pyproject.toml"
 
@@ -28,7 +29,7 @@ def test_the_studio_names_its_extra(
     monkeypatch.setitem(sys.modules, package, None)
     monkeypatch.setattr(sys, "argv", ["frida-painter", "studio", "--no-browser", "--folder", str(tmp_path / "kept")])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        commands.main()
     said = " ".join(capsys.readouterr().err.split())
     assert end.value.code == 2
     assert said == (
@@ -44,7 +45,7 @@ def test_the_studio_names_its_extra(
         ("transformers", "words", ConfigError, lambda folder: Clip.load(folder)),
         ("resvg_py", "words", ConfigError, lambda folder: read_picture(b"<svg/>", "drawing.svg")),
         ("spacy", "words", ConfigError, PromptReader),
-        ("h5py", "sketch", WeightsError, lambda folder: convert.holistic_edges(folder / "hed.h5")),
+        ("h5py", "sketch", WeightsError, lambda folder: catalogue.holistic_edges(folder / "hed.h5")),
         ("serial", "plotter", RobotError, lambda folder: SerialLine.open("/dev/null", 115200)),
         ("gphoto2", "gphoto", CameraError, lambda folder: GphotoCamera().connect()),
     ],
@@ -67,10 +68,10 @@ def test_the_page_says_what_words_need(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_an_extra_is_asked_for_without_being_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "wave", raising=False)
-    extras.require("web", "wave", "The studio")
+    registry.require("web", "wave", "The studio")
     assert "wave" not in sys.modules
     with pytest.raises(ConfigError, match='The studio needs the extra "web"'):
-        extras.require("web", "no_such_package_anywhere", "The studio")
+        registry.require("web", "no_such_package_anywhere", "The studio")
 
 
 def test_the_extras_that_sentences_name_are_declared() -> None:

@@ -6,16 +6,9 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
-from frida_painter.frames import (
-    CanvasSize,
-    MapFrame,
-    PixelGrid,
-    Rows,
-    pixel_to_map,
-    pixel_to_map_plainly,
-    whole_turns_removed,
-)
+from frida_painter.frames import MapFrame, PixelGrid, Rows, pixel_to_map, pixel_to_map_plainly, whole_turns_removed
 from frida_painter.render.reference import composite
 
 SIDES = st.floats(0.03, 3)

@@ -4,12 +4,12 @@ import pytest
 import torch
 
 from frida_painter.errors import ConfigError
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.semantic import SemanticTerm
-from frida_painter.objectives.kinds.sketch import SketchTerm
-from frida_painter.objectives.kinds.style import StyleTerm
-from frida_painter.objectives.kinds.text import TextTerm
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import StyleTerm
+from frida_painter.words.text import TextTerm
 from scenes import picture
 
 

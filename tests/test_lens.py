@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.errors import CalibrationError
-from frida_painter.lens import Lens
+from frida_painter.frames import Lens
 
 coefficient = st.floats(-0.05, 0.05)
 

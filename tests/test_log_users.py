@@ -16,7 +16,7 @@ from frida_painter.errors import StorageError
 from frida_painter.event_log import FEED, JOURNAL, EventLog, LogPolicy, LogReader
 from frida_painter.virtual import simulation_log
 from frida_painter.virtual.simulation_log import SimulationLog
-from frida_painter.web import answers, commands
+from frida_painter.web import commands
 from frida_painter.web.folder import PaintingFolder
 
 Record = dict[str, Any]
@@ -52,8 +52,8 @@ def add_commands(folder: Path, count: int) -> None:
 
 def add_replies(folder: Path, count: int) -> None:
     for number in range(count):
-        given = answers.Reply(question="0" * 16, length=number / 10)
-        answers.reply(PaintingFolder(folder), given, "browser")
+        given = commands.Reply(question="0" * 16, length=number / 10)
+        commands.reply(PaintingFolder(folder), given, "browser")
     (folder / "log").unlink(missing_ok=True)
     (folder / "log").symlink_to(folder / "replies.jsonl")
 

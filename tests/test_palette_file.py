@@ -17,7 +17,7 @@ from PIL import GimpPaletteFile, Image, ImageCms
 from frida_painter.errors import ConfigError, FridaError, ImageError
 from frida_painter.palette import Palette, to_hex
 from frida_painter.palette_file import read_colors
-from frida_painter.perception.swatches import read_palette
+from frida_painter.perception.color import read_palette
 from frida_painter.runs.spec import RunSpec
 
 PAINTS = ["#f2e9dc", "#b97f2c", "#3b2f2a", "#1d4e89"]

@@ -1,5 +1,6 @@
 """What `import frida_painter as fp` offers, and what it costs: few names, all of them explained, loaded when used."""
 
+import ast
 import json
 import os
 import subprocess
@@ -46,12 +47,14 @@ def test_no_name_is_hidden_by_a_module() -> None:
 
 def test_editors_see_the_same_names_as_python() -> None:
     """The block for type checkers names the same things from the same modules."""
-    lines = Path(frida_painter.__file__).read_text(encoding="utf-8").splitlines()
-    seen = {}
-    for line in lines:
-        words = line.split()
-        if line.startswith("    from frida_painter.") and "import" in words:
-            seen[words[-1]] = (words[1], words[3])
+    tree = ast.parse(Path(frida_painter.__file__).read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    seen = {
+        alias.asname or alias.name: (node.module, alias.name)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
     assert seen.keys() == set(frida_painter.__all__)
     for name, (module, inside) in seen.items():
         assert getattr(import_module(module), inside) is getattr(frida_painter, name)

@@ -86,7 +86,7 @@ def test_a_name_of_ours_stays_ours_and_two_others_that_share_one_are_both_named(
 def test_names_are_listed_without_anything_that_computes_or_drives(tmp_path: Path) -> None:
     """In a process of its own: what was loaded before by other tests does not count."""
     program = (
-        "import sys; from frida_painter.session import names\n"
+        "import sys; from frida_painter.easel import kinds as names\n"
         "assert 'xarm' in names.MACHINES and 'virtual' in names.SIMULATED and 'human' not in names.SIMULATED\n"
         "assert names.require_known('xarm:1.2.3.4') == 'xarm'\n"
         "assert 'numpy' not in sys.modules\n"

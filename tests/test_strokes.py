@@ -5,8 +5,8 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PlanError
-from frida_painter.frames import CanvasSize
 from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
 from plans import CANVAS, LIMITS, made_up_strokes
 

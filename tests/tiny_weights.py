@@ -11,10 +11,9 @@ from threading import Thread
 
 import torch
 
-from frida_painter.weights import NamedWeights, convert
+from frida_painter.weights import NamedWeights, catalogue
 from frida_painter.weights.catalogue import CachedFile
-from frida_painter.weights.sources import Original, WeightsSource
-from frida_painter.weights.wheel import Wheel
+from frida_painter.weights.sources import Original, WeightsSource, Wheel
 
 WORDS = b"a small\nvocabulary\n"
 NETWORK = {"stem.weight": torch.arange(12.0).reshape(3, 4), "stem.steps": torch.tensor(7)}
@@ -45,7 +44,7 @@ def tiny(*sources: WeightsSource, network: bytes | None = None) -> NamedWeights:
     """Weights of two files, a converted one and one kept as it is."""
     kept = (
         CachedFile(original("models/net.pth", archive() if network is None else network), "model.safetensors",
-             convert.state_dict),
+             catalogue.state_dict),
         CachedFile(original("models/vocab.txt", WORDS), "vocab.txt"),
     )  # fmt: skip
     return NamedWeights("tiny", "to be tested", "MIT", "nobody", kept, sources or (WHEEL,))

@@ -9,23 +9,21 @@ import torch
 from skimage import data
 from torch import Tensor
 
-from frida_painter.brush.dip import Dip
-from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.kinds import Dip, brush_kind
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.brush.weights import load_stroke_model
-from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
 from frida_painter.plan import Plan
-from frida_painter.planning.effort import Effort
+from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.session import resuming
-from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event
-from frida_painter.session.history import History
-from frida_painter.session.journal import Journal
+from frida_painter.session.hand import Brushwork
+from frida_painter.session.journal import History, Journal
 from frida_painter.session.loop import PaintingSession
+from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.painting import Painting, ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.camera import CameraSpec

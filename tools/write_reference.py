@@ -18,12 +18,12 @@ from annotated_types import Ge, Le, MaxLen
 import frida_painter
 from frida_painter import registry, weights
 from frida_painter.brush.kinds import BrushModel
-from frida_painter.cli.commands import COMMANDS
+from frida_painter.cli.commands import all_commands
+from frida_painter.easel.kinds import EaselKind
 from frida_painter.hardware.kinds import CameraKind, RobotKind
-from frida_painter.objectives.kind import GoalKind
-from frida_painter.quantities import megabytes
+from frida_painter.objectives.objective import GoalKind
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.easel_kind import EaselKind
+from frida_painter.storage import megabytes
 
 FOLDER = Path(__file__).parents[1] / "docs" / "reference"
 MADE = "<!-- `make reference` writes this page from the program itself. Do not edit it. -->"
@@ -153,7 +153,7 @@ def python() -> str:
 
 
 def _top() -> Iterator[tuple[str, Any]]:
-    for entry in COMMANDS:
+    for entry in all_commands():
         yield entry.name, entry.load()
 
 

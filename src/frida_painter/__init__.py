@@ -8,28 +8,26 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from frida_painter.brush.stroke_model import StrokeModel
+    from frida_painter.brush.kinds import StrokeModel
     from frida_painter.brush.weights import load_stroke_model
     from frida_painter.errors import FridaError
-    from frida_painter.hardware.camera import Camera
-    from frida_painter.hardware.robot import Robot
+    from frida_painter.hardware.robot import Camera, Robot
     from frida_painter.images import load as load_picture
     from frida_painter.images import save as save_picture
+    from frida_painter.lab.sweeps.runner import sweep
     from frida_painter.objectives.objective import Objective
     from frida_painter.palette import Palette
     from frida_painter.plan import Plan
     from frida_painter.planning.planner import Planner
     from frida_painter.planning.settings import PlannerSettings
     from frida_painter.render.painting import render as render_strokes
-    from frida_painter.render.plan_picture import render_plan
-    from frida_painter.runs.goals import make_goal
-    from frida_painter.runs.run import PaintingRun
-    from frida_painter.runs.run import paint as paint
-    from frida_painter.runs.settling import make_planner
+    from frida_painter.render.painting import render_plan
+    from frida_painter.runs.run import PaintingRun, paint
+    from frida_painter.runs.settle import make_goal, make_planner
     from frida_painter.runs.spec import RunSpec
     from frida_painter.strokes import Strokes
-    from frida_painter.sweeps.sweep import sweep as sweep
     from frida_painter.virtual.studio import open_studio as open_virtual_studio
+
 
 __all__ = [
     "Camera",
@@ -58,7 +56,7 @@ __all__ = [
 
 # Where each name is found: its module, and what it is called there.
 _HOMES = {
-    "Camera": ("hardware.camera", "Camera"),
+    "Camera": ("hardware.robot", "Camera"),
     "FridaError": ("errors", "FridaError"),
     "Objective": ("objectives.objective", "Objective"),
     "PaintingRun": ("runs.run", "PaintingRun"),
@@ -68,18 +66,18 @@ _HOMES = {
     "PlannerSettings": ("planning.settings", "PlannerSettings"),
     "Robot": ("hardware.robot", "Robot"),
     "RunSpec": ("runs.spec", "RunSpec"),
-    "StrokeModel": ("brush.stroke_model", "StrokeModel"),
+    "StrokeModel": ("brush.kinds", "StrokeModel"),
     "Strokes": ("strokes", "Strokes"),
     "load_picture": ("images", "load"),
     "load_stroke_model": ("brush.weights", "load_stroke_model"),
-    "make_goal": ("runs.goals", "make_goal"),
-    "make_planner": ("runs.settling", "make_planner"),
+    "make_goal": ("runs.settle", "make_goal"),
+    "make_planner": ("runs.settle", "make_planner"),
     "open_virtual_studio": ("virtual.studio", "open_studio"),
     "paint": ("runs.run", "paint"),
-    "render_plan": ("render.plan_picture", "render_plan"),
+    "render_plan": ("render.painting", "render_plan"),
     "render_strokes": ("render.painting", "render"),
     "save_picture": ("images", "save"),
-    "sweep": ("sweeps.sweep", "sweep"),
+    "sweep": ("lab.sweeps.runner", "sweep"),
 }
 
 

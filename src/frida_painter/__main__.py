@@ -25,9 +25,9 @@ def main() -> NoReturn:
     for number in signals:
         signal.signal(number, end)
     try:
-        from frida_painter import cli
+        from frida_painter.cli import commands
 
-        cli.main()
+        commands.main()
     except KeyboardInterrupt:
         pass
     except SystemExit as ended:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from frida_painter import storage
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
-from frida_painter.frames import CanvasSize
-from frida_painter.lens import Lens
+from frida_painter.frames import Lens
 
 VERSION = 2
 PROCEDURES = ("canvas", "robot", "color", "brush", "strokes")
@@ -56,7 +56,7 @@ class BareCanvas:
     """What the camera saw when the canvas was bare and white; by it a painting may begin on any canvas.
 
     light: [3, 15], as perception/flatfield.py has it; margin: linear light at places around the canvas, as
-    perception/margin.py has them, None where nothing was to be seen. Raises CalibrationError.
+    perception/flatfield.py has them, None where nothing was to be seen. Raises CalibrationError.
     """
 
     light: Matrix

@@ -11,6 +11,7 @@ from frida_painter.errors import ConfigError
 if TYPE_CHECKING:
     from torch import Tensor
 
+
 SMALLEST_CANVAS = 0.03
 LARGEST_CANVAS = 3.0
 _IN, _MM = 0.0254, 0.001

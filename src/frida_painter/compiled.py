@@ -30,13 +30,14 @@ from numpy.typing import NDArray
 from frida_painter import storage
 from frida_painter.errors import StorageError
 
-if TYPE_CHECKING:  # the process that compiles needs no tensors
+if TYPE_CHECKING:
     from torch import Tensor
+
 
 # The modules whose loops the planner calls, in two halves that take about as long to compile.
 LOOPS = (
     ("frame_kernels", "brush.table_kernels", "planning.variable_kernels"),
-    ("render.spans", "render.kernels", "render.moment_kernels"),
+    ("render.kernels",),
 )
 _HERE = Path(__file__).parent
 _SENTENCE = "Compiling the painter's loops, the first time only: up to ten seconds more."

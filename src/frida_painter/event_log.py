@@ -270,7 +270,7 @@ def _missing(path: Path, content: bytes, count: int) -> int:
         tally = _TALLY.fullmatch(storage.read_bytes(_tally_path(path), "a tally", 2 * _TALLY_BYTES))
     except StorageError:
         return 0
-    if tally is None or _checksum(b"", tally[1]) != tally[5]:  # torn by a power cut
+    if tally is None or _line_checksum(b"", tally[1]) != tally[5]:  # torn by a power cut
         return 0
     counted, length, last = int(tally[2]), int(tally[3]), tally[4]
     line = content[content.rfind(b"\n", 0, length - 1) + 1 : length]
@@ -286,7 +286,7 @@ def _write_tally(path: Path, count: int, length: int, last: bytes) -> None:
     with contextlib.suppress(OSError):
         descriptor = os.open(_tally_path(path), os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
         try:
-            os.pwrite(descriptor, b"%s %s\n" % (told, _checksum(b"", told)), 0)
+            os.pwrite(descriptor, b"%s %s\n" % (told, _line_checksum(b"", told)), 0)
         finally:
             os.close(descriptor)
 
@@ -335,17 +335,17 @@ class _Parsed:
 
 def _line(before: bytes, record: Mapping[str, Any]) -> bytes:
     content = json.dumps(record, allow_nan=False, separators=(", ", ": ")).encode()
-    return b"%s %d %s\n" % (_checksum(before, content), len(content), content)
+    return b"%s %d %s\n" % (_line_checksum(before, content), len(content), content)
 
 
-def _checksum(before: bytes, content: bytes) -> bytes:
+def _line_checksum(before: bytes, content: bytes) -> bytes:
     return hashlib.sha256(before + content).hexdigest()[:_CHECKSUM].encode()
 
 
 def _record(line: bytes, before: bytes) -> dict[str, Any] | None:
     """What a line says, after one that states the checksum `before`; None where it was damaged."""
     match = _LINE.fullmatch(line)
-    if match is None or match[1] != _checksum(before, match[3]) or int(match[2]) != len(match[3]):
+    if match is None or match[1] != _line_checksum(before, match[3]) or int(match[2]) != len(match[3]):
         return None
     found: dict[str, Any] = json.loads(match[3])
     return found

@@ -20,7 +20,7 @@ def whole_number_within(least: int, most: int) -> Callable[[str], int]:
 
 def number_within(least: float, most: float) -> Callable[[str], float]:
     """Reads numbers from `least` to `most`. What it makes raises typer.BadParameter."""
-    return _within(number, least, most)
+    return _within(any_number, least, most)
 
 
 def _within(read: Callable[[str], _Number], least: _Number, most: _Number) -> Callable[[str], _Number]:
@@ -41,7 +41,7 @@ def whole_number(text: str) -> int:
         raise typer.BadParameter(f"{str(text)[:40]!r} is not a whole number, like 300") from error
 
 
-def number(text: str) -> float:
+def any_number(text: str) -> float:
     """ "0.5" as 0.5. Raises typer.BadParameter."""
     try:
         return float(text)
@@ -127,7 +127,7 @@ PaceOption = Annotated[
     float,
     typer.Option(
         "--pace",
-        parser=number,
+        parser=any_number,
         metavar="X",
         help="Seconds that a second of the virtual robot takes. 1 is real time, 0.1 ten times as fast, 0 as fast as "
         "possible.",

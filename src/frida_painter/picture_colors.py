@@ -17,6 +17,7 @@ from frida_painter.errors import ImageError
 if TYPE_CHECKING:
     import pyvips
 
+
 Space = Literal["grey", "rgb", "cmyk", "lab"]
 Alpha = Literal["none", "straight", "premultiplied"]
 Bytes = NDArray[np.uint8]

@@ -45,6 +45,7 @@ from frida_painter.picture_colors import (
 if TYPE_CHECKING:
     import pyvips
 
+
 FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "BMP", "GIF")
 """Of Pillow's own, for who reads small pictures with it."""
 SUFFIXES = (

@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 
 from frida_painter import storage, tensor_file
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, PlanError
-from frida_painter.frames import CanvasSize
 from frida_painter.palette import Palette
 from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
 

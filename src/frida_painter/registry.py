@@ -10,42 +10,55 @@ Ours are registered in the same way. They are known without metadata as well, fo
 keeps the metadata of the day on which it was made.
 """
 
+import os
+import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, distributions, entry_points
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TypeVar
 
-from frida_painter.errors import FridaError, PluginError
+import platformdirs
+
+from frida_painter.errors import ConfigError, FridaError, PluginError
 
 Kind = TypeVar("Kind")
 
 ROBOTS = "frida_painter.robots"
 EASELS = "frida_painter.easels"
 CAMERAS = "frida_painter.cameras"
+STUDIO_ARMS = "frida_painter.studio_arms"
 STROKE_MODELS = "frida_painter.stroke_models"
 OBJECTIVES = "frida_painter.objectives"
+COMMANDS = "frida_painter.commands"
+PLAN_CHOOSERS = "frida_painter.plan_choosers"
 REPLAN_POLICIES = "frida_painter.replan_policies"
 
 OURS = "frida-painter"
 OUR_PARTS: Mapping[str, Mapping[str, str]] = {
     EASELS: {
-        "human": "frida_painter.session.easel_kinds.human:KIND",
-        "virtual": "frida_painter.session.easel_kinds.studio:VIRTUAL_KIND",
-        "sawyer-sim": "frida_painter.session.easel_kinds.studio:SAWYER_KIND",
+        "human": "frida_painter.session.human_easel:KIND",
+        "virtual": "frida_painter.easel.studio:VIRTUAL_KIND",
+        "sawyer-sim": "frida_painter.sawyer.easel:KIND",
     },
     ROBOTS: {
         "xarm": "frida_painter.hardware.drivers.xarm:KIND",
         "gcode": "frida_painter.hardware.drivers.gcode:GRBL",
         "marlin": "frida_painter.hardware.drivers.gcode:MARLIN",
         "axidraw": "frida_painter.hardware.drivers.axidraw:KIND",
-        "ros": "frida_painter.hardware.drivers.rospy_connection:KIND",
-        "rosbridge": "frida_painter.hardware.drivers.rosbridge:KIND",
+        "ros": "frida_painter.hardware.drivers.ros_connections:ROSPY",
+        "rosbridge": "frida_painter.hardware.drivers.ros_connections:ROSBRIDGE",
     },
     CAMERAS: {
         "opencv": "frida_painter.hardware.cameras.opencv:KIND",
         "gphoto": "frida_painter.hardware.cameras.gphoto:KIND",
         "folder": "frida_painter.hardware.cameras.folder:KIND",
+    },
+    STUDIO_ARMS: {
+        "sawyer": "frida_painter.sawyer.arm:SAWYER_ARM",
+        "kinematic-sawyer": "frida_painter.sawyer.arm:KINEMATIC_ARM",
     },
     STROKE_MODELS: {
         "fine": "frida_painter.brush.weights:FINE_MODEL",
@@ -53,11 +66,18 @@ OUR_PARTS: Mapping[str, Mapping[str, str]] = {
         "broad": "frida_painter.brush.weights:BROAD_MODEL",
     },
     OBJECTIVES: {
-        "image": "frida_painter.objectives.kinds.image:KIND",
-        "semantic": "frida_painter.objectives.kinds.semantic:KIND",
-        "sketch": "frida_painter.objectives.kinds.sketch:KIND",
-        "text": "frida_painter.objectives.kinds.text:KIND",
-        "style": "frida_painter.objectives.kinds.style:KIND",
+        "image": "frida_painter.objectives.image:KIND",
+        "semantic": "frida_painter.objectives.semantic:KIND",
+        "sketch": "frida_painter.objectives.sketch:KIND",
+        "text": "frida_painter.words.text:KIND",
+        "style": "frida_painter.objectives.style:KIND",
+    },
+    COMMANDS: {
+        "sweep": "frida_painter.lab:SWEEP",
+        "experiments": "frida_painter.lab:EXPERIMENTS",
+    },
+    PLAN_CHOOSERS: {
+        "candidates": "frida_painter.lab.sweeps.command:choose_candidate",
     },
     REPLAN_POLICIES: {
         "times": "frida_painter.session.replan_policy:EvenlySpaced.parse",
@@ -139,3 +159,49 @@ def _points(group: str) -> list[EntryPoint]:
             with suppress(*damages):
                 found.setdefault(package.name, list(package.entry_points.select(group=group)))
         return [point for points in found.values() for point in points]
+
+
+# Packages that only some commands need: each comes with an extra of this distribution, and a missing one is named.
+#
+# The extras stand in pyproject.toml. A module imports such a package inside a function, right after `require`.
+
+
+def is_installed(package: str) -> bool:
+    """Whether `package`, by the name it is imported with, can be imported. It is looked for and not loaded."""
+    if package in sys.modules:
+        return sys.modules[package] is not None
+    return find_spec(package) is not None
+
+
+def advice(extra: str, user: str) -> str:
+    """One sentence that names the extra which `user`, the sentence's subject, needs, and the command to install it."""
+    return f'{user} needs the extra "{extra}", which is not installed; say: pip install "frida-painter[{extra}]"'
+
+
+def require(extra: str, package: str, user: str, error: type[FridaError] = ConfigError) -> None:
+    """Raises `error` with that advice unless `package` is installed.
+
+    extra: the extra that installs it; user: what needs it, such as "The studio".
+    """
+    if not is_installed(package):
+        raise error(advice(extra, user))
+
+
+# Where the weights of networks are kept on this machine: <cache>/<name>/, with a record that is written last.
+
+VARIABLE = "FRIDA_PAINTER_MODELS"
+RECORD = "record.json"
+
+
+def cache_folder(cache: Path | None = None) -> Path:
+    """The folder of weights: `cache`, or what FRIDA_PAINTER_MODELS says, or the one that the system gives to caches."""
+    if cache is not None:
+        return cache
+    if os.environ.get(VARIABLE):
+        return Path(os.environ[VARIABLE]).expanduser()
+    return platformdirs.user_cache_path("frida-painter", appauthor=False) / "models"
+
+
+def are_here(name: str, cache: Path | None = None) -> bool:
+    """Whether weights of that name were fetched. Only a glance: weights/cache.py checks them whenever they are used."""
+    return (cache_folder(cache) / name / RECORD).is_file()

@@ -309,3 +309,16 @@ def _require_plain_numbers(value: Any) -> None:
         raise ValueError(f"{str(value)[:12]}... is a whole number of {len(str(value))} digits, and one has at most 19")
     for child in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
         _require_plain_numbers(child)
+
+
+# Numbers of things and sizes of files, as a person says them.
+
+
+def count_of(number: int, what: str) -> str:
+    """ "1 stroke", "2 strokes"."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def megabytes(size: int) -> str:
+    """Bytes as "12 MB"."""
+    return f"{size / 1e6:.0f} MB"

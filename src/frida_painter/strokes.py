@@ -6,8 +6,8 @@ from typing import Self
 import torch
 from torch import Tensor
 
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PlanError
-from frida_painter.frames import CanvasSize
 
 GROUPS = ("position", "angle", "length", "bend", "thickness", "color")
 _TOLERANCE = 1e-6

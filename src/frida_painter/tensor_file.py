@@ -12,7 +12,7 @@ from safetensors.torch import load, save
 from frida_painter import storage
 from frida_painter.errors import FridaError, StorageError
 
-MOST_BYTES = 2 * 2**30
+MOST_TENSOR_BYTES = 2 * 2**30
 _MOST_HEADER = 100_000_000  # bytes, as safetensors itself has it
 
 
@@ -34,11 +34,11 @@ def read_tensors(
     Raises `error` where the file is missing, damaged, not safetensors (a pickle is never run),
     holds numbers that are not finite, or has another sha256 than the one given.
     """
-    with storage.opened(path, what, MOST_BYTES, error) as file:
+    with storage.opened(path, what, MOST_TENSOR_BYTES, error) as file:
         if sha256 is None:  # of a file that anybody may have given, before as much memory is filled as it is long
             _require_header(file.read(8), path, what, error)
             file.seek(0)
-        content = file.read(MOST_BYTES + 1)
+        content = file.read(MOST_TENSOR_BYTES + 1)
     if sha256 is not None and hashlib.sha256(content).hexdigest() != sha256:
         raise error(f"{path} is not the file that belongs to {what} (its sha256 differs); take an unchanged copy.")
     try:

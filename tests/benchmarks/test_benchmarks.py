@@ -12,7 +12,7 @@ import torch
 from PIL import Image
 
 from frida_painter.brush.weights import load_stroke_model
-from frida_painter.frames import CanvasSize
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.planning.initialize import uniform
 from frida_painter.render import render
 

@@ -3,8 +3,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from frida_painter.brush.dip import Dip
-from frida_painter.brush.kinds import BROAD, MEDIUM
+from frida_painter.brush.kinds import BROAD, MEDIUM, Dip
 from frida_painter.errors import ConfigError
 
 

@@ -3,10 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from frida_painter.brush.dip import painted_area
-from frida_painter.brush.endurance import dip_shown
-from frida_painter.brush.flaw import Flaw
-from frida_painter.brush.library import StrokeLibrary
+from frida_painter.brush.kinds import painted_area
+from frida_painter.brush.library import Flaw, StrokeLibrary, dip_shown
 from marks import SMALL, small_library
 
 COUNT = 60

@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from frida_painter.brush.flaw import Flaw
-from frida_painter.brush.judge import clean, judge, judge_marks
+from frida_painter.brush.library import Flaw, clean, judge, judge_marks
 from frida_painter.errors import LibraryError
 from marks import small_library
 

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter.brush import measure
+from frida_painter.brush import DEFAULT_MODEL, evaluation
 from frida_painter.brush.bezier import BezierStroke, RibbonShape
-from frida_painter.brush.learn import learn
-from frida_painter.brush.limits import DEFAULT_MODEL
-from frida_painter.brush.measure import cross_validate, errors, evaluate
+from frida_painter.brush.evaluation import cross_validate, errors, evaluate, learn
 from frida_painter.errors import LibraryError
 from frida_painter.strokes import StrokeLimits
 from marks import SMALL, ribbon, small_frame, small_library
@@ -63,8 +61,8 @@ def test_every_fold_is_tested_by_a_model_that_has_not_seen_it(monkeypatch):
         tested.append(set(part.recorded_index.tolist()))
         return errors(model, part)
 
-    monkeypatch.setattr(measure, "learn", learn_hastily)
-    monkeypatch.setattr(measure, "errors", errors_and_tell)
+    monkeypatch.setattr(evaluation, "learn", learn_hastily)
+    monkeypatch.setattr(evaluation, "errors", errors_and_tell)
     found = cross_validate(DEFAULT_MODEL, library, SMALL, folds=3, notify=lambda fold, _: heard.append(fold))
     assert found.shape == (3,)
     assert (found > 0).all()

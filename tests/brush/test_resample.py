@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from frida_painter.brush.resample import resample
+from frida_painter.brush.library import resample
 from frida_painter.frames import MapFrame
 
 GIVEN = MapFrame(-0.01, 0.05, -0.02, 0.02, 40, 60)

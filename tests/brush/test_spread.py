@@ -8,14 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frida_painter import tensor_file
-from frida_painter.brush.field import FORMAT, StrokeField
+from frida_painter.brush.evaluation import likelihood
+from frida_painter.brush.field import FORMAT, StrokeField, train_field
+from frida_painter.brush.kinds import CERTAIN, CoverageSpread, median_of, spread_of
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.measure import likelihood
-from frida_painter.brush.model_file import write_model
 from frida_painter.brush.param2stroke import Param2Stroke
-from frida_painter.brush.spread import CERTAIN, CoverageSpread, median_of, spread_of
 from frida_painter.brush.table import StrokeTable, TableDetail
-from frida_painter.brush.train_field import train_field
+from frida_painter.brush.training import write_model
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import WeightsError
 from marks import SMALL, shapes, small_library

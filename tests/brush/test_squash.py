@@ -2,7 +2,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.brush.squash import squash, stretched, unsquash
+from frida_painter.brush.table import squash, stretched, unsquash
 
 
 @given(st.floats(0, 1))

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from frida_painter.brush.stroke_function import StrokeFunction
+from frida_painter.brush.kinds import StrokeFunction
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.brush.weights import load_stroke_model
 from marks import SMALL, ribbon, shapes

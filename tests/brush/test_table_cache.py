@@ -1,11 +1,10 @@
 import pytest
 import torch
 
-from frida_painter.brush import table_cache
+from frida_painter.brush import table
 from frida_painter.brush.bezier import BezierStroke
-from frida_painter.brush.stroke_function import StrokeFunction
-from frida_painter.brush.table import StrokeTable, TableDetail
-from frida_painter.brush.table_cache import cached_table
+from frida_painter.brush.kinds import StrokeFunction
+from frida_painter.brush.table import StrokeTable, TableDetail, cached_table
 from frida_painter.errors import ConfigError
 from marks import SMALL, ribbon, shapes, small_frame
 
@@ -109,7 +108,7 @@ def test_without_a_folder_to_write_to_it_is_made_every_time(tmp_path):
 
 
 def test_only_so_many_are_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr(table_cache, "_MOST_KEPT", 2)
+    monkeypatch.setattr(table, "_MOST_KEPT", 2)
     for columns in (14, 16, 18):
         cached_table(ribbon(8, columns), TableDetail(spans=(1, 1, 1), rank=2), tmp_path)
     assert len(list(tmp_path.iterdir())) == 2

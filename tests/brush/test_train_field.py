@@ -1,8 +1,7 @@
 import pytest
 import torch
 
-from frida_painter.brush.field import StrokeField
-from frida_painter.brush.train_field import train_field
+from frida_painter.brush.field import StrokeField, train_field
 from frida_painter.errors import LibraryError
 from marks import SMALL, small_frame, small_library
 

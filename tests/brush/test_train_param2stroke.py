@@ -1,8 +1,7 @@
 import pytest
 import torch
 
-from frida_painter.brush.param2stroke import Param2Stroke
-from frida_painter.brush.train_param2stroke import train_param2stroke
+from frida_painter.brush.param2stroke import Param2Stroke, train_param2stroke
 from frida_painter.errors import LibraryError
 from marks import SMALL, small_frame, small_library
 

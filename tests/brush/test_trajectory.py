@@ -6,7 +6,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.brush.trajectory import pressure, stroke_path
+from frida_painter.brush.kinds import pressure, stroke_path
 from frida_painter.errors import PlanError
 from frida_painter.strokes import Strokes
 

@@ -2,15 +2,15 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter import cli
+from frida_painter.cli import commands
+from frida_painter.easel.kinds import state_folder
 from frida_painter.hardware.latch import Latch, latch_path
-from frida_painter.session.names import state_folder
 
 
 def arm(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
     monkeypatch.setattr("sys.argv", ["frida-painter", "arm", *words])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        commands.main()
     return int(end.value.code or 0)
 
 

@@ -18,8 +18,9 @@ import torch
 from PIL import Image
 from safetensors.torch import load_file, save
 
-from frida_painter import cli, storage
+from frida_painter import storage
 from frida_painter.__main__ import main as command
+from frida_painter.cli import commands
 from frida_painter.cli.stop_signal import stop_on_signals
 from frida_painter.errors import ConfigError, RobotStopped
 from frida_painter.hardware.workcell import example
@@ -32,7 +33,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
     """Runs the command in this process, and returns its exit status."""
     monkeypatch.setattr("sys.argv", ["frida-painter", *words])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        commands.main()
     return int(end.value.code or 0)
 
 
@@ -330,7 +331,7 @@ def test_what_is_said_in_several_lines_arrives_so(
     def refused(**given: object) -> None:
         raise ConfigError("Something was changed:\n  seed: it was 1\x1b, and is 2\nChange it back.")
 
-    monkeypatch.setattr(cli, "build", lambda: refused)
+    monkeypatch.setattr(commands, "build", lambda: refused)
     assert run(monkeypatch, "resume") == 2
     told = capsys.readouterr().err
     assert told.splitlines()[1:] == ["  seed: it was 1\N{REPLACEMENT CHARACTER}, and is 2", "Change it back."]
@@ -347,7 +348,7 @@ def test_a_signal_at_any_moment_ends_it_in_a_sentence(
         except KeyboardInterrupt:  # as Typer does
             sys.exit(130)
 
-    monkeypatch.setattr(cli, "build", lambda: loading)
+    monkeypatch.setattr(commands, "build", lambda: loading)
     known = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     before = {each: signal.getsignal(each) for each in known}
     try:
@@ -373,7 +374,7 @@ def test_a_signal_that_was_ignored_from_the_beginning_stays_so(
             time.sleep(0.05)
             print("asked to stop" if stop.asked else "not asked")
 
-    monkeypatch.setattr(cli, "build", lambda: working)
+    monkeypatch.setattr(commands, "build", lambda: working)
     known = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     before = {each: signal.getsignal(each) for each in known}
     signal.signal(number, signal.SIG_IGN)
@@ -399,6 +400,6 @@ def test_a_stop_that_was_asked_for_ends_as_one_and_any_other_is_a_fault(
     def stopped(**given: object) -> None:
         raise RobotStopped("dip: nothing moves, the arm was stopped (the stop file stop appeared); arm it", asked=asked)
 
-    monkeypatch.setattr(cli, "build", lambda: stopped)
+    monkeypatch.setattr(commands, "build", lambda: stopped)
     assert run(monkeypatch, "resume") == status
     assert capsys.readouterr().err.count("nothing moves, the arm was stopped") == 1

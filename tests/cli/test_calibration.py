@@ -6,14 +6,14 @@ import pytest
 import torch
 from PIL import Image
 
-from frida_painter import cli
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import OF_A_BRUSH, Calibration
-from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.runs.calibrating import default_record
-from frida_painter.runs.opening import open_planner
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.cli import commands
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
+from frida_painter.runs.easel import default_record
+from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
 from frida_painter.virtual.studio import open_studio
 
@@ -30,7 +30,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     def running(*words: object) -> tuple[int, str, str]:
         monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            commands.main()
         told = capsys.readouterr()
         return int(end.value.code or 0), told.out, told.err
 

@@ -12,13 +12,11 @@ import typer
 from typer.main import get_group
 
 import frida_painter
-from frida_painter import cli
-from frida_painter.cli import strokes
-from frida_painter.cli.commands import COMMANDS
-from frida_painter.cli.deferred import Deferred
-from frida_painter.experiments.text import PROMPTS
+from frida_painter.cli import commands
+from frida_painter.cli.commands import Deferred, all_commands
+from frida_painter.lab.text import PROMPTS
 
-ENTRIES = [(("",), entry) for entry in COMMANDS] + [(("strokes",), entry) for entry in strokes.COMMANDS]
+ENTRIES = [(("",), entry) for entry in all_commands()] + [(("strokes",), entry) for entry in commands.STROKE_COMMANDS]
 IDS = [" ".join((*group, entry.name)).strip() for group, entry in ENTRIES]
 HEAVY = ["torch", "numba", "transformers", "cv2", "fastapi", "numpy", "scipy", "PIL"]
 HELP = """
@@ -42,7 +40,7 @@ def test_the_list_says_of_a_command_what_the_command_says_of_itself(entry: Defer
 
 
 def test_every_command_of_a_module_is_listed() -> None:
-    for entries in (COMMANDS, strokes.COMMANDS):
+    for entries in (all_commands(), commands.STROKE_COMMANDS):
         for module in {entry.module for entry in entries}:
             app = typer.Typer(callback=lambda: None)
             import_module(module).register(app)
@@ -51,11 +49,13 @@ def test_every_command_of_a_module_is_listed() -> None:
 
 
 def test_every_module_with_commands_is_listed() -> None:
-    package = Path(cli.__file__).parent.parent
-    files = [path for face in ("cli", "web", "experiments") for path in (package / face).glob("*.py")]
+    package = Path(commands.__file__).parent.parent
+    files = [path for face in ("cli", "web", "lab", "lab/sweeps") for path in (package / face).glob("*.py")]
     listed = {entry.module for _, entry in ENTRIES}
     assert listed == {
-        f"frida_painter.{path.parent.name}.{path.stem}" for path in files if "\ndef register(app" in path.read_text()
+        ".".join(path.relative_to(package.parent).with_suffix("").parts)
+        for path in files
+        if "\ndef register(app" in path.read_text()
     }
 
 
@@ -74,7 +74,7 @@ def modules_after(*words: str) -> set[str]:
 def help_pages() -> list[tuple[str, ...]]:
     """Every command, and the groups above them."""
     pages: list[tuple[str, ...]] = [()]
-    for entry in COMMANDS:
+    for entry in all_commands():
         pages.append((entry.name,))
         pages += [(entry.name, name) for name in getattr(entry.load(), "commands", {})]
     return pages
@@ -92,13 +92,13 @@ def test_a_command_without_arguments_is_not_run_by_its_entry(capsys: pytest.Capt
     """An entry hands its words over: what they lack is said by the command itself."""
     with pytest.raises(SystemExit) as end, pytest.MonkeyPatch.context() as patch:
         patch.setattr("sys.argv", ["frida-painter", "export"])
-        cli.main()
+        commands.main()
     assert end.value.code == 2
     said = capsys.readouterr().err
     assert "PLAN" in said and "`frida-painter export --help`" in said
 
 
 def test_the_text_experiment_offers_all_its_prompts() -> None:
-    from frida_painter.experiments.painting_commands import text
+    from frida_painter.lab.commands import text
 
     assert text.__defaults__ is not None and len(PROMPTS) in text.__defaults__

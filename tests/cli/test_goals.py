@@ -8,18 +8,21 @@ import pytest
 import torch
 from PIL import Image
 
-from frida_painter import cli, images
-from frida_painter.cli.goal_options import goal_given
+from frida_painter import images
+from frida_painter.cli import commands
+from frida_painter.cli.options import goal_given
 from frida_painter.errors import ConfigError, FridaError, WeightsError
-from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.semantic import SemanticTerm
-from frida_painter.objectives.kinds.sketch import SketchTerm
-from frida_painter.objectives.kinds.style import StyleTerm
-from frida_painter.objectives.kinds.text import TextTerm
-from frida_painter.runs.goals import open_goal, picture_of
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import StyleTerm
+from frida_painter.runs.settle import open_goal, picture_of
 from frida_painter.runs.spec import RunSpec
+from frida_painter.words.reading import prompt_reader
+from frida_painter.words.retrieval import picture_index
+from frida_painter.words.text import TextTerm
 from networks import QuickEncoders
 from scenes import picture
 
@@ -153,7 +156,7 @@ def test_a_styled_painting_says_what_it_was_and_through_what_it_was_seen(
     words += ["--effort", "0.05", "--render-height", "64", "--no-film", "--out", str(out)]
     monkeypatch.setattr("sys.argv", ["frida-painter", *words])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        commands.main()
     assert not end.value.code
     assert "Seeing style through random mixtures (better: VGG16)" in capsys.readouterr().err
     settings = json.loads((out / "result.json").read_text())["settings"]
@@ -190,14 +193,14 @@ def test_a_sketch_and_a_blank_sheet(photo: Path) -> None:
 def test_words_are_painted_without_any_photograph(
     coarse_brush: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in ("readers", "reader_aside", "sentences", "prompts", "picture_index"):
-        monkeypatch.setattr(EncoderRegistry, name, getattr(QuickEncoders, name))
+    for name in ("readers", "reader_aside", "sentences", "keep", "own"):
+        monkeypatch.setattr(EncoderRegistry, name, getattr(QuickEncoders, name), raising=False)
     out = tmp_path / "out"
     words = ["paint", "--text", "a <script>alert(1)</script> ship", "--strokes", "5", "--replans", "1"]
     words += ["--effort", "0.05", "--render-height", "64", "--out", str(out)]
     monkeypatch.setattr("sys.argv", ["frida-painter", *words])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        commands.main()
     assert not end.value.code
     said = capsys.readouterr().err
     assert "Seeing words through random networks (better: CLIP)" in said and "was found; give one with --image" in said
@@ -228,6 +231,6 @@ def test_words_without_networks_say_what_to_fetch(tmp_path: Path) -> None:
     encoders = EncoderRegistry(tmp_path)
     with pytest.raises(WeightsError, match=r"needs minilm and efficientnet-lite0.*fetch words"):
         encoders.readers()
-    assert encoders.picture_index() is None and encoders.reader_aside() is None
+    assert picture_index(encoders) is None and encoders.reader_aside() is None
     assert "models fetch words" in encoders.remarks[0]
-    assert len(encoders.prompts().read("a cat").things) == 1 and "models fetch english" in encoders.remarks[1]
+    assert len(prompt_reader(encoders).read("a cat").things) == 1 and "models fetch english" in encoders.remarks[1]

@@ -75,9 +75,9 @@ def test_killed_between_two_brushes_it_is_completed_with_the_right_one(
         os.chdir(tmp_path)
         os.environ["XDG_STATE_HOME"] = str(tmp_path / "state")
         sys.argv = ["frida-painter", "paint", "cup.png", *SMALL, "--out", str(folder)]
-        from frida_painter import cli
+        from frida_painter.cli import commands
 
-        cli.main()
+        commands.main()
 
     kill_when(folder / "journal", moment, paint)
     until(lambda: not (folder / ".studio.diary-reserve").exists(), 60)  # the easel's process ends by itself

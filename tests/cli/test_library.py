@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from frida_painter import cli, images
+from frida_painter import images
 from frida_painter.brush.library import StrokeLibrary
+from frida_painter.cli import commands
 from marks import small_library
 
 
@@ -16,7 +17,7 @@ def call(tmp_path, monkeypatch, capsys):
     def calling(*words):
         monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            commands.main()
         told = capsys.readouterr()
         return end.value.code or 0, told.out, told.err
 

@@ -3,7 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter import cli, images
+from frida_painter import images
+from frida_painter.cli import commands
 from frida_painter.palette import Palette
 from plans import made_up_plan
 
@@ -11,7 +12,7 @@ from plans import made_up_plan
 def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
     monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        commands.main()
     return int(end.value.code or 0)
 
 

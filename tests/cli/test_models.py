@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from frida_painter import cli
+from frida_painter.cli import commands
 from tiny_weights import tiny, write_wheel
 
 
@@ -17,7 +17,7 @@ def call(tmp_path, monkeypatch, capsys):
     def calling(*words):
         monkeypatch.setattr("sys.argv", ["frida-painter", "models", *map(str, words)])
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            commands.main()
         told = capsys.readouterr()
         return end.value.code or 0, told.out, told.err
 

@@ -15,8 +15,8 @@ import pytest
 from PIL import Image
 from skimage import data
 
-from frida_painter import cli
-from frida_painter.frames import CanvasSize
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.cli import commands
 from frida_painter.hardware.workcell import example
 from frida_painter.plan import Plan
 
@@ -39,7 +39,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     def running(*words: object) -> str:
         monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            commands.main()
         told = capsys.readouterr()
         assert not end.value.code, told.err
         return told.out

@@ -4,23 +4,23 @@ import pytest
 import torch
 from rich.console import Console
 
-from frida_painter.cli.progress import PaintingLine, PlanningLine, _words
+from frida_painter.cli.terminal import PaintingLine, PlanningLine, _words
 from frida_painter.palette import Palette
 from frida_painter.planning.optimize import Step
 from frida_painter.session.events import (
     Drying,
     Event,
+    Finishing,
     Looked,
     PaintsWanted,
     Planned,
     PlanningStep,
     Scheduled,
     StrokePainted,
+    Timetable,
 )
-from frida_painter.session.forecast import Forecast, duration
-from frida_painter.session.page_events import Finishing
 from frida_painter.session.replan_policy import EvenlySpaced
-from frida_painter.session.timetable import Timetable
+from frida_painter.session.time_left import Forecast, duration
 from plans import made_up_plan
 
 STROKES, REPLANS, PLANNING, REPLANNING = 60, 3, 40, 10

@@ -14,14 +14,14 @@ import pytest
 from PIL import Image
 from skimage import data
 
-from frida_painter import cli
 from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.cli import commands
+from frida_painter.easel.open import open_easel
+from frida_painter.easel.order import EaselOrder
 from frida_painter.event_log import EventLog
-from frida_painter.frames import CanvasSize
 from frida_painter.hardware.workcell import WorkcellConfig, example
-from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.easels import open_easel
-from frida_painter.session.history import History
+from frida_painter.session.journal import History
 from killing import kill_when
 from machines.fake_grbl import FakeGrbl
 
@@ -96,7 +96,7 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
         monkeypatch.setattr("rich.console.Console.input", answer)
         monkeypatch.setattr(sys, "argv", ["frida-painter", *map(str, words)])
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            commands.main()
         told = capsys.readouterr()
         assert not lines, f"{lines} was not asked for: {told.err}"
         return int(end.value.code or 0), told.out + told.err

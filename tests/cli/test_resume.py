@@ -13,10 +13,10 @@ import pytest
 from PIL import Image
 from skimage import data
 
-from frida_painter import cli
+from frida_painter.cli import commands
 from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
-from frida_painter.session.history import History
+from frida_painter.session.journal import History
 from killing import began, kill_when
 from marks import coarse_table
 
@@ -42,7 +42,7 @@ Resume = Callable[..., tuple[int, str]]
 def _coarse_brush(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
-        patch.setattr("frida_painter.runs.opening.cached_table", coarse_table)
+        patch.setattr("frida_painter.runs.settle.cached_table", coarse_table)
         yield
 
 
@@ -55,7 +55,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     def paint() -> None:
         sys.argv = ["frida-painter", *map(str, words)]
-        cli.main()
+        commands.main()
 
     kill_when(place / "painting" / "journal", began(7), paint)
     until = time.monotonic() + 60
@@ -80,7 +80,7 @@ def resume(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], 
         monkeypatch.setattr("sys.argv", ["frida-painter", "resume", *map(str, words)])
         monkeypatch.setattr("sys.stdin", io.StringIO(typed))
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            commands.main()
         told = capsys.readouterr()
         return int(end.value.code or 0), told.out + told.err
 

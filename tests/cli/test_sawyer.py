@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from skimage import data
 
-from frida_painter import cli, images
+from frida_painter import images
+from frida_painter.cli import commands
 
 pytest.importorskip("mink")
 SMALL = ("--render-height", "64", "--effort", "0.05", "--strokes", "4", "--colors", "1", "--robot", "sawyer-sim")
@@ -22,7 +23,7 @@ def painting(tmp_path, monkeypatch, coarse_brush):
     def painting(*words):
         monkeypatch.setattr(sys, "argv", ["frida-painter", "paint", "photo.png", *SMALL, *words, "--out", "painted"])
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            commands.main()
         return end.value.code or 0
 
     return painting

@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 from skimage import data
 
+from frida_painter.easel.kinds import STOP_FILE
 from frida_painter.hardware.latch import latches
-from frida_painter.session.names import STOP_FILE
 from session.easel_errands import moves, until
 
 pytestmark = pytest.mark.slow

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter import cli, registry
-from frida_painter.brush import learn
+from frida_painter import registry
+from frida_painter.brush import evaluation
+from frida_painter.brush.evaluation import evaluate
 from frida_painter.brush.field import StrokeField
-from frida_painter.brush.measure import evaluate
 from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.weights import load_stroke_model
+from frida_painter.cli import commands
 from marks import small_library
 from plugins import install
 
@@ -25,7 +26,7 @@ def run(tmp_path, monkeypatch, capsys):
     def command(*words: object) -> tuple[int, str, str]:
         monkeypatch.setattr("sys.argv", ["frida-painter", "strokes", *map(str, words)])
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            commands.main()
         told = capsys.readouterr()
         return int(end.value.code or 0), told.out, told.err
 
@@ -36,17 +37,17 @@ def run(tmp_path, monkeypatch, capsys):
 def hasty(monkeypatch):
     """Trainings that are over at once."""
 
-    thoroughly = learn.learn
+    thoroughly = evaluation.learn
 
     def hastily(name, library, kind=None, *, seed=0, notify=None):
         return thoroughly(name, library, kind, seed=seed, hasty=True, notify=notify)
 
-    monkeypatch.setattr("frida_painter.brush.learn.learn", hastily)
-    monkeypatch.setattr("frida_painter.brush.measure.learn", hastily)
+    monkeypatch.setattr("frida_painter.brush.evaluation.learn", hastily)
+    monkeypatch.setattr("frida_painter.brush.evaluation.learn", hastily)
 
 
 def test_a_brush_is_learned_and_then_tested_on_other_strokes(run, monkeypatch):
-    monkeypatch.setattr("frida_painter.brush.train_field._STEPS", 60)
+    monkeypatch.setattr("frida_painter.brush.field._STEPS", 60)
     status, out, _ = run("train", "library.npz", "--seed", 3, "--out", "my/brush.safetensors")
     assert status == 0
     claimed = float(re.search(r"magnitude is (0\.\d+)", out)[1])
@@ -70,7 +71,7 @@ def test_a_brush_is_learned_and_then_tested_on_other_strokes(run, monkeypatch):
 def test_an_evaluation_has_a_page_of_any_stroke_model_also_of_one_that_is_only_a_function(run, tmp_path, monkeypatch):
     text = """
 from frida_painter.brush.kinds import BrushModel
-from frida_painter.brush.stroke_function import StrokeFunction
+from frida_painter.brush.kinds import StrokeFunction
 from plugins import install
 from marks import SMALL, ribbon
 MODEL = BrushModel(SMALL, lambda: StrokeFunction(SMALL, ribbon(), ribbon().frame))

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 import frida_painter as fp
-from frida_painter.cli.commands import COMMANDS
+from frida_painter.cli.commands import all_commands
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -44,14 +44,14 @@ def commands(page: Path) -> Iterator[list[str]]:
 
 @cache
 def command(name: str) -> Any:
-    return next(entry for entry in COMMANDS if entry.name == name).load()
+    return next(entry for entry in all_commands() if entry.name == name).load()
 
 
 def what_is_wrong(words: list[str]) -> str:
     """Why the program would not take these words; "" where it would. Values are checked where there is a choice."""
     if not words or words[0] in ("COMMAND", "--help"):
         return ""
-    if words[0] not in {entry.name for entry in COMMANDS}:
+    if words[0] not in {entry.name for entry in all_commands()}:
         return f"no command {words[0]}"
     found, rest = command(words[0]), words[1:]
     while getattr(found, "commands", None) and rest and rest[0] in found.commands:
@@ -117,7 +117,7 @@ def test_python_names_what_is_there(page: Path) -> None:
 def test_a_lost_name_is_found() -> None:
     assert lost_names("import frida_painter as fp\nfp.Plannr") == ["fp.Plannr"]
     assert lost_names("from frida_painter.plan import Plan, Plam") == ["frida_painter.plan.Plam"]
-    assert lost_names("from frida_painter.experiments import measures") == []
+    assert lost_names("from frida_painter.lab import measures") == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

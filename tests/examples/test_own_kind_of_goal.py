@@ -10,14 +10,15 @@ from types import ModuleType
 import pytest
 import torch
 
-from frida_painter import cli, registry
+from frida_painter import registry
+from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
-from frida_painter.objectives.kind import goal_kinds
-from frida_painter.planning.effort import Effort
+from frida_painter.objectives.objective import goal_kinds
+from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.registry import OBJECTIVES
 from frida_painter.runs.goal_item import GoalItem, read_goal_file
-from frida_painter.runs.goals import open_goal, picture_of
+from frida_painter.runs.settle import open_goal, picture_of
 from frida_painter.runs.spec import RunSpec
 from marks import coarse_table
 from scenes import CANVAS, plain, small_table
@@ -66,11 +67,11 @@ def test_it_is_planned_for_alone_from_a_goal_file(mirror: None, tmp_path: Path) 
 def test_the_command_line_paints_it(
     mirror: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("frida_painter.runs.opening.cached_table", coarse_table)
+    monkeypatch.setattr("frida_painter.runs.settle.cached_table", coarse_table)
     words = ["plan", "--mirror", "top-bottom", "--mirror-weight", "0.5", "--strokes", "5", "--colors", "2"]
     words += ["--effort", "0.05", "--render-height", "64", "--out", str(tmp_path / "out")]
     monkeypatch.setattr("sys.argv", ["frida-painter", *words])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        commands.main()
     assert not end.value.code, capsys.readouterr().err
     assert (tmp_path / "out" / "plan.json").exists() and (tmp_path / "out" / "plan.png").exists()

@@ -13,21 +13,20 @@ import torch
 from PIL import Image
 from skimage import data
 
-from frida_painter import cli
-from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.kinds import StrokeFunction, brush_kind
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.stroke_function import StrokeFunction
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.cli import commands
+from frida_painter.easel.kinds import MACHINES
+from frida_painter.easel.open import camera_named, robot_named
+from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import CameraError, ConfigError
-from frida_painter.frames import CanvasSize
 from frida_painter.hardware.workcell import WorkcellConfig, example
-from frida_painter.objectives.kind import goal_kinds
+from frida_painter.objectives.objective import goal_kinds
 from frida_painter.plan import Plan
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.easels import camera_named, robot_named
-from frida_painter.session.names import MACHINES
 from frida_painter.session.replan_policy import looks_on_the_way, replan_policy_named
 from marks import coarse_table
 from plugins import install_own_parts
@@ -61,7 +60,7 @@ def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     text = example().replace("width = 0.3556", "width = 0.14").replace("height = 0.2794", "height = 0.1")
     (tmp_path / "easel.toml").write_text(text)
     Image.fromarray(data.coffee()).resize((140, 100)).save(tmp_path / "coffee.png")
-    monkeypatch.setattr("frida_painter.runs.opening.cached_table", coarse_table)
+    monkeypatch.setattr("frida_painter.runs.settle.cached_table", coarse_table)
     goal_kinds.cache_clear()
     yield tmp_path
     goal_kinds.cache_clear()
@@ -74,7 +73,7 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
     def running(*words: object) -> tuple[int, str]:
         monkeypatch.setattr(sys, "argv", ["frida-painter", *map(str, words)])
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            commands.main()
         told = capsys.readouterr()
         return int(end.value.code or 0), " ".join((told.out + told.err).split())
 

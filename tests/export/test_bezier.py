@@ -4,7 +4,7 @@ import torch
 
 from frida_painter.brush.bezier import BezierStroke
 from frida_painter.brush.kinds import MEDIUM
-from frida_painter.export.bezier import control_points, mark_widths
+from frida_painter.export.vector import control_points, mark_widths
 from frida_painter.strokes import Strokes
 from plans import made_up_strokes
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from easels import CALIBRATION, WORKSPACE
 from frida_painter.brush.kinds import MEDIUM
 from frida_painter.errors import ConfigError
-from frida_painter.export.bezier import control_points
 from frida_painter.export.gcode import gcode
+from frida_painter.export.vector import control_points
 from frida_painter.hardware.gcode import Gcode, Servo
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
@@ -18,7 +18,7 @@ from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 from frida_painter.session.choreography import Action, BrushLoad, Choreography
 from frida_painter.session.events import Dipped
-from frida_painter.session.flatbed_workspace import FlatbedWorkspace
+from frida_painter.session.rehearsal import FlatbedWorkspace
 from plans import CANVAS, in_layers, made_up_plan
 
 PLAN = made_up_plan(12, 3)

@@ -10,8 +10,7 @@ import torch
 import vpype
 
 from frida_painter.errors import PlanError
-from frida_painter.export.bezier import control_points
-from frida_painter.export.svg import svg
+from frida_painter.export.vector import control_points, svg
 from frida_painter.palette import Palette, to_hex
 from frida_painter.plan import Plan
 from frida_painter.strokes import Strokes

@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from frida_painter.export.table import COLUMNS, table
+from frida_painter.export.vector import COLUMNS, table
 from frida_painter.palette import to_hex
 from plans import in_layers, made_up_plan
 

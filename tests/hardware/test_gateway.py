@@ -8,18 +8,17 @@ import pytest
 
 import frida_painter
 from easels import CALIBRATION, CANVAS, WORKSPACE, NotingRobot, stub_easel
+from frida_painter.easel.guard import GuardedRobot
 from frida_painter.errors import PoseMismatch, RobotDisconnected, WorkspaceViolation
 from frida_painter.hardware.gateway import RobotGateway
-from frida_painter.hardware.guard import GuardedRobot
 from frida_painter.hardware.latch import Latch
-from frida_painter.hardware.reach import ArmLength
-from frida_painter.hardware.robot import MotionReport, Waypoints
+from frida_painter.hardware.robot import ArmLength, MotionReport, Waypoints
 from hardware.misbehaving import Hang, MisbehavingRobot
 
 ROOT = Path(frida_painter.__file__).parent
 ABOVE_THE_HARDWARE = ("session", "report", "export", "runs", "experiments", "cli", "web")
 # Painting by hand stands for the robot itself: it passes a motion on when the person has made it.
-STAND_FOR_A_ROBOT = {"session/by_hand.py"}
+STAND_FOR_A_ROBOT = {"session/human.py"}
 MIDDLE = WORKSPACE.to_robot(np.array([[CANVAS.width / 2, CANVAS.height / 2]]), np.array([0.1]))[0]
 
 

@@ -6,10 +6,10 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from frida_painter.easel.guard import GuardedCamera
+from frida_painter.easel.host import LivePicture, encoded
 from frida_painter.errors import CameraError
-from frida_painter.hardware.camera import Frame
-from frida_painter.hardware.guarded_camera import GuardedCamera
-from frida_painter.hardware.live_picture import LivePicture, encoded
+from frida_painter.hardware.robot import Frame
 
 PATIENCE = 20.0
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from frida_painter.easel.host import RobotLock
 from frida_painter.errors import RobotBusy, StorageError
-from frida_painter.hardware.lock import RobotLock
 
 HOLD = """
 import sys, pathlib
-from frida_painter.hardware.lock import RobotLock
+from frida_painter.easel.host import RobotLock
 lock = RobotLock(pathlib.Path(sys.argv[1]), "the arm")
 print("held", flush=True)
 sys.stdin.read()

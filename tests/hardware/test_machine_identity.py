@@ -7,10 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from frida_painter import registry
-from frida_painter.hardware import machine_identity
-from frida_painter.hardware.kinds import RobotKind
-from frida_painter.hardware.machine_identity import at_host, at_port
-from frida_painter.hardware.machine_name import MachineName
+from frida_painter.hardware import kinds
+from frida_painter.hardware.kinds import MachineName, RobotKind, at_host, at_port
 
 
 def identity(text: str) -> frozenset[str]:
@@ -37,7 +35,7 @@ def test_a_host_has_every_address_that_the_name_service_knows(monkeypatch: pytes
             return [(0, 0, 0, "", (host, port))]
         raise socket.gaierror("unknown")
 
-    monkeypatch.setattr(machine_identity.socket, "getaddrinfo", found)
+    monkeypatch.setattr(kinds.socket, "getaddrinfo", found)
     assert identity("xarm:robot.studio") & identity("xarm:192.0.2.8,brush_length=0.1")
     assert identity("xarm:Nobody.Knows.") == identity("xarm:nobody.knows") == {"nobody.knows"}
 
@@ -48,7 +46,7 @@ def test_a_port_is_what_links_lead_to_and_what_is_plugged_in(monkeypatch: pytest
         path.touch()
     (tmp_path / "by-id").symlink_to(device)
     plugged = [SimpleNamespace(device=str(device), serial_number="A7")]
-    monkeypatch.setattr(machine_identity, "_ports", lambda: plugged)
+    monkeypatch.setattr(kinds, "_ports", lambda: plugged)
     before = identity(f"gcode:{tmp_path}/by-id")
     assert before == identity(f"marlin:{device},baud=250000") == {str(device), "serial number A7"}
     plugged[0].device = str(moved)

@@ -7,7 +7,7 @@ import torch
 
 from easels import CALIBRATION, WORKSPACE
 from frida_painter.errors import WorkspaceViolation
-from frida_painter.hardware import limits
+from frida_painter.hardware import gateway
 from frida_painter.hardware.motion import Motion
 from frida_painter.strokes import Strokes
 
@@ -115,7 +115,7 @@ def test_a_well_that_is_not_there_is_named_and_so_is_what_to_do(well):
 
 
 def test_everything_a_painter_does_on_the_canvas_stays_in_the_workspace():
-    limits.check([MOTION.stroke(stroke(), 0), MOTION.rinse(), MOTION.wipe(), *map(MOTION.dip, range(4))], WORKSPACE)
+    gateway.check([MOTION.stroke(stroke(), 0), MOTION.rinse(), MOTION.wipe(), *map(MOTION.dip, range(4))], WORKSPACE)
 
 
 def test_all_travel_is_above_the_highest_thing_whatever_lies_lower():

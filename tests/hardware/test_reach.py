@@ -1,6 +1,6 @@
 import numpy as np
 
-from frida_painter.hardware.reach import ArmLength
+from frida_painter.hardware.robot import ArmLength
 
 
 def test_an_arm_gets_between_two_spheres_around_its_shoulder() -> None:

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from frida_painter.hardware.timing import Timing
+from frida_painter.hardware.robot import Timing
 
 TIMING = Timing(acceleration=0.8, smoothing=0.06, period=0.01)
 METRES = st.floats(-0.3, 0.3)

@@ -10,7 +10,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from frida_painter.errors import FridaError
 from frida_painter.hardware.drivers.ros import RosRobot, RosSettings
-from frida_painter.hardware.drivers.rospy_connection import RospyConnection
+from frida_painter.hardware.drivers.ros_connections import RospyConnection
 from machines.paths import a_stroke
 
 robot = RosRobot(RosSettings((0.25, -0.1, 0.3)), RospyConnection(sys.argv[1]), RospyConnection(sys.argv[1]))

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from frida_painter.mixing.amounts import volumes
+from frida_painter.mixing.recipe import volumes
 from frida_painter.plan import Plan
 from plans import made_up_plan
 

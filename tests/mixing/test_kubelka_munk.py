@@ -3,14 +3,8 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.mixing.kubelka_munk import (
-    Finish,
-    film_over,
-    inside,
-    mixed,
-    ratio,
-    reflectance,
-)
+from frida_painter.mixing.finish import Finish
+from frida_painter.mixing.kubelka_munk import film_over, inside, mixed, ratio, reflectance
 
 positive = st.floats(0.01, 5)
 

@@ -3,10 +3,9 @@ import torch
 
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.kubelka_munk import mixed, reflectance
-from frida_painter.mixing.paint import Paint, PaintDataSource, published, published_names
-from frida_painter.mixing.spectrum import color_of
+from frida_painter.mixing.paint import Paint, PaintDataSource, color_of, published, published_names
 from frida_painter.palette import from_hex, to_lab
-from frida_painter.perception.difference import ciede2000
+from frida_painter.perception.color import ciede2000
 
 PAINTS = {name: published(name) for name in published_names()}
 

@@ -5,8 +5,7 @@ import torch
 
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.kubelka_munk import inside
-from frida_painter.mixing.paint import PaintDataSource, published
-from frida_painter.mixing.paint_inventory import MOST_PAINTS, SIX, read_paints, usual_paints
+from frida_painter.mixing.paint import MOST_PAINTS, SIX, PaintDataSource, published, read_paints, usual_paints
 from frida_painter.palette import to_hex
 
 WHOLE = """

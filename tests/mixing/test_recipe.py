@@ -9,19 +9,10 @@ from hypothesis import strategies as st
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.finish import Finish
 from frida_painter.mixing.kubelka_munk import mixed
-from frida_painter.mixing.paint import published
-from frida_painter.mixing.paint_inventory import usual_paints
-from frida_painter.mixing.recipe import (
-    _PER_DOUBLING,
-    _PER_PAINT,
-    EASY_PARTS,
-    MOST_PARTS,
-    PARTS_WITH_TRACES,
-    recipes,
-)
-from frida_painter.mixing.spectrum import color_of
+from frida_painter.mixing.paint import color_of, published, usual_paints
+from frida_painter.mixing.recipe import _PER_DOUBLING, _PER_PAINT, EASY_PARTS, MOST_PARTS, PARTS_WITH_TRACES, recipes
 from frida_painter.palette import from_hex
-from frida_painter.perception.difference import difference
+from frida_painter.perception.color import difference
 
 SIX = usual_paints()
 

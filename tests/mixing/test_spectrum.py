@@ -2,7 +2,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.mixing.spectrum import BANDS, color_of, reflectance_of
+from frida_painter.mixing.paint import BANDS, color_of, reflectance_of
 
 parts = st.floats(0.08, 0.96)
 colors = st.tuples(parts, parts, parts).map(lambda color: torch.tensor(color, dtype=torch.float64))

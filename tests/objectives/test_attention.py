@@ -1,14 +1,13 @@
 import pytest
 import torch
 
-from frida_painter.goal import Goal
 from frida_painter.objectives import attention
-from frida_painter.objectives.attention import EVERYWHERE, FACES, SUBJECT, attended, focused, importance
-from frida_painter.objectives.faces import Face
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.semantic import SemanticTerm
-from frida_painter.objectives.kinds.style import StyleTerm
-from frida_painter.objectives.replication import spread
+from frida_painter.objectives.attention import EVERYWHERE, FACES, SUBJECT, Face, attended, focused, importance
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.pixel_loss import spread
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.style import StyleTerm
 from networks import NoEncoderRegistry, QuickEncoders, QuickHed
 from scenes import picture
 

@@ -4,10 +4,10 @@ import pytest
 import torch
 
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal
-from frida_painter.objectives.brushwork import directions, flow, flow_of
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.style import StyleTerm
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.style import StyleTerm
+from frida_painter.objectives.style_loss import directions, flow, flow_of
 from scenes import CANVAS
 
 

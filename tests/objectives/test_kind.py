@@ -13,13 +13,13 @@ import pytest
 from pydantic import ValidationError
 
 from frida_painter import registry
-from frida_painter.cli.goal_options import free_goal_options, goal_options, tell_left_out
+from frida_painter.cli.options import free_goal_options, goal_options, tell_left_out
 from frida_painter.errors import ConfigError
-from frida_painter.objectives.kind import Gives, GoalKind, KnownKinds, goal_kinds
-from frida_painter.objectives.kinds.text import TextTerm
+from frida_painter.objectives.objective import Gives, GoalKind, KnownKinds, goal_kinds
 from frida_painter.registry import OBJECTIVES
-from frida_painter.web.abilities import abilities
-from frida_painter.web.painting_request import GoalRequest
+from frida_painter.web.folder import GoalRequest
+from frida_painter.web.routes import abilities
+from frida_painter.words.text import TextTerm
 
 OURS = ["image", "semantic", "sketch", "text", "style"]
 Install = Callable[..., KnownKinds]
@@ -58,7 +58,7 @@ def test_ours_are_there_whatever_was_installed_and_are_entry_points_too(install:
 
 def test_they_are_known_without_loading_what_plans() -> None:
     program = (
-        "import sys; from frida_painter.objectives.kind import goal_kinds; assert len(goal_kinds().by_name) >= 5; "
+        "import sys; from frida_painter.objectives.objective import goal_kinds; assert len(goal_kinds().by_name) >= 5; "
         "print(sorted({'torch', 'cv2', 'numba', 'transformers'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -2,12 +2,12 @@ import torch
 
 from frida_painter import images
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.sketch import SketchTerm
-from frida_painter.objectives.kinds.text import TextTerm
-from frida_painter.objectives.overlay import drawn_on, overlaid
+from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.sketch_loss import drawn_on, overlaid
+from frida_painter.words.text import TextTerm
 from networks import QuickEncoders
 from scenes import CANVAS, picture
 

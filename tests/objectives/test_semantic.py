@@ -1,10 +1,9 @@
 import pytest
 import torch
 
-from frida_painter.objectives.augment import Views
-from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from frida_painter.objectives.encoders.vgg import Vgg16
-from frida_painter.objectives.semantic import Semantic
+from frida_painter.objectives.semantic_loss import Semantic, Views
 from networks import QuickVgg, random_lite_tensors
 from scenes import picture
 

@@ -5,11 +5,11 @@ from hypothesis import strategies as st
 
 from frida_painter import images
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import interpreted, prepare
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.style import StyleTerm
-from frida_painter.objectives.sharpening import with_contrast
+from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.pixel_loss import with_contrast
+from frida_painter.objectives.style import StyleTerm
 from networks import QuickEncoders
 from scenes import CANVAS, picture
 

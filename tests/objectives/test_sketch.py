@@ -2,10 +2,10 @@ import pytest
 import torch
 
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal
 from frida_painter.objectives.interpretation import prepare
-from frida_painter.objectives.kinds.sketch import SketchTerm
-from frida_painter.objectives.sketch import Sketch
+from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.sketch_loss import Sketch
 from networks import QuickEncoders, QuickHed
 from scenes import CANVAS
 

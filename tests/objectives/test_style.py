@@ -1,6 +1,6 @@
 import torch
 
-from frida_painter.objectives.style import Style
+from frida_painter.objectives.style_loss import Style
 from networks import QuickVgg
 from scenes import picture
 

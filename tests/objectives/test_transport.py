@@ -5,7 +5,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.objectives.transport import cosine_cost, euclidean_cost, moment_distance, relaxed_emd
+from frida_painter.objectives.style_loss import cosine_cost, euclidean_cost, moment_distance, relaxed_emd
 
 
 def clouds(seed: int, count: int, others: int, channels: int) -> tuple[torch.Tensor, torch.Tensor]:

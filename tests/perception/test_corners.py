@@ -2,11 +2,10 @@ import cv2
 import numpy as np
 import pytest
 
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
-from frida_painter.frames import CanvasSize
-from frida_painter.lens import Lens
-from frida_painter.perception.corners import find_canvas
-from frida_painter.perception.outline import trace_outline
+from frida_painter.frames import Lens
+from frida_painter.perception.landmarks import find_canvas, trace_outline
 from frida_painter.virtual.studio import open_studio
 
 SIZE = CanvasSize(0.4, 0.3)

@@ -6,8 +6,9 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.perception.dots import find_dots, match_dots
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.frames import PixelGrid
+from frida_painter.perception.landmarks import find_dots, match_dots
 
 SIZE = CanvasSize(0.20, 0.15)
 GRID = PixelGrid.of_height(SIZE, 600)

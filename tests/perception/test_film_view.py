@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 import torch
 
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import FrameRejected
-from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.frames import PixelGrid
 from frida_painter.perception.color import true_color
-from frida_painter.perception.film_view import FilmView
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.rectify import rectify
+from frida_painter.session.observer import FilmView
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
 

@@ -4,7 +4,7 @@ import torch
 
 from frida_painter.errors import FrameRejected
 from frida_painter.perception.flatfield import FlatField
-from frida_painter.perception.light import to_linear, to_srgb
+from frida_painter.perception.srgb import to_linear, to_srgb
 
 
 def room(rows: int, columns: int) -> torch.Tensor:

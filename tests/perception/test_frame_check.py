@@ -12,7 +12,7 @@ from torch import Tensor
 
 from frida_painter.errors import FrameRejected
 from frida_painter.perception.frame_check import Expected
-from frida_painter.session.canvas_observer import CanvasObserver
+from frida_painter.session.observer import CanvasObserver
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import Faults, InSight, LightChange, LostFocus
 from frida_painter.virtual.table import PlacementError

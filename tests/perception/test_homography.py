@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.errors import CalibrationError
-from frida_painter.perception.homography import Fit, apply, fit_homography
+from frida_painter.perception.rectify import Fit, apply, fit_homography
 
 PLACES = np.stack(np.meshgrid(np.linspace(0.04, 0.31, 4), np.linspace(0.03, 0.25, 4)), -1).reshape(-1, 2)
 small = st.floats(-0.06, 0.06)

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from frida_painter.perception.paper_edge import PaperEdge
+from frida_painter.perception.registration import PaperEdge
 
 CORNERS = ((60.0, 50.0), (338.0, 56.0), (330.0, 246.0), (66.0, 240.0))
 REACH = 18.0

@@ -4,8 +4,7 @@ import pytest
 import torch
 
 from frida_painter.errors import FrameRejected
-from frida_painter.frames import PixelGrid
-from frida_painter.lens import Lens
+from frida_painter.frames import Lens, PixelGrid
 from frida_painter.perception.rectify import rectified_pixels, rectify
 from photographs import COLUMNS, CORNERS, ROWS, SIZE, across_and_down, calibration
 

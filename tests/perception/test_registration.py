@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frida_painter.calibration import Calibration
-from frida_painter.frames import CanvasSize
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.perception.registration import MAX_SHIFT, CanvasView, Motion, Verdict, register
 
 SIZE = CanvasSize(0.2, 0.15)

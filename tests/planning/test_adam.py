@@ -4,8 +4,8 @@ import sys
 import pytest
 import torch
 
-from frida_painter.planning import adam as adam_module
-from frida_painter.planning.adam import Adam
+from frida_painter.planning import optimize as adam_module
+from frida_painter.planning.optimize import Adam
 
 BETAS = (0.9, 0.98)
 
@@ -42,7 +42,7 @@ def test_a_leaf_without_a_gradient_stays_where_it_is() -> None:
 
 def test_planning_does_not_load_the_compiler() -> None:
     code = (
-        "import sys, torch; from frida_painter.planning.adam import Adam\n"
+        "import sys, torch; from frida_painter.planning.optimize import Adam\n"
         "leaf = torch.ones(3, requires_grad=True); leaf.sum().backward(); Adam([leaf], (0.9, 0.98)).step(0.1)\n"
         "sys.exit('torch._dynamo' in sys.modules)"
     )

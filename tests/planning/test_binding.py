@@ -3,9 +3,9 @@ from collections.abc import Callable
 import pytest
 import torch
 
-from frida_painter.planning.binding import binding_iterations, bound
+from frida_painter.planning.layers import StepCount
 from frida_painter.planning.optimize import Step
-from frida_painter.planning.step_count import StepCount
+from frida_painter.planning.refine import binding_iterations, bound
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
 from scenes import scene, some_strokes

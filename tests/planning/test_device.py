@@ -14,30 +14,27 @@ from elsewhere import elsewhere, waits
 from frida_painter.devices import half_precision
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal, Term
 from frida_painter.objectives.encoders.base import Reader
-from frida_painter.objectives.encoders.clip import Clip
-from frida_painter.objectives.encoders.clip_resnet import ClipResNet
-from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
-from frida_painter.objectives.encoders.hed import Hed
-from frida_painter.objectives.encoders.vgg import Vgg16
+from frida_painter.objectives.encoders.classifiers import EfficientNetLite
+from frida_painter.objectives.encoders.clip import Clip, ClipResNet
+from frida_painter.objectives.encoders.vgg import Hed, Vgg16
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import WeightedObjective, prepare
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.semantic import SemanticTerm
-from frida_painter.objectives.kinds.sketch import SketchTerm
-from frida_painter.objectives.kinds.style import StyleTerm
-from frida_painter.objectives.kinds.text import TextTerm
-from frida_painter.objectives.objective import ObjectiveTerm
-from frida_painter.objectives.text import distance_to
+from frida_painter.objectives.objective import Goal, ObjectiveTerm, Term
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.palette import Palette, to_lab
 from frida_painter.plan import Plan
-from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import Growth, uniform
+from frida_painter.planning.layers import Effort
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.region import Region
+from frida_painter.planning.problem import Region
 from frida_painter.render import reference
+from frida_painter.words.meaning import distance_to
+from frida_painter.words.text import TextTerm
 from networks import QuickEncoders, random_hed_tensors, random_lite_tensors, random_reader, random_vgg_tensors
 from scenes import CANVAS, goal, picture, plain, small_table
 from tiny_clip import resnet_tensors, write_clip
@@ -150,10 +147,8 @@ def test_a_tensor_left_behind_would_be_found() -> None:
 @pytest.fixture
 def laid_without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     """The readable renderer in the place of the GPU's, which needs one: neither asks the device for anything."""
-    monkeypatch.setattr("frida_painter.render.slices.composite", without_answers(reference.composite))
-    monkeypatch.setattr(
-        "frida_painter.render.moment_slices.composite_moments", without_answers(reference.composite_moments)
-    )
+    monkeypatch.setattr("frida_painter.render.plain.composite", without_answers(reference.composite))
+    monkeypatch.setattr("frida_painter.render.plain.composite_moments", without_answers(reference.composite_moments))
 
 
 def without_answers(composite: Callable[..., object]) -> Callable[..., object]:

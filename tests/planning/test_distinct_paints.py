@@ -3,8 +3,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frida_painter.palette import Palette, from_lab, to_lab
-from frida_painter.perception.difference import ciede2000
-from frida_painter.planning.distinct_paints import HARDLY_APART, distinct, without_twins
+from frida_painter.perception.color import ciede2000
+from frida_painter.planning.refine import HARDLY_APART, distinct, without_twins
 from frida_painter.planning.variables import Paints
 
 

@@ -6,10 +6,10 @@ import pytest
 import torch
 
 from frida_painter.plan import Plan
-from frida_painter.planning.effort import Effort
-from frida_painter.planning.fading import Fading, fading_of
+from frida_painter.planning.forecast import Fading, fading_of
+from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.scenes import Scenes
+from frida_painter.planning.problem import Scenes
 from frida_painter.render import composite
 from plans import in_layers, made_up_plan
 from scenes import CANVAS, goal, plain, small_table
@@ -112,8 +112,8 @@ def test_without_memory_a_plan_is_painted_as_if_paint_did_not_matter(
     def short(*_: object) -> Fading:
         raise failure
 
-    monkeypatch.setattr("frida_painter.planning.fading.loss_of_paint", short)
+    monkeypatch.setattr("frida_painter.planning.forecast.loss_of_paint", short)
     assert PLANNER.fading(plan_in_layers(4), BARE).without_paint.tolist() == [0, 0, 0, 0]
-    monkeypatch.setattr("frida_painter.planning.fading.loss_of_paint", lambda *_: 1 / 0)
+    monkeypatch.setattr("frida_painter.planning.forecast.loss_of_paint", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         PLANNER.fading(plan_in_layers(4), BARE)

@@ -3,8 +3,7 @@ from dataclasses import replace
 
 import torch
 
-from frida_painter.planning.flow import along_flow
-from frida_painter.planning.initialize import best_proposals
+from frida_painter.planning.initialize import along_flow, best_proposals
 from frida_painter.strokes import Strokes
 from marks import SMALL
 from scenes import CANVAS, scene, some_strokes, target

@@ -11,18 +11,18 @@ from hypothesis import strategies as st
 from torch.nn.functional import avg_pool2d
 
 from frida_painter import images
-from frida_painter.brush.spread import CoverageSpread
+from frida_painter.brush.kinds import CoverageSpread
 from frida_painter.frames import PixelGrid, pixel_to_map
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.planning.effort import Effort
 from frida_painter.planning.forecast import SimilarityForecast, forecast
+from frida_painter.planning.layers import Effort
+from frida_painter.planning.optimize import stacked_moments
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.scene import Scene
-from frida_painter.planning.stack import stacked_moments
+from frida_painter.planning.problem import Scene
 from frida_painter.render import composite
 from scenes import CANVAS, goal, plain, scene, small_table, some_strokes
 

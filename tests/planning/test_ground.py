@@ -7,11 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
 from frida_painter.plan import WHITE
 from frida_painter.planning.ground import ground_around_things, possible_grounds, proposed_ground
-from frida_painter.planning.planner import Effort, Planner
+from frida_painter.planning.layers import Effort
+from frida_painter.planning.planner import Planner
 from scenes import CANVAS, plain, small_table
 
 CHANNEL = st.floats(0, 1, width=32)

@@ -9,17 +9,14 @@ from torch import Tensor
 
 from elsewhere import elsewhere
 from frida_painter.brush.bezier import BezierStroke
-from frida_painter.brush.kinds import BROAD, FINE, MEDIUM, BrushKind
-from frida_painter.brush.spread import CoverageSpread
-from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal
+from frida_painter.brush.kinds import BROAD, FINE, MEDIUM, BrushKind, CoverageSpread
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.planning.interlace import interlaced
-from frida_painter.planning.optimize import Step, optimize
-from frida_painter.planning.region import Region
-from frida_painter.planning.scene import Scene, on_device
-from frida_painter.planning.stack import stacked_cost
+from frida_painter.objectives.objective import Goal
+from frida_painter.planning.optimize import Step, interlaced, optimize, stacked_cost
+from frida_painter.planning.problem import Region, Scene, on_device
 from frida_painter.strokes import Strokes
 from scenes import CANVAS, goal, scene, small_table, some_strokes
 

@@ -7,13 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError, PlanError
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.planning.effort import Effort
-from frida_painter.planning.layers import layer_sizes, usual_shares
-from frida_painter.planning.planner import Planner
+from frida_painter.planning.layers import Effort
+from frida_painter.planning.planner import Planner, layer_sizes, usual_shares
 from scenes import CANVAS, goal, plain, small_table
 
 QUICK = Effort().scaled(0.1)
@@ -92,7 +91,7 @@ def test_where_moving_strokes_does_not_help_they_are_settled_where_they_are(plan
     def thrown_about(strokes, paints, *rest, **more):
         return strokes.with_groups(position=strokes.position.flip(0)).project(plan.layers[0].limits, CANVAS), paints
 
-    monkeypatch.setattr("frida_painter.planning.together.relocate", thrown_about)
+    monkeypatch.setattr("frida_painter.planning.layers.relocate", thrown_about)
     by, rest = planner(), plan.part(slice(10, None))
     steps = []
     canvas = by.expected(plan.part(slice(0, 10))) * 0.9
@@ -117,7 +116,7 @@ def test_steps_show_what_lies_below_and_are_as_many_as_were_told() -> None:
 
 @pytest.mark.slow
 def test_a_stroke_that_cannot_keep_clear_is_missing_from_its_layer() -> None:
-    from frida_painter.planning.region import Region
+    from frida_painter.planning.problem import Region
 
     forbidden = torch.zeros(64, 85, dtype=torch.bool)
     forbidden[:, :40] = True

@@ -3,7 +3,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.planning.least_squares import gauss_newton
+from frida_painter.planning.placement import gauss_newton
 
 NOTHING, STEPS = torch.zeros(2, dtype=torch.float64), torch.full((2,), 0.01, dtype=torch.float64)
 X = torch.linspace(0, 3, 60, dtype=torch.float64)

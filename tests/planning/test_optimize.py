@@ -6,14 +6,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from frida_painter.brush.dip import painted_area
-from frida_painter.brush.spread import CoverageSpread
+from frida_painter.brush.kinds import CoverageSpread, painted_area
 from frida_painter.brush.table import StrokeTable
 from frida_painter.errors import PlanningDiverged
 from frida_painter.palette import to_lab
-from frida_painter.planning.optimize import Step, optimize
-from frida_painter.planning.scene import Scene
-from frida_painter.planning.stack import stacked_cost
+from frida_painter.planning.optimize import Step, optimize, stacked_cost
+from frida_painter.planning.problem import Scene
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import GROUPS, Strokes
 from scenes import CANVAS, scene, small_table, some_strokes

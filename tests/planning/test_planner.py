@@ -7,17 +7,16 @@ import torch
 
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.semantic import SemanticTerm
-from frida_painter.objectives.kinds.style import StyleTerm
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.palette import Palette, to_lab
 from frida_painter.plan import Plan
-from frida_painter.planning.effort import Effort
+from frida_painter.planning.layers import Effort
 from frida_painter.planning.optimize import Step, optimize_together
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.scene import Scene
-from frida_painter.planning.scenes import Scenes
+from frida_painter.planning.problem import Scene, Scenes
 from networks import NoEncoderRegistry, QuickEncoders
 from scenes import CANVAS, goal, picture, plain, small_table
 
@@ -257,7 +256,7 @@ def test_without_memory_enough_it_is_planned_again_with_less_and_else_the_plan_s
                 raise failure
             return optimize_together(parts, **rest)
 
-        monkeypatch.setattr("frida_painter.planning.together.optimize_together", optimizing)
+        monkeypatch.setattr("frida_painter.planning.layers.optimize_together", optimizing)
 
     starving(by.coarse.rows)
     again = by.replan(plan, photograph, lambda step: None)
@@ -272,6 +271,6 @@ def test_failures_of_another_kind_are_told(monkeypatch: pytest.MonkeyPatch) -> N
     def broken(*args: object, **rest: object) -> None:
         raise RuntimeError("shapes do not match")
 
-    monkeypatch.setattr("frida_painter.planning.together.optimize_together", broken)
+    monkeypatch.setattr("frida_painter.planning.layers.optimize_together", broken)
     with pytest.raises(RuntimeError, match="shapes"):
         planner().replan(planned(8), BARE * 0.7, lambda step: None)

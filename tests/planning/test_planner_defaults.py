@@ -7,24 +7,23 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter import cli, images
-from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter import images
+from frida_painter.brush.kinds import StrokeModel
 from frida_painter.brush.table import StrokeTable
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
-from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.style import StyleTerm
-from frida_painter.objectives.kinds.text import TextTerm
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.plan import Plan
-from frida_painter.planning.effort import Effort
+from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
-from frida_painter.runs.goals import make_goal
-from frida_painter.runs.opening import planner_settings, wanted_ground
 from frida_painter.runs.run import PaintingRun
-from frida_painter.runs.settling import make_planner
+from frida_painter.runs.settle import make_goal, make_planner, planner_settings, wanted_ground
 from frida_painter.runs.spec import RunSpec
+from frida_painter.words.text import TextTerm
 from marks import coarse_table
 from networks import QuickEncoders
 from scenes import goal, picture, plain, small_table
@@ -52,7 +51,7 @@ def coarse_brushes(monkeypatch: pytest.MonkeyPatch) -> None:
     def table(model: StrokeModel) -> StrokeTable:
         return made.setdefault(model.brush, made.get(model.brush) or coarse_table(model))
 
-    for room in ("planning.layers", "runs.opening"):
+    for room in ("planning.planner", "runs.settle"):
         monkeypatch.setattr(f"frida_painter.{room}.cached_table", table)
 
 
@@ -93,7 +92,7 @@ def test_every_default_of_a_planner_is_that_of_a_description() -> None:
 def test_a_notebook_and_the_command_line_tell_a_planner_the_same(
     photo: Path, strokes: int, more: dict[str, object], coarse_brushes: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    quick = "frida_painter.runs.ground_choice.proposed_ground"
+    quick = "frida_painter.runs.settle.proposed_ground"
     monkeypatch.setattr(quick, lambda planner, strokes, colors, notify: (strokes / 1000, colors / 100, 0.5))
     with PaintingRun(RunSpec.of(goal=[{"image": str(photo)}], strokes=strokes, **QUICK, **more)) as run:
         theirs = run.planner
@@ -116,7 +115,7 @@ def test_a_notebook_and_the_command_line_make_the_same_plan_to_the_last_bit(
         sys, "argv", ["frida-painter", "plan", str(photo), *told, *words, "--out", str(tmp_path / "out")]
     )
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        commands.main()
     assert not end.value.code
     theirs = Plan.load(tmp_path / "out")
     named = dict(zip([word[2:] for word in words[::2]], words[1::2], strict=False))

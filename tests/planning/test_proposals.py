@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import torch
 
-from frida_painter.planning.proposals import layers, pick, propose, weigh
+from frida_painter.planning.initialize import layers, pick, propose, weigh
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
 from scenes import CANVAS, scene, some_strokes, target

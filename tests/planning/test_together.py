@@ -7,18 +7,23 @@ from dataclasses import replace
 import pytest
 import torch
 
-from frida_painter.brush.spread import CoverageSpread
+from frida_painter.brush.kinds import CoverageSpread
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.interpretation import prepare
-from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import best_proposals
-from frida_painter.planning.interlace import interlaced
-from frida_painter.planning.optimize import Step, StrokesInScene, optimize, optimize_together
+from frida_painter.planning.layers import Effort, beneath, mixed_later
+from frida_painter.planning.optimize import (
+    Step,
+    StrokesInScene,
+    interlaced,
+    optimize,
+    optimize_together,
+    stacked_cost,
+    stacked_loss,
+)
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.scene import Scene
-from frida_painter.planning.stack import stacked_cost, stacked_loss
-from frida_painter.planning.together import beneath, mixed_later
+from frida_painter.planning.problem import Scene
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
 from scenes import CANVAS, goal, plain, scene, small_table, some_strokes, target

@@ -8,8 +8,8 @@ import torch
 
 from easels import CALIBRATION
 from frida_painter.calibration import BrushRecord
-from frida_painter.planning.scene import Scene
-from frida_painter.planning.touch_heights import MOST_LOWER, TouchHeights, measure_touch
+from frida_painter.planning.placement import MOST_LOWER, TouchHeights, measure_touch
+from frida_painter.planning.problem import Scene
 from frida_painter.strokes import Strokes
 from scenes import scene, some_strokes
 

@@ -5,7 +5,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.frames import CanvasSize
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.palette import Palette, to_lab
 from frida_painter.planning.variables import Paints, Variables, as_palette
 from frida_painter.strokes import GROUPS, StrokeLimits

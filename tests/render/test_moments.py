@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from composites import F64, Scene, assert_same, scene, upstream
-from frida_painter.brush.spread import CERTAIN, CoverageSpread
-from frida_painter.render import moment_scanline, moment_slices, reference, sampling, scanline
+from frida_painter.brush.kinds import CERTAIN, CoverageSpread
+from frida_painter.render import plain, reference, scanline
 
 PATHS = pytest.mark.parametrize(
-    "composite", [moment_scanline.composite_moments, moment_slices.composite_moments], ids=["scanline", "slices"]
+    "composite", [scanline.composite_moments, plain.composite_moments], ids=["scanline", "slices"]
 )
 
 
@@ -104,7 +104,7 @@ def test_they_are_the_moments_of_pictures_painted_by_chance() -> None:
 def test_single_precision_agrees() -> None:
     tensors, spread = scene(30, (9, 12), (40, 50)), CoverageSpread(0.4, 0.97)
     single = Scene(*(tensor.float() for tensor in tensors))
-    wide, narrow = (moment_scanline.composite_moments(*part, spread) for part in (tensors, single))
+    wide, narrow = (scanline.composite_moments(*part, spread) for part in (tensors, single))
     for one, other in zip(wide, narrow, strict=True):
         torch.testing.assert_close(one.float(), other, rtol=0, atol=5e-5)
 
@@ -115,7 +115,7 @@ def test_any_number_of_threads_computes_the_same_bits() -> None:
     try:
         for threads in (1, 3):
             torch.set_num_threads(threads)
-            found.append(with_gradients(moment_scanline.composite_moments, tensors, spread))
+            found.append(with_gradients(scanline.composite_moments, tensors, spread))
     finally:
         torch.set_num_threads(before)
     assert all(torch.equal(one, other) for one, other in zip(*found, strict=True))
@@ -123,9 +123,9 @@ def test_any_number_of_threads_computes_the_same_bits() -> None:
 
 def test_batches_of_strokes_leave_the_result_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     tensors, spread = scene(40, (12, 20), (60, 50)), CoverageSpread(0.4, 0.97)
-    whole = with_gradients(moment_slices.composite_moments, tensors, spread)
-    monkeypatch.setattr(sampling, "BATCH_PIXELS", 300)
-    assert_same(with_gradients(moment_slices.composite_moments, tensors, spread), whole, within=1e-12)
+    whole = with_gradients(plain.composite_moments, tensors, spread)
+    monkeypatch.setattr(plain, "BATCH_PIXELS", 300)
+    assert_same(with_gradients(plain.composite_moments, tensors, spread), whole, within=1e-12)
 
 
 @PATHS

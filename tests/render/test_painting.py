@@ -6,8 +6,9 @@ from composites import assert_same, scene, with_gradients
 from frida_painter.brush.bezier import BezierStroke
 from frida_painter.brush.kinds import MEDIUM
 from frida_painter.brush.table import StrokeTable
-from frida_painter.frames import CanvasSize, PixelGrid, pixel_to_map
-from frida_painter.render import composite, painting, reference, render, scanline, slices
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.frames import PixelGrid, pixel_to_map
+from frida_painter.render import composite, painting, plain, reference, render, scanline
 from frida_painter.strokes import Strokes
 
 SIZE = CanvasSize(0.3, 0.2)
@@ -32,7 +33,7 @@ def strokes(**changes: Tensor) -> Strokes:
 
 def test_cpu_tensors_take_the_scanlines(monkeypatch: pytest.MonkeyPatch) -> None:
     tensors = scene(3, (4, 4), (6, 6))
-    monkeypatch.setattr(slices, "composite", lambda *_: pytest.fail("took the slices"))
+    monkeypatch.setattr(plain, "composite", lambda *_: pytest.fail("took the slices"))
     assert torch.equal(composite(*tensors), scanline.composite(*tensors))
 
 

@@ -3,7 +3,7 @@ import torch
 
 from frida_painter.errors import ConfigError, WeightsError
 from frida_painter.render import render
-from frida_painter.render.plan_picture import render_plan
+from frida_painter.render.painting import render_plan
 from plans import made_up_plan
 from scenes import small_table
 

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from composites import scene
-from frida_painter.render.spans import Spans, find_spans, painted_boxes, whole_maps
+from frida_painter.render.kernels import Spans, find_spans, painted_boxes, whole_maps
 
 
 def pixels_of(spans: Spans, stroke: int, height: int, width: int) -> np.ndarray:

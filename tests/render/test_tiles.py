@@ -18,8 +18,8 @@ from torch.utils._python_dispatch import _disable_current_modes
 
 from composites import Scene, assert_same, scene, upstream
 from elsewhere import elsewhere, waits
-from frida_painter.brush.spread import CERTAIN, CoverageSpread
-from frida_painter.planning import scene as planning
+from frida_painter.brush.kinds import CERTAIN, CoverageSpread
+from frida_painter.planning import problem as planning
 from frida_painter.planning.optimize import optimize
 from frida_painter.render import reference
 from scenes import CANVAS, small_table, some_strokes

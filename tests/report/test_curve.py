@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.report.curve import curve_svg
+from frida_painter.report.page import curve_svg
 from frida_painter.report.story import Phase
 
 

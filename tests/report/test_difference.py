@@ -2,7 +2,7 @@ from collections.abc import Callable
 
 import torch
 
-from frida_painter.report.difference import difference
+from frida_painter.report.sheets import difference
 
 
 def pair() -> tuple[torch.Tensor, torch.Tensor]:

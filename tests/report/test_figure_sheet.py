@@ -1,6 +1,6 @@
 import torch
 
-from frida_painter.report.figure_sheet import Cell, FigureRow, page
+from frida_painter.report.sheets import Cell, FigureRow, page
 
 RED = torch.tensor([0.8, 0.1, 0.1])[:, None, None]
 

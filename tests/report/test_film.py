@@ -8,7 +8,8 @@ import pytest
 
 from frida_painter.errors import StorageError
 from frida_painter.report import film
-from frida_painter.report.film import HOLD, RATE, SECONDS, FilmWriter
+from frida_painter.report.film import HOLD, SECONDS, FilmWriter
+from frida_painter.video import RATE
 
 RED, BLUE = (0.8, 0.1, 0.1), (0.1, 0.1, 0.8)
 

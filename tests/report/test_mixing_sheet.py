@@ -3,10 +3,10 @@ from collections.abc import Callable
 import pytest
 import torch
 
-from frida_painter.mixing.paint_inventory import usual_paints
+from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import recipes
 from frida_painter.palette import from_hex
-from frida_painter.report.mixing_sheet import COLUMNS, mixing_sheet
+from frida_painter.report.sheets import COLUMNS, mixing_sheet
 from snapshots import shrunk
 
 COLORS = torch.stack([from_hex(text) for text in ("#e9dccb", "#c9a27e", "#7d9a57", "#3a5f8a", "#802828", "#101010")])

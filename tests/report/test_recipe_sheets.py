@@ -5,10 +5,10 @@ import pytest
 import torch
 
 from frida_painter.errors import StorageError
-from frida_painter.mixing.paint_inventory import usual_paints
+from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import recipes
 from frida_painter.palette import Palette
-from frida_painter.report.recipe_sheets import RecipeSheets
+from frida_painter.report.sheets import RecipeSheets
 from plans import made_up_plan
 
 PLAN = made_up_plan(6, 3)
@@ -60,7 +60,7 @@ def test_where_there_is_no_room_it_is_counted_and_what_is_wrong_otherwise_is_rai
         if trouble is not None:
             raise trouble
 
-    monkeypatch.setattr("frida_painter.report.recipe_sheets.images.save", save)
+    monkeypatch.setattr("frida_painter.report.sheets.images.save", save)
     sheets = RecipeSheets(tmp_path)
     sheets.renew(PLAN)
     sheets.renew(PLAN)

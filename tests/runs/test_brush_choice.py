@@ -3,13 +3,13 @@ from pathlib import Path
 import pytest
 
 from frida_painter import images
+from frida_painter.easel.open import open_easel
+from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import ConfigError
-from frida_painter.runs import brush_choice
-from frida_painter.runs.brush_choice import IN_LAYERS, IN_ONE_LAYER, brushes_of, choices
+from frida_painter.runs import settle
 from frida_painter.runs.run import PaintingRun
+from frida_painter.runs.settle import IN_LAYERS, IN_ONE_LAYER, brushes_of, choices
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.easels import open_easel
 from scenes import picture
 
 SMALL = {"colors": 2, "render_height": 64, "effort": 0.1, "film": False, "replans": 1}
@@ -82,6 +82,6 @@ def test_what_is_both_chosen_and_named_is_refused(photo: Path, given: dict[str, 
 
 def test_brushes_that_nobody_calibrated_are_not_chosen(photo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record = type("Record", (), {"brush": "flat", "others": {}})()
-    monkeypatch.setattr(brush_choice.Calibration, "load", lambda path: record)
+    monkeypatch.setattr(settle.Calibration, "load", lambda path: record)
     with pytest.raises(ConfigError, match="the calibration record knows flat"):
         choices(spec(photo, strokes=200, robot="human", calibration=photo))

@@ -6,7 +6,7 @@ import pytest
 from easels import CALIBRATION, stub_easel
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration, LearnedFile
-from frida_painter.runs.calibrating import CalibrationSetup, record_to_renew
+from frida_painter.runs.easel import CalibrationSetup, record_to_renew
 
 BROAD, FINE = replace(CALIBRATION, brush="broad"), replace(CALIBRATION, brush="fine")
 LIBRARY = LearnedFile("strokes.npz", "0" * 64)

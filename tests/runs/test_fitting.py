@@ -7,9 +7,8 @@ import torch
 
 from frida_painter import images
 from frida_painter.errors import ConfigError
-from frida_painter.goal import Goal
-from frida_painter.runs.fitting import fitted
-from frida_painter.runs.goals import make_goal
+from frida_painter.objectives.objective import Goal
+from frida_painter.runs.settle import fitted, make_goal
 from frida_painter.runs.spec import RunSpec
 
 

@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 
 from frida_painter import images
 from frida_painter.errors import ConfigError, ImageError
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.objectives.kinds.semantic import SemanticTerm
-from frida_painter.objectives.kinds.sketch import SketchTerm
-from frida_painter.objectives.kinds.style import StyleTerm
-from frida_painter.objectives.kinds.text import TextTerm
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.runs.goal_item import name_of, read_prompt, title_of
-from frida_painter.runs.goals import make_goal
+from frida_painter.runs.settle import make_goal
+from frida_painter.words.text import TextTerm
 from scenes import picture
 
 

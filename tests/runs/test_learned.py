@@ -6,7 +6,7 @@ import torch
 from easels import CALIBRATION, CANVAS
 from frida_painter.calibration import Calibration, previous
 from frida_painter.planning.placement import Placement
-from frida_painter.runs.learned import keep_learned
+from frida_painter.runs.folder import keep_learned
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.painting import Painting
 from plans import made_up_plan

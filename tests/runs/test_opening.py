@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from frida_painter.runs.opening import darkest_paint, replan_policy, wanted_ground
+from frida_painter.runs.settle import darkest_paint, replan_policy, wanted_ground
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.replan_policy import EvenlySpaced, EveryNth, looks_on_the_way
 from frida_painter.virtual.paint import BANDS, absorption_and_scattering, film_over, to_srgb

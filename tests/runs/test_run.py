@@ -16,12 +16,11 @@ from frida_painter import images
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.palette import from_hex
-from frida_painter.runs.opening import Controls
-from frida_painter.runs.reopening import history_of
+from frida_painter.runs.folder import history_of
 from frida_painter.runs.run import PaintingRun, paint
+from frida_painter.runs.settle import Controls
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import Event, GroundWanted, Planned, Stopped, StrokePainted
-from frida_painter.session.page_events import Finishing
+from frida_painter.session.events import Event, Finishing, GroundWanted, Planned, Stopped, StrokePainted
 from marks import coarse_table
 from networks import QuickEncoders
 
@@ -32,7 +31,7 @@ SMALL = {"canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fi
 def _coarse_brush(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
-        patch.setattr("frida_painter.runs.opening.cached_table", coarse_table)
+        patch.setattr("frida_painter.runs.settle.cached_table", coarse_table)
         yield
 
 
@@ -210,7 +209,7 @@ def test_words_alone_are_painted_on_the_colour_around_their_things(
     asked: dict[str, str], ground: str, photo: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "frida_painter.runs.ground_choice.ground_around_things", lambda planner: (32 / 255, 48 / 255, 64 / 255)
+        "frida_painter.runs.settle.ground_around_things", lambda planner: (32 / 255, 48 / 255, 64 / 255)
     )
     for goal in ([{"text": "a strawberry"}], [{"text": "a strawberry"}, {"image": str(photo)}]):
         spec = RunSpec.of(goal=goal, strokes=4, **SMALL, **asked)

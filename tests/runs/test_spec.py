@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
-from frida_painter.frames import CanvasSize
 from frida_painter.runs.spec import RunSpec, upgraded
 
 

@@ -11,22 +11,22 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter.frames import CanvasSize
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.kinds import DIARY
+from frida_painter.easel.order import EaselOrder
+from frida_painter.easel.parent import EaselProcess
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.palette import Palette
 from frida_painter.registry import EASELS
-from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.easel_process import EaselProcess
-from frida_painter.session.names import DIARY
 from plugins import install
 
 PAINTS = Palette(torch.tensor([[0.9, 0.8, 0.2], [0.1, 0.1, 0.3]]))
 
 MACHINE = "machine"
 _MACHINE_KIND = """
-from frida_painter.session.easel_kind import EaselKind
-from frida_painter.session.easel_kinds.studio import VIRTUAL_KIND as STUDIO
+from frida_painter.easel.kinds import EaselKind
+from frida_painter.easel.studio import VIRTUAL_KIND as STUDIO
 KIND = EaselKind("machine", "a virtual studio that is taken for a machine", STUDIO.open, simulated=False)
 """
 

@@ -6,21 +6,21 @@ import pytest
 import torch
 
 from easels import CALIBRATION, CANVAS, WORKSPACE, NotingRobot, PatientCamera, stub_easel
-from frida_painter.brush.dip import Dip
-from frida_painter.brush.kinds import BrushKind, brush_kind
+from frida_painter.brush.kinds import BrushKind, Dip, brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.calibration import Calibration, LearnedFile
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import LibraryError, PoseMismatch, WorkspaceViolation
-from frida_painter.frames import CanvasSize
 from frida_painter.hardware.motion import Motion
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
-from frida_painter.session.brushwork import STROKES_PER_DIP, Brushwork, refilled
+from frida_painter.sawyer.arm import SAWYER
 from frida_painter.session.choreography import Choreography
 from frida_painter.session.events import Dipped, StrokePainted
+from frida_painter.session.hand import STROKES_PER_DIP, Brushwork, refilled
 from frida_painter.strokes import StrokeLimits, Strokes
-from frida_painter.virtual.studio import SAWYER, StudioSettings, open_studio
+from frida_painter.virtual.studio import StudioSettings, open_studio
 from marks import SMALL, small_library
 from plans import made_up_strokes
 

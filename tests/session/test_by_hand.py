@@ -6,17 +6,16 @@ import pytest
 import torch
 
 from frida_painter.brush.kinds import MEDIUM
+from frida_painter.easel.dialogue import Answer, Confirm, Question
+from frida_painter.easel.open import open_easel
+from frida_painter.easel.operator import AbsentOperator, PersonAsOperator
+from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import Interrupted, RobotStopped
-from frida_painter.hardware.camera import Frame
-from frida_painter.hardware.drivers.human import HumanRobot
 from frida_painter.hardware.easel import Easel
-from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.by_hand import ByHand
-from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.easels import open_easel
+from frida_painter.hardware.robot import Frame
 from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
-from frida_painter.session.operator import AbsentOperator, PersonAsOperator
-from frida_painter.session.procedures.dialogue import Answer, Confirm, Question
+from frida_painter.session.hand import Brushwork
+from frida_painter.session.human import ByHand, HumanRobot
 from plans import CANVAS, made_up_plan
 
 PLAN = made_up_plan(6, 2)

@@ -5,9 +5,9 @@ import pytest
 
 from easels import PatientCamera, stub_easel
 from frida_painter.errors import CameraError, ConfigError, RobotDisconnected, StaleFrame
-from frida_painter.hardware.camera import Frame
-from frida_painter.session.canvas_observer import TIMELAPSE_ROWS, CanvasObserver, FrameDeveloper, Photographer
+from frida_painter.hardware.robot import Frame
 from frida_painter.session.events import Event, StrokePainted, TimelapseFrame
+from frida_painter.session.observer import TIMELAPSE_ROWS, CanvasObserver, FrameDeveloper, Photographer
 
 
 def observing(*script: tuple[float, int] | str) -> tuple[CanvasObserver, PatientCamera]:

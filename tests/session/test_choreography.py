@@ -4,8 +4,7 @@ import pytest
 import torch
 
 from easels import CALIBRATION, CANVAS, WORKSPACE
-from frida_painter.brush.dip import Dip
-from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.kinds import BrushKind, Dip
 from frida_painter.hardware.motion import Motion
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan

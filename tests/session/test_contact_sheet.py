@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from frida_painter.brush.flaw import Flaw
-from frida_painter.session.contact_sheet import MOST_SHOWN, contact_sheet
+from frida_painter.brush.library import Flaw
+from frida_painter.procedures.strokes import MOST_SHOWN, contact_sheet
 from marks import small_library
 
 

@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError
-from frida_painter.session.commands import Kind, PaintingCommand, command
 from frida_painter.session.events import (
     KINDS,
     Dipped,
@@ -22,29 +21,28 @@ from frida_painter.session.events import (
     Looked,
     MotionBegan,
     PaintingBegun,
+    PaintingKept,
+    PaintingStarted,
     Paused,
     Photographed,
     PlanAdopted,
+    PlanningProgress,
+    PlanPreview,
+    PlanRequested,
     RegionProtected,
     SessionResumed,
     Stopped,
     StrokeLeftOut,
     StrokePainted,
+    TimeLeft,
+    WentOn,
     Written,
     events_of,
     record,
     time_of,
 )
-from frida_painter.session.history import History, renewed_journal
-from frida_painter.session.page_events import (
-    PaintingKept,
-    PaintingStarted,
-    PlanningProgress,
-    PlanPreview,
-    PlanRequested,
-    TimeLeft,
-    WentOn,
-)
+from frida_painter.session.journal import History, renewed_journal
+from frida_painter.web.commands import Kind, PaintingCommand, command
 
 AT = "2026-01-02T03:04:05.678+00:00"
 VALUES: dict[str, Any] = {
@@ -156,5 +154,5 @@ def test_every_command_has_a_meaning(kind: str) -> None:
 
 
 def test_the_language_is_read_without_torch() -> None:
-    code = "import frida_painter.session.events, frida_painter.session.commands, sys; sys.exit('torch' in sys.modules)"
+    code = "import frida_painter.session.events, frida_painter.web.commands, sys; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

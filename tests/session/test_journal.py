@@ -13,8 +13,7 @@ from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.session.events import MotionBegan, StrokePainted
-from frida_painter.session.history import History
-from frida_painter.session.journal import Journal
+from frida_painter.session.journal import History, Journal
 from plans import made_up_plan
 from sittings import Evening
 

@@ -13,10 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from easels import NotingRobot
+from frida_painter.easel.operator import PersonAsOperator
 from frida_painter.errors import CalibrationError, Interrupted, PaintingPaused, PlanError, PoseMismatch
 from frida_painter.palette import Palette
-from frida_painter.session.canvas_observer import Timelapse
 from frida_painter.session.events import (
+    DRYING,
     BrushInHand,
     Dipped,
     Drying,
@@ -31,10 +32,9 @@ from frida_painter.session.events import (
     TimelapseFrame,
 )
 from frida_painter.session.journal import Journal
-from frida_painter.session.operator import PersonAsOperator
+from frida_painter.session.observer import Timelapse
 from frida_painter.session.painting import ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
-from frida_painter.session.timetable import DRYING
 from sittings import Evening, NotingPlanner
 
 

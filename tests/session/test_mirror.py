@@ -2,11 +2,11 @@ import numpy as np
 import torch
 
 from frida_painter.brush.kinds import brush_kind
-from frida_painter.frames import CanvasSize
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_observer import CanvasObserver
+from frida_painter.session.hand import Brushwork
+from frida_painter.session.observer import CanvasObserver
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.studio import StudioSettings, open_studio
 

@@ -11,16 +11,16 @@ import torch
 from easels import CALIBRATION, CANVAS, stub_easel
 from frida_painter.brush.kinds import FINE
 from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.dialogue import lead
 from frida_painter.errors import CalibrationError
-from frida_painter.frames import CanvasSize
 from frida_painter.hardware.easel import Easel
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.session.brushwork import Brushwork
+from frida_painter.procedures.canvas import canvas
+from frida_painter.procedures.robot import robot
+from frida_painter.session.hand import Brushwork
 from frida_painter.session.opening import on_record, planning_device
-from frida_painter.session.procedures.canvas import canvas
-from frida_painter.session.procedures.dialogue import lead
-from frida_painter.session.procedures.robot import robot
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.studio import VirtualStudio, open_studio
 from frida_painter.virtual.table import PlacementError
@@ -31,7 +31,7 @@ SIZE = CanvasSize(0.20, 0.15)
 _COUNTING = """
 import resource
 import numpy as np
-from frida_painter.session.opening import prepare_process
+from frida_painter.devices import prepare_process
 
 def faults():
     before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt

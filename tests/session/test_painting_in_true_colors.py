@@ -7,19 +7,18 @@ from skimage import data
 
 from frida_painter import images
 from frida_painter.brush.kinds import brush_kind
-from frida_painter.brush.table import StrokeTable
-from frida_painter.brush.table_cache import cached_table
+from frida_painter.brush.table import StrokeTable, cached_table
 from frida_painter.brush.weights import load_stroke_model
-from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
-from frida_painter.planning.effort import Effort
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.dialogue import lead
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
+from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
-from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_observer import CanvasObserver
+from frida_painter.procedures.color import color
+from frida_painter.session.hand import Brushwork
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.procedures.color import color
-from frida_painter.session.procedures.dialogue import lead
+from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio

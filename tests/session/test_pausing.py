@@ -10,10 +10,9 @@ import pytest
 from easels import NotingRobot, PatientCamera
 from frida_painter.errors import CameraError, PaintingPaused, StorageError
 from frida_painter.event_log import EventLog
-from frida_painter.hardware.camera import Frame
+from frida_painter.hardware.robot import Frame
 from frida_painter.session.events import Event, Paused, PlanningStep, StrokePainted
-from frida_painter.session.history import History
-from frida_painter.session.journal import Journal
+from frida_painter.session.journal import History, Journal
 from sittings import Evening
 
 WASHED = 2 * ["rinse", "wipe"]

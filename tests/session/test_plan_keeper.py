@@ -7,8 +7,7 @@ import torch
 
 from frida_painter.errors import ConfigError
 from frida_painter.plan import Plan
-from frida_painter.session.events import Paused, Scheduled, StrokePainted
-from frida_painter.session.timetable import DRYING
+from frida_painter.session.events import DRYING, Paused, Scheduled, StrokePainted
 from sittings import Evening, NotingPlanner
 
 

@@ -9,19 +9,17 @@ import pytest
 import torch
 
 from easels import CALIBRATION, WORKSPACE
+from frida_painter.easel.dialogue import Confirm, Question
+from frida_painter.easel.operator import brush_in_hand
 from frida_painter.errors import ConfigError, Interrupted, PoseMismatch, WorkspaceViolation
 from frida_painter.event_log import EventLog
 from frida_painter.hardware.motion import Motion
-from frida_painter.hardware.workspace import BrushRack
-from frida_painter.session.choreography import BrushLoad, Choreography
+from frida_painter.hardware.robot import BrushRack
+from frida_painter.session.choreography import BrushLoad, Choreography, reckon
 from frida_painter.session.events import BrushInHand, LayerBegun, Stopped
-from frida_painter.session.history import History
-from frida_painter.session.journal import Journal
-from frida_painter.session.operator import brush_in_hand
+from frida_painter.session.journal import History, Journal
 from frida_painter.session.painting import ResumeState
-from frida_painter.session.procedures.dialogue import Confirm, Question
 from frida_painter.session.rehearsal import rehearse
-from frida_painter.session.timing import reckon
 from sittings import BRUSH, Evening, NotingPlanner
 
 RACK = BrushRack({"small": (0.4, -0.2, 0.1), "large": (0.45, -0.2, 0.1)}, (0.0, 0.06), 0.05)

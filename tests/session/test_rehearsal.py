@@ -3,8 +3,8 @@ from dataclasses import replace
 import torch
 
 from easels import CALIBRATION, WORKSPACE
-from frida_painter.frames import CanvasSize
-from frida_painter.hardware.reach import ArmLength
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.hardware.robot import ArmLength
 from frida_painter.session.rehearsal import rehearse
 from plans import CANVAS, made_up_plan
 

@@ -16,8 +16,7 @@ from frida_painter.plan import Plan
 from frida_painter.session import resuming
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import Dipped, PlanAdopted, StrokeLeftOut, StrokePainted
-from frida_painter.session.history import History
-from frida_painter.session.journal import Journal
+from frida_painter.session.journal import History, Journal
 from killing import began, ended, kill_when
 from worlds import CANVAS, RESTS_ON, STROKES, World
 
@@ -28,7 +27,7 @@ CLEANED = 0.001
 @pytest.fixture(scope="module")
 def world() -> Iterator[World]:
     with pytest.MonkeyPatch.context() as patch:  # photographs are looked at more coarsely, which is sooner done
-        patch.setattr("frida_painter.session.execution_monitor.PHOTOGRAPH_ROWS", 216)
+        patch.setattr("frida_painter.session.plan_keeper.PHOTOGRAPH_ROWS", 216)
         patch.setattr("frida_painter.session.resuming.PHOTOGRAPH_ROWS", 216)
         # With this seed no replan is a near tie, which the little that a cleaned brush changes would decide otherwise.
         yield World.made(seed=7)

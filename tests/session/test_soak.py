@@ -12,20 +12,19 @@ import torch
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.brush.weights import load_stroke_model
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.event_log import EventLog
-from frida_painter.frames import CanvasSize
-from frida_painter.goal import Goal
-from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.planning.effort import Effort
+from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
-from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_observer import CanvasObserver
 from frida_painter.session.events import Event, Planned, StrokePainted
-from frida_painter.session.history import History
-from frida_painter.session.journal import Journal
+from frida_painter.session.hand import Brushwork
+from frida_painter.session.journal import History, Journal
 from frida_painter.session.loop import PaintingSession
+from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec
@@ -83,7 +82,7 @@ def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(
 ) -> None:
     torch.set_num_threads(1)
     # Photographs are looked at more coarsely, and sooner.
-    monkeypatch.setattr("frida_painter.session.execution_monitor.PHOTOGRAPH_ROWS", 216)
+    monkeypatch.setattr("frida_painter.session.plan_keeper.PHOTOGRAPH_ROWS", 216)
     model = StrokeTable.of(load_stroke_model("fine"), detail=TableDetail((2, 2, 2), 8))
     # A goal that is begun with something else spares looking for better places, which takes most of the time.
     goal = Goal((ImageTerm(picture(120, 160)),), initial=(ImageTerm(picture(120, 160)),))

@@ -9,15 +9,14 @@ from hypothesis import strategies as st
 
 from easels import CALIBRATION, WORKSPACE
 from frida_painter.brush.bezier import BezierStroke, RibbonShape
-from frida_painter.brush.dip import Dip
-from frida_painter.brush.kinds import FINE, MEDIUM, BrushKind
+from frida_painter.brush.kinds import FINE, MEDIUM, BrushKind, Dip
 from frida_painter.hardware.motion import Motion
 from frida_painter.plan import Plan
-from frida_painter.planning.fading import Fading
+from frida_painter.planning.forecast import Fading
 from frida_painter.render import render
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.events import Dipped
-from frida_painter.session.stroke_order import put_in_order
+from frida_painter.session.hand import put_in_order
 from plans import CANVAS, made_up_plan
 
 

@@ -5,16 +5,15 @@ import torch
 
 from easels import CALIBRATION, WORKSPACE
 from frida_painter.brush.kinds import FINE, brush_kind
-from frida_painter.frames import CanvasSize
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.motion import Motion
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.choreography import BrushLoad, Choreography
-from frida_painter.session.events import StrokePainted
-from frida_painter.session.timetable import DRYING
-from frida_painter.session.timing import reckon
-from frida_painter.virtual.studio import FREE, KINEMATIC_SAWYER, StudioSettings, open_studio
+from frida_painter.sawyer.arm import KINEMATIC_SAWYER
+from frida_painter.session.choreography import BrushLoad, Choreography, reckon
+from frida_painter.session.events import DRYING, StrokePainted
+from frida_painter.session.hand import Brushwork
+from frida_painter.virtual.studio import FREE, StudioSettings, open_studio
 from plans import in_layers, made_up_plan, made_up_strokes
 
 SMALL = CanvasSize(0.12, 0.09)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import torch
 
-from frida_painter.frames import CanvasSize
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.palette import Palette
 from frida_painter.virtual.studio import StudioSettings, open_studio

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from frida_painter.virtual.bristles import Tuft
-from frida_painter.virtual.brushes import brush_named
+from frida_painter.virtual.bristles import Tuft, brush_named
 from frida_painter.virtual.paint import absorption_and_scattering
 
 BLUE = absorption_and_scattering(np.array([0.1, 0.2, 0.7]))

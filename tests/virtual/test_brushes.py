@@ -1,7 +1,7 @@
 import pytest
 
 from frida_painter.errors import ConfigError
-from frida_painter.virtual.brushes import brush_named, brush_names
+from frida_painter.virtual.bristles import brush_named, brush_names
 
 
 def test_brushes_grow_from_fine_to_broad_and_open_when_pressed():

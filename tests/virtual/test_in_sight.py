@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CameraError
-from frida_painter.frames import CanvasSize
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import Faults, InSight
 

@@ -2,7 +2,7 @@ import pytest
 
 from frida_painter.errors import ConfigError
 from frida_painter.virtual import bristles, camera, canvas
-from frida_painter.virtual.kernels import load_kernels
+from frida_painter.virtual.studio import load_kernels
 from virtual.hand import Hand
 
 

@@ -4,10 +4,9 @@ from pathlib import Path
 import pytest
 from starlette.websockets import WebSocketDisconnect
 
-from frida_painter.web import access
-from frida_painter.web.access import Keys
-from frida_painter.web.painting_store import PaintingStore
-from frida_painter.web.roles import Role
+from frida_painter.web import security
+from frida_painter.web.security import Keys, Role
+from frida_painter.web.store import PaintingStore
 from frida_painter.web.workers import WorkerSlot
 from studios import HOST, ORIGIN, Studio, order
 
@@ -68,7 +67,7 @@ def test_every_start_has_new_tokens_and_every_role_its_own() -> None:
 def test_wrong_tokens_are_slowed_and_lock_nobody_out_who_has_the_right_one(
     studio: Studio, monkeypatch: pytest.MonkeyPatch, bearer: bool
 ) -> None:
-    monkeypatch.setattr(access, "_DELAY", 0.3)
+    monkeypatch.setattr(security, "_DELAY", 0.3)
     client = studio.client()
 
     def come(token: str) -> int:
@@ -79,7 +78,7 @@ def test_wrong_tokens_are_slowed_and_lock_nobody_out_who_has_the_right_one(
     assert {come(f"guess {number}") for number in range(10)} == {401}
     began = time.monotonic()
     assert come("guess") == 401 and time.monotonic() - began >= 0.3
-    monkeypatch.setattr(access, "_MOST_DELAYED", 0)
+    monkeypatch.setattr(security, "_MOST_DELAYED", 0)
     assert come("guess") == 429
     assert come(studio.keys.tokens[Role.operate]) == 200
 

@@ -15,17 +15,15 @@ from PIL import Image
 
 from frida_painter import web
 from frida_painter.hardware.latch import Latch, latch_path
-from frida_painter.model_folder import VARIABLE
-from frida_painter.session.events import Stopped
-from frida_painter.session.page_events import PaintingKept, TakenUp
-from frida_painter.web.feed import Feed
+from frida_painter.registry import VARIABLE
+from frida_painter.session.events import PaintingKept, Stopped, TakenUp
+from frida_painter.web.easel import StudioEasel
 from frida_painter.web.folder import WorkerLock
-from frida_painter.web.gallery import packed
-from frida_painter.web.painting_queue import PaintingQueue
-from frida_painter.web.painting_store import Entry
-from frida_painter.web.roles import Role
-from frida_painter.web.studio_easel import StudioEasel
-from frida_painter.web.workers import Workers, WorkerSlot
+from frida_painter.web.routes import packed
+from frida_painter.web.security import Role
+from frida_painter.web.state import Feed
+from frida_painter.web.store import Entry
+from frida_painter.web.workers import PaintingQueue, Workers, WorkerSlot
 from studios import Studio, Visitor
 
 

@@ -6,25 +6,17 @@ from typing import Any
 import pytest
 import torch
 
+from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Measure, PointCorners, Question
 from frida_painter.errors import ConfigError
 from frida_painter.event_log import LogReader
-from frida_painter.session.page_events import Answered, Asked
-from frida_painter.session.procedures.dialogue import (
-    Answer,
-    Confirm,
-    Jog,
-    JogMove,
-    Measure,
-    PointCorners,
-    Question,
-)
-from frida_painter.web import answers
-from frida_painter.web.answers import Reply, reply, understood
-from frida_painter.web.asking import Asker, described
-from frida_painter.web.feed import Feed, FeedReader
+from frida_painter.session.events import Answered, Asked
+from frida_painter.web import commands
+from frida_painter.web.commands import Reply, reply, understood
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.lead import GOOD_FOR
-from frida_painter.web.stop_line import StopPressed, StopWatch
+from frida_painter.web.painter import Asker, described
+from frida_painter.web.security import LEAD_GOOD_FOR
+from frida_painter.web.state import Feed, FeedReader
+from frida_painter.web.stop import StopPressed, StopWatch
 
 PICTURE = torch.zeros(3, 20, 30)
 CORNERS = ((1.25, 1.0), (25.0, 1.0), (25.0, 15.0), (1.0, 15.0))
@@ -79,7 +71,7 @@ def test_an_answer_that_comes_too_late_is_none(folder: PaintingFolder, monkeypat
     line = LogReader(folder.replies).read()[0]
     assert understood(line, "0" * 16, shown) is True
     now = time.time()
-    monkeypatch.setattr(answers.time, "time", lambda: now + GOOD_FOR + 1)
+    monkeypatch.setattr(commands.time, "time", lambda: now + LEAD_GOOD_FOR + 1)
     assert understood(line, "0" * 16, shown) is None
 
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from frida_painter import cli
+from frida_painter.cli import commands
 from frida_painter.web import server
-from frida_painter.web.roles import Role
+from frida_painter.web.security import Role
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
 def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
     monkeypatch.setattr(sys, "argv", ["frida-painter", "studio", "--no-browser", *words])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        commands.main()
     return int(end.value.code or 0)
 
 

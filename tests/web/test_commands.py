@@ -5,11 +5,10 @@ from typing import Any
 import pytest
 
 from frida_painter.event_log import FEED, EventLog
-from frida_painter.session.commands import Pause, TakeTurns
 from frida_painter.web import commands
-from frida_painter.web.commands import Command, CommandReader, tell_painter
+from frida_painter.web.commands import Command, CommandReader, Pause, TakeTurns, tell_painter
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.lead import GOOD_FOR
+from frida_painter.web.security import LEAD_GOOD_FOR
 
 
 def test_each_command_is_heard_once(tmp_path: Path) -> None:
@@ -31,7 +30,7 @@ def test_what_was_asked_while_nobody_could_hear_is_not_done_later(
     folder = PaintingFolder(tmp_path)
     tell_painter(folder, "go on", "browser")
     now = commands.time.time()
-    monkeypatch.setattr(commands.time, "time", lambda: now + GOOD_FOR + 1)
+    monkeypatch.setattr(commands.time, "time", lambda: now + LEAD_GOOD_FOR + 1)
     assert CommandReader(folder, 0.0).listen() == []
     monkeypatch.setattr(commands.time, "time", lambda: now - 3600)
     assert CommandReader(folder, 0.0).listen() == [], "the clock was set back"

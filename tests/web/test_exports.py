@@ -1,7 +1,7 @@
 from pathlib import Path
 
 from frida_painter.brush.weights import load_stroke_model
-from frida_painter.web.exports import export
+from frida_painter.web.telling import export
 from plans import in_layers, made_up_plan
 
 

@@ -4,10 +4,9 @@ from typing import Any
 
 import pytest
 
-from frida_painter.web import limits
-from frida_painter.web.access import Session
-from frida_painter.web.limits import MOST_BODY, MOST_UPLOAD, Bucket, Limits
-from frida_painter.web.roles import Role
+from frida_painter.web import network
+from frida_painter.web.network import MOST_BODY, MOST_UPLOAD, Bucket, Limits
+from frida_painter.web.security import Role, Session
 from studios import Studio
 
 
@@ -38,7 +37,7 @@ def test_haste_is_refused_but_a_stop_never_is(tmp_path: Path) -> None:
 
 
 def test_a_body_that_never_ends_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limits, "_PATIENCE", 0.05)
+    monkeypatch.setattr(network, "_PATIENCE", 0.05)
     sent: list[dict[str, Any]] = []
 
     async def never(scope: Any, receive: Any, send: Any) -> None:

@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, Page, Route, expect
 from browsing import SCREENSHOTS, WITH_CHROMIUM, OpenStudio, chromium, deadline, opened_studio, window
 from frida_painter.event_log import FEED, EventLog
 from frida_painter.web.folder import PaintingFolder, WorkerLock
-from frida_painter.web.painting_store import PaintingStore
+from frida_painter.web.store import PaintingStore
 
 pytestmark = [pytest.mark.slow, WITH_CHROMIUM]
 

@@ -8,19 +8,26 @@ import pytest
 import torch
 
 from frida_painter import images
-from frida_painter.planning.effort import Effort
+from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.runs.folder import read_goal
 from frida_painter.session import resuming
-from frida_painter.session.events import Event, GoalChanged, Paused, Planned, RegionProtected, StrokePainted
+from frida_painter.session.events import (
+    Event,
+    GoalChanged,
+    Paused,
+    Planned,
+    RegionProtected,
+    Remark,
+    StrokePainted,
+    WentOn,
+)
 from frida_painter.session.journal import Journal
-from frida_painter.session.page_events import Remark, WentOn
 from frida_painter.web.commands import tell_painter
-from frida_painter.web.feed import Feed, FeedReader
-from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.painting_request import PaintingRequest
-from frida_painter.web.pause_controller import PauseController
-from frida_painter.web.stop_line import StopPressed, StopWatch
+from frida_painter.web.folder import PaintingFolder, PaintingRequest
+from frida_painter.web.painter import PauseController
+from frida_painter.web.state import Feed, FeedReader
+from frida_painter.web.stop import StopPressed, StopWatch
 from scenes import CANVAS, goal, picture, plain, small_table
 from sittings import Evening
 

@@ -6,10 +6,10 @@ import pytest
 
 from frida_painter.errors import RobotStopped
 from frida_painter.hardware.latch import Latch, latch_path
-from frida_painter.web import presence as presence_module
+from frida_painter.web import security as presence_module
+from frida_painter.web.easel import StudioEasel
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.presence import Presence
-from frida_painter.web.studio_easel import StudioEasel
+from frida_painter.web.security import Presence
 
 
 @pytest.fixture

@@ -5,22 +5,23 @@ import pytest
 
 from frida_painter import calibration
 from frida_painter.event_log import FEED, EventLog
-from frida_painter.session.events import Failed, Written, events_of, record
-from frida_painter.session.page_events import (
+from frida_painter.session.events import (
     Answered,
     Asked,
     CalibrationStarted,
     CalibrationStatus,
+    Failed,
     ProcedureBegan,
     ProcedureFound,
     ProcedureProgress,
+    Written,
+    events_of,
+    record,
 )
-from frida_painter.web import calibration_request
-from frida_painter.web.calibration_request import CalibrationRequest
-from frida_painter.web.calibration_state import CalibrationState
-from frida_painter.web.feed import Feed
-from frida_painter.web.folder import WorkerLock
-from frida_painter.web.studio_easel import StudioEasel
+from frida_painter.web import folder
+from frida_painter.web.easel import StudioEasel
+from frida_painter.web.folder import CalibrationRequest, WorkerLock
+from frida_painter.web.state import CalibrationState, Feed
 from frida_painter.web.workers import WorkerSlot
 from studios import Studio, order
 
@@ -35,7 +36,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_the_page_knows_the_procedures_that_there_are() -> None:
-    assert calibration_request.PROCEDURES == calibration.PROCEDURES
+    assert folder.PROCEDURES == calibration.PROCEDURES
 
 
 def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, started: list[str]) -> None:

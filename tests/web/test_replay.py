@@ -8,22 +8,29 @@ import pytest
 import torch
 
 from easels import PatientCamera
-from frida_painter.planning.effort import Effort
+from frida_painter.planning.layers import Effort
 from frida_painter.planning.planner import Planner
-from frida_painter.session.events import Event, Paused, Stopped, StrokePainted
-from frida_painter.session.forecast import Forecast
-from frida_painter.session.history import History
-from frida_painter.session.journal import Journal
-from frida_painter.session.page_events import Finishing, PaintingKept, PaintingStarted, PlanRequested, TakenUp
+from frida_painter.session.events import (
+    Event,
+    Finishing,
+    PaintingKept,
+    PaintingStarted,
+    Paused,
+    PlanRequested,
+    Stopped,
+    StrokePainted,
+    TakenUp,
+)
+from frida_painter.session.journal import History, Journal
 from frida_painter.session.painting import ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.resuming import kept_plan
+from frida_painter.session.time_left import Forecast
 from frida_painter.web.commands import tell_painter
-from frida_painter.web.feed import Feed, FeedReader
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.pause_controller import PauseController
-from frida_painter.web.state import PaintingState
-from frida_painter.web.stop_line import StopWatch
+from frida_painter.web.painter import PauseController
+from frida_painter.web.state import Feed, FeedReader, PaintingState
+from frida_painter.web.stop import StopWatch
 from frida_painter.web.telling import Reporter
 from scenes import CANVAS, goal, plain, small_table
 from sittings import Evening

@@ -86,7 +86,7 @@ def test_the_process_of_the_page_holds_neither_robot_nor_accelerator(tmp_path: P
     heavy = {"torch", "safetensors", "numba", "cv2", "scipy", "sklearn", "h5py", "transformers", "mujoco"}
     assert not loaded & heavy
     drivers = {name for name in loaded if name.startswith(("frida_painter.hardware.drivers", "frida_painter.virtual"))}
-    assert not drivers and "frida_painter.session.easels" not in loaded
+    assert not drivers and "frida_painter.easel.open" not in loaded
 
 
 def test_names_and_addresses() -> None:

@@ -17,10 +17,9 @@ from typing import Any
 import pytest
 
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.painting_store import PaintingStore
-from frida_painter.web.roles import Role
-from frida_painter.web.stop_key import StopKey
-from frida_painter.web.stop_line import StopWatch
+from frida_painter.web.security import Role
+from frida_painter.web.stop import StopKey, StopWatch
+from frida_painter.web.store import PaintingStore
 from served import PATIENCE, Served, Work, end_listener, open_studio
 
 

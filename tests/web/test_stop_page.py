@@ -14,11 +14,10 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from browsing import SCREENSHOTS, WITH_CHROMIUM, chromium, deadline
-from frida_painter.session.events import Failed
-from frida_painter.session.page_events import PlanRequested
-from frida_painter.web.feed import Feed
-from frida_painter.web.painting_request import PaintingRequest
-from frida_painter.web.painting_store import PaintingStore
+from frida_painter.session.events import Failed, PlanRequested
+from frida_painter.web.folder import PaintingRequest
+from frida_painter.web.state import Feed
+from frida_painter.web.store import PaintingStore
 from served import Served, Work, end_listener, open_studio
 
 pytestmark = [pytest.mark.slow, WITH_CHROMIUM]

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from frida_painter.web import limits
+from frida_painter.web import network
 from frida_painter.web.workers import WorkerSlot
 from studios import Studio, Visitor, order
 
@@ -98,7 +98,7 @@ def test_nothing_senseless_does_any_harm(
     storm: ModuleType, guard: Guard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(WorkerSlot, "start", lambda self, job, plan: None)
-    monkeypatch.setattr(limits.Bucket, "take", lambda self, who: True)
+    monkeypatch.setattr(network.Bucket, "take", lambda self, who: True)
     studio = Studio(tmp_path / "the-store")
     visitor: Visitor = studio.visitor()
     known = studio.store.begin("Known").id

@@ -4,18 +4,18 @@ from types import SimpleNamespace
 
 import pytest
 
+from frida_painter.easel.kinds import state_folder
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.workcell import example
 from frida_painter.runs.easel import order
-from frida_painter.session.names import state_folder
-from frida_painter.web import workspace_canvas, workspace_reader
-from frida_painter.web.asking import Asker
-from frida_painter.web.feed import Feed
-from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.job import Job
-from frida_painter.web.painting_request import PaintingRequest
-from frida_painter.web.stop_line import StopWatch
-from frida_painter.web.studio_easel import StudioEasel
+from frida_painter.web import easel as workspace_canvas
+from frida_painter.web import workspace_reader
+from frida_painter.web.easel import StudioEasel
+from frida_painter.web.folder import PaintingFolder, PaintingRequest
+from frida_painter.web.painter import Asker
+from frida_painter.web.state import Feed
+from frida_painter.web.stop import StopWatch
+from frida_painter.web.worker import Job
 
 
 @pytest.mark.parametrize(

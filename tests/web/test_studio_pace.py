@@ -6,7 +6,7 @@ import pytest
 
 from frida_painter.event_log import FEED, EventLog
 from frida_painter.web import studio_pace
-from frida_painter.web.painting_store import PaintingStore
+from frida_painter.web.store import PaintingStore
 from frida_painter.web.studio_pace import PaceMemory, StudioPace, pace
 
 MADE = {"nearer": 0.5, "prefix": "", "frames": [0, 20], "palette": [], "mixtures": []}

@@ -10,8 +10,8 @@ from PIL import Image
 
 from frida_painter import images
 from frida_painter.errors import ImageError, Interrupted
-from frida_painter.web import uploads
-from frida_painter.web.painting_store import PaintingStore
+from frida_painter.web import store as uploads
+from frida_painter.web.store import PaintingStore
 
 
 def picture(width: int = 40, height: int = 30, kind: str = "PNG", **more: object) -> bytes:

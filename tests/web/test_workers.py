@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from frida_painter.errors import Interrupted
+from frida_painter.web.easel import StudioEasel
 from frida_painter.web.folder import PaintingFolder, working
-from frida_painter.web.studio_easel import StudioEasel
 from frida_painter.web.workers import Workers
 
 ENDING = """#!{python} -I

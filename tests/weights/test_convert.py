@@ -7,7 +7,7 @@ import torch
 from scipy.signal import correlate
 
 from frida_painter.errors import WeightsError
-from frida_painter.weights.convert import holistic_edges, state_dict, vgg_trunk
+from frida_painter.weights.catalogue import holistic_edges, state_dict, vgg_trunk
 from tiny_weights import NETWORK, Trap, archive
 
 CONVOLUTIONS = (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28)

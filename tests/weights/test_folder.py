@@ -1,7 +1,7 @@
 import pytest
 
 from frida_painter.errors import WeightsError
-from frida_painter.weights.folder import Folder
+from frida_painter.weights.cache import Folder
 from tiny_weights import WHEEL, WORDS, archive, original, write_wheel
 
 WANTED = [original("models/net.pth", archive()), original("models/vocab.txt", WORDS)]

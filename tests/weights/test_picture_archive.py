@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from frida_painter.errors import WeightsError
-from frida_painter.weights.picture_archive import (
+from frida_painter.weights.archive import (
     character_name,
     repack_abcs,
     repack_costumes,

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.weights.qt_resources import files_in
+from frida_painter.weights.archive import files_in
 from qt import Tree, resource
 
 FILES: Tree = {"animals": {"ibex.webp": b"i" * 900, "farm": {"cow.svg": b"<svg/>"}}, "notes": b""}

@@ -3,8 +3,7 @@
 import torch
 from torch import Tensor
 
-from frida_painter.brush.kinds import BrushKind, BrushModel
-from frida_painter.brush.stroke_function import StrokeFunction
+from frida_painter.brush.kinds import BrushKind, BrushModel, StrokeFunction
 from frida_painter.strokes import StrokeLimits
 
 # Strokes of 10 to 50 mm that bend by up to 12 mm; no mark is wider than 6 mm. In the virtual studio the fine

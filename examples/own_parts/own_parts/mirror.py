@@ -5,9 +5,7 @@ from dataclasses import dataclass
 from torch import Tensor
 
 from frida_painter.errors import ConfigError
-from frida_painter.goal import Term, require_weight
-from frida_painter.objectives.kind import Gives, GoalKind
-from frida_painter.objectives.objective import ObjectiveContext, ObjectiveTerm
+from frida_painter.objectives.objective import Gives, GoalKind, ObjectiveContext, ObjectiveTerm, Term, require_weight
 
 AXES = {"left-right": 2, "top-bottom": 1}
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import CameraError, ConfigError
-from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.cameras.shutter import Shutter
 from frida_painter.hardware.kinds import CameraKind
+from frida_painter.hardware.robot import Frame
 
 _SECONDS = 20.0
 

@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import RobotError
 from frida_painter.hardware.drivers.interlock import Interlock
-from frida_painter.hardware.kinds import RobotKind, require_home
-from frida_painter.hardware.machine_name import MachineName, yes_or_no
-from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter.hardware.workspace import Point, Workspace
+from frida_painter.hardware.kinds import MachineName, RobotKind, require_home, yes_or_no
+from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
 
 
 class TraceRobot:

@@ -9,9 +9,8 @@ from dataclasses import asdict, dataclass
 import torch
 from torch import Tensor, nn
 
-from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.kinds import END_THICKNESS, BrushKind
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.trajectory import END_THICKNESS
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 

@@ -8,22 +8,92 @@ its own. A stroke then costs 4 x 4 x 4 rows of coefficients and one product with
 docs/lab/stroke-models.md states error and speed.
 """
 
+import contextlib
+import hashlib
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+import platformdirs
 import torch
 from torch import Tensor, nn
 
-from frida_painter.brush import spline
-from frida_painter.brush.spread import CoverageSpread, spread_of
-from frida_painter.brush.squash import BEYOND, squash, unsquash
-from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter import tensor_file
+from frida_painter.brush.kinds import CoverageSpread, StrokeModel, spread_of
 from frida_painter.compiled import array, compiles_for
+from frida_painter.errors import StorageError
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
+
+# Between logits, in which marks are smooth, and magnitudes, in which they are opaque, soft-edged, or not there.
+#
+# The squash is a sigmoid that is stretched a little beyond [0, 1] and cut off there: away from a mark
+# the magnitude is exactly zero, and hundreds of strokes over one another leave no haze.
+
+BEYOND = 0.005
+"""How far the sigmoid is stretched beyond 0 and 1."""
+
+
+def stretched(logits: Tensor) -> Tensor:
+    """The sigmoid before it is cut off, in [-BEYOND, 1 + BEYOND]; for training, since its slope never dies."""
+    return torch.sigmoid(logits).mul(1 + 2 * BEYOND).sub(BEYOND)
+
+
+def squash(logits: Tensor) -> Tensor:
+    """Logits to magnitudes in [0, 1], any shape."""
+    return stretched(logits).clamp(0, 1)
+
+
+def unsquash(magnitude: Tensor) -> Tensor:
+    """The logits whose magnitude this is; for 0 and 1 those at which the cut begins."""
+    return torch.logit((magnitude + BEYOND) / (1 + 2 * BEYOND))
+
+
+# Uniform cubic B-splines on [0, 1]: where they are not zero, their weights, and fitting them.
+#
+# A spline of m spans has m + 3 coefficients; four of them matter at any place.
+
+_SAMPLES_PER_SPAN = 1.5
+
+
+def weights(place: Tensor, spans: int) -> tuple[Tensor, Tensor]:
+    """place [n] in [0, 1] -> the first of the four coefficients [n], and their weights [n, 4], differentiable."""
+    at = place * spans
+    first = at.detach().floor().clamp(0, spans - 1)
+    t = at - first
+    s = 1 - t
+    weight = torch.stack((s**3, 4 - 6 * t**2 + 3 * t**3, 4 - 6 * s**2 + 3 * s**3, t**3), -1) / 6
+    return first.long(), weight
+
+
+def rows(first: Sequence[Tensor], knots: Sequence[int]) -> Tensor:
+    """Of a cube with so many knots along each axis, the 64 rows [n, 64] around points: first, 3 x [n]."""
+    step = torch.arange(4, device=first[0].device)
+    outer, middle, inner = (axis[:, None] + step for axis in first)  # [n, 4]
+    row = (outer[:, :, None] * knots[1] + middle[:, None, :])[..., None] * knots[2]
+    return (row + inner[:, None, None, :]).flatten(1)
+
+
+def outer(first: Tensor, second: Tensor, third: Tensor) -> Tensor:
+    """Products of all weights of three axes, 3 x [n, 4] -> [n, 64]."""
+    return (first[:, :, None, None] * second[:, None, :, None] * third[:, None, None, :]).flatten(1)
+
+
+def sample_grid(spans: int) -> Tensor:
+    """Places in [0, 1] at which to sample what a spline of that many spans is to follow."""
+    return torch.linspace(0, 1, round(_SAMPLES_PER_SPAN * spans) + 4, dtype=torch.float64)
+
+
+def fit_matrix(grid: Tensor, spans: int) -> Tensor:
+    """The matrix [spans + 3, samples] from samples on the grid to the coefficients that fit them best."""
+    first, weight = weights(grid.double(), spans)
+    design = torch.zeros(len(grid), spans + 3, dtype=torch.float64, device=grid.device)
+    design.scatter_(1, first[:, None] + torch.arange(4, device=grid.device), weight)
+    return torch.linalg.pinv(design).to(grid)
+
 
 _BATCH = 256
 _DEEPER = 0.5
@@ -91,7 +161,7 @@ class StrokeTable(nn.Module):
     @classmethod
     def fitted(cls, model: StrokeModel, detail: TableDetail, samples: Tensor) -> Self:
         """The table of a model from its maps [grid, rows x columns], as `sample` gives them for that detail."""
-        grids = [spline.sample_grid(spans).to(samples) for spans in detail.spans]
+        grids = [sample_grid(spans).to(samples) for spans in detail.spans]
         touched = (samples.amax(0) > detail.faint).nonzero()[:, 0]
         marks = samples[:, touched]
         logits = unsquash(marks)
@@ -175,12 +245,12 @@ class StrokeTable(nn.Module):
 
     def plainly(self, place: Tensor) -> tuple[Tensor, Tensor]:
         """The windows at places [3, n] in [0, 1], by PyTorch on any device in any precision."""
-        looked = [spline.weights(axis, pieces) for axis, pieces in zip(place, self.detail.spans, strict=True)]
+        looked = [weights(axis, pieces) for axis, pieces in zip(place, self.detail.spans, strict=True)]
         part = self.part_of[1, looked[1][0]] + self.part_of[2, looked[2][0]]
         first = [self.first_of[axis, span] for axis, (span, _) in enumerate(looked)]
         knots = self.coefficients.shape[1:4]
-        row = spline.rows(first, knots) + part[:, None] * math.prod(knots)
-        share = spline.outer(*(weight for _, weight in looked))
+        row = rows(first, knots) + part[:, None] * math.prod(knots)
+        share = outer(*(weight for _, weight in looked))
         coordinates = nn.functional.embedding_bag(
             row, self.coefficients.flatten(0, 3), per_sample_weights=share, mode="sum"
         )
@@ -279,7 +349,7 @@ def _between(grid: Tensor, spans: int, edges: tuple[int, int]) -> Tensor:
 
 def sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> Tensor:
     """The model's maps on the table's grid of all three parameters, [grid, rows x columns], precise as `like`."""
-    grids = [spline.sample_grid(spans).to(like) for spans in detail.spans]
+    grids = [sample_grid(spans).to(like) for spans in detail.spans]
     (shortest, longest), (least, most) = model.limits.length, model.limits.bend
     thickness, length, bend = (part.flatten() for part in torch.meshgrid(*grids, indexing="ij"))
     length, bend = shortest + length * (longest - shortest), least + bend * (most - least)
@@ -294,7 +364,7 @@ def sample(model: StrokeModel, detail: TableDetail, like: Tensor) -> Tensor:
 
 def _fit(samples: Tensor, grids: list[Tensor], spans: tuple[int, int, int]) -> Tensor:
     """Coefficients [knots, knots, knots, cells] of the splines that follow samples [grid, cells] best."""
-    fits = [spline.fit_matrix(grid, pieces) for grid, pieces in zip(grids, spans, strict=True)]
+    fits = [fit_matrix(grid, pieces) for grid, pieces in zip(grids, spans, strict=True)]
     cube = samples.view(*(len(grid) for grid in grids), -1)
     return torch.einsum("ai,bj,ck,ijkr->abcr", *fits, cube)
 
@@ -309,3 +379,55 @@ def _best_basis(samples: Tensor, rank: int) -> Tensor:
         span = (samples @ torch.linalg.qr(span.T)[0]).T @ samples
     span = torch.linalg.qr(span.T)[0].T  # [wider, cells]
     return (torch.linalg.svd(samples @ span.T, full_matrices=False)[2] @ span)[:rank].contiguous()
+
+
+# Tables of stroke models that were made before, kept in the system's folder for caches.
+#
+# Tabulating a network takes some seconds of computing, which every command would begin with; reading a table
+# takes milliseconds. A file is named after everything that its table follows from, so that it is never out of
+# date; one that is damaged is made anew. Our own models follow from their weights. Of any other nothing is known
+# but what it gives, so it is sampled every time, and only the fit of the table is saved.
+
+# To be raised whenever a table, or what a stroke model makes of its weights, is computed otherwise.
+VERSION = 3
+# The tables of this many models are kept, about 1.5 MB each.
+_MOST_KEPT = 16
+
+
+def cached_table(model: StrokeModel, detail: TableDetail | None = None, folder: Path | None = None) -> StrokeTable:
+    """The table of a model (float32, CPU): read where it was made before, else made, and written.
+
+    folder: of the tables (default: the one that the system gives to caches). Where it cannot be written
+    to, tables are made every time.
+    """
+    detail = detail or TableDetail()
+    folder = folder or platformdirs.user_cache_path("frida-painter", appauthor=False) / "tables"
+    samples = None if isinstance(model, nn.Module) and _is_ours(model) else sample(model, detail, torch.zeros(()))
+    path = folder / f"{_identity(model, detail, samples)}.safetensors"
+    # A table that is missing, damaged or not one is made anew; so is one of other shapes than it should have.
+    with contextlib.suppress(StorageError, KeyError, ValueError):
+        return StrokeTable.restored(model, detail, tensor_file.read_tensors(path, "a table of a stroke model")[0])
+    if samples is None:
+        samples = sample(model, detail, torch.zeros(()))
+    table = StrokeTable.fitted(model, detail, samples)
+    with contextlib.suppress(StorageError, OSError):
+        tensor_file.write_tensors(path, table.kept())
+        for old in sorted(folder.glob("*.safetensors"), key=lambda one: one.stat().st_mtime)[:-_MOST_KEPT]:
+            old.unlink(missing_ok=True)
+    return table
+
+
+def _is_ours(model: nn.Module) -> bool:
+    """Whether what the model computes changes with its weights and `VERSION` only, and with no edit of its code."""
+    return type(model).__module__.startswith("frida_painter.")
+
+
+def _identity(model: StrokeModel, detail: TableDetail, samples: Tensor | None) -> str:
+    """Differs between models and details of different tables; by the samples, or without any by the weights."""
+    about = (VERSION, type(model).__name__, torch.__version__, model.brush, astuple(model.frame), astuple(model.limits))
+    told = hashlib.sha256(repr((*about, astuple(detail))).encode())
+    weights = model.state_dict() if samples is None and isinstance(model, nn.Module) else {"samples": samples}
+    for name, tensor in sorted(weights.items()):
+        told.update(f"{name} {tensor.dtype} {tuple(tensor.shape)}".encode())
+        told.update(tensor.detach().cpu().contiguous().numpy().tobytes())
+    return told.hexdigest()[:32]

@@ -1,15 +1,132 @@
 """What all training of stroke models has in common: who is held out, how far it has come, what it did."""
 
+import json
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from frida_painter import tensor_file
+from frida_painter.brush import FEWEST_STROKES
+from frida_painter.brush.kinds import StrokeModel
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.limits import FEWEST_STROKES
-from frida_painter.errors import LibraryError
+from frida_painter.errors import LibraryError, WeightsError
+from frida_painter.frames import MapFrame
+from frida_painter.strokes import StrokeLimits
+
+# Files of weights: the tensors of a stroke model, and all that belongs to them, checked when they are read.
+
+_ABOUT = "stroke_model"
+_LARGEST_MAP = 4096
+_FARTHEST = 10.0
+
+
+@dataclass(frozen=True)
+class ModelFile:
+    """What a file of weights holds.
+
+    format: which kind of stroke model it is; version: of that format; brush, frame and limits: as in
+    StrokeModel; tensors: the weights by name.
+    """
+
+    path: Path
+    format: str
+    version: int
+    brush: str
+    frame: MapFrame
+    limits: StrokeLimits
+    tensors: dict[str, Tensor]
+
+    @classmethod
+    def read(cls, path: Path) -> "ModelFile":
+        """Reads weights of any kind of stroke model. Raises WeightsError where they are missing, damaged or foreign."""
+        tensors, metadata = tensor_file.read_tensors(path, "weights of a stroke model", WeightsError)
+        about = _about(metadata)
+        if not isinstance(about.get("format"), str) or not isinstance(about.get("version"), int):
+            raise WeightsError(_foreign(path))
+        try:
+            return cls(path, about["format"], about["version"], str(about["brush"]), *_geometry(about), tensors)
+        except (KeyError, TypeError, ValueError, OverflowError) as cause:
+            raise _misfit(path, cause) from cause
+
+    def require(self, format: str, version: int) -> None:
+        """Raises WeightsError unless it is of that format and version."""
+        if (self.format, self.version) != (format, version):
+            raise WeightsError(_foreign(self.path))
+
+    def fill(self, model: nn.Module) -> None:
+        """Puts the weights into a model, and freezes it. Raises WeightsError where they do not fit."""
+        try:
+            model.load_state_dict(self.tensors)
+        except (RuntimeError, ValueError) as cause:
+            raise _misfit(self.path, cause) from cause
+        model.eval().requires_grad_(False)
+
+    def misfit(self, cause: Exception) -> WeightsError:
+        """The error to raise where a model cannot be built from what the file says."""
+        return _misfit(self.path, cause)
+
+
+def write_model(path: Path, format: str, version: int, model: StrokeModel, tensors: Mapping[str, Tensor]) -> str:
+    """Writes weights with all that belongs to them; returns the file's sha256. Raises StorageError."""
+    frame, limits = model.frame, model.limits
+    about = {
+        "format": format,
+        "version": version,
+        "brush": model.brush,
+        "frame": [frame.left, frame.right, frame.bottom, frame.top],
+        "cells": [frame.rows, frame.columns],
+        "limits": [*limits.length, *limits.bend],
+    }
+    # One entry only: several would be written in an order that changes from run to run.
+    return tensor_file.write_tensors(path, tensors, {_ABOUT: json.dumps(about)})
+
+
+def _foreign(path: Path) -> str:
+    return (
+        f"{path} does not hold weights of a stroke model of this version; "
+        "give a file that `frida-painter strokes train` wrote."
+    )
+
+
+def _misfit(path: Path, cause: Exception) -> WeightsError:
+    return WeightsError(
+        f"{path} holds weights of a stroke model with a part missing, out of range or of the wrong shape "
+        f"({str(cause).splitlines()[0]}); train them anew."
+    )
+
+
+def _about(metadata: dict[str, str]) -> dict[str, Any]:
+    """What a file of weights says of itself; empty where it says nothing that can be read."""
+    try:
+        about = json.loads(metadata.get(_ABOUT, ""))
+    except (ValueError, RecursionError):
+        return {}
+    return about if isinstance(about, dict) else {}
+
+
+def _geometry(about: dict[str, Any]) -> tuple[MapFrame, StrokeLimits]:
+    """The frame and the limits of a file of weights. Raises KeyError, TypeError, ValueError or OverflowError."""
+    left, right, bottom, top = (float(number) for number in about["frame"])
+    rows, columns = about["cells"]
+    shortest, longest, least, most = (float(number) for number in about["limits"])
+    metres = (left, right, bottom, top, shortest, longest, least, most)
+    if not all(math.isfinite(number) and abs(number) < _FARTHEST for number in metres):
+        raise ValueError(f"a measure that is not finite or above {_FARTHEST:g} m")
+    if not (left < 0 < right and bottom < 0 < top and 0 < shortest < longest and least < most):
+        raise ValueError("a rectangle or limits without extent")
+    if not (isinstance(rows, int) and isinstance(columns, int)):
+        raise TypeError("a map with broken cells")
+    if not (0 < rows <= _LARGEST_MAP and 0 < columns <= _LARGEST_MAP and rows * columns <= _LARGEST_MAP**2 // 16):
+        raise ValueError(f"a map of {rows} x {columns} cells")
+    return MapFrame(left, right, bottom, top, rows, columns), StrokeLimits((shortest, longest), (least, most))
+
 
 VALIDATION_SHARE = 0.2
 

@@ -1,12 +1,16 @@
 """The commands that get to know an easel: calibrate, doctor."""
 
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from frida_painter.brush.limits import FEWEST_STROKES, MOST_BETWEEN_REFILLS, MOST_STROKES
+from frida_painter.brush import FEWEST_STROKES, MOST_BETWEEN_REFILLS, MOST_STROKES
+from frida_painter.easel.kinds import state_folder
+from frida_painter.errors import Interrupted, RobotStopped
+from frida_painter.hardware.latch import latches
 from frida_painter.options import (
     BrushOption,
     CameraOption,
@@ -53,12 +57,6 @@ RecordOption = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Adds the commands."""
-    app.command("calibrate")(calibrate)
-    app.command("doctor")(doctor)
-
-
 def calibrate(
     what: Annotated[What, typer.Argument(metavar="canvas|robot|color|brush|strokes|all", help="The procedure to run.")],
     robot: RobotOption = "virtual",
@@ -98,8 +96,8 @@ def calibrate(
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.calibration import PROCEDURES
     from frida_painter.cli.calibration import easel_spec, lead_all
-    from frida_painter.runs.calibrating import CalibrationSetup, default_record, easel_of
-    from frida_painter.session.opening import prepare_process
+    from frida_painter.devices import prepare_process
+    from frida_painter.runs.easel import CalibrationSetup, default_record, easel_of
 
     prepare_process()
     spec = easel_spec(robot, camera, workspace, canvas, brush, seed, placement_error)
@@ -123,12 +121,60 @@ def doctor(
 
     The exit status is 1 if painting with this record would be refused.
     """
-    from frida_painter.cli.calibration import easel_spec
-    from frida_painter.cli.doctor import examine
-    from frida_painter.runs.calibrating import default_record, easel_of
+    from frida_painter.cli.calibration import easel_spec, examine
+    from frida_painter.runs.easel import default_record, easel_of
 
     with easel_of(easel_spec(robot, camera, workspace, canvas, brush, seed, None)) as easel:
         here = easel.calibration
     path = (record or default_record(here.easel)).absolute()
     if not examine(path, here, named=record is not None):
         raise typer.Exit(1)
+
+
+# The command that lets a stopped robot move again: arm.
+
+
+def arm(
+    yes: Annotated[
+        bool,
+        typer.Option("--yes", help="Do not ask. For scripts of a person who stands beside the robot and has looked."),
+    ] = False,
+) -> None:
+    """Allow a robot to move again after a stop. Look at the robot first.
+
+    A stop lasts until you arm the robot, even after a restart. Reasons for a stop are a second Ctrl-C,
+    the stop file, a painter process that does not respond, and a fault of the robot.
+    """
+    held = latches(state_folder())
+    if not held:
+        print("No robot is stopped.")
+    for latch in held:
+        stopped = latch.read()
+        if stopped is None:
+            continue  # somebody else was faster
+        print(f"{stopped}.")
+        if yes or _confirmed():
+            latch.release()
+            print(f"{stopped.easel} may move again.")
+        else:
+            print(f"{stopped.easel} stays stopped.")
+
+
+def _confirmed() -> bool:
+    """Whether the person at the terminal says so. Raises RobotStopped where nobody sits there."""
+    if not sys.stdin.isatty():
+        raise RobotStopped(
+            "A robot is armed by somebody who looks at it: run `frida-painter arm` in a terminal beside it, or, from a "
+            "script of your own, with --yes."
+        )
+    try:
+        return input("Is nobody in its way, and is the brush free? Arm it? [y/N] ").strip().lower() in ("y", "yes")
+    except (EOFError, KeyboardInterrupt) as end:
+        raise Interrupted("Nothing was changed; the robot stays stopped.") from end
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    app.command("calibrate")(calibrate)
+    app.command("doctor")(doctor)
+    app.command("arm")(arm)

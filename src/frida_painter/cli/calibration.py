@@ -1,18 +1,29 @@
 """What `calibrate` does: procedures are led at an easel, and what they find is entered into its record."""
 
-from collections.abc import Sequence
+import platform
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
+import torch
 from rich.console import Console
+from rich.table import Table
 
-from frida_painter import images
+from frida_painter import images, registry
+from frida_painter.brush.kinds import BrushModel
+from frida_painter.calibration import Calibration, previous
 from frida_painter.cli.terminal import Terminal
-from frida_painter.runs.calibrating import CalibrationSetup, begin_procedure, learn_from, record_to_renew
+from frida_painter.easel.dialogue import Answer, Finding, Question, lead
+from frida_painter.easel.kinds import EaselKind
+from frida_painter.errors import CalibrationError, PluginError, WeightsError
+from frida_painter.hardware.kinds import CameraKind, Needed, RobotKind
+from frida_painter.objectives.objective import GoalKind
+from frida_painter.procedures.strokes import StrokesFinding
+from frida_painter.runs.easel import CalibrationSetup, begin_procedure, learn_from, record_to_renew
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.procedures.calibration_status import require_basis
-from frida_painter.session.procedures.dialogue import Answer, Finding, Question, lead
-from frida_painter.session.procedures.strokes import StrokesFinding
+from frida_painter.session.opening import OLD, ProcedureStatus, planning_device, require, require_basis, statuses
 
 
 def lead_all(names: Sequence[str], setup: "CalibrationSetup", *, anew: bool, ask: bool) -> None:
@@ -85,3 +96,173 @@ class _Silence:
 
     def update(self, text: str) -> None:
         """Says nothing."""
+
+
+# What doctor prints: how a calibration record stands, procedure by procedure, and what this machine has.
+
+
+def examine(path: Path, easel: Calibration, *, named: bool) -> bool:
+    """Prints how the record at `path` stands at an easel whose default record is `easel`.
+
+    named: whether a person asked for this very file. Returns whether painting would go ahead.
+    """
+    console = Console(highlight=False, soft_wrap=True)
+    record, trouble = _read(path, easel, named)
+    if record is not None and not trouble:
+        console.print(_procedures(record, easel))
+    console.print(_about(path, easel, record))
+    if trouble:
+        console.print(f"[bold red]Painting would be refused.[/] {_plain(trouble)}")
+    elif record is None:
+        console.print(
+            "No record yet. The virtual studio paints without one, from what it knows of itself; "
+            "to calibrate it: frida-painter calibrate all"
+        )
+    else:
+        console.print("[bold green]Painting with this record would go ahead.[/]")
+    return not trouble
+
+
+def _read(path: Path, easel: Calibration, named: bool) -> tuple[Calibration | None, str]:
+    """The record, None where there is none, and why it would be refused, "" where it would not."""
+    if not path.exists() and not named:
+        return None, ""
+    record = None
+    try:
+        record = Calibration.load(path)
+        require(record, easel, ())
+    except CalibrationError as reason:
+        return record, str(reason)
+    return record, ""
+
+
+def _procedures(record: Calibration, easel: Calibration) -> Table:
+    table = Table("procedure", "done", "left over", "state", box=None, padding=(0, 2, 0, 0))
+    for status in statuses(record, easel):
+        table.add_row(
+            status.procedure,
+            status.done.dated[:10] if status.done else "-",
+            _residual(status),
+            _state(status),
+        )
+    return table
+
+
+def _residual(status: ProcedureStatus) -> str:
+    if status.done is None:
+        return "-"
+    residual = status.done.residual
+    return {
+        "canvas": f"{residual:.2f} px",
+        "robot": f"{residual * 1000:.2f} mm",
+        "color": f"{residual:.1f} CIEDE2000",
+        "brush": f"{residual * 1000:.2f} mm",
+        "strokes": f"{residual:.4f} of the map",
+    }[status.procedure]
+
+
+def _state(status: ProcedureStatus) -> str:
+    if status.fault:
+        return f"[red]to be repeated[/]: {_plain(status.fault)}"
+    if status.done is None:
+        return "[dim]never done, the easel's default holds[/]"
+    if status.is_old:
+        return f"[yellow]good, but {status.days} days old[/] (repeat it after {OLD})"
+    return "[green]good[/]"
+
+
+def _about(path: Path, easel: Calibration, record: Calibration | None) -> Table:
+    """The ids, the files, the machine."""
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    kept = f" (the one before: {previous(path).name})" if previous(path).exists() else ""
+    table.add_row("record", _plain(str(path) + (kept if path.exists() else ", not there yet")))
+    shown = record or easel
+    for name, value in (("easel", shown.easel), ("brush", shown.brush), ("camera", shown.camera)):
+        table.add_row(name, _plain(value))
+    table.add_row("canvas", str(shown.canvas))
+    if shown.protrusion is not None:
+        table.add_row("brush protrudes", f"{shown.protrusion * 1000:.1f} mm")
+    for name, file in (("stroke library", shown.library), ("weights", shown.weights)):
+        if file is not None:
+            table.add_row(name, _plain(file.path))
+    for name, lines in (
+        ("robots", _robots()),
+        ("cameras", _cameras()),
+        ("stroke models", _stroke_models()),
+        ("goals", _goals()),
+        ("replan policies", _policies()),
+    ):
+        for row, line in enumerate(lines):
+            table.add_row(name if row == 0 else "", line)
+    table.add_row("machine", f"Python {platform.python_version()}, torch {version('torch')}, {_device()}")
+    existing = next(folder for folder in (path.absolute(), *path.absolute().parents) if folder.is_dir())
+    table.add_row("free on its disk", f"{shutil.disk_usage(existing).free / 2**30:.1f} GB")
+    return table
+
+
+def _robots() -> Iterator[str]:
+    """How each robot is written after --robot, what it is and what it lacks."""
+    for part in registry.parts(registry.EASELS).values():
+        yield _told(part, EaselKind, lambda kind: _part(kind.name, kind.title, kind.needed))
+    for part in registry.parts(registry.ROBOTS).values():
+        yield _told(part, RobotKind, lambda kind: _part(kind.form, kind.title, kind.needed))
+
+
+def _goals() -> Iterator[str]:
+    """The kinds of goals, ours in one line, and those of other packages, each with its package."""
+    return _listed(registry.parts(registry.OBJECTIVES), GoalKind, lambda kind: _plain(kind.option))
+
+
+def _policies() -> Iterator[str]:
+    """The names of replan policies, in the same way."""
+    return _listed(registry.parts(registry.REPLAN_POLICIES), object, lambda policy: "")
+
+
+def _listed(
+    known: Mapping[str, registry.Part], kind: type[registry.Kind], tell: Callable[[registry.Kind], str]
+) -> Iterator[str]:
+    """Ours in one line, and the others below, each with its package; of one that cannot be used, why."""
+    yield ", ".join(_told(part, kind, tell) or _plain(name) for name, part in known.items() if part.is_ours)
+    for name, part in known.items():
+        if not part.is_ours:
+            yield f"{_told(part, kind, tell) or _plain(name)} [dim]of {_plain(', '.join(part.packages))}[/]"
+
+
+def _cameras() -> Iterator[str]:
+    """The same of cameras, after --camera."""
+    for part in registry.parts(registry.CAMERAS).values():
+        yield _told(part, CameraKind, lambda kind: _part(kind.form, kind.title, kind.needed))
+
+
+def _stroke_models() -> Iterator[str]:
+    """Ours in one line, and the others below, each with its package."""
+
+    def loaded(model: BrushModel) -> str:
+        model.load()
+        return _plain(model.name)
+
+    return _listed(registry.parts(registry.STROKE_MODELS), BrushModel, loaded)
+
+
+def _part(form: str, title: str, needed: Needed | None) -> str:
+    lacks = "" if needed is None or not needed.lacking else f"; [yellow]needs {_plain(needed.install)}[/]"
+    return f"{_plain(form)} [dim]{_plain(title)}[/]{lacks}"
+
+
+def _told(part: registry.Part, kind: type[registry.Kind], tell: Callable[[registry.Kind], str]) -> str:
+    """What is told of a part; of one that cannot be used, why."""
+    try:
+        return tell(part.load(kind))
+    except WeightsError:
+        return f"[red]{_plain(part.name)} is damaged, install anew[/]"
+    except PluginError as broken:
+        return f"[red]{_plain(str(broken))}[/]"
+
+
+def _device() -> str:
+    device = planning_device()
+    return "no GPU (none is needed)" if device.type == "cpu" else f"plans on {torch.cuda.get_device_name(device)}"
+
+
+def _plain(text: str) -> str:
+    return text.replace("[", r"\[")

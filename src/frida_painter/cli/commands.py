@@ -1,6 +1,68 @@
 """All commands of the command line, by name; docs and the list of commands show them in this order."""
 
-from frida_painter.cli.deferred import Deferred
+import signal
+import sys
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import typer
+from rich.console import Console
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_group
+
+from frida_painter import registry
+from frida_painter.cli.stop_signal import leave_terminal
+from frida_painter.errors import FridaError, PaintingPaused, PluginError, RobotStopped
+from frida_painter.storage import shown
+
+# Commands that are listed by name and one sentence, and whose module is imported only when one of them is called.
+
+
+@dataclass(frozen=True)
+class Deferred:
+    """A command or a group of commands: its name, the module whose `register(app)` adds it, and the help of its list.
+
+    help: the first paragraph of the command's own help, word for word; a test compares them.
+    """
+
+    name: str
+    module: str
+    help: str
+
+    def load(self) -> Any:
+        """The command itself, with its options; imports its module."""
+        app = typer.Typer(callback=nothing_first, rich_markup_mode="rich")
+        import_module(self.module).register(app)
+        return get_group(app).commands[self.name]
+
+
+def group_of(entries: tuple[Deferred, ...]) -> type[TyperGroup]:
+    """A group whose commands are those entries, in that order: for `typer.Typer(cls=...)`."""
+
+    class DeferredGroup(TyperGroup):
+        def __init__(self, **settings: Any) -> None:
+            super().__init__(**settings)
+            self.commands = {entry.name: _DeferredCommand(entry) for entry in entries}
+
+    return DeferredGroup
+
+
+def nothing_first() -> None:
+    """Done before every command; that there is something keeps a single command's name."""
+
+
+class _DeferredCommand(TyperCommand):
+    """Stands in a list of commands, and hands over to the command itself when that is called."""
+
+    def __init__(self, entry: Deferred) -> None:
+        super().__init__(name=entry.name, help=entry.help, rich_markup_mode="rich")
+        self._entry = entry
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        return self._entry.load().make_context(info_name, args, parent, **extra)
+
 
 _CLI = "frida_painter.cli"
 
@@ -18,8 +80,8 @@ COMMANDS = (
     Deferred(
         "render", f"{_CLI}.painting", "Render a plan as a picture of any size, with the stroke models of its brushes."
     ),
-    Deferred("resume", f"{_CLI}.resume", "Continue a painting that was stopped, paused or killed, from its folder."),
-    Deferred("export", f"{_CLI}.export", "Export the strokes of a plan as SVG, G-code or CSV, in millimetres."),
+    Deferred("resume", f"{_CLI}.painting", "Continue a painting that was stopped, paused or killed, from its folder."),
+    Deferred("export", f"{_CLI}.plans", "Export the strokes of a plan as SVG, G-code or CSV, in millimetres."),
     Deferred(
         "calibrate",
         f"{_CLI}.calibrate",
@@ -30,15 +92,15 @@ COMMANDS = (
         f"{_CLI}.calibrate",
         "Show the state of the calibration and what to repeat, and the robots, cameras and stroke models there are.",
     ),
-    Deferred("arm", f"{_CLI}.arm", "Allow a robot to move again after a stop. Look at the robot first."),
+    Deferred("arm", f"{_CLI}.calibrate", "Allow a robot to move again after a stop. Look at the robot first."),
     Deferred(
         "check",
-        f"{_CLI}.check",
+        f"{_CLI}.plans",
         "Check whether a robot can paint a whole plan on an easel, and how long it takes. Nothing moves.",
     ),
     Deferred(
         "mix",
-        f"{_CLI}.mix",
+        f"{_CLI}.plans",
         "Give a recipe for each colour of a palette, from the paints that you own, with the predicted error.",
     ),
     Deferred(
@@ -48,21 +110,133 @@ COMMANDS = (
     ),
     Deferred(
         "workspace",
-        f"{_CLI}.check",
+        f"{_CLI}.plans",
         "Describe the workspace of a robot: where canvas, wells, water and rag stand, in metres.",
     ),
-    Deferred("strokes", f"{_CLI}.strokes", "Collect a library of strokes, and train and test stroke models on it."),
+    Deferred("strokes", f"{_CLI}.commands", "Collect a library of strokes, and train and test stroke models on it."),
     Deferred(
         "models", f"{_CLI}.models", "Download the networks for text, styles and sketches, and show which are here."
     ),
+)
+"""Those of the project's core. Edges and other packages add theirs through entry points."""
+
+
+def all_commands() -> tuple[Deferred, ...]:
+    """Returns all commands in the order of the list; one of another package that cannot be loaded is left out."""
+    entries = {entry.name: entry for entry in COMMANDS}
+    for name, part in registry.parts(registry.COMMANDS).items():
+        with suppress(PluginError):  # `doctor` says why; nothing else waits for it
+            entries.setdefault(name, part.load(Deferred))
+    return tuple(entries.values())
+
+
+# The command line: parse, call, show. commands.py lists the commands; a command's module is imported when it runs.
+
+_PAUSED = 3
+# Typer keeps the class of all errors of usage to itself; this one of its children is public.
+_UsageError: type[Exception] = typer.BadParameter.__bases__[0]
+
+
+def build() -> typer.Typer:
+    """The command `frida-painter` with all that it can do."""
+    return typer.Typer(
+        name="frida-painter",
+        help="A robot painter. It plans brush strokes, paints some, looks at the canvas and replans the rest.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="rich",
+        context_settings={"help_option_names": ["-h", "--help"]},
+        callback=nothing_first,
+        cls=group_of(all_commands()),
+    )
+
+
+def main() -> None:
+    """Runs the command line.
+
+    Exit status 0 when done, 2 with one sentence when something has to be mended, 3 when a painting has
+    paused and can be resumed, 130 when stopped, also by the stop file. Raises KeyboardInterrupt if a signal
+    ended it (__main__.py).
+    """
+    try:
+        status = build()(prog_name="frida-painter", standalone_mode=False)
+    except typer.Abort as abort:  # Typer's word for a signal
+        raise KeyboardInterrupt from abort
+    except FridaError as error:
+        _complain(str(error))
+        status = _status(error)
+    except _UsageError as error:
+        _complain(_advice(error))
+        status = 2
+    except BrokenPipeError:  # whoever read the output wants no more of it
+        leave_terminal((1,))
+        status = 128 + signal.SIGPIPE
+    except OSError as error:
+        _complain(f"{shown(str(error.filename or 'The system'))}: {error.strerror or error}; nothing more was done.")
+        status = 2
+    sys.exit(status)
+
+
+def _status(error: FridaError) -> int:
+    if isinstance(error, RobotStopped) and error.asked:
+        return 128 + signal.SIGINT
+    return _PAUSED if isinstance(error, PaintingPaused) else 2
+
+
+def _complain(message: str) -> None:
+    if message:
+        Console(stderr=True, highlight=False, soft_wrap=True).print(f"[bold red]frida-painter:[/] {_plain(message)}")
+
+
+def _advice(error: Any) -> str:
+    """What is wrong with the command itself, and where help is; nothing where the help was just shown."""
+    message = error.format_message().strip().rstrip(".")
+    if not message:
+        return ""
+    return f"{message}; `{error.ctx.command_path if error.ctx else 'frida-painter'} --help` tells what can be given."
+
+
+def _plain(message: str) -> str:
+    """A message in lines without control characters (a file's name may hold them) and without rich's markup."""
+    printable = "".join(
+        character if character.isprintable() or character == "\n" else "\N{REPLACEMENT CHARACTER}"
+        for character in message
+    )
+    return printable.replace("[", r"\[")
+
+
+# The commands that teach the painter its brush: strokes paint, inspect, train, evaluate.
+
+STROKE_COMMANDS = (
     Deferred(
-        "sweep",
-        f"{_CLI}.sweep",
-        "Do many runs: every combination of photographs, text, seeds and settings in a sweep file.",
+        "paint",
+        "frida_painter.cli.strokes",
+        "Paint single strokes of all shapes in the virtual studio, photograph each, and save them as a library.",
     ),
     Deferred(
-        "experiments",
-        "frida_painter.experiments.command",
-        "Run the experiments of the paper and more. Each command measures anew and writes tables and pictures.",
+        "inspect",
+        "frida_painter.cli.strokes",
+        "Find the flawed strokes of a library, give the reasons, and write a contact sheet of all strokes.",
+    ),
+    Deferred(
+        "train",
+        "frida_painter.cli.strokes",
+        "Train a stroke model on a library. It predicts a stroke's mark from its thickness, length and bend.",
+    ),
+    Deferred(
+        "evaluate",
+        "frida_painter.cli.strokes",
+        "Measure the error of a stroke model on strokes that were really painted.",
     ),
 )
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the group of commands."""
+    group = typer.Typer(
+        no_args_is_help=True,
+        help="Collect a library of strokes, and train and test stroke models on it.",
+        cls=group_of(STROKE_COMMANDS),
+    )
+    app.add_typer(group, name="strokes")

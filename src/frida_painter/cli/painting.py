@@ -2,31 +2,39 @@
 
 import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from types import FunctionType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from frida_painter.cli.goal_options import tell_left_out
-from frida_painter.cli.run_options import (
+from frida_painter import registry
+from frida_painter.cli.options import (
     TAKEN,
+    AskOption,
+    FilledOption,
     Photo,
     painting_options,
     planning_options,
     require_person,
     spec_of,
     taking,
+    tell_left_out,
 )
-from frida_painter.cli.wells import AskOption, FilledOption
 from frida_painter.compiled import LoopCompiler
+from frida_painter.easel.launch import EaselLaunch
 from frida_painter.errors import ConfigError
-from frida_painter.options import out_file, whole_number, whole_number_within
-from frida_painter.session.easel_launch import EaselLaunch
+from frida_painter.options import PaceOption, out_file, whole_number, whole_number_within
 
-if TYPE_CHECKING:  # with them come tensors
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from frida_painter.plan import Plan
+    from frida_painter.runs.run import PaintingRun
     from frida_painter.runs.spec import RunSpec
+    from frida_painter.session.events import Event
+
 
 PlanFile = Annotated[
     Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
@@ -41,14 +49,6 @@ Candidates = Annotated[
         help="Make N plans with different seeds, in several processes, and paint the best one.",
     ),
 ]
-
-
-def register(app: typer.Typer) -> None:
-    """Adds the commands; says which kinds of goals of other packages cannot be used."""
-    tell_left_out(TAKEN)
-    app.command("paint")(taking(painting_options(), paint))
-    app.command("plan")(taking(planning_options(), plan))
-    app.command("render")(render)
 
 
 def paint(
@@ -85,8 +85,8 @@ def _paint(
     with EaselLaunch(spec.robot) as launch:  # it loads while this process does
         from frida_painter.cli.leading import Leader, ready_planner, say_films
         from frida_painter.cli.stop_signal import stop_on_signals
+        from frida_painter.devices import prepare_process
         from frida_painter.runs.run import PaintingRun
-        from frida_painter.session.opening import prepare_process
 
         prepare_process()
         with stop_on_signals() as stop, PaintingRun(spec, out) as run:
@@ -101,15 +101,8 @@ def _paint(
 
 def _best_of(candidates: int, spec: "RunSpec") -> "tuple[RunSpec, Plan]":
     """The description with the best of so many seeds, and its plan; says which it is."""
-    from rich.console import Console
-
-    from frida_painter.cli.progress import SweepLine
-    from frida_painter.sweeps.candidates import best_candidate
-
-    with TemporaryDirectory() as folder, SweepLine(Console(stderr=True, highlight=False)) as line:
-        best = best_candidate(spec, candidates, Path(folder), notify=line.hear)
-    print(best.comparison, file=sys.stderr)
-    return best.spec, best.plan
+    choose = registry.parts(registry.PLAN_CHOOSERS)["candidates"].load(FunctionType)
+    return choose(spec, candidates)
 
 
 def plan(*, photo: Photo = None, **given: Any) -> None:
@@ -125,14 +118,14 @@ def _plan(spec: "RunSpec", out: Path | None) -> None:
 
     from frida_painter import images
     from frida_painter.cli.leading import PLAN_ROOM, ready_planner, say
-    from frida_painter.cli.progress import PlanningLine
     from frida_painter.cli.stop_signal import stop_on_signals
+    from frida_painter.cli.terminal import PlanningLine
+    from frida_painter.devices import prepare_process
     from frida_painter.errors import Interrupted
     from frida_painter.planning.optimize import Step
-    from frida_painter.report.palette_sheet import palette_sheet, sheet_file
+    from frida_painter.report.sheets import palette_sheet, sheet_file
     from frida_painter.runs.folder import new_folder
     from frida_painter.runs.run import PaintingRun
-    from frida_painter.session.opening import prepare_process
 
     prepare_process()
     with stop_on_signals() as stop, PaintingRun(spec) as run:
@@ -179,10 +172,116 @@ def render(
         raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")
     from frida_painter import images
     from frida_painter.plan import Plan
-    from frida_painter.render.plan_picture import render_plan
+    from frida_painter.render.painting import render_plan
 
     loaded = Plan.load(plan)
     picture = render_plan(loaded, height)
     images.save(picture, out)
     rows, columns = picture.shape[1:]
     print(f"{len(loaded)} strokes at {columns} x {rows} pixels: {out}", file=sys.stdout)
+
+
+# The command that goes on with a painting that broke off, was stopped or has paused.
+
+Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of the painting.", show_default=False)]
+Repaint = Annotated[
+    bool | None,
+    typer.Option(
+        "--repaint/--skip", help="Repaint or skip the stroke that may already be painted. [dim]asks; skip with --yes[/]"
+    ),
+]
+Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask no questions. Skips a stroke in doubt.")]
+AcceptChanges = Annotated[
+    bool, typer.Option("--accept-changes", help="Continue although settings, pictures or the plan were changed.")
+]
+
+
+def resume(
+    folder: Folder,
+    repaint: Repaint = None,
+    yes: Yes = False,
+    accept_changes: AcceptChanges = False,
+    pace: PaceOption = 0.0,
+) -> None:
+    """Continue a painting that was stopped, paused or killed, from its folder.
+
+    Shows the progress, photographs the canvas, asks about a stroke in doubt if there is one, cleans the
+    brush and paints the rest. Nothing moves before you confirm, or give --yes.
+    """
+    from frida_painter.cli.leading import Leader, confirm, ready_planner, say, tell
+    from frida_painter.cli.options import require_person
+    from frida_painter.cli.stop_signal import stop_on_signals
+    from frida_painter.devices import prepare_process
+    from frida_painter.errors import Interrupted
+    from frida_painter.runs.folder import are_there, history_of
+    from frida_painter.runs.run import PaintingRun
+
+    if (history := history_of(folder)).finished:
+        if are_there(folder, history.painted):
+            say(f"This painting is finished: {history.painted} strokes, and nothing is left to do.")
+            return
+        say(f"This painting is finished: {history.painted} strokes. Its page and pictures are made again.")
+        prepare_process()
+        with PaintingRun.reopen(folder) as run:
+            tell(run.resume(), history.painted, history.seconds)
+        return
+    started = time.monotonic()
+    prepare_process()
+    with ExitStack() as stack:
+        stack.enter_context(LoopCompiler())
+        run = stack.enter_context(PaintingRun.reopen(folder, accept_changes=accept_changes, pace=pace))
+        require_person(run.spec, asked=not yes)
+        _show(run)
+        first = "The canvas" if run.spec.by_hand else "The arm will lift and move aside, and the canvas"
+        if not (yes or confirm(f"{first} will be photographed. Go on?", default=True)):
+            raise Interrupted("Nothing was moved; the painting stays as it is.")
+        stop = stack.enter_context(stop_on_signals())
+        run.load_easel()  # it loads while the planner does
+        ready_planner(run, stop)
+        stop.at_once = run.open_easel(hear_signals=True).robot.stop
+        leader = stack.enter_context(Leader(run, stop, asked=not yes, repaint=repaint, started=started))
+        run.listeners.append(_show_canvas(run))
+        outcome = run.resume()
+    leader.conclude(outcome)
+
+
+def _show_canvas(run: "PaintingRun") -> "Callable[[Event], None]":
+    """Says, when painting goes on, where the canvas is shown as it was found."""
+    from frida_painter.cli.leading import say
+    from frida_painter.runs.folder import NOW
+    from frida_painter.session.events import Resumed
+
+    def hear(event: "Event") -> None:
+        if isinstance(event, Resumed):
+            say(f"The canvas as it was found: {run.folder / NOW}")
+
+    return hear
+
+
+def _show(run: "PaintingRun") -> None:
+    """How far it came."""
+    from frida_painter.cli.leading import say
+    from frida_painter.session.time_left import duration
+
+    history, spec = run.history, run.spec
+    assert history is not None
+    sittings = "one sitting" if history.runs == 1 else f"{history.runs} sittings"
+    say(
+        f"{spec.heading}: {history.painted} of {spec.strokes} strokes on a canvas of "
+        f"{spec.canvas}, painted in {sittings} of {duration(history.seconds)}."
+    )
+    if history.last is not None:
+        say(f"It broke off on {history.last.astimezone():%Y-%m-%d at %H:%M:%S}.")
+    if history.last_photograph is not None:
+        say(f"The last photograph is {run.folder / history.last_photograph}")
+    if history.in_doubt is not None:
+        say(f"Stroke {history.in_doubt} was begun, and nothing tells whether it was painted.")
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands; says which kinds of goals of other packages cannot be used."""
+    tell_left_out(TAKEN)
+    app.command("paint")(taking(painting_options(), paint))
+    app.command("plan")(taking(planning_options(), plan))
+    app.command("render")(render)
+    app.command("resume")(resume)

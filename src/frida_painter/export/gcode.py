@@ -15,8 +15,7 @@ from frida_painter.hardware.robot import Waypoints
 from frida_painter.palette import Palette, to_hex
 from frida_painter.plan import WHITE, Layer, Plan
 from frida_painter.session.choreography import Action
-from frida_painter.session.events import Dipped, StrokePainted
-from frida_painter.session.timetable import DRYING
+from frida_painter.session.events import DRYING, Dipped, StrokePainted
 
 MAX_LINE = 70
 """Characters of a line."""

@@ -5,12 +5,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from frida_painter.calibration import Calibration
-from frida_painter.frames import CanvasSize
-from frida_painter.hardware.camera import Camera
-from frida_painter.hardware.reach import Reach
-from frida_painter.hardware.robot import Robot, Waypoints
-from frida_painter.hardware.timing import Timing
-from frida_painter.hardware.workspace import Workspace
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.hardware.robot import Camera, Reach, Robot, Timing, Waypoints, Workspace
 from frida_painter.palette import Palette
 
 

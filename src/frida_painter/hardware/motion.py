@@ -9,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.brush.trajectory import stroke_path
+from frida_painter.brush.kinds import stroke_path
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError, WorkspaceViolation
-from frida_painter.hardware.robot import Waypoints
-from frida_painter.hardware.workspace import BrushRack, Point, Workspace
+from frida_painter.hardware.robot import BrushRack, Point, Waypoints, Workspace
 from frida_painter.strokes import Strokes
 
 STIR_RADIUS = 0.008

@@ -1,19 +1,140 @@
 """A paint that a person owns, and what its name, its colour or a few marks tell of its absorption and scattering."""
 
 import csv
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from importlib import resources
-from typing import Self
+from pathlib import Path
+from typing import Any, Self
 
 import torch
 from torch import Tensor
 
+from frida_painter import storage
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.kubelka_munk import film_over, ratio, reflectance
-from frida_painter.mixing.spectrum import BANDS, color_of, reflectance_of
 from frida_painter.palette import from_hex, to_lab
-from frida_painter.perception.difference import ciede2000
+from frida_painter.perception.color import ciede2000
+from frida_painter.perception.srgb import to_linear, to_srgb
+
+# Reflectance in sixteen bands of light, the colour that it has, and the smoothest one that has a given colour.
+#
+# Three numbers are too few to mix paints by: what two paints both reflect only shows band by band.
+
+BANDS = tuple(range(400, 701, 20))
+"""Middles of the bands, nanometres."""
+# CIE 1931 colour matching functions and the power of daylight D65 at the bands (ISO/CIE 11664-1 and -2).
+_X = (
+    0.01431,
+    0.13438,
+    0.34828,
+    0.2908,
+    0.09564,
+    0.0049,
+    0.06327,
+    0.2904,
+    0.5945,
+    0.9163,
+    1.0622,
+    0.85445,
+    0.4479,
+    0.1649,
+    0.04677,
+    0.01136,
+)
+_Y = (0.0004, 0.004, 0.023, 0.06, 0.13902, 0.323, 0.71, 0.954, 0.995, 0.87, 0.631, 0.381, 0.175, 0.061, 0.017, 0.0041)
+_Z = (
+    0.06785,
+    0.6456,
+    1.74706,
+    1.6692,
+    0.81295,
+    0.272,
+    0.07825,
+    0.0203,
+    0.0039,
+    0.00165,
+    0.0008,
+    0.00019,
+    0.00002,
+    0.0,
+    0.0,
+    0.0,
+)
+_D65 = (
+    82.75,
+    93.43,
+    104.87,
+    117.81,
+    115.92,
+    109.35,
+    104.79,
+    104.41,
+    100.0,
+    95.79,
+    90.01,
+    87.7,
+    83.7,
+    80.21,
+    78.28,
+    71.61,
+)
+_XYZ_TO_RGB = ((3.2406, -1.5372, -0.4986), (-0.9689, 1.8758, 0.0415), (0.0557, -0.2040, 1.0570))
+# No paint reflects less or more: beyond, spectra with that colour grow wild, and no paint is like them.
+_DARKEST, _LIGHTEST = 0.003, 0.95
+_ROUNDS = 60
+_EXACT = 1e-9
+
+
+def color_of(reflectance: Tensor) -> Tensor:
+    """sRGB [..., 3] in [0, 1] of reflectances [..., 16] in daylight; what sRGB cannot hold is brought to its side."""
+    return to_srgb(reflectance @ _light(reflectance).T)
+
+
+def reflectance_of(color: Tensor) -> Tensor:
+    """The smoothest reflectance [..., 16] between 0 and 1 that has the colour sRGB [..., 3].
+
+    Least squares of the slope of its inverse hyperbolic tangent, by Newton's method (S. A. Burns,
+    "Generating reflectance curves from sRGB triplets", arXiv 1710.05732, 2017). Colours that are
+    darker or lighter than any paint are brought to where paints end.
+    """
+    linear = to_linear(color.detach().double()).clamp(_DARKEST, _LIGHTEST)
+    flat = linear.reshape(-1, 3)
+    found = torch.stack([_smoothest(one) for one in flat]) if len(flat) else flat.new_zeros(0, len(BANDS))
+    return found.reshape(*color.shape[:-1], len(BANDS))
+
+
+def _smoothest(linear: Tensor) -> Tensor:
+    """The reflectance [16] with that linear light [3]."""
+    bands, light = len(BANDS), _light(linear)
+    slope = torch.diff(torch.eye(bands, dtype=linear.dtype), dim=0)
+    stiffness = 2 * slope.T @ slope
+    height, price = linear.new_full((bands,), float(torch.atanh(2 * linear.mean() - 1))), linear.new_zeros(3)
+    for _ in range(_ROUNDS):
+        curve = torch.tanh(height)
+        steep = light * (1 - curve**2) / 2  # [3, 16], how the light answers to the heights
+        bent = torch.diag(-curve * (1 - curve**2) * (light.T @ price))
+        left = torch.cat((stiffness @ height + steep.T @ price, light @ (curve + 1) / 2 - linear))
+        if float(left.abs().max()) < _EXACT:
+            break
+        system = torch.zeros(bands + 3, bands + 3, dtype=linear.dtype)
+        system[:bands, :bands] = stiffness + bent
+        system[:bands, bands:] = steep.T
+        system[bands:, :bands] = steep
+        step = torch.linalg.solve(system, -left)
+        pace = min(1.0, 1.5 / float(step[:bands].abs().max().clamp(min=1e-12)))  # where tanh is flat, steps are wild
+        height, price = height + pace * step[:bands], price + pace * step[bands:]
+    return (torch.tanh(height) + 1) / 2
+
+
+def _light(like: Tensor) -> Tensor:
+    """Linear light of each band in red, green and blue [3, 16]; all bands together are white."""
+    matching = torch.tensor((_X, _Y, _Z), dtype=like.dtype) * torch.tensor(_D65, dtype=like.dtype)
+    light = torch.tensor(_XYZ_TO_RGB, dtype=like.dtype) @ matching
+    return light / light.sum(1, keepdim=True)
+
 
 WHITE = "titanium white"
 _WHITE_CARD = 0.95  # what the white ground under a film reflects
@@ -25,7 +146,7 @@ _STRENGTHS = (-2.7, -0.3, 61)
 _LEANS, _FOLLOWS = (-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0), (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
 _SCATTERING, _LEAST_ABSORPTION, _LEAST_SHARE = (0.005, 0.5), 3e-4, 0.05
 _PRICE = 0.5  # CIEDE2000 for a scattering that leans by 1
-_ROUNDS = 10
+_PAINT_ROUNDS = 10
 _MOST_OFF = 10.0  # CIEDE2000
 # How much less than titanium white the published paints scatter, on average, where they are dark.
 _TYPICAL_SCATTERING = 0.1
@@ -84,7 +205,7 @@ class Paint:
         def absorption() -> Tensor:
             return (tinted * (scattering + parts) - parts * white.absorption).clamp(min=_LEAST_ABSORPTION)
 
-        for _ in range(_ROUNDS):
+        for _ in range(_PAINT_ROUNDS):
             share = absorption() / absorption().amax(-1, keepdim=True)
             following = (plain * share.clamp(min=_LEAST_SHARE) ** follows).clamp(*_SCATTERING)
             scattering = (scattering + following) / 2
@@ -146,3 +267,99 @@ def _colors() -> dict[str, tuple[str, str]]:
     table = resources.files("frida_painter.mixing") / "data" / "acrylics.csv"
     rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
     return {row["paint"]: (row["color"], row["tint"]) for row in rows}
+
+
+# The paints that a person owns, from a small TOML file; without one, a set of six that mixes most colours.
+
+MOST_PAINTS = 32
+SIX = ("titanium white", "hansa yellow", "pyrrole red", "quinacridone magenta", "phthalo blue", "carbon black")
+"""Names of the published paints that are taken where nobody says what they own."""
+_MOST_BYTES = 2**18
+_ENTRIES = ("name", "color", "tint", "white", "over_white", "over_black")
+_ADVICE = "docs/how-to/mix.md shows such a file"
+
+
+def usual_paints() -> tuple[Paint, ...]:
+    """The six paints."""
+    return tuple(published(name) for name in SIX)
+
+
+def read_paints(path: Path) -> tuple[Paint, ...]:
+    """The paints of a TOML file of [[paint]] entries. Raises ConfigError naming all that is wrong with them.
+
+    An entry has a name, and nothing more where it is that of a published paint; else a color
+    ("#rrggbb" of a thick mark), better still with the tint that one part of it gives with `white`
+    parts of titanium white, or over_white and over_black of one film.
+    """
+    values = storage.read_toml(path, "a file of paints (TOML)", _MOST_BYTES, _ADVICE)
+    entries = values.get("paint")
+    if set(values) != {"paint"} or not isinstance(entries, list) or not 1 <= len(entries) <= MOST_PAINTS:
+        raise ConfigError(f"{path} is no file of paints: it has 1 to {MOST_PAINTS} [[paint]] entries; {_ADVICE}.")
+    faults: list[str] = []
+    paints: list[Paint] = []
+    for number, entry in enumerate(entries, 1):
+        wrong = list(_faults(number, entry))
+        if not wrong:
+            try:
+                paints.append(_paint(entry))
+            except ConfigError as error:
+                wrong.append(f"{entry['name']}: {error}")
+        faults += wrong
+    names = [paint.name for paint in paints]
+    faults += [f"{name} is there twice" for name in dict.fromkeys(names) if names.count(name) > 1]
+    films = [paint for paint in paints if paint.source is PaintDataSource.films]
+    white = next((paint for paint in films if paint.name.lower() == WHITE), None)
+    if films and white is None:
+        faults.append(f"paints over white and black are measured against {WHITE}: give its over_white and over_black")
+    if faults:
+        raise ConfigError(f"{path} is no file of paints: {'; '.join(faults)}; {_ADVICE}.")
+    if white is None:
+        return tuple(paints)
+    unit = float(white.scattering.mean())
+    return tuple(paint.against(unit) if paint.source is PaintDataSource.films else paint for paint in paints)
+
+
+def _faults(number: int, entry: Any) -> Iterator[str]:
+    """What is wrong with the form of an entry."""
+    if not isinstance(entry, dict):
+        yield f"paint {number} is no table; write [[paint]] and its entries below"
+        return
+    name = entry.get("name")
+    if not isinstance(name, str) or not 1 <= len(name.strip()) <= 40 or not name.isprintable():
+        yield f"paint {number} has no name of 1 to 40 characters"
+        return
+    for key in entry:
+        if key not in _ENTRIES:
+            yield f"{name} has {key[:40]!r}, which is not known; there are {', '.join(_ENTRIES)}"
+    for key in ("color", "tint", "over_white", "over_black"):
+        if key in entry:
+            try:
+                from_hex(entry[key])
+            except ConfigError as error:
+                yield f"{name}: {key} {str(error).removesuffix('.')}"
+    parts = entry.get("white", 1)
+    if isinstance(parts, bool) or not isinstance(parts, int | float) or not 0.1 <= parts <= 1000 or math.isnan(parts):
+        yield f"{name}: white is {str(parts)[:20]}; it is how many parts of white the tint has, from 0.1 to 1000"
+    given = {key for key in _ENTRIES if key in entry}
+    if given == {"name"} and name.lower() not in published_names():
+        yield f"{name} is not one of the published paints ({', '.join(published_names())}); give its color"
+    if given != {"name"} and given not in (
+        {"name", "color"},
+        {"name", "color", "tint", "white"},
+        {"name", "over_white", "over_black"},
+    ):
+        yield f"{name} needs a color, or color, tint and white, or over_white and over_black"
+
+
+def _paint(entry: dict[str, Any]) -> Paint:
+    name = entry["name"].strip()
+    colors = {
+        key: from_hex(entry[key]).double() for key in ("color", "tint", "over_white", "over_black") if key in entry
+    }
+    if "tint" in entry:
+        return Paint.of_tint(name, colors["color"], colors["tint"], float(entry["white"]))
+    if "color" in entry:
+        return Paint.of_color(name, colors["color"])
+    if "over_white" in entry:
+        return Paint.of_films(name, colors["over_white"], colors["over_black"])
+    return replace(published(name.lower()), name=name)

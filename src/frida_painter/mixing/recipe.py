@@ -9,13 +9,14 @@ from functools import reduce
 import torch
 from torch import Tensor
 
+from frida_painter.brush.kinds import brush_kind
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.finish import Finish
 from frida_painter.mixing.kubelka_munk import mixed
-from frida_painter.mixing.paint import Paint
-from frida_painter.mixing.spectrum import color_of
+from frida_painter.mixing.paint import Paint, color_of
 from frida_painter.palette import to_lab
-from frida_painter.perception.difference import ciede2000
+from frida_painter.perception.color import ciede2000
+from frida_painter.plan import Plan
 
 GOOD, REACHED = 2.0, 5.0
 """CIEDE2000 up to which a mixture is hardly told from its colour, and from which the colour is out of reach."""
@@ -219,3 +220,22 @@ def _only(index: int, parts: int, like: Tensor) -> Tensor:
 
 def _most_first(used: tuple[Paint, int]) -> tuple[int, str]:
     return -used[1], used[0].name
+
+
+# How much of each paint a plan takes, so that nobody runs out half-way.
+
+_FILM = 0.15e-3  # metres of wet paint under a brush
+_KEPT_BACK = 2.0  # as much again stays in the brush, the water and the wells
+_LEAST = 3.0  # millilitres in which a brush can be dipped at all
+_ML = 1e6  # in a cubic metre
+
+
+def volumes(plan: Plan) -> Tensor:
+    """Millilitres to mix of each paint of the plan's palette, [k], by the area that its strokes paint.
+
+    Raises ConfigError where a brush of the plan is not known.
+    """
+    areas = [brush_kind(part.layers[0].brush).area(part.strokes).double() for part in plan.filled_layers()]
+    area = torch.cat(areas) if areas else torch.zeros(0).double()  # [n] m2
+    painted = plan.paint.bincount(area, minlength=len(plan.palette))  # [k] m2
+    return (painted * _FILM * _KEPT_BACK * _ML).clamp(min=_LEAST)

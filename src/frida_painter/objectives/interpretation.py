@@ -8,9 +8,8 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.frames import PixelGrid, Rows
-from frida_painter.goal import Goal
 from frida_painter.objectives.encoders.registry import EncoderRegistry
-from frida_painter.objectives.objective import Objective, ObjectiveContext, ObjectiveTerm
+from frida_painter.objectives.objective import Goal, Objective, ObjectiveContext, ObjectiveTerm
 
 _INSISTENCE = 4.0  # times as much as else, what makes a painting less recognisable than its beginning counts
 
@@ -20,7 +19,7 @@ def interpreted(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: in
 
     Sketches are drawn on the photograph they came with, words get a picture to begin with, what is painted in
     a style is wanted in its colours, what is painted by its meaning is attended to where its meaning is, and
-    photographs alone are wanted with that sharpness (objectives/sharpening.py).
+    photographs alone are wanted with that sharpness (objectives/pixel_loss.py).
     Raises WeightsError where a network is missing.
     """
     context = ObjectiveContext(grid, encoders, seed, sharpness=sharpness)

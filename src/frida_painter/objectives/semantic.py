@@ -1,72 +1,60 @@
-"""The semantic replication objective: show what a picture shows, as networks see it, rather than its pixels."""
+"""A picture to be painted by what it shows, rather than pixel by pixel."""
 
-import torch
-from torch import Tensor
-from torch.nn import functional
+from __future__ import annotations
 
-from frida_painter.devices import sent
-from frida_painter.images import sized
-from frida_painter.objectives.augment import Views
-from frida_painter.objectives.encoders.base import Seer
-from frida_painter.objectives.encoders.vgg import Vgg16
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-_VIEWS = 12
-_AT_A_TIME = 2
-_SIDE = 176  # pixels of a view
-_LAYERS = ("conv3_3", "conv4_3")  # of the trunk: small shapes, and parts of things
-_PIXELS = 12_500  # of the picture that the trunk sees, about 100 x 125
-_COLORS = 0.02  # of the shorter side: colours are to be right over so much
-_HELD = 2.0  # of colours, against the squared difference to a picture
-_BALANCE = 0.05  # against the squared difference to a picture, when both have a weight of 1
+from frida_painter.objectives.image import ImageTerm, PictureTerm
+from frida_painter.objectives.objective import Gives, Goal, GoalKind, ObjectiveContext, ObjectiveTerm
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 
-class Semantic:
-    """How differently networks see a picture and a target, place by place (paper, Eq. "clip_conv_loss").
+@dataclass(frozen=True)
+class SemanticTerm(PictureTerm):
+    """Paint what this picture shows rather than its pixels."""
 
-    image [3, H, W] in [0, 1]: what is to be shown; seer: the network whose deep features are
-    compared, in augmented views; trunk: where given, the shapes that it sees are compared as well,
-    and so are colours, blurred. Features are compared by their direction (cosine distance): paint
-    has textures of its own, which make them stronger or weaker all over. What the target looks
-    like in each of the views is prepared once. Every call looks in the next two of them, in an
-    order drawn from `seed`.
-    """
+    called = "a picture to be painted by its meaning"
+    initial_order = 2
+    interpretation_order = 4
 
-    def __init__(self, image: Tensor, seer: Seer, seed: int, trunk: Vgg16 | None = None) -> None:
-        self._seer = seer
-        self._trunk = trunk
-        self._image = image
-        self._views = Views(_VIEWS, _SIDE, seed)
-        self._generator = torch.Generator().manual_seed(seed)
-        with torch.no_grad():
-            self._targets = seer.features(self._views.of(image, torch.arange(_VIEWS)))
-            self._shapes = [] if trunk is None else trunk.features(sized(image, _PIXELS), _LAYERS)
+    @property
+    def picture(self) -> Tensor:
+        """The picture itself."""
+        return self.image
 
-    def __call__(self, picture: Tensor) -> Tensor:
-        """picture [3, H, W] in [0, 1] -> its distance in two random views; differentiable."""
-        return self._distance(picture, torch.randperm(_VIEWS, generator=self._generator)[:_AT_A_TIME])
+    def with_picture(self, picture: Tensor) -> SemanticTerm:
+        """The same for another picture."""
+        return replace(self, image=picture)
 
-    def validation(self, picture: Tensor) -> Tensor:
-        """The same for all of the picture at once, always the same."""
-        return self._distance(picture, torch.zeros(1, dtype=torch.long))
+    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
+        """The difference as networks see it; it is validated by a network that the optimiser never asks."""
+        from frida_painter import images
+        from frida_painter.objectives.semantic_loss import Semantic
 
-    def _distance(self, picture: Tensor, which: Tensor) -> Tensor:
-        total = picture.new_zeros(())
-        for seen, targets in zip(self._seer.features(self._views.of(picture, which)), self._targets, strict=True):
-            total = total + _apart(seen, targets[sent(which, targets.device)])
-        if self._trunk is None:
-            return _BALANCE * total
-        for shapes, wanted in zip(self._trunk.features(sized(picture, _PIXELS), _LAYERS), self._shapes, strict=True):
-            total = total + _apart(shapes[None], wanted[None])
-        colors = (_blurred(picture) - _blurred(self._image.to(picture))).square().mean()
-        return _BALANCE * total + _HELD * colors
+        # What will fill the canvas is what is shown.
+        shown = images.fit(self.image, context.grid.rows, context.grid.columns)
+        trunk = context.encoders.shapes()
+        aside = Semantic(shown, context.encoders.aside(), context.seed, trunk)
+        seen = Semantic(shown, context.encoders.meaning(), context.seed, trunk)
+        return ObjectiveTerm(seen, aside.validation)
+
+    @classmethod
+    def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
+        """The plan begins with the picture's pixels, attended to where its meaning is."""
+        from frida_painter.objectives.attention import attended
+
+        return attended(goal, context.encoders)
 
 
-def _apart(seen: Tensor, wanted: Tensor) -> Tensor:
-    """The mean cosine distance of maps [n, c, h, w] over all places."""
-    return (1 - functional.cosine_similarity(seen, wanted.to(seen), dim=1)).mean()
-
-
-def _blurred(picture: Tensor) -> Tensor:
-    """The picture, each pixel the mean of its neighbourhood."""
-    reach = round(_COLORS * min(picture.shape[1:]))
-    return functional.avg_pool2d(picture[None], 2 * reach + 1, 1, reach, count_include_pad=False)[0]
+KIND = GoalKind(
+    name="semantic",
+    gives=Gives.PICTURE,
+    help="A picture to paint by its content, not pixel by pixel.",
+    label="Content of",
+    open=SemanticTerm.open,
+    begin=ImageTerm.open,
+    networks=(("efficientnet-lite0",),),
+)

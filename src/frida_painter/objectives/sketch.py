@@ -1,55 +1,93 @@
-"""The sketch objective: have edges where a drawing has lines, and show what it shows."""
+"""A drawing whose lines the painting follows."""
 
-from collections.abc import Callable
+from __future__ import annotations
 
-import torch
-from torch import Tensor
-from torch.nn import functional
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-from frida_painter.images import sized
-from frida_painter.objectives.encoders.hed import Hed
+from frida_painter.errors import ConfigError
+from frida_painter.objectives.image import ImageTerm, PictureTerm
+from frida_painter.objectives.objective import Gives, Goal, GoalKind, ObjectiveContext, ObjectiveTerm
 
-_PIXELS = 16_000  # of the picture in which edges are compared, about 112 x 143
-_BLURS = (0.008, 0.02, 0.05)  # of the shorter side: a line that is a little off is still nearly right
-_MEANING = 0.1  # of the weight of edges: to a network a drawing is far from any painting in colours
-_BALANCE = 0.05  # against the squared difference to a picture, when both have a weight of 1
+if TYPE_CHECKING:
+    from torch import Tensor
 
 
-class Sketch:
-    """The difference between the edges of a picture and those of a drawing, as the edge detector HED sees them.
+_FEWEST = 2e-4  # of a drawing's pixels that are a line; fewer are a speck
+_BROAD = 1 / 40  # of a canvas's shorter side: about as fine as brushes paint
 
-    drawing [3, H, W] in [0, 1]: lines on white. Both maps are blurred three ways and compared, each
-    difference relative to the strength of the drawing's own edges: 0 is the drawing itself, and
-    without any edge it is as far off as 1 before the balance. The drawing is looked at once.
-    meaning: what else a picture is to have in common with the drawing.
+
+@dataclass(frozen=True)
+class SketchTerm(PictureTerm):
+    """Paint along the lines of this drawing, which has at least one.
+
+    Dark lines on light paper, scanned or photographed, or chalk on a dark board. shown [3, h, w]: the
+    drawing on a photograph that is painted with it; None: on white paper.
     """
 
-    def __init__(self, drawing: Tensor, hed: Hed, meaning: Callable[[Tensor], Tensor] | None = None) -> None:
-        self._hed = hed
-        self._meaning = meaning
-        with torch.no_grad():
-            self._wanted = self._see(drawing)
+    shown: Tensor | None = None
+    called = "a sketch"
+    initial_order = 1
+    interpretation_order = 1
 
-    def __call__(self, picture: Tensor) -> Tensor:
-        """picture [3, H, W] in [0, 1] -> its distance to the drawing; differentiable."""
-        total = picture.new_zeros(())
-        for seen, wanted in zip(self._see(picture), self._wanted, strict=True):
-            wanted = wanted.to(seen)
-            total = total + (seen - wanted).square().mean() / wanted.square().mean().clamp(min=1e-6)
-        distance = _BALANCE * total / len(_BLURS)
-        return distance if self._meaning is None else distance + _MEANING * self._meaning(picture)
+    def __post_init__(self) -> None:
+        from frida_painter.objectives.sketch_loss import cleaned, ink
 
-    def _see(self, picture: Tensor) -> list[Tensor]:
-        """The edges [h, w] at each blur."""
-        edges = self._hed.edges(sized(picture, _PIXELS))
-        return [_blurred(edges, share * min(edges.shape)) for share in _BLURS]
+        super().__post_init__()
+        if not float(ink(cleaned(self.image)).float().mean()) >= _FEWEST:
+            raise ConfigError(
+                "A sketch without a single line was given; give a drawing of dark lines on light paper, or of chalk."
+            )
+
+    @property
+    def drawing(self) -> Tensor:
+        """The lines on white paper, no finer than brushes paint, [3, H, W] in [0, 1]."""
+        from frida_painter.objectives.sketch_loss import broadened, cleaned
+
+        return broadened(cleaned(self.image), _BROAD)
+
+    @property
+    def guide(self) -> Tensor:
+        """The sheet as it was given."""
+        return self.image
+
+    def begun(self, goal: Goal) -> ImageTerm:
+        """The drawing as a picture: filled with the colours of the goal's first style, where there is one."""
+        from frida_painter.objectives.sketch_loss import colored
+
+        style = next((term.colors for term in goal.terms if term.colors is not None), None)
+        return ImageTerm(self.drawing if style is None else colored(self.drawing, style), self.weight)
+
+    def on_picture(self, picture: Tensor) -> SketchTerm:
+        """The lines are looked for together with the edges of the picture on which they are drawn."""
+        return replace(self, shown=picture)
+
+    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
+        """The difference of edges as HED sees them, and a little of meaning."""
+        from frida_painter import images
+        from frida_painter.objectives.semantic_loss import Semantic
+        from frida_painter.objectives.sketch_loss import Sketch
+
+        lines = self.drawing if self.shown is None else self.shown
+        drawing = images.fit(lines, context.grid.rows, context.grid.columns)
+        shown = Semantic(drawing, context.encoders.meaning(), context.seed)
+        hed = context.encoders.edges()
+        return ObjectiveTerm(Sketch(drawing, hed, shown), Sketch(drawing, hed, shown.validation))
+
+    @classmethod
+    def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
+        """Sketches are drawn on the pictures that they came with."""
+        from frida_painter.objectives.sketch_loss import overlaid
+
+        return overlaid(goal)
 
 
-def _blurred(edges: Tensor, spread: float) -> Tensor:
-    """Edges [h, w] blurred by a Gaussian of `spread` pixels."""
-    reach = max(1, round(2.5 * spread))
-    along = torch.arange(-reach, reach + 1, dtype=edges.dtype, device=edges.device)
-    kernel = torch.exp(-along.square() / (2 * spread**2))
-    kernel = kernel / kernel.sum()
-    rows = functional.conv2d(edges[None, None], kernel[None, None, :, None], padding=(reach, 0))
-    return functional.conv2d(rows, kernel[None, None, None, :], padding=(0, reach))[0, 0]
+KIND = GoalKind(
+    name="sketch",
+    gives=Gives.PICTURE,
+    help="A drawing whose lines the painting follows, on paper or with a transparent background.",
+    label="Sketch",
+    open=SketchTerm.open,
+    begin=ImageTerm.open,
+    networks=(("hed",),),
+)

@@ -4,16 +4,172 @@ Filters that overlap mix the bands of light, and stray light adds to them: both 
 not in sRGB.
 """
 
+import contextlib
 from dataclasses import dataclass
+from pathlib import Path
 
+import cv2
+import numpy as np
 import torch
+from numpy.typing import NDArray
+from PIL import Image
 from torch import Tensor
 
+from frida_painter import images, picture_file, storage
 from frida_painter.calibration import Calibration
-from frida_painter.perception.difference import difference
-from frida_painter.perception.light import to_linear, to_srgb
+from frida_painter.errors import ConfigError, FrameRejected, ImageError
+from frida_painter.palette import MOST_COLORS, Palette, to_lab
+from frida_painter.palette_file import FORMS, is_palette_file
+from frida_painter.perception.srgb import light_of_bytes, to_linear, to_srgb
 
-_FAINT = 0.03
+# How different two colours look: CIEDE2000, where 1 is about the least that a person sees.
+
+
+def difference(one: Tensor, other: Tensor) -> Tensor:
+    """CIEDE2000 between sRGB colours in [0, 1], [..., 3] and [..., 3] -> [...]. Not differentiable."""
+    return ciede2000(to_lab(one.clamp(0, 1)), to_lab(other.clamp(0, 1)))
+
+
+def ciede2000(one: Tensor, other: Tensor) -> Tensor:
+    """CIEDE2000 between CIE L*a*b* colours, [..., 3] and [..., 3] -> [...], with all weights 1. Not differentiable."""
+    from skimage.color import deltaE_ciede2000
+
+    pair = (lab.detach().cpu().numpy() for lab in torch.broadcast_tensors(one, other))  # type: ignore[no-untyped-call]
+    return torch.from_numpy(np.asarray(deltaE_ciede2000(*pair))).to(one)
+
+
+# The colour checker in a photograph: where its 24 patches are, what they look like, what they should look like.
+
+ACROSS, DOWN = 6, 4
+PATCHES = ACROSS * DOWN
+Corners = tuple[tuple[float, float], ...]
+
+# CIE L*a*b* (D50, 2 degrees) as published by X-Rite, "New color specifications for ColorChecker SG and
+# Classic charts" (2016), for charts made until and since November 2014; row by row from dark skin to black.
+_LAB = {
+    "until November 2014": (
+        (37.986, 13.555, 14.059), (65.711, 18.13, 17.81), (49.927, -4.88, -21.905), (43.139, -13.095, 21.905),
+        (55.112, 8.844, -25.399), (70.719, -33.397, -0.199), (62.661, 36.067, 57.096), (40.02, 10.41, -45.964),
+        (51.124, 48.239, 16.248), (30.325, 22.976, -21.587), (72.532, -23.709, 57.255), (71.941, 19.363, 67.857),
+        (28.778, 14.179, -50.297), (55.261, -38.342, 31.37), (42.101, 53.378, 28.19), (81.733, 4.039, 79.819),
+        (51.935, 49.986, -14.574), (51.038, -28.631, -28.638), (96.539, -0.425, 1.186), (81.257, -0.638, -0.335),
+        (66.766, -0.734, -0.504), (50.867, -0.153, -0.27), (35.656, -0.421, -1.231), (20.461, -0.079, -0.973),
+    ),
+    "since November 2014": (
+        (37.54, 14.37, 14.92), (64.66, 19.27, 17.5), (49.32, -3.82, -22.54), (43.46, -12.74, 22.72),
+        (54.94, 9.61, -24.79), (70.48, -32.26, -0.37), (62.73, 35.83, 56.5), (39.43, 10.75, -45.17),
+        (50.57, 48.64, 16.67), (30.1, 22.54, -20.87), (71.77, -24.13, 58.19), (71.51, 18.24, 67.37),
+        (28.37, 15.42, -49.8), (54.38, -39.72, 32.27), (42.43, 51.05, 28.62), (81.8, 2.67, 80.41),
+        (50.63, 51.28, -14.12), (49.57, -29.71, -28.32), (95.19, -1.03, 2.93), (81.29, -0.57, 0.44),
+        (66.89, -0.75, -0.06), (50.76, -0.13, 0.14), (35.63, -0.46, -0.48), (20.64, 0.07, -0.46),
+    ),
+}  # fmt: skip
+EDITIONS = tuple(_LAB)
+NAMES = (
+    "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
+    "orange", "purplish blue", "moderate red", "purple", "yellow green", "orange yellow",
+    "blue", "green", "red", "yellow", "magenta", "cyan",
+    "white", "neutral 8", "neutral 6.5", "neutral 5", "neutral 3.5", "black",
+)  # fmt: skip
+# D50 white of the ICC; from D50 to D65 by K. M. Lam's transform ("Bradford"), and on to linear sRGB.
+_D50 = (0.9642, 1.0, 0.8249)
+_TO_D65 = (
+    (0.9555766, -0.0230393, 0.0631636), (-0.0282895, 1.0099416, 0.0210077), (0.0122982, -0.0204830, 1.3299098),
+)  # fmt: skip
+_TO_RGB = (
+    (3.2404542, -1.5371385, -0.4985314), (-0.9692660, 1.8760108, 0.0415560), (0.0556434, -0.2040259, 1.0572252),
+)  # fmt: skip
+
+# Of a patch only the middle is looked at, this share of the way from patch to patch, in cells of some samples.
+_LOOKED_AT = 0.4
+_CELLS, _SAMPLES = 4, 5
+_BLOWN_OUT = 254
+_FAINT = 0.01
+
+
+def true_colors(edition: str) -> Tensor:
+    """What the patches of charts of that edition look like, linear light of sRGB in [0, 1], [24, 3] float64."""
+    lab = torch.tensor(_LAB[edition], dtype=torch.float64)
+    lightness = (lab[:, 0] + 16) / 116
+    root = torch.stack((lightness + lab[:, 1] / 500, lightness, lightness - lab[:, 2] / 200), -1)
+    step = 6 / 29
+    xyz = torch.where(root > step, root**3, 3 * step**2 * (root - 4 / 29)) * torch.tensor(_D50, dtype=root.dtype)
+    to_rgb = torch.tensor(_TO_RGB, dtype=root.dtype) @ torch.tensor(_TO_D65, dtype=root.dtype)
+    return (xyz @ to_rgb.T).clamp(0, 1)
+
+
+@dataclass(frozen=True)
+class PatchReadings:
+    """What the camera saw of the 24 patches, row by row from dark skin to black.
+
+    light [24, 3]: mean linear light; place [24, 2]: middles, (column, row) pixels of the photograph;
+    outline [24, 4, 2]: what was looked at; unevenness [24]: how much the light differs within a
+    patch, share of it; blown_out [24]: share of what was looked at that is overexposed.
+    """
+
+    light: Tensor
+    place: Tensor
+    outline: Tensor
+    unevenness: Tensor
+    blown_out: Tensor
+
+
+def find_checker(photograph: NDArray[np.uint8]) -> Corners | None:
+    """Where the middles of its dark brown, turquoise, black and white corner patches are, (column, row) pixels.
+
+    photograph [rows, columns, 3] sRGB. They go round clockwise from the first patch, however the
+    chart is turned. None where no chart is found.
+    """
+    detector = cv2.mcc.CCheckerDetector.create()
+    detector.setColorChartType(cv2.mcc.MCC24)
+    if not detector.process(np.ascontiguousarray(photograph[..., ::-1]), 1):
+        return None
+    patches = np.asarray(detector.getBestColorChecker().getColorCharts(), np.float32).reshape(PATCHES, 4, 2)
+    view, _ = cv2.findHomography(_lattice(), patches.mean(1).astype(np.float64))
+    if view is None or not np.isfinite(view).all():
+        return None
+    corners = cv2.perspectiveTransform(_corner_middles()[None].astype(np.float64), view)[0]
+    return tuple((float(column), float(row)) for column, row in corners)
+
+
+def read_checker(photograph: NDArray[np.uint8], corners: Corners) -> PatchReadings:
+    """The patches between these corners, as `find_checker` gives them."""
+    view = np.asarray(cv2.getPerspectiveTransform(_corner_middles(), np.array(corners, np.float32)), np.float64)
+    half = _LOOKED_AT / 2
+    outline = _lattice()[:, None] + np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
+    fine = (np.arange(_CELLS * _SAMPLES) + 0.5) / (_CELLS * _SAMPLES) * _LOOKED_AT - half
+    looked_at = _lattice()[:, None, None] + np.stack(np.meshgrid(fine, fine), -1)  # [24, side, side, 2]
+    place = _seen(view, looked_at).astype(np.float32).reshape(PATCHES, -1, 2)
+    column, row = place[..., 0], place[..., 1]
+    seen = cv2.remap(photograph, column, row, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)  # [24, k, 3]
+    light = light_of_bytes(np.asarray(seen, np.uint8))
+    mean = light.mean(1)  # [24, 3]
+    cells = light.reshape(PATCHES, _CELLS, _SAMPLES, _CELLS, _SAMPLES, 3).mean((2, 4, 5)).reshape(PATCHES, -1)
+    return PatchReadings(
+        light=torch.from_numpy(mean).double(),
+        place=torch.from_numpy(_seen(view, _lattice())),
+        outline=torch.from_numpy(_seen(view, outline)),
+        unevenness=torch.from_numpy(cells.std(1) / (cells.mean(1) + _FAINT)),
+        blown_out=torch.from_numpy((seen >= _BLOWN_OUT).any(-1).mean(1)),
+    )
+
+
+def _lattice() -> NDArray[np.float64]:
+    """Middles of the patches, (across, down) counted in patches, [24, 2]."""
+    across, down = np.meshgrid(np.arange(ACROSS), np.arange(DOWN))
+    return np.stack((across, down), -1).reshape(PATCHES, 2).astype(np.float64)
+
+
+def _corner_middles() -> NDArray[np.float32]:
+    return np.array([(0, 0), (ACROSS - 1, 0), (ACROSS - 1, DOWN - 1), (0, DOWN - 1)], np.float32)
+
+
+def _seen(view: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where places of the chart [..., 2] are in the photograph."""
+    return np.asarray(cv2.perspectiveTransform(place.reshape(1, -1, 2), view), np.float64).reshape(place.shape)
+
+
+_COLOR_FAINT = 0.03
 _WORTH_IT = 0.85
 
 
@@ -67,10 +223,115 @@ def _affine(perceived: Tensor, true: Tensor, offset: bool) -> Tensor:
     """The best map [3, 4], whose last column is 0 where there is to be no offset."""
     columns = torch.cat((perceived, torch.ones_like(perceived[:, :1])), 1)[:, : 4 if offset else 3]
     # How steeply lightness grows with light: as the power -2/3 of it, bounded where it is faint.
-    weight = (true.mean(1, keepdim=True) + _FAINT) ** (-2 / 3)
+    weight = (true.mean(1, keepdim=True) + _COLOR_FAINT) ** (-2 / 3)
     solution = torch.linalg.lstsq(weight * columns, weight * true).solution.T
     return torch.nn.functional.pad(solution, (0, 4 - solution.shape[1]))
 
 
 def _apply(affine: Tensor, light: Tensor) -> Tensor:
     return light @ affine[:, :3].T + affine[:, 3]
+
+
+# Paints from a file: of colours, a picture of them, or a photograph of swatches beside bare white paper.
+
+_PAPER = 0.9  # what white paper reflects
+_DIMMEST = 0.08  # linear light of paper in a usable photograph
+_INNER = 0.5  # of each field's sides is looked at: edges are ragged, and the cut is by hand
+_UNEVEN = 0.13  # sRGB between the lighter and the darker part of one field
+_LEAST = 8  # pixels of a field's side
+
+
+def read_swatches(photograph: Tensor, count: int) -> Palette:
+    """The colours of `count` swatches, in the order of the wells.
+
+    photograph [3, H, W] sRGB: cut to the strip, whose fields are equally long and run along its longer
+    side, from the left or the top; before the first lies bare white paper, by which the light is taken
+    out. Raises FrameRejected, saying which field is not as it must be.
+    """
+    if not 1 <= count <= MOST_COLORS:
+        raise FrameRejected(f"{count} swatches were asked for; a palette has 1 to {MOST_COLORS}.")
+    strip = photograph if photograph.shape[2] >= photograph.shape[1] else photograph.transpose(1, 2)
+    _, height, width = strip.shape
+    pitch = width / (count + 1)
+    if min(pitch, height) * _INNER < _LEAST:
+        raise FrameRejected(
+            f"The strip of {width} x {height} pixels is too small for bare paper and {count} swatches; "
+            "photograph it from nearer."
+        )
+    seen = torch.stack([_field(strip, number, pitch) for number in range(count + 1)])  # [count + 1, 3] linear
+    paper, paints = seen[0], seen[1:]
+    if not float(paper.min()) >= _DIMMEST or not bool((paints.mean(1) <= 1.15 * paper.mean()).all()):
+        raise FrameRejected(
+            "The first field of the strip is not bare white paper in enough light; leave a field of paper before the "
+            "first swatch, and cut the photograph to the strip."
+        )
+    return Palette(to_srgb((_PAPER * paints / paper).clamp(0, 1)))
+
+
+def _field(strip: Tensor, number: int, pitch: float) -> Tensor:
+    """Linear light [3] of the inner part of a field. Raises FrameRejected where it is not one colour."""
+    height = strip.shape[1]
+    rows = slice(round(height * (1 - _INNER) / 2), round(height * (1 + _INNER) / 2))
+    columns = slice(round(pitch * (number + (1 - _INNER) / 2)), round(pitch * (number + (1 + _INNER) / 2)))
+    inner = strip[:, rows, columns].flatten(1)
+    spread = inner.quantile(0.9, 1) - inner.quantile(0.1, 1)
+    if not float(spread.max()) <= _UNEVEN:
+        name = "the field of paper" if number == 0 else f"swatch {number}"
+        raise FrameRejected(
+            f"In the photograph {name} is not one even colour; cut it to the strip, and see that its fields are "
+            "equally long and nothing shines on them."
+        )
+    return to_linear(inner.median(1).values)
+
+
+def read_palette(path: Path, count: int | None) -> Palette:
+    """The palette of a file of any form: of colours, a picture of them, or a photograph of `count` swatches.
+
+    A picture of at most 64 different colours, without a blend of them anywhere, shows the paints themselves. Raises
+    ConfigError, ImageError and FrameRejected; ConfigError also if there are not `count` paints.
+    """
+    found = Palette.load(path) if is_palette_file(path) else _pictured(path, count)
+    if count is not None and len(found) != count:
+        raise ConfigError(f"{path} has {len(found)} paints, and {count} are wanted; give one colour for each.")
+    return found
+
+
+def _pictured(path: Path, count: int | None) -> Palette:
+    """The palette of a picture of colours, or of a photograph of `count` swatches."""
+    try:
+        picture = _picture(path)
+    except ImageError as error:
+        raise ImageError(f"{str(error).removesuffix('.')}; {FORMS}.") from error
+    found = _flat_colors(picture)
+    if found is not None and (count is None or len(found) != count + 1):  # then it is not bare paper and the swatches
+        return found
+    if count is None:
+        raise ConfigError(
+            f"{path} is a photograph, and how many swatches it shows is not known; say it with --colors, where there "
+            f"is one, or write their colours down: {FORMS}."
+        )
+    return read_swatches(picture, count)
+
+
+def _picture(path: Path) -> Tensor:
+    """A picture of any size, sRGB [3, H, W]; one of a pixel for each colour is smaller than other pictures may be."""
+    with (
+        storage.opened(path, picture_file.WHAT, storage.MAX_BYTES, ImageError) as file,
+        contextlib.suppress(Exception),  # whatever is wrong with it is told below
+        Image.open(file, formats=("PNG", "GIF", "BMP", "WEBP", "TIFF")) as picture,
+    ):
+        if min(picture.size) < picture_file.LEAST_SIDE and max(picture.size) <= picture_file.LONGEST:
+            return images.from_uint8(np.asarray(picture.convert("RGB")))
+    return images.load(path)
+
+
+def _flat_colors(picture: Tensor) -> Palette | None:
+    """The colours of a picture of few of them, in the order in which one reads; None if there are more."""
+    pixels = images.to_uint8(picture).reshape(-1, 3)
+    code = (pixels.astype(np.uint32) * np.array([65536, 256, 1], np.uint32)).sum(1)
+    if len(np.unique(code[:: max(1, len(code) // 4096)])) > MOST_COLORS:
+        return None
+    colors, first = np.unique(code, return_index=True)
+    if len(colors) > MOST_COLORS:
+        return None
+    return Palette(torch.from_numpy(pixels[np.sort(first)].astype(np.float32) / 255))

@@ -18,12 +18,12 @@ from torch.nn import functional
 
 from frida_painter import images
 from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import FrameDoubtful, FrameRejected
-from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
-from frida_painter.perception.light import to_linear
-from frida_painter.perception.paper_edge import PaperEdge
-from frida_painter.perception.registration import CanvasView, Motion, Pixels, Registration, Verdict, register
+from frida_painter.perception.registration import CanvasView, Motion, PaperEdge, Pixels, Registration, Verdict, register
+from frida_painter.perception.srgb import to_linear
 
 _REACH = 0.012  # metres around the edge of the canvas in which it is looked for
 _MOST_BLUR = 0.75  # pixels that the edge is wider than it was, and

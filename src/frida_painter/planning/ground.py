@@ -8,14 +8,14 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.errors import ConfigError
-from frida_painter.goal import Goal
 from frida_painter.objectives.attention import EVERYWHERE
-from frida_painter.objectives.kinds.image import ImageTerm
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
 from frida_painter.palette import to_lab
 from frida_painter.plan import WHITE
+from frida_painter.planning.layers import unheard
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.step_count import unheard
 
 _ROWS = 64
 # On nine pictures with two seeds, quick plans chose the ground that whole plans would or one at most 0.05 dB worse, but

@@ -7,13 +7,137 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from frida_painter.compiled import array, compiles_for
 from frida_painter.errors import PlanningDiverged
-from frida_painter.planning.adam import Adam
-from frida_painter.planning.interlace import interlaced
-from frida_painter.planning.scene import Scene
-from frida_painter.planning.stack import stacked_cost
+from frida_painter.frames import PixelGrid, Rows
+from frida_painter.objectives.objective import Objective
+from frida_painter.planning.problem import Scene
 from frida_painter.planning.variables import Paints, Variables
+from frida_painter.render import Marks, Moments, composite_moments
 from frida_painter.strokes import Strokes
+
+# Adam for the planner's two leaves, torch's own but for rounding (D. Kingma, J. Ba, ICLR 2015).
+#
+# torch.optim.Adam loads PyTorch's compiler, whatever it is used for: more than a second of every command that plans.
+
+_EPSILON = 1e-8
+
+
+class Adam:
+    """Steps `leaves`, in place, along their gradients; betas: how long the means of slope and of its square last."""
+
+    def __init__(self, leaves: Sequence[Tensor], betas: tuple[float, float]) -> None:
+        self._leaves = list(leaves)
+        self._betas = betas
+        self._means = [torch.zeros_like(leaf) for leaf in self._leaves]
+        self._squares = [torch.zeros_like(leaf) for leaf in self._leaves]
+        self._steps = 0
+
+    def forget_gradients(self) -> None:
+        """Has the next gradients begin at nothing."""
+        for leaf in self._leaves:
+            leaf.grad = None
+
+    @torch.no_grad()
+    def step(self, rate: float) -> None:
+        """One step of that rate for every leaf that has a gradient."""
+        self._steps += 1
+        first, second = self._betas
+        length = rate / (1 - first**self._steps)
+        spread = (1 - second**self._steps) ** 0.5
+        for leaf, mean, square in zip(self._leaves, self._means, self._squares, strict=True):
+            if leaf.grad is None:
+                continue
+            if compiles_for(leaf) and leaf.is_contiguous():
+                from frida_painter.planning.variable_kernels import step
+
+                state = (array(tensor).reshape(-1) for tensor in (leaf, leaf.grad, mean, square))
+                step(*state, *map(array(leaf).dtype.type, (first, second, length, spread, _EPSILON)))
+                torch.autograd.graph.increment_version(leaf)
+            else:
+                mean.lerp_(leaf.grad, 1 - first)
+                square.mul_(second).addcmul_(leaf.grad, leaf.grad, value=1 - second)
+                leaf.addcdiv_(mean, square.sqrt().div_(spread).add_(_EPSILON), value=-length)
+
+
+# Which rows of the canvas an iteration looks at: what a stroke does to one row, it does to the next one as well.
+#
+# Rendering takes time in proportion to the rows that strokes cross. The mean squared error of some rows estimates
+# that of
+# all, and the mean over the turns is the whole, with its gradient. docs/lab/planning.md says what is lost and won.
+
+_ROWS_TO_A_MARK = 32  # in the rectangle that holds every mark of the brush
+
+
+def interlaced(scenes: list[Scene]) -> list[list[Scene]]:
+    """What iterations see in turn, each time the scenes of all parts with the same rows; together they have all rows.
+
+    Where all rows are needed, that is the scenes alone. Rows are at most a 32nd of the height of the rectangle that
+    holds the marks of any of the brushes apart, or of the canvas's where that is less. So how many turns there are
+    follows from the brushes and from the resolution.
+    """
+    every = min(_rows_apart(scene) for scene in scenes)
+    if every == 1:
+        return [scenes]
+    turns = (Rows(every, first) for first in range(every))
+    return [[_on_rows(scene, rows) for scene in scenes] for rows in turns]
+
+
+def _on_rows(scene: Scene, rows: Rows) -> Scene:
+    """The scene with those rows only."""
+    assert scene.objective_on_rows is not None
+    return replace(scene, objective=scene.objective_on_rows(rows), rows=rows)
+
+
+def _rows_apart(scene: Scene) -> int:
+    """How many rows farther the next one is that has to be looked at."""
+    if scene.objective_on_rows is None:
+        return 1
+    _, pitch = PixelGrid(scene.size, *scene.canvas.shape[1:]).pitch
+    mark = scene.model.frame.top - scene.model.frame.bottom
+    return max(1, int(min(mark, scene.size.height) / _ROWS_TO_A_MARK / pitch))
+
+
+# Strokes of several brushes, each brush's laid over those of the one before: their picture and their loss.
+#
+# Every part of the strokes has a scene, with its brush, on the canvas of the first.
+
+
+def stacked_moments(
+    strokes: Sequence[Strokes], scenes: Sequence[Scene], marks: Sequence[Marks] | None = None
+) -> Moments:
+    """Mean [3, H, W] and variance [H, W] of the picture after strokes of several brushes, each over the one before.
+
+    scenes: one for each part, with its brush, on the canvas of the first; marks: those of each part's strokes, to
+    differentiate in, by default what its stroke model says.
+    """
+    mean = scenes[0].rows.of(scenes[0].canvas)
+    variance = torch.zeros_like(mean[0])
+    for number, (part, scene) in enumerate(zip(strokes, scenes, strict=True)):
+        if len(part) == 0:
+            continue
+        laid = scene.marks(part) if marks is None else marks[number]
+        mean, variance = composite_moments(*laid, part.color, mean, scene.spread, variance, bare_cells_answer=False)
+    return Moments(mean, variance)
+
+
+def stacked_loss(strokes: Sequence[Strokes], scenes: Sequence[Scene], objective: Objective | None = None) -> Tensor:
+    """What the objective (default: that of the first scene) says on average of paintings of the strokes."""
+    if len(scenes) == 1:
+        return scenes[0].expected_loss(strokes[0], objective)
+    return (objective or scenes[0].objective)(*stacked_moments(strokes, scenes))
+
+
+def stacked_cost(strokes: Sequence[Strokes], scenes: Sequence[Scene], objective: Objective | None = None) -> Tensor:
+    """That, and what the paint costs: every dip takes time, and paint that is hardly seen wins little.
+
+    The price is a share of the loss, for a decibel is worth as much in a dark picture as in a light one.
+    """
+    loss = stacked_loss(strokes, scenes, objective)
+    if all(scene.paint_price == 0 for scene in scenes):
+        return loss
+    return loss * (1 + sum(scene.paint_cost(part) for part, scene in zip(strokes, scenes, strict=True)))
+
 
 _MOST_FAILURES = 3
 _WARMING = 6

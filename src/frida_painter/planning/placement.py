@@ -8,30 +8,223 @@ filter does for a quantity that stays the same).
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 import torch
-import torch.nn.functional as functional
+from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn import functional
 
 from frida_painter import images
-from frida_painter.calibration import Calibration
-from frida_painter.frames import CanvasSize
-from frida_painter.planning.least_squares import gauss_newton
-from frida_painter.planning.scene import Scene
-from frida_painter.planning.touch_heights import TouchHeights, measure_touch
+from frida_painter.brush.kinds import StrokeModel
+from frida_painter.calibration import BrushRecord, Calibration
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.frames import PixelGrid
+from frida_painter.planning.problem import Scene
 from frida_painter.strokes import Strokes
 
+# Gauss and Newton's method: a few numbers that explain a picture best, together with what was known of them before.
+
+
+def gauss_newton(
+    residual: Callable[[Tensor], Tensor], prior: Tensor, certainty: Tensor, steps: Tensor, alike: float, rounds: int
+) -> tuple[Tensor, Tensor]:
+    """The numbers [k] that leave least, and their information [k, k], the inverse of their covariance; float64.
+
+    residual: from the numbers to what they leave unexplained [m]; prior [k]: what they were believed to be, with
+    information `certainty` [k, k]; steps [k]: at which slopes are taken; alike: how many of the m err together, so
+    that they tell as much as one. It ends after so many rounds, or where one leaves no less than the one before.
+    """
+    numbers, left, information = prior, residual(prior), certainty
+    for _ in range(rounds):
+        each = [(residual(numbers - step) - residual(numbers + step)) / (2 * step.sum()) for step in torch.diag(steps)]
+        slope = torch.stack(each, 1)  # [m, k], of the picture
+        noise = left.square().mean().clamp(min=1e-8) * alike
+        information = certainty + slope.T @ slope / noise
+        pull = slope.T @ left / noise + certainty @ (prior - numbers)
+        nearer = numbers + torch.linalg.solve(information, pull)
+        remaining = residual(nearer)
+        if not remaining.square().sum() < left.square().sum():
+            break
+        numbers, left = nearer, remaining
+    return numbers, information
+
+
+# At which heights brushes really touch the canvas: learned from what the painter sees after each batch.
+#
+# A brush that sits a millimetre higher in its holder than when it was calibrated, or a canvas that lies lower, makes
+# every mark thinner and shorter than it was planned. The strokes just painted, the canvas before and the canvas after
+# tell by how much: the thickness is sought at which the simulated strokes look most like the ones that are seen. What
+# is
+# learned of one brush is partly true of the others, because they paint on the same canvas.
+
+MOST_LOWER = 0.002
+"""Metres by which a brush is sent lower or higher than its record says; what seems further off is not believed."""
+# One standard deviation of what brushes are off, metres: all of them together, and each by itself.
+_TOGETHER, _EACH = 0.0005, 0.0005
+_UNTOLD = 0.0003  # metres: marks in a painting differ from those in a stroke library also for other reasons
+# What is sought: units of thickness, metres of length, share of coverage. Usual errors, and steps for slopes. Marks are
+# hardly ever paler than they were learned: if more were usual, thin marks would be taken for pale ones.
+_USUAL, _STEPS = (0.2, 0.0005, 0.01), (0.03, 0.0005, 0.01)
+_ROUNDS = 5
+_CORRELATED = 0.006  # metres over which a mark differs from the model in the same way
+# Of sRGB, by which a stroke has to differ from what is below it: on its own colour, errors of colour would be learned.
+_CONTRAST = 0.06
+_ALONG, _FEWEST = 7, 4  # points of a path that are looked at; strokes that have to tell something
+_KEPT_ASIDE = 4  # of so many strokes one is not learned from
+# Units of thickness below the lightest touch at which a stroke leaves no mark: at that touch its ends are pressed by
+# 0.2, its middle by next to nothing.
+_GONE = 0.15
+
+_Heights = TypeVar("_Heights", Calibration, BrushRecord)
+
+
+@dataclass(frozen=True)
+class TouchHeights:
+    """By how much lower than its record says each brush touches the canvas.
+
+    depths: metres from the lightest touch to the hardest press of each brush, by its name; lower: metres, of each,
+    below 0 where it touches higher; information: the inverse of its covariance, 1/m^2. Raises ValueError where they are
+    not as many, or a brush would be off by more than MOST_LOWER.
+    """
+
+    depths: Mapping[str, float] = field(default_factory=dict)
+    lower: tuple[float, ...] = ()
+    information: tuple[tuple[float, ...], ...] = ()
+
+    def __post_init__(self) -> None:
+        count = len(self.depths)
+        if len(self.lower) != count or np.shape(self.information) != ((count, count) if count else (0,)):
+            raise ValueError(f"touch heights {self.lower} and information {self.information} of {count} brushes")
+        if not all(abs(lower) <= MOST_LOWER for lower in self.lower):
+            raise ValueError(f"brushes that touch {self.lower} m lower; {MOST_LOWER} m are believed")
+
+    @classmethod
+    def unknown(cls, depths: Mapping[str, float]) -> Self:
+        """Before anything was seen: what the records say is the best guess, and half a millimetre off is usual."""
+        count = len(depths)
+        covariance = np.full((count, count), _TOGETHER**2) + np.eye(count) * _EACH**2
+        return cls(dict(depths), (0.0,) * count, _rows(np.linalg.inv(covariance)))
+
+    def after(self, brush: str, lower: float, deviation: float) -> Self:
+        """With one more measurement of one brush, and of its standard deviation, both in metres.
+
+        As it was where a brush would be off by more than MOST_LOWER then.
+        """
+        seen = np.array([float(name == brush) for name in self.depths])
+        before = np.array(self.information)
+        information = before + np.outer(seen, seen) / deviation**2
+        best = np.linalg.solve(information, before @ np.array(self.lower) + seen * lower / deviation**2)
+        if not np.abs(best).max() <= MOST_LOWER:
+            return self
+        return replace(self, lower=tuple(best.tolist()), information=_rows(information))
+
+    def correction(self, brush: str) -> float:
+        """By how much lower than its record says a brush is sent, metres; 0 where nothing is known of it."""
+        return dict(zip(self.depths, self.lower, strict=True)).get(brush, 0.0)
+
+    def corrected(self, calibration: Calibration) -> Calibration:
+        """The calibration by which brushes are sent to where they really touch."""
+        others = {name: _lowered(one, self.correction(name)) for name, one in calibration.others.items()}
+        return _lowered(replace(calibration, others=others), self.correction(calibration.brush))
+
+
+@torch.no_grad()
+def measure_touch(landed: Strokes, known: TouchHeights, before: Scene, seen: Tensor) -> TouchHeights:
+    """What is known of touch heights after strokes of one brush, that `landed` so, have been seen.
+
+    before: the scene in which they were painted; seen [3, H, W]: the canvas afterwards. What was known before stays
+    where that explains the strokes kept aside better.
+    """
+    brush = before.model.brush
+    if brush not in known.depths:
+        return known
+    aside = torch.arange(len(landed), device=landed.angle.device) % _KEPT_ASIDE == _KEPT_ASIDE - 1
+    tells = _contrast(landed, before) >= _CONTRAST
+    if int(tells.sum()) < _FEWEST:
+        return known
+    learned_from, kept_aside = _visible(landed, tells, aside, before)
+    if not (learned_from.any() and kept_aside.any()):
+        return known
+
+    pressed = replace(before, model=_TouchingOrNot(before.model))
+
+    def residual(numbers: Tensor, where: Tensor) -> Tensor:
+        thicker, longer, opaquer = numbers.tolist()
+        marks = landed.with_groups(
+            thickness=(landed.thickness + thicker).clamp(max=1),
+            length=(landed.length + longer).clamp(*before.model.limits.length),
+        )
+        # As if paint covered more or less; true where marks do not overlap, and enough to tell thin from pale.
+        picture = before.canvas + (1 + opaquer) * (pressed.render(marks) - before.canvas)
+        return (seen - picture)[:, where].flatten().cpu().double()
+
+    usual, nothing = torch.tensor(_USUAL, dtype=torch.float64), torch.zeros(3, dtype=torch.float64)
+    found, information = gauss_newton(
+        lambda numbers: residual(numbers, learned_from),
+        nothing,
+        torch.diag(usual.square().reciprocal()),
+        torch.tensor(_STEPS, dtype=torch.float64),
+        (_CORRELATED / before.size.height * before.canvas.shape[1]) ** 2,
+        _ROUNDS,
+    )
+    if not _size(residual(found, kept_aside)) < _size(residual(nothing, kept_aside)):
+        return known
+    deviation = float(torch.linalg.inv(information)[0, 0].sqrt())
+    sent, depth = known.correction(brush), known.depths[brush]
+    return known.after(brush, sent - float(found[0]) * depth, float(np.hypot(deviation * depth, _UNTOLD)))
+
+
+class _TouchingOrNot:
+    """A stroke model that knows strokes of thickness below 0 too, which hardly touch the canvas, or do not at all."""
+
+    def __init__(self, model: StrokeModel) -> None:
+        self._model = model
+        self.brush, self.frame, self.limits = model.brush, model.frame, model.limits
+
+    def __call__(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
+        left = (1 + thickness.clamp(max=0) / _GONE).clamp(min=0)
+        return self._model(thickness.clamp(0, 1), length, bend) * left[:, None, None]
+
+
+def _contrast(strokes: Strokes, scene: Scene) -> Tensor:
+    """By how much each stroke's colour differs from the canvas along its path, in the band that differs most, [n]."""
+    grid = PixelGrid(scene.size, *scene.canvas.shape[1:])
+    at = grid.to_pixels(strokes.path(torch.linspace(0, 1, _ALONG).to(strokes.angle))).round().long()  # [n, t, 2]
+    column, row = at[..., 0].clamp(0, grid.columns - 1), at[..., 1].clamp(0, grid.rows - 1)
+    below = scene.canvas[:, row, column].permute(1, 2, 0)  # [n, t, 3]
+    return (strokes.color[:, None] - below).abs().mean(1).amax(1)
+
+
+def _visible(strokes: Strokes, tells: Tensor, aside: Tensor, scene: Scene) -> tuple[Tensor, Tensor]:
+    """Where strokes are seen that tell something [n] and are not `aside` [n], and where those that are, both [H, W]."""
+    shade = torch.where(tells, aside.to(strokes.color), 0.5)[:, None].expand(-1, 3)
+    shown = replace(scene, canvas=torch.full_like(scene.canvas, 0.5)).render(strokes.with_groups(color=shade))[0]
+    return shown < 0.45, shown > 0.55
+
+
+def _size(residual: Tensor) -> float:
+    return float(residual.square().mean())
+
+
+def _lowered(record: _Heights, lower: float) -> _Heights:
+    return replace(record, touch_height=record.touch_height - lower, press_height=record.press_height - lower)
+
+
+def _rows(matrix: NDArray[np.floating]) -> tuple[tuple[float, ...], ...]:
+    return tuple(map(tuple, matrix.tolist()))
+
+
 # What a robot set up by hand is off, one standard deviation: metres, metres, radians.
-_USUAL = (0.003, 0.003, math.radians(1.5))
+_PLACEMENT_USUAL = (0.003, 0.003, math.radians(1.5))
 # Steps at which slopes are taken.
 _STEP = (0.0005, 0.0005, math.radians(0.25))
-_ROUNDS = 6
+_PLACEMENT_ROUNDS = 6
 _BLUR = 0.004  # metres: edges of marks are ragged, and further off than their slopes reach
-_CORRELATED = 0.03  # metres over which the model errs in the same way
+_PLACEMENT_CORRELATED = 0.03  # metres over which the model errs in the same way
 
 
 @dataclass(frozen=True)
@@ -52,7 +245,7 @@ class Placement:
 
         depths: of brushes whose touch heights are learned, as TouchHeights has them.
         """
-        information = tuple(map(tuple, np.diag(1 / np.square(_USUAL)).tolist()))
+        information = tuple(map(tuple, np.diag(1 / np.square(_PLACEMENT_USUAL)).tolist()))
         return cls((0.0, 0.0, 0.0), information, TouchHeights.unknown(depths or {}))
 
     def corrected(self, calibration: Calibration, size: CanvasSize) -> Calibration:
@@ -98,8 +291,8 @@ def locate(meant: Strokes, known: Placement, before: Scene, seen: Tensor) -> Pla
         torch.tensor(known.error, dtype=torch.float64),
         torch.tensor(known.information, dtype=torch.float64),
         torch.tensor(_STEP, dtype=torch.float64),
-        3 * _odd_pixels(_CORRELATED, before) ** 2,
-        _ROUNDS,
+        3 * _odd_pixels(_PLACEMENT_CORRELATED, before) ** 2,
+        _PLACEMENT_ROUNDS,
     )
     x, y, turn = error.tolist()
     return Placement((x, y, turn), tuple(map(tuple, information.tolist())), known.touch)

@@ -1,6 +1,7 @@
 """The planner: a goal and a canvas become a plan, and what is left of a plan is planned again from a photograph."""
 
 import copy
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -10,33 +11,91 @@ import torch
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.brush.kinds import StrokeModel
+from frida_painter.brush.table import cached_table
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, PlanningDiverged
-from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal
+from frida_painter.frames import PixelGrid
 from frida_painter.objectives.attention import focused
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.objectives.interpretation import interpreted, prepare
+from frida_painter.objectives.objective import Goal
 from frida_painter.palette import MOST_COLORS, Palette
 from frida_painter.plan import Plan
-from frida_painter.planning.binding import bound
-from frida_painter.planning.effort import Effort as Effort
-from frida_painter.planning.fading import Fading, fading_of
-from frida_painter.planning.forecast import SimilarityForecast, forecast
-from frida_painter.planning.free_strokes import free_strokes
-from frida_painter.planning.layers import layer_sizes, stroke_models, usual_layers, usual_shares
-from frida_painter.planning.memory import is_lack_of_memory
-from frida_painter.planning.optimize import Step, optimize
+from frida_painter.planning.forecast import Fading, SimilarityForecast, fading_of, forecast
+from frida_painter.planning.layers import (
+    Effort,
+    LayerAtWork,
+    StepCount,
+    at_the_end,
+    free_strokes,
+    mixed_later,
+    settled_together,
+    unheard,
+)
+from frida_painter.planning.optimize import Step, optimize, stacked_cost, stacked_loss
 from frida_painter.planning.placement import Placement, learn
-from frida_painter.planning.refine import MOVED, MOVED_WHERE_A_LAYER_BEGINS
-from frida_painter.planning.region import Region
-from frida_painter.planning.scene import is_bare, on_device
-from frida_painter.planning.scenes import Scenes
+from frida_painter.planning.problem import Region, Scenes, is_bare, is_lack_of_memory, on_device
+from frida_painter.planning.refine import MOVED, MOVED_WHERE_A_LAYER_BEGINS, bound
 from frida_painter.planning.settings import PlannerSettings
-from frida_painter.planning.stack import stacked_cost, stacked_loss
-from frida_painter.planning.step_count import StepCount, at_the_end, unheard
-from frida_painter.planning.together import LayerAtWork, mixed_later, settled_together
 from frida_painter.planning.variables import Paints
+
+# Layers: later strokes go on the dry paint of earlier ones, and begin light again, as painters work.
+#
+# Strokes of later layers are a reserve, which is not settled before its turn comes: by then they move to where the
+# canvas, as it is seen, is farthest from what it should be, and light paint may go over dark.
+
+LAYERS = 2
+"""Of a plan towards a picture, where nothing else is said."""
+FEWEST_FOR_LAYERS = 100  # strokes
+RESERVE = 0.4
+"""Share of the strokes that later layers get together, where nothing else is said."""
+
+
+def stroke_models(given: StrokeModel | str | Sequence[StrokeModel | str]) -> tuple[StrokeModel, ...]:
+    """The stroke model of each layer, or the one of all: those given, and the tables of those that are named.
+
+    Raises WeightsError where there is none of that name, ConfigError for two of one brush.
+    """
+    several = given if isinstance(given, Sequence) and not isinstance(given, str) else (given,)
+    named = {name: cached_table(load_stroke_model(name)) for name in several if isinstance(name, str)}
+    models = tuple(named[one] if isinstance(one, str) else one for one in several)
+    if len({id(one) for one in models}) > len({one.brush for one in models}):
+        raise ConfigError("Two stroke models of one brush were given; all layers of a brush have the same one.")
+    return models
+
+
+def usual_layers(strokes: int, brushes: int) -> int:
+    """How many layers so many strokes towards a picture have, where nothing else is said."""
+    return max(LAYERS, brushes) if strokes >= FEWEST_FOR_LAYERS else 1
+
+
+def usual_shares(layers: int) -> tuple[float, ...]:
+    """Which share of the strokes each of so many layers gets, where nothing else is said."""
+    if layers <= 1:
+        return (1.0,) * layers
+    return (1 - RESERVE, *([RESERVE / (layers - 1)] * (layers - 1)))
+
+
+def layer_sizes(strokes: int, shares: Sequence[float]) -> tuple[int, ...]:
+    """How many of so many strokes each layer gets, by its share. Raises ConfigError unless each has one."""
+    if not 1 <= len(shares) <= strokes:
+        raise ConfigError(f"{len(shares)} layers for {strokes} strokes were asked for; give from 1 layer to {strokes}.")
+    total = sum(shares)
+    later = max(len(shares) - 1, round(strokes * (total - shares[0]) / total)) if len(shares) > 1 else 0
+    later = min(later, strokes - 1)
+    rest = list(itertools.accumulate(shares[1:]))
+    ends = [int(later * end / rest[-1] + 1e-9) for end in rest]
+    sizes = [end - before for before, end in itertools.pairwise([0, *ends])]
+    if 0 in sizes:
+        number = sizes.index(0) + 1
+        raise ConfigError(
+            f"Layer {number + 1} gets {shares[number] / total:.1%} of {strokes} strokes, which is not one stroke; give "
+            "it a larger share, or leave its brush out."
+        )
+    return (strokes - later, *sizes)
+
 
 _POLISHING_PACE = 0.5
 

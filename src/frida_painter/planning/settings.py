@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 from frida_painter.canvas_size import CanvasSize
 
 if TYPE_CHECKING:
-    from frida_painter.brush.stroke_model import StrokeModel
-    from frida_painter.planning.effort import Effort
-    from frida_painter.planning.region import Region
+    from frida_painter.brush.kinds import StrokeModel
+    from frida_painter.planning.layers import Effort
+    from frida_painter.planning.problem import Region
+
 
 Color = tuple[float, float, float]
 """sRGB in [0, 1]."""
@@ -30,10 +31,10 @@ class PlannerSettings:
     seed: of every random choice.
     layers: of a plan, one for each of several models; None: that many, or the usual number of one model, towards a
     picture in 100 strokes or more, else one, of the first model.
-    shares: of the strokes that each layer gets, by default as planning/layers.py says.
+    shares: of the strokes that each layer gets, by default as planning/planner.py says.
     new_paints: whether each layer has a palette of its own.
     focus: what matters most in photographs (objectives/attention.py): "faces", "subject" or "none".
-    sharpness: how much sharper than photographs the plan is (objectives/sharpening.py).
+    sharpness: how much sharper than photographs the plan is (objectives/pixel_loss.py).
     ground: the colour of the bare canvas.
     darkest: the darkest paint that there is; none is planned darker. None: black.
     region: what strokes keep clear of.

@@ -15,8 +15,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.compiled import array, compiles_for
-from frida_painter.frames import CanvasSize
 from frida_painter.palette import Palette, to_lab
 from frida_painter.strokes import StrokeLimits, Strokes
 

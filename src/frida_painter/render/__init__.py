@@ -7,15 +7,21 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from frida_painter.render.marks import Marks, marks_of
-    from frida_painter.render.painting import Moments, composite, composite_moments, render, render_moments
+    from frida_painter.render.painting import (
+        Marks,
+        Moments,
+        composite,
+        composite_moments,
+        marks_of,
+        render,
+        render_moments,
+    )
+
 
 __all__ = ["Marks", "Moments", "composite", "composite_moments", "marks_of", "render", "render_moments"]
-
-_HOMES = {"Marks": "marks", "marks_of": "marks"}
 
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it offers {', '.join(__all__)}")
-    return getattr(import_module(f"{__name__}.{_HOMES.get(name, 'painting')}"), name)
+    return getattr(import_module(f"{__name__}.painting"), name)

@@ -7,10 +7,176 @@ the map into vector code. Reordering of sums is allowed, nothing else: NaN and i
 as they must.
 """
 
-import numpy as np
-from numba import float32, int64, njit, types
+from typing import Any, NamedTuple
 
-from frida_painter.render.spans import spans_type
+import numpy as np
+from numba import float32, float64, int32, int64, njit, types
+from numpy.typing import NDArray
+
+# Which pixels a stroke covers: for every row of the canvas the exact run of columns whose samples touch its cells.
+#
+# Compiled by numba. A box of cells, rows [top, bottom) and columns [left, right), is touched by a
+# sample whose column lies in [left - 1, right) and whose row lies in [top - 1, bottom): there at
+# least one of the four cells around the sample is in the box. If all cells outside the box are zero,
+# so are coverage and sampling gradient, exactly, wherever the box is not touched.
+
+Array = NDArray[Any]
+
+
+class Spans(NamedTuple):
+    """The touched pixels of n strokes, packed: stroke after stroke, row after row, left to right.
+
+    Stroke i reaches rows top[i] to bottom[i] - 1. Its row y is segment k = segment[i] + y - top[i]:
+    it begins at column first[k] and its pixels are offset[k] to offset[k + 1] - 1 of the packed ones.
+    """
+
+    top: Array  # [n]
+    bottom: Array  # [n]
+    segment: Array  # [n + 1]
+    first: Array  # [segments]
+    offset: Array  # [segments + 1]
+
+    @property
+    def pixels(self) -> int:
+        """How many packed pixels there are."""
+        return int(self.offset[-1])
+
+
+def whole_maps(magnitude: Array) -> Array:
+    """The boxes of all cells: [n, 4] (top, bottom, left, right) for maps [n, h, w]."""
+    n, h, w = magnitude.shape
+    return np.tile(np.array([0, h, 0, w]), (n, 1))
+
+
+def painted_boxes(magnitude: Array) -> Array:
+    """The smallest boxes that hold all cells which are not zero: [n, 4] (top, bottom, left, right)."""
+    boxes = np.zeros((len(magnitude), 4), np.int64)
+    _find_boxes(magnitude, boxes)
+    return boxes
+
+
+def find_spans(affine: Array, boxes: Array, height: int, width: int) -> Spans:
+    """The spans of boxes of cells [n, 4] that affine [n, 2, 3] places on a canvas of so many pixels."""
+    n = len(affine)
+    top, bottom = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    slack = np.zeros(n)
+    _find_rows(affine, boxes, height, width, slack, top, bottom)
+    segment = np.zeros(n + 1, np.int64)
+    np.cumsum(bottom - top, out=segment[1:])
+    first, offset = np.zeros(segment[-1], np.int32), np.zeros(segment[-1] + 1, np.int64)
+    _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offset)
+    np.cumsum(offset, out=offset)
+    return Spans(top, bottom, segment, first, offset)
+
+
+@njit(nogil=True, cache=True)
+def _find_boxes(magnitude, boxes):  # type: ignore[no-untyped-def]
+    n, h, w = magnitude.shape
+    painted = np.empty(w, np.bool_)
+    for i in range(n):
+        top, bottom, left, right = h, 0, w, 0
+        painted[:] = False
+        for row in range(h):
+            line = magnitude[i, row]
+            any_painted = False
+            for column in range(w):
+                here = line[column] != 0
+                any_painted |= here
+                painted[column] |= here
+            if any_painted:
+                top, bottom = min(top, row), row + 1
+        for column in range(w):
+            if painted[column]:
+                left, right = min(left, column), column + 1
+        if bottom > 0:
+            boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3] = top, bottom, left, right
+
+
+@njit(nogil=True, cache=True)
+def _find_rows(affine, boxes, height, width, slack, top, bottom):  # type: ignore[no-untyped-def]
+    """Fills in rows that are sure to hold each stroke, and by how many cells rounding can move its border."""
+    for i in range(len(affine)):
+        a, b, c = np.float64(affine[i, 0, 0]), np.float64(affine[i, 0, 1]), np.float64(affine[i, 0, 2])
+        d, e, f = np.float64(affine[i, 1, 0]), np.float64(affine[i, 1, 1]), np.float64(affine[i, 1, 2])
+        reach = (abs(a) + abs(d)) * width + (abs(b) + abs(e)) * height + abs(c) + abs(f)
+        if boxes[i, 0] == boxes[i, 1] or not np.isfinite(reach):
+            continue
+        slack[i] = 8 * np.finfo(affine.dtype).eps * reach
+        top[i], bottom[i] = 0, height
+        determinant = a * e - b * d
+        if determinant == 0:  # a map squeezed flat has no inverse; its rows are all looked at
+            continue
+        # The row of map point (u, v) is (a (v - f) - d (u - c)) / determinant: extremes at the corners.
+        above, below = boxes[i, 0] - 1 - slack[i] - f, boxes[i, 1] + slack[i] - f
+        left, right = boxes[i, 2] - 1 - slack[i] - c, boxes[i, 3] + slack[i] - c
+        p, q = a / determinant, -d / determinant
+        least = min(p * above, p * below) + min(q * left, q * right)
+        most = max(p * above, p * below) + max(q * left, q * right)
+        if least > 0:
+            top[i] = np.int64(min(np.floor(least), height))
+        if most < height:
+            bottom[i] = np.int64(max(np.ceil(most) + 1, 0))
+        bottom[i] = max(top[i], min(bottom[i], height))
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _find_columns(affine, boxes, width, slack, top, bottom, segment, first, offset):  # type: ignore[no-untyped-def]
+    """Fills in where the run of each row begins, and after it how many columns it has."""
+    number = affine.dtype.type
+    for i in range(len(affine)):
+        a, b, c = affine[i, 0, 0], affine[i, 0, 1], affine[i, 0, 2]
+        d, e, f = affine[i, 1, 0], affine[i, 1, 1], affine[i, 1, 2]
+        above, below = number(boxes[i, 0] - 1), number(boxes[i, 1])
+        before, past = number(boxes[i, 2] - 1), number(boxes[i, 3])
+        for y in range(top[i], bottom[i]):
+            across, down = b * number(y), e * number(y)
+            least, most = _clip(0.0, width - 1.0, a, np.float64(across) + c, before - slack[i], past + slack[i])
+            least, most = _clip(least, most, d, np.float64(down) + f, above - slack[i], below + slack[i])
+            left = np.int64(max(np.floor(least), 0.0))
+            right = np.int64(min(np.ceil(most) + 1, np.float64(width)))
+            # From there inwards by the very arithmetic of the samples, so that the run is exact.
+            while left < right:
+                column, row = a * number(left) + across + c, d * number(left) + down + f
+                if before <= column < past and above <= row < below:
+                    break
+                left += 1
+            while left < right:
+                column, row = a * number(right - 1) + across + c, d * number(right - 1) + down + f
+                if before <= column < past and above <= row < below:
+                    break
+                right -= 1
+            k = segment[i] + y - top[i]
+            first[k] = left
+            offset[k + 1] = max(right - left, 0)
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _clip(least, most, slope, shift, low, high):  # type: ignore[no-untyped-def]
+    """The part of [least, most] in which slope x + shift lies in [low, high]."""
+    if slope == 0:
+        if low <= shift <= high:
+            return least, most
+        return 0.0, -1.0
+    one_end, other_end = (low - shift) / slope, (high - shift) / slope
+    return max(least, min(one_end, other_end)), min(most, max(one_end, other_end))
+
+
+def argument_types():  # type: ignore[no-untyped-def]
+    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    places, boxes, index = float32[:, :, ::1], int64[:, ::1], int64[::1]
+    rows = (float64[::1], index, index)
+    return (
+        (_find_boxes, (places, boxes)),
+        (_find_rows, (places, boxes, int64, int64, *rows)),
+        (_find_columns, (places, boxes, int64, *rows, index, int32[::1], index)),
+    )
+
+
+def spans_type() -> Any:
+    """The type of `Spans` to compiled loops."""
+    index = int64[::1]
+    return types.NamedTuple((index, index, index, int32[::1], index), Spans)  # type: ignore[no-untyped-call]
+
 
 BAND = 8  # rows
 LANES = 8  # samples are located so many at a time
@@ -167,7 +333,7 @@ def pull_through(begin, end, spans, alpha, color, canvas, gradient, through, slo
 
 
 @njit(nogil=True, cache=True, fastmath=_SUMS)
-def pull_to_strokes(begin, end, affine, boxes, columns, spans, sampled, slope, to_affine, to_map):  # type: ignore[no-untyped-def]
+def scatter_to_strokes(begin, end, affine, boxes, columns, spans, sampled, slope, to_affine, to_map):  # type: ignore[no-untyped-def]
     """Gradients to the affine maps [n, 2, 3], which come as zeros, and to the maps [n, h, w] of those strokes.
 
     Either is left out where it has no strokes. sampled [3, packed]: as `sample` left it; slope (packed): the gradient
@@ -222,7 +388,7 @@ def pull_to_strokes(begin, end, affine, boxes, columns, spans, sampled, slope, t
                     line[column] = middle[column]
 
 
-def argument_types():  # type: ignore[no-untyped-def]
+def argument_types_kernels():  # type: ignore[no-untyped-def]
     """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
     line, table, maps, boxes, spans = float32[::1], float32[:, ::1], float32[:, :, ::1], int64[:, ::1], spans_type()
     some, pair = (int64, int64), types.UniTuple(int64, 2)  # type: ignore[no-untyped-call]
@@ -230,5 +396,132 @@ def argument_types():  # type: ignore[no-untyped-def]
         (sample, (*some, maps, maps, boxes, line, spans, int64, table)),
         (blend, (*some, pair, spans, int64, line, table, maps)),
         (pull_through, (*some, spans, line, table, maps, maps, table, line, maps)),
-        (pull_to_strokes, (*some, maps, boxes, line, spans, table, line, maps, maps)),
+        (scatter_to_strokes, (*some, maps, boxes, line, spans, table, line, maps, maps)),
+    )
+
+
+# The inner loops that lay strokes of uncertain coverage: mean and variance of every pixel, and their gradients.
+#
+# Compiled by numba, in the manner of kernels.py: no range writes to memory that another range writes to. The
+# recurrences and their derivation are in docs/explanation/renderer.md. `share` and `full` are those of
+# `CoverageSpread`.
+
+
+@njit(nogil=True, cache=True, fastmath=_SUMS)
+def blend_moments(begin, end, strokes, spans, base, alpha, color, spread, mean, variance):  # type: ignore[no-untyped-def]
+    """Lays strokes[0] to strokes[1] - 1 in order over bands begin to end - 1 of mean [3, H, W] and variance [H, W]."""
+    tops, bottoms, segments, firsts, offsets = spans
+    share, full = spread
+    number = mean.dtype.type
+    one, none, third = number(1), number(0), number(1 / 3)
+    for band in range(begin, end):
+        for i in range(strokes[0], strokes[1]):
+            red, green, blue = color[i, 0], color[i, 1], color[i, 2]
+            for y in range(max(tops[i], band * BAND), min(bottoms[i], (band + 1) * BAND)):
+                left, start, count = run(firsts, offsets, segments[i] + y - tops[i])
+                packed = start - np.uint64(base)
+                for p in range(count):
+                    cover, x = alpha[packed + p], left + p
+                    from_red, from_green, from_blue = mean[0, y, x] - red, mean[1, y, x] - green, mean[2, y, x] - blue
+                    away = third * (from_red * from_red + from_green * from_green + from_blue * from_blue)
+                    doubt, keeps = share * cover * max(full - cover, none), one - cover
+                    variance[y, x] = (keeps * keeps + doubt) * variance[y, x] + doubt * away
+                    mean[0, y, x] -= cover * from_red
+                    mean[1, y, x] -= cover * from_green
+                    mean[2, y, x] -= cover * from_blue
+
+
+@njit(nogil=True, cache=True, fastmath=_SUMS)
+def pull_through_moments(  # type: ignore[no-untyped-def]
+    begin, end, spans, alpha, color, spread, canvas, uncertain, to_mean, to_variance, slope, to_color
+):  # fmt: skip
+    """Goes up and down through the strokes in bands begin to end - 1, one band after another.
+
+    Upwards, mean and variance under every stroke are found anew, of one band only, so that they stay in the cache.
+    canvas [3, H, W], uncertain [H, W]: mean and variance of the canvas. to_mean [3, H, W], to_variance [H, W] come as
+    the gradients to the moments of the whole and leave as those to the canvas's; slope (packed) receives the gradient
+    to the coverage; to_color [bands, n, 3] comes as zeros and receives each band's part of the gradient to the colours.
+    """
+    tops, bottoms, segments, firsts, offsets = spans
+    _, height, width = canvas.shape
+    share, full = spread
+    number = to_mean.dtype.type
+    one, two, none, third = number(1), number(2), number(0), number(1 / 3)
+    mean, variance = np.empty((3, BAND, width), canvas.dtype), np.empty((BAND, width), canvas.dtype)
+    below = np.empty((4, 0), canvas.dtype)
+    for band in range(begin, end):
+        top = band * BAND
+        rows = min(BAND, height - top)
+        pixels = np.int64(0)
+        for i in range(len(color)):
+            for y in range(max(tops[i], top), min(bottoms[i], top + BAND)):
+                pixels += np.int64(run(firsts, offsets, segments[i] + y - tops[i])[2])
+        if pixels > below.shape[1]:
+            below = np.empty((4, pixels), canvas.dtype)
+        for row in range(rows):  # not by slices: numba compiles half of its strings to say that two do not fit
+            for x in range(width):
+                mean[0, row, x], mean[1, row, x] = canvas[0, top + row, x], canvas[1, top + row, x]
+                mean[2, row, x], variance[row, x] = canvas[2, top + row, x], uncertain[top + row, x]
+        at = np.uint64(0)
+        for i in range(len(color)):
+            red, green, blue = color[i, 0], color[i, 1], color[i, 2]
+            for y in range(max(tops[i], top), min(bottoms[i], top + BAND)):
+                left, start, count = run(firsts, offsets, segments[i] + y - tops[i])
+                row = y - top
+                # What lies below is kept as its distance from the paint.
+                for p in range(count):
+                    x = left + p
+                    below[0, at + p], below[1, at + p] = mean[0, row, x] - red, mean[1, row, x] - green
+                    below[2, at + p], below[3, at + p] = mean[2, row, x] - blue, variance[row, x]
+                for p in range(count):
+                    cover, x = alpha[start + p], left + p
+                    from_red, from_green, from_blue = below[0, at + p], below[1, at + p], below[2, at + p]
+                    away = third * (from_red * from_red + from_green * from_green + from_blue * from_blue)
+                    doubt, keeps = share * cover * max(full - cover, none), one - cover
+                    variance[row, x] = (keeps * keeps + doubt) * variance[row, x] + doubt * away
+                    mean[0, row, x] -= cover * from_red
+                    mean[1, row, x] -= cover * from_green
+                    mean[2, row, x] -= cover * from_blue
+                at += count
+        for i in range(len(color) - 1, -1, -1):
+            for y in range(min(bottoms[i], top + BAND) - 1, max(tops[i], top) - 1, -1):
+                left, start, count = run(firsts, offsets, segments[i] + y - tops[i])
+                at -= count
+                to_red = to_green = to_blue = none
+                for p in range(count):
+                    cover, x = alpha[start + p], left + p
+                    by_red, by_green, by_blue = to_mean[0, y, x], to_mean[1, y, x], to_mean[2, y, x]
+                    from_red, from_green, from_blue = below[0, at + p], below[1, at + p], below[2, at + p]
+                    away = third * (from_red * from_red + from_green * from_green + from_blue * from_blue)
+                    by_variance, varied = to_variance[y, x], below[3, at + p]
+                    bare, keeps = max(full - cover, none), one - cover
+                    rising = share * (bare - cover) if bare > none else none
+                    slope[start + p] = by_variance * (rising * (varied + away) - two * keeps * varied) - (
+                        by_red * from_red + by_green * from_green + by_blue * from_blue
+                    )
+                    crossed = two * third * share * cover * bare * by_variance
+                    to_red += cover * by_red - crossed * from_red
+                    to_green += cover * by_green - crossed * from_green
+                    to_blue += cover * by_blue - crossed * from_blue
+                to_color[band, i, 0] += to_red
+                to_color[band, i, 1] += to_green
+                to_color[band, i, 2] += to_blue
+                for p in range(count):
+                    cover, x = alpha[start + p], left + p
+                    keeps, doubt = one - cover, share * cover * max(full - cover, none)
+                    crossed = two * third * doubt * to_variance[y, x]
+                    to_mean[0, y, x] = keeps * to_mean[0, y, x] + crossed * below[0, at + p]
+                    to_mean[1, y, x] = keeps * to_mean[1, y, x] + crossed * below[1, at + p]
+                    to_mean[2, y, x] = keeps * to_mean[2, y, x] + crossed * below[2, at + p]
+                    to_variance[y, x] *= keeps * keeps + doubt
+
+
+def argument_types_moment_kernels():  # type: ignore[no-untyped-def]
+    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    line, table, maps, spans = float32[::1], float32[:, ::1], float32[:, :, ::1], spans_type()
+    some, pair = (int64, int64), types.UniTuple(int64, 2)  # type: ignore[no-untyped-call]
+    spread = types.UniTuple(float32, 2)  # type: ignore[no-untyped-call]
+    return (
+        (blend_moments, (*some, pair, spans, int64, line, table, spread, maps, table)),
+        (pull_through_moments, (*some, spans, line, table, spread, maps, table, maps, table, line, maps)),
     )

@@ -1,18 +1,42 @@
 """From strokes to the picture they would paint: the stroke model, the frames and the compositing in one call."""
 
+from collections.abc import Mapping
 from importlib.util import find_spec
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from frida_painter.brush.spread import CoverageSpread
-from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.brush.kinds import CoverageSpread, StrokeModel
 from frida_painter.brush.table import StrokeTable
+from frida_painter.brush.weights import load_stroke_models
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.compiled import compiles_for
-from frida_painter.frames import ALL_ROWS, CanvasSize, PixelGrid, Rows
-from frida_painter.render.marks import marks_of
+from frida_painter.errors import ConfigError
+from frida_painter.frames import ALL_ROWS, PixelGrid, Rows, pixel_to_map
+from frida_painter.plan import Plan
 from frida_painter.strokes import Strokes
+
+# Strokes as maps of their coverage, and the maps' places on a picture: what all renderers lay.
+
+
+class Marks(NamedTuple):
+    """Magnitude [n, h, w] in [0, 1], zero outside, and from a picture's pixels to its cells, [n, 2, 3].
+
+    The latter as `pixel_to_map` tells it. Maps are those of the stroke model, or parts of them that hold all paint.
+    """
+
+    magnitude: Tensor
+    affine: Tensor
+
+
+def marks_of(strokes: Strokes, model: StrokeModel, grid: PixelGrid, rows: Rows = ALL_ROWS) -> Marks:
+    """The marks that a model's brush makes of strokes on those rows of a picture; differentiable in the strokes."""
+    affine = pixel_to_map(strokes.position, strokes.angle, grid, model.frame, rows)
+    if not isinstance(model, StrokeTable):
+        return Marks(model(strokes.thickness, strokes.length, strokes.bend), affine)
+    magnitude, shift = model.windows(strokes.thickness, strokes.length, strokes.bend)
+    return Marks(magnitude, affine - shift)
 
 
 def composite(
@@ -40,9 +64,9 @@ def composite(
         from frida_painter.render import tiles
 
         return tiles.composite(magnitude, affine, color, canvas, bare_cells_answer=bare_cells_answer)
-    from frida_painter.render import slices
+    from frida_painter.render import plain
 
-    return slices.composite(magnitude, affine, color, canvas)
+    return plain.composite(magnitude, affine, color, canvas)
 
 
 def _in_tiles(canvas: Tensor) -> bool:
@@ -94,18 +118,18 @@ def composite_moments(
     [H, W]: that of the canvas, None where it is certain. Equals `reference.composite_moments`.
     """
     if compiles_for(canvas):
-        from frida_painter.render import moment_scanline
+        from frida_painter.render import scanline
 
         given = magnitude, affine, color, canvas, spread, variance
-        return Moments(*moment_scanline.composite_moments(*given, bare_cells_answer=bare_cells_answer))
+        return Moments(*scanline.composite_moments(*given, bare_cells_answer=bare_cells_answer))
     if _in_tiles(canvas):
         from frida_painter.render import tiles
 
         given = magnitude, affine, color, canvas, spread, variance
         return Moments(*tiles.composite_moments(*given, bare_cells_answer=bare_cells_answer))
-    from frida_painter.render import moment_slices
+    from frida_painter.render import plain
 
-    return Moments(*moment_slices.composite_moments(magnitude, affine, color, canvas, spread, variance))
+    return Moments(*plain.composite_moments(magnitude, affine, color, canvas, spread, variance))
 
 
 def render_moments(
@@ -128,3 +152,32 @@ def render_moments(
     marks = marks_of(strokes, stroke_model, grid, rows)
     answers = not isinstance(stroke_model, StrokeTable)
     return composite_moments(*marks, strokes.color, rows.of(canvas), spread, bare_cells_answer=answers)
+
+
+# A plan as a picture of any size.
+
+LEAST_ROWS, MOST_ROWS = 16, 10_000
+
+
+def render_on(plan: Plan, models: Mapping[str, StrokeModel], canvas: Tensor) -> Tensor:
+    """The picture [3, H, W] that a plan leaves on a canvas of its size which now looks like `canvas` [3, H, W].
+
+    models: what the marks of its brushes look like, by their names.
+    """
+    with torch.no_grad():
+        for part in plan.filled_layers():
+            canvas = render(part.strokes, models[part.layers[0].brush], canvas, plan.canvas)
+    return canvas
+
+
+def render_plan(plan: Plan, height: int = 1080, models: Mapping[str, StrokeModel] | None = None) -> Tensor:
+    """The picture [3, height, W] that a plan paints on its bare canvas, as the simulation of its brushes sees it.
+
+    models: what their marks look like, by their names; by default the models that they have. Raises ConfigError unless
+    height is from 16 to 10000 pixels, and WeightsError where a brush of the plan has no model here.
+    """
+    if not LEAST_ROWS <= height <= MOST_ROWS:
+        raise ConfigError(f"A picture {height} pixels high was asked for; it is from {LEAST_ROWS} to {MOST_ROWS} high.")
+    grid = PixelGrid.of_height(plan.canvas, height)
+    ground = torch.tensor(plan.ground)[:, None, None].expand(3, grid.rows, grid.columns).contiguous()
+    return render_on(plan, models or load_stroke_models(plan.brushes), ground)

@@ -6,7 +6,7 @@ Written to be read, and kept as the oracle of the fast paths, which have the sam
 import torch
 from torch import Tensor
 
-from frida_painter.brush.spread import CoverageSpread
+from frida_painter.brush.kinds import CoverageSpread
 
 
 def composite(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor) -> Tensor:

@@ -13,9 +13,9 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from frida_painter.brush.spread import CERTAIN, CoverageSpread
+from frida_painter.brush.kinds import CERTAIN, CoverageSpread
 from frida_painter.render import tile_kernels
-from frida_painter.render.sampling import painted_boxes, pixel_extents, whole_maps
+from frida_painter.render.plain import painted_boxes, pixel_extents, whole_maps
 
 TILE = 16
 """Rows and columns of a tile, in pixels."""

@@ -12,20 +12,16 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, storage
-from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.brush.kinds import StrokeModel
+from frida_painter.easel.kinds import ARM_FILM
 from frida_painter.errors import ImageError, StorageError
-from frida_painter.export.bezier import plan_widths
-from frida_painter.export.svg import svg
-from frida_painter.export.table import table
+from frida_painter.export.vector import plan_widths, svg, table
 from frida_painter.mixing.recipe import Recipe
 from frida_painter.plan import Plan
 from frida_painter.planning.forecast import SimilarityForecast
-from frida_painter.quantities import count_of
-from frida_painter.report.difference import difference
-from frida_painter.report.film import FilmWriter
+from frida_painter.report.film import FilmWriter, Sketchbook
 from frida_painter.report.page import write_page
-from frida_painter.report.recipe_sheets import RecipeSheets
-from frida_painter.report.sketchbook import Sketchbook
+from frida_painter.report.sheets import RecipeSheets, difference
 from frida_painter.report.story import Comparison, Download, Look, Phase, Story, compare, paints
 from frida_painter.session.events import (
     Dipped,
@@ -40,9 +36,9 @@ from frida_painter.session.events import (
     TimelapseFrame,
     TouchCorrected,
 )
-from frida_painter.session.history import History
-from frida_painter.session.names import ARM_FILM
+from frida_painter.session.journal import History
 from frida_painter.session.painting import Painting
+from frida_painter.storage import count_of
 
 _RESULT = "result.json"
 _DOWNLOADS = (

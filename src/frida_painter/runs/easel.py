@@ -1,21 +1,39 @@
-"""The easel of a run: which one its description means, and the person beside it."""
+"""Calibrating an easel, as every face does it: which easel, which procedure, and the record that is renewed."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from frida_painter.errors import ConfigError
+from platformdirs import user_data_path
+
+from frida_painter.brush import DEFAULT_MODEL
+from frida_painter.brush.evaluation import learn
+from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.training import TrainingProgress
+from frida_painter.calibration import OF_A_BRUSH, Calibration, LearnedFile
+from frida_painter.easel.dialogue import Answer, Procedure, Question
+from frida_painter.easel.kinds import VIRTUAL, easel_kind, state_folder
+from frida_painter.easel.operator import PersonAsOperator
+from frida_painter.easel.order import EaselOrder
+from frida_painter.easel.parent import EaselProcess
+from frida_painter.easel.studio import studio_brush, with_brush
+from frida_painter.errors import CalibrationError, ConfigError
 from frida_painter.hardware.easel import Easel
-from frida_painter.runs.fields import millimetres_and_degrees
-from frida_painter.runs.spec import RunSpec
-from frida_painter.session.by_hand import ByHand
-from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.names import state_folder
-from frida_painter.session.operator import PersonAsOperator
-from frida_painter.session.procedures.calibration_status import NEEDED
-from frida_painter.session.procedures.dialogue import Answer, Question
-from frida_painter.virtual.sawyer.meshes import Meshes
+from frida_painter.procedures.brush import brush as brush_procedure
+from frida_painter.procedures.canvas import canvas as canvas_procedure
+from frida_painter.procedures.color import color as color_procedure
+from frida_painter.procedures.robot import robot as robot_procedure
+from frida_painter.procedures.strokes import StrokesFinding, StrokesProgress
+from frida_painter.procedures.strokes import strokes as strokes_procedure
+from frida_painter.runs.spec import RunSpec, millimetres_and_degrees
+from frida_painter.session.human import ByHand
+from frida_painter.session.opening import NEEDED
+from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.table import PlacementError
+
+# The easel of a run: which one its description means, and the person beside it.
 
 
 def order(spec: RunSpec, brushes: Sequence[str], folder: Path | None, state: Path | None = None) -> EaselOrder:
@@ -26,9 +44,8 @@ def order(spec: RunSpec, brushes: Sequence[str], folder: Path | None, state: Pat
     Raises ConfigError where the folder of --arm-meshes holds no arm.
     """
     error = millimetres_and_degrees(spec.placement_error)
-    if spec.arm_meshes is not None:
-        Meshes.in_folder(spec.arm_meshes)
-    return EaselOrder(
+    kind = easel_kind(spec.robot)
+    ordered = EaselOrder(
         robot=spec.robot,
         canvas=spec.canvas,
         brushes=tuple(brushes),
@@ -43,6 +60,9 @@ def order(spec: RunSpec, brushes: Sequence[str], folder: Path | None, state: Pat
         canvas_picture=None if spec.studio_canvas is None else spec.studio_canvas.absolute(),
         meshes=None if spec.arm_meshes is None else spec.arm_meshes.absolute(),
     )
+    if kind is not None and kind.require is not None:
+        kind.require(ordered)
+    return ordered
 
 
 def needed_calibrations(spec: RunSpec) -> tuple[str, ...]:
@@ -87,3 +107,111 @@ def with_operator(easel: Easel, spec: RunSpec, answer: Callable[[Question], Answ
         return replace(easel, operator=PersonAsOperator(answer))
     hand = ByHand(easel, answer)
     return replace(easel, robot=hand, camera=hand.camera, operator=hand, foretell=hand.foretell)
+
+
+@contextmanager
+def easel_of(spec: RunSpec, folder: Path | None = None, state: Path | None = None) -> Iterator[Easel]:
+    """The easel that the description means, neither robot nor camera connected, in a process of its own.
+
+    A virtual studio without a `folder` to remember what was done in it needs no process. state: where stops are
+    latched. Raises ConfigError, RobotStopped and RobotBusy.
+    """
+    (brush,) = spec.brush_names
+    wanted = order(spec, (brush,), folder, state)
+    if spec.robot == VIRTUAL and folder is None:
+        studio = open_studio(spec.canvas, studio_brush(brush), seed=spec.seed, placement_error=wanted.placement_error)
+        yield with_brush(studio.easel, brush)
+        return
+    with EaselProcess() as process:
+        yield process.open(wanted)
+
+
+def default_record(easel: str) -> Path:
+    """Where the record of an easel is kept when nobody says otherwise."""
+    folder = "-".join(easel.split())
+    return user_data_path("frida-painter", appauthor=False) / "easels" / folder / "calibration.json"
+
+
+@dataclass(frozen=True)
+class CalibrationSetup:
+    """What a calibration procedure works with.
+
+    easel: with the record so far; record: the file of the record, beside which procedures put theirs; say: is told
+    the progress in words.
+    """
+
+    easel: Easel
+    brush: BrushKind
+    record: Path
+    seed: int
+    count: int
+    say: Callable[[str], None]
+    refill_every: int = 1
+
+    def beside(self, name: str, ending: str) -> Path:
+        """The file of a procedure that belongs to the record, and, where a brush was looked at, to that brush."""
+        of = f"-{self.brush.name}" if name in OF_A_BRUSH else ""
+        return self.record.with_name(f"{self.record.stem}-{name}{of}.{ending}")
+
+
+def begin_procedure(name: str, setup: CalibrationSetup) -> Procedure[Any]:
+    """The procedure of that name, begun with this setup."""
+
+    def hear(progress: StrokesProgress) -> None:
+        setup.say(f"strokes: {progress.done} of {progress.of}, paper {progress.sheet}")
+
+    match name:
+        case "canvas":
+            return canvas_procedure(setup.easel)
+        case "robot":
+            return robot_procedure(setup.easel)
+        case "color":
+            return color_procedure(setup.easel)
+        case "brush":
+            return brush_procedure(setup.easel, name=setup.brush.name)
+        case _:
+            library = setup.beside("strokes", "npz")
+            return strokes_procedure(
+                setup.easel,
+                setup.brush,
+                library,
+                count=setup.count,
+                seed=setup.seed,
+                refill_every=setup.refill_every,
+                notify=hear,
+            )
+
+
+def learn_from(finding: StrokesFinding, setup: CalibrationSetup, record: Calibration) -> Calibration:
+    """The record with what the strokes teach of the brush, by which `paint --calibration` plans.
+
+    Raises LibraryError where fewer than 5 strokes are clean.
+    """
+
+    def hear(progress: TrainingProgress) -> None:
+        setup.say(f"strokes: learning from them, {progress.epoch} of {progress.epochs}")
+
+    learned = learn(DEFAULT_MODEL, finding.library, setup.brush, seed=setup.seed, notify=hear)
+    path = setup.beside("strokes", "safetensors")
+    weights = LearnedFile(str(path), learned.model.save(path))
+    assert record.library is not None  # the finding has just entered it
+    return record.with_strokes(record.library, weights, residual=learned.report.validation_error)
+
+
+def record_to_renew(path: Path, default: Calibration, *, anew: bool) -> Calibration:
+    """The record to go on with: the one in the file, or the easel's default for a first one and for all `anew`.
+
+    It has the brush of `default` in the holder, where it knows that one; what it knows of others stays.
+    Raises CalibrationError where the one in the file is damaged, unless all is done anew.
+    """
+    if not path.exists():
+        return default
+    try:
+        known = Calibration.load(path)
+    except CalibrationError:
+        if anew:
+            return default
+        raise
+    if anew and known.easel == default.easel:
+        return known.begun_anew(default)
+    return known.of_brush(default.brush) if default.brush in known.others else known

@@ -15,16 +15,46 @@
 
 import hashlib
 import json
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from torch import Tensor
+
 from frida_painter import storage
+from frida_painter.calibration import Calibration
+from frida_painter.easel.kinds import DIARY
 from frida_painter.errors import ConfigError, StorageError
-from frida_painter.report.sketchbook import SKETCHBOOK
+from frida_painter.event_log import missing
+from frida_painter.perception.frame_check import FrameCheck
+from frida_painter.planning.placement import Placement
+from frida_painter.planning.planner import Planner
+from frida_painter.report.film import SKETCHBOOK
+from frida_painter.report.sheets import doubt
 from frida_painter.runs.goal_item import read_goal_file
-from frida_painter.runs.spec import RunSpec
-from frida_painter.session.timetable import DRYING
+from frida_painter.runs.spec import SETTLED, RunSpec, upgraded
+from frida_painter.session import resuming
+from frida_painter.session.events import DRYING
+from frida_painter.session.journal import History, Journal
+from frida_painter.session.painting import Painting
+from frida_painter.session.resuming import KeptPlan
+
+# What a painting learned of its easel is kept in the calibration record, for the next painting.
+
+
+def keep_learned(spec: RunSpec, begun: Calibration | None, learned: Placement, painting: Painting) -> Path | None:
+    """Writes into the record that a finished painting went by where strokes land and brushes touch; the record then.
+
+    begun: it as the painting began. Where it was changed meanwhile it stays: whoever calibrated anew knows better. The
+    record before is kept beside it, as Calibration.save does. Raises CalibrationError and StorageError.
+    """
+    record, finished = spec.calibration, painting.rest is not None and len(painting.rest) == 0
+    if record is None or begun is None or spec.by_hand or not finished or Calibration.load(record) != begun:
+        return None
+    learned.corrected(begun, spec.canvas).save(record)
+    return record
+
 
 SETTINGS = "settings.json"
 GOAL = "goal"
@@ -86,7 +116,7 @@ def read_goal(folder: Path) -> dict[str, Any]:
     return read_goal_file(folder / GOAL / "goal.toml")
 
 
-def rests_on(spec: RunSpec, folder: Path) -> dict[str, str]:
+def input_hashes(spec: RunSpec, folder: Path) -> dict[str, str]:
     """Hashes of all files that decide how a painting goes on, by what they are. Raises StorageError."""
     files = {
         "goal": folder / GOAL,
@@ -139,3 +169,95 @@ def content_hash(path: Path) -> str:
     except OSError as error:
         raise StorageError(f"{path} cannot be read ({error.strerror}); it decides how the painting goes on.") from error
     return content.hexdigest()
+
+
+# A painting that goes on: it is reopened from its folder, and held against what it was begun with.
+
+
+@dataclass(frozen=True)
+class ReopenedPainting:
+    """A painting that is resumed.
+
+    spec: as its folder has it; journal: held until it is closed; history: read from it; plan: the one in the folder,
+    None where it broke off before there was one; placement: as it was learned by then, None where it is for another
+    calibration record than the one that is there now; accept_changes: whether it goes on whatever has changed.
+    """
+
+    spec: RunSpec
+    journal: Journal
+    history: History
+    plan: KeptPlan | None
+    placement: Placement | None
+    accept_changes: bool
+
+    def require_as_left(self, good: FrameCheck | None, planner: Planner, before: Tensor, now: Tensor) -> None:
+        """Raises FrameRejected where the canvas `now` is not what came, by the journal, of the canvas `before`.
+
+        Both [3, H, W]; good: what a photograph there is like, None where that is not known: then all is as it was.
+        """
+        if self.plan is not None and good is not None:
+            good.require_explained(now, resuming.as_left(self.plan, self.history, planner, before))
+
+    def stroke_in_doubt(self, planner: Planner, now: Tensor) -> Tensor | None:
+        """A picture, on the canvas `now`, of the stroke that was begun and perhaps not painted; None without one."""
+        number = self.history.in_doubt
+        if number is None or self.plan is None:
+            return None
+        painted = planner.expected(self.plan.plan.part(slice(number - 1, number)), now)
+        return doubt(self.plan.plan, number - 1, now, painted)
+
+
+def reopen(folder: Path, *, accept_changes: bool, pace: float) -> ReopenedPainting:
+    """The painting in a folder, and its journal, held. Raises StorageError, PlanError and ConfigError.
+
+    The latter names all that was changed since it was begun, where that was not accepted.
+    """
+    journal, history = Journal.reopen(folder)
+    try:
+        spec = read_spec(folder) if not history.finished else RunSpec.of(**upgraded(history.settings))
+        plan = resuming.kept_plan(folder, history)
+        if not history.finished:
+            _require_unchanged(spec, folder, history, plan, accept_changes=accept_changes)
+        placement = None if plan is None or _recalibrated(spec, folder, history) else plan.planning.placement
+        spec = spec.changed(pace=pace, **read_goal(folder / history.goal))
+    except BaseException:
+        journal.close()
+        raise
+    return ReopenedPainting(spec, journal, history, plan, placement, accept_changes)
+
+
+def _recalibrated(spec: RunSpec, folder: Path, history: History) -> bool:
+    """Whether the calibration record is another one than when the painting was begun."""
+    return not history.finished and input_hashes(spec, folder)[CALIBRATION_RECORD] != history.rests_on.get(
+        CALIBRATION_RECORD
+    )
+
+
+def history_of(folder: Path) -> History:
+    """How far a painting came, read without taking it from whoever works on it. Raises StorageError."""
+    journal, history = Journal.reopen(folder)
+    journal.close()
+    return history
+
+
+def _require_unchanged(
+    spec: RunSpec, folder: Path, history: History, plan: KeptPlan | None, *, accept_changes: bool
+) -> None:
+    """Raises ConfigError, showing all of them, where there are changes that nobody accepted, or cannot be."""
+    begun = RunSpec.of(**upgraded(history.settings)).record()
+    history.settings = begun
+    diary = missing(folder / DIARY, "the diary of a virtual studio") if spec.simulated else 0
+    rests_on = input_hashes(spec, folder)
+    if CALIBRATION not in history.rests_on:  # earlier programs did not take it down
+        del rests_on[CALIBRATION]
+    changes = resuming.changes(folder, history, spec.record(), rests_on, plan, diary)
+    settled = [name for name in SETTLED if begun[name] != spec.record()[name]]
+    if not changes or (accept_changes and not settled):
+        return
+    told = "\n".join(f"  {line}" for line in changes)
+    remedy = (
+        f"{', '.join(settled)} cannot be changed any more; change it back in {folder / SETTINGS}."
+        if settled
+        else "Change it back, or go on with what is there now: --accept-changes"
+    )
+    raise ConfigError(f"Since this painting was begun, something was changed:\n{told}\n{remedy}")

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, model_validator
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError
-from frida_painter.objectives.kind import Gives, goal_kinds
+from frida_painter.objectives.objective import Gives, goal_kinds
 
 MOST_CHARACTERS = 10_000
 _MOST_BYTES = 2**20

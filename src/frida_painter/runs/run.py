@@ -19,6 +19,12 @@ from torch import Tensor
 from frida_painter import images, storage
 from frida_painter.calibration import Calibration
 from frida_painter.compiled import LoopCompiler
+from frida_painter.devices import prepare_process
+from frida_painter.easel.kinds import OpenEasel
+from frida_painter.easel.launch import EaselLaunch
+from frida_painter.easel.open import open_easel
+from frida_painter.easel.order import EaselOrder
+from frida_painter.easel.parent import EaselProcess
 from frida_painter.errors import (
     CalibrationError,
     CameraError,
@@ -33,33 +39,30 @@ from frida_painter.errors import (
 from frida_painter.hardware.easel import Easel
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from frida_painter.palette import Palette, load_clustering
-from frida_painter.perception.swatches import read_palette
+from frida_painter.perception.color import read_palette
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.easel import needed_calibrations, order, require_sensible, with_operator
-from frida_painter.runs.fitting import fitted
-from frida_painter.runs.folder import CALIBRATION, NOW, keep_goal, keep_spec, new_folder
-from frida_painter.runs.folder import rests_on as hashes
-from frida_painter.runs.goals import open_goal
-from frida_painter.runs.learned import keep_learned
-from frida_painter.runs.opening import Controls, open_recorder, open_session
-from frida_painter.runs.reopening import ReopenedPainting, reopen
-from frida_painter.runs.settling import SettledRun, settle
+from frida_painter.runs.folder import (
+    CALIBRATION,
+    NOW,
+    ReopenedPainting,
+    keep_goal,
+    keep_learned,
+    keep_spec,
+    new_folder,
+    reopen,
+)
+from frida_painter.runs.folder import input_hashes as hashes
+from frida_painter.runs.settle import Controls, SettledRun, fitted, open_goal, open_recorder, open_session, settle
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import resuming
-from frida_painter.session.easel_kind import OpenEasel
-from frida_painter.session.easel_launch import EaselLaunch
-from frida_painter.session.easel_order import EaselOrder
-from frida_painter.session.easel_process import EaselProcess
-from frida_painter.session.easels import open_easel
-from frida_painter.session.events import Event, Looked, Notify, Resumed, Stopped, TimelapseFrame
-from frida_painter.session.history import History
-from frida_painter.session.journal import Journal
+from frida_painter.session.events import Event, Finishing, Looked, Notify, Resumed, Stopped, TimelapseFrame
+from frida_painter.session.journal import History, Journal
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.opening import on_record, prepare_process
-from frida_painter.session.page_events import Finishing
+from frida_painter.session.opening import on_record
 from frida_painter.session.painting import Painting, ResumeState
 
 _ROOM = 200 * 2**20  # bytes

@@ -26,16 +26,13 @@ from frida_painter.errors import FridaError
 from frida_painter.palette import Palette, to_hex
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.planner import Planner
-from frida_painter.session.batch_executor import BatchExecutor
-from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_observer import CanvasObserver, Timelapse
-from frida_painter.session.canvas_start import has_ground
 from frida_painter.session.events import Event, Failed, Finished, LayerBegun, Notify, Paused, Resumed, Stopped
-from frida_painter.session.execution_monitor import ExecutionMonitor
-from frida_painter.session.interruptions import Interruptions, StopAsked
+from frida_painter.session.executor import BatchExecutor, Interruptions, StopAsked
+from frida_painter.session.hand import Brushwork
 from frida_painter.session.journal import Journal
+from frida_painter.session.observer import CanvasObserver, Timelapse, has_ground
 from frida_painter.session.painting import Painting, PaintingProgress, ResumeState
-from frida_painter.session.plan_keeper import PlanKeeper
+from frida_painter.session.plan_keeper import ExecutionMonitor, PlanKeeper
 from frida_painter.session.replan_policy import ReplanPolicy
 
 

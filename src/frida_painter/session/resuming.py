@@ -12,22 +12,22 @@ from torch import Tensor
 
 from frida_painter import images, storage
 from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.dialogue import Answer, Question
+from frida_painter.easel.kinds import DIARY
+from frida_painter.easel.operator import brush_in_hand
 from frida_painter.errors import CalibrationError, FrameRejected, ImageError, PlanError, StorageError
-from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.frames import PixelGrid
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.frame_check import Expected
 from frida_painter.perception.rectify import rectify
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.region import Region, region_of
-from frida_painter.session.brushwork import Brushwork
-from frida_painter.session.canvas_observer import PHOTOGRAPH_ROWS, CanvasObserver
-from frida_painter.session.history import History, Planning
-from frida_painter.session.journal import A_PHOTOGRAPH, PHOTOGRAPHS, PLAN
-from frida_painter.session.names import DIARY
-from frida_painter.session.operator import brush_in_hand
-from frida_painter.session.procedures.dialogue import Answer, Question
+from frida_painter.planning.problem import Region, region_of
+from frida_painter.session.hand import Brushwork
+from frida_painter.session.journal import A_PHOTOGRAPH, PHOTOGRAPHS, PLAN, History, Planning
+from frida_painter.session.observer import PHOTOGRAPH_ROWS, CanvasObserver
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Opens a virtual studio: a table, a robot and a camera as one easel, all from one seed."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -11,44 +11,214 @@ import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 from torch import Tensor
 
-from frida_painter import images
+from frida_painter import images, registry
 from frida_painter.calibration import BrushRecord, Calibration
-from frida_painter.errors import ConfigError
-from frida_painter.frames import CanvasSize, PixelGrid
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import ConfigError, StorageError
+from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.reach import Reach
-from frida_painter.hardware.timing import Timing
-from frida_painter.virtual.arm import Arm, FreeArm
-from frida_painter.virtual.bristles import Tuft
-from frida_painter.virtual.brushes import BristleBrush, brush_named
+from frida_painter.hardware.robot import Reach, Timing, Waypoints
+from frida_painter.palette import Palette
+from frida_painter.virtual.bristles import BristleBrush, Tuft, brush_named
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
 from frida_painter.virtual.canvas import Canvas
-from frida_painter.virtual.checker import Checker
 from frida_painter.virtual.faults import NO_FAULTS, Faults
-from frida_painter.virtual.history import faults_entry, relive
-from frida_painter.virtual.operator import StudioOperator
-from frida_painter.virtual.paint import to_linear, to_srgb
-from frida_painter.virtual.robot import Clock, VirtualRobot
-from frida_painter.virtual.sawyer.arm import TIMING, SawyerArm
-from frida_painter.virtual.sawyer.reach import SawyerReach
-from frida_painter.virtual.simulation_log import SimulationLog, unnoted
-from frida_painter.virtual.studio_layout import StudioLayout, free_layout, sawyer_layout
-from frida_painter.virtual.table import HandNoise, PlacementError, Table
+from frida_painter.virtual.paint import absorption_and_scattering, to_linear, to_srgb
+from frida_painter.virtual.robot import Arm, Clock, FreeArm, VirtualRobot
+from frida_painter.virtual.simulation_log import Entry, Note, SimulationLog, unnoted
+from frida_painter.virtual.table import (
+    Checker,
+    HandNoise,
+    PlacementError,
+    StudioLayout,
+    Table,
+    free_layout,
+)
+
+# The studio's operator: fills the wells, lays paper and the colour checker, and never has to be asked twice.
+
+
+class StudioOperator:
+    """Implements hardware.easel.Operator over a table.
+
+    tufts: of its brushes, by the names that they are asked for by; note: told of everything that is done.
+    """
+
+    def __init__(
+        self,
+        table: Table,
+        checker: Checker,
+        fresh_canvas: Callable[[], Canvas],
+        wait: Callable[[float], None],
+        tufts: Mapping[str, Tuft],
+    ) -> None:
+        self.checker = checker
+        self.note: Note = unnoted
+        self._table, self._fresh_canvas, self._wait, self._tufts = table, fresh_canvas, wait, tufts
+
+    def fill_wells(self, palette: Palette) -> None:
+        """Empties all wells and fills well i with paint i."""
+        self.pour(palette.color.detach().cpu().double().numpy())
+
+    def pour(self, color: NDArray[np.float64]) -> None:
+        """Fills well i with paint of colour i, sRGB [k, 3]."""
+        self._table.paints = tuple(absorption_and_scattering(color))
+        self.note({"did": "fill", "color": color.tolist()})
+
+    def tone(self, ground: tuple[float, float, float]) -> None:
+        """Tones the canvas in that colour (sRGB) and lets it dry."""
+        self._table.canvas.tone(to_linear(np.array(ground)))
+        self.note({"did": "tone", "ground": list(ground)})
+
+    def change_brush(self, brush: str) -> None:
+        """Puts the brush of that name into the holder, where it is not there already. Raises ConfigError."""
+        if brush not in self._tufts:
+            raise ConfigError(f"The studio was opened with {', '.join(self._tufts)}, not with the brush {brush!r}.")
+        if self._table.tuft is not self._tufts[brush]:
+            self._table.tuft = self._tufts[brush]
+            self.note({"did": "brush", "name": brush})
+
+    def let_dry(self, seconds: float) -> None:
+        """Lets time pass."""
+        self._wait(seconds)
+
+    def lay_paper(self) -> bool:
+        """Puts a fresh canvas where the first one lay."""
+        self._table.lay(self._fresh_canvas())
+        self.note({"did": "paper"})
+        return True
+
+    def place_checker(self, center: tuple[float, float], turn: float, width: float | None) -> None:
+        """Lays the colour checker there; from now on always there. Millimetres on the canvas, radians."""
+        self.checker = self.checker.laid(center, turn, width)
+        self.lay_checker()
+
+    def lay_checker(self) -> bool:
+        """Lays the colour checker on the canvas."""
+        self._put_checker(self.checker)
+        return True
+
+    def take_checker_away(self) -> bool:
+        """Takes it off again."""
+        self._put_checker(None)
+        return True
+
+    def _put_checker(self, lying: Checker | None) -> None:
+        self._table.checker = lying
+        card = self.checker
+        self.note(
+            {
+                "did": "checker",
+                "lies": lying is not None,
+                "center": list(card.center),
+                "turn": card.turn,
+                "width": card.width,
+            }
+        )
+
+
+# A studio's history: what was done in it, as its log tells, and how all of it is lived through again.
+#
+# A studio follows from its seed and from what was done in it, so nothing of the canvas itself is kept:
+# the same motions leave the same paint in the same cells, byte for byte.
+
+
+def faults_entry(faults: Faults) -> Entry:
+    """The entry that tells what goes wrong from now on."""
+    return {"did": "break", "faults": TypeAdapter(Faults).dump_python(faults, mode="json")}
+
+
+def relive(
+    past: Iterable[Entry], clock: Clock, table: Table, robot: VirtualRobot, camera: VirtualCamera,
+    operator: StudioOperator,
+) -> None:  # fmt: skip
+    """Brings a studio that was just opened to where its past left it.
+
+    Raises StorageError where it does not come out as it did then: its brush or paint has changed since.
+    """
+    for entry in past:
+        match entry["did"]:
+            case "move":
+                clock.now = entry["now"]
+                path = np.array(entry["path"])
+                table.move(path, clock.now, robot.faults)
+                robot.remember(path[-1])
+                if table.tuft.volume != entry["brush"]:
+                    raise StorageError(
+                        "The virtual studio's paint no longer does what it did when this was painted (another version "
+                        "of frida-painter or of its libraries); go on with the version that began the painting."
+                    )
+            case "arm":
+                robot.remember_arm(entry["state"])
+            case "photograph":
+                clock.now = entry["now"]
+                camera.remember(entry["exposed"])
+            case "fill":
+                operator.pour(np.array(entry["color"]))
+            case "tone":
+                operator.tone(entry["ground"])
+            case "brush":
+                operator.change_brush(entry["name"])
+            case "paper":
+                operator.lay_paper()
+            case "checker":
+                x, y = entry["center"]
+                operator.checker = operator.checker.laid((x, y), entry["turn"], entry["width"])
+                table.checker = operator.checker if entry["lies"] else None
+            case "wait":
+                clock.now = entry["now"]
+                table.canvas.dry_until(clock.now)
+            case "break":
+                robot.faults = camera.faults = TypeAdapter(Faults).validate_python(entry["faults"])
+
 
 _MM = 1000.0
 _MOST_CELLS = 3_000_000
-FREE, SAWYER, KINEMATIC_SAWYER = "free", "sawyer", "kinematic sawyer"
-ARMS = (FREE, SAWYER, KINEMATIC_SAWYER)
-"""The arms of the studio: one that does exactly what it is told, the simulated Rethink Sawyer, and one that is
-where and when a Sawyer without any error would be, at the same table."""
-_EASELS = {FREE: "virtual studio", SAWYER: "simulated Sawyer", KINEMATIC_SAWYER: "kinematic Sawyer"}
+FREE = "free"
+"""The studio's own arm, which does exactly what it is told. Others are found through entry points."""
 _MOST_RISE = 0.02
 _SLOWEST = 100.0
 # A film of the default thickness sets in this time; the rate is the same for thick and thin.
 _FILM = 0.06
 _PICTURE_ROWS = 700
+
+
+@dataclass(frozen=True)
+class ArmAndTable:
+    """An arm and what goes with it: how things stand around it, the noise of its hand, its reach, how it moves off."""
+
+    layout: StudioLayout
+    arm: Arm
+    noise: HandNoise
+    reach: Reach | None = None
+    timing: Timing | None = None
+
+
+@dataclass(frozen=True)
+class StudioArm:
+    """A kind of arm that can hold the brush in the virtual studio.
+
+    name: by which it is registered; easel: what records call an easel with it; furnish: an arm and its table for a
+    canvas, the brush that presses deepest, and a seed.
+    """
+
+    name: str
+    easel: str
+    furnish: Callable[[CanvasSize, BristleBrush, int], ArmAndTable]
+
+
+def _arm_named(name: str) -> StudioArm:
+    """Returns the kind of arm of that name. Raises PluginError."""
+    if name == FREE:
+        return StudioArm(
+            FREE,
+            "virtual studio",
+            lambda canvas, brush, _: ArmAndTable(free_layout(canvas, brush), FreeArm(), HandNoise()),
+        )
+    return registry.parts(registry.STUDIO_ARMS)[name].load(StudioArm)
 
 
 @dataclass(frozen=True)
@@ -59,7 +229,7 @@ class StudioSettings:
     3 million cells); drying_time: seconds until a full film has set; ground: sRGB of the primed
     canvas; picture: a file of what is painted on it, filling it, None where it is bare;
     placement_error: None draws one from the seed; rise: how much higher (m) the canvas lies than the
-    workspace says; arm: which arm holds the brush, one of ARMS; pace: seconds that a second of
+    workspace says; arm: which arm holds the brush, FREE or one of registry.STUDIO_ARMS; pace: seconds that a second of
     the robot's motions really takes, 0 for as fast as can be computed; noise: of the hand, None for what
     its arm has beside its own errors; camera, faults: as their records say. Raises ConfigError.
     """
@@ -77,8 +247,9 @@ class StudioSettings:
     faults: Faults = NO_FAULTS
 
     def __post_init__(self) -> None:
-        if self.arm not in ARMS:
-            raise ConfigError(f"There is no arm {self.arm!r} in the virtual studio; take {' or '.join(ARMS)}.")
+        arms = (FREE, *registry.parts(registry.STUDIO_ARMS))
+        if self.arm not in arms:
+            raise ConfigError(f"There is no arm {self.arm!r} in the virtual studio; take {' or '.join(arms)}.")
         if self.cell is not None and not 0.1 <= self.cell <= 5:
             raise ConfigError(f"A canvas cell of {self.cell} mm was given; allowed is 0.1 to 5 mm.")
         if not abs(self.rise) <= _MOST_RISE:
@@ -141,7 +312,8 @@ class VirtualStudio:
         )  # fmt: skip
         self.placement_error = settings.placement_error or PlacementError.drawn_from(for_error)
         deepest = max(brushes.values(), key=lambda each: each.press_depth)
-        here = _with_arm(settings.arm, canvas, deepest, seed)
+        arm = _arm_named(settings.arm)
+        here = arm.furnish(canvas, deepest, seed)
         layout = here.layout
         touch_height = layout.workspace.canvas_origin[2]
         self.touch_height = touch_height + settings.rise
@@ -158,7 +330,7 @@ class VirtualStudio:
         self.robot = VirtualRobot(self.table, layout, here.arm, self.clock, settings.pace)
         self.camera = VirtualCamera(settings.camera, self.table, self.clock, for_camera)
         calibration = Calibration(
-            easel=f"{_EASELS[settings.arm]} {seed}",
+            easel=f"{arm.easel} {seed}",
             brush=name,
             corners=self.camera.corners,
             photograph=settings.camera.photograph,
@@ -276,23 +448,22 @@ def _furnishing(canvas: CanvasSize, brush: str, settings: StudioSettings, seed: 
     return {"canvas": asdict(canvas), "brush": brush, "seed": seed, **furniture}
 
 
-@dataclass(frozen=True)
-class _ArmAndTable:
-    """An arm and what goes with it: how things stand around it, the noise of its hand, its reach, how it moves off."""
-
-    layout: StudioLayout
-    arm: Arm
-    noise: HandNoise
-    reach: Reach | None = None
-    timing: Timing | None = None
+# Loads the compiled kernels with which a studio computes, before anything depends on how soon it answers.
 
 
-def _with_arm(arm: str, canvas: CanvasSize, brush: BristleBrush, seed: int) -> _ArmAndTable:
-    """What the studio has for the arm of that name."""
-    if arm == FREE:
-        return _ArmAndTable(free_layout(canvas, brush), FreeArm(), HandNoise())
-    layout, none = sawyer_layout(canvas, brush), HandNoise(0.0, 0.0)
-    if arm == KINEMATIC_SAWYER:
-        return _ArmAndTable(layout, FreeArm(TIMING), none, timing=TIMING)
-    sawyer, reach = SawyerArm(layout.workspace, canvas, seed), SawyerReach(layout.workspace, canvas)
-    return _ArmAndTable(layout, sawyer, none, reach, TIMING)
+def load_kernels(brush: str) -> None:
+    """Dips, touches and photographs once in a studio of no consequence: half a second, some more where none are cached.
+
+    Loading holds up every thread of a process, the one that watches for a stop as well. Raises
+    ConfigError where there is no such brush.
+    """
+    settings = StudioSettings(cell=2.0, camera=CameraSpec((30, 40)))
+    easel = open_studio(CanvasSize(0.2, 0.2), brush, settings=settings).easel
+    easel.robot.connect()
+    easel.camera.connect()
+    easel.operator.fill_wells(Palette(torch.full((1, 3), 0.5)))
+    x, y, z = easel.workspace.canvas_origin
+    down = np.array([[x + 0.01, y + 0.01, z + 0.01], [x + 0.01, y + 0.01, z - 0.001], [x + 0.01, y + 0.02, z - 0.001]])
+    easel.robot.follow(Waypoints("dip", np.array([easel.workspace.wells[0]]), 0.1))
+    easel.robot.follow(Waypoints("touch", down, 0.1))
+    easel.camera.capture(0.0)

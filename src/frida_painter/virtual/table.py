@@ -4,17 +4,100 @@ Nothing here knows of strokes or dips. Whatever happens follows from where the t
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.hardware.workspace import Point, Workspace
-from frida_painter.virtual.bristles import Tuft
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import ConfigError
+from frida_painter.hardware.robot import Point, Workspace
+from frida_painter.palette import MOST_COLORS
+from frida_painter.virtual.bristles import BristleBrush, Tuft
 from frida_painter.virtual.canvas import Canvas
-from frida_painter.virtual.checker import Checker
 from frida_painter.virtual.faults import Bump, Faults
+from frida_painter.virtual.paint import to_linear
 from frida_painter.virtual.simulation_log import Note, unnoted
+
+# The studio's colour checker: a card of 24 patches that lies wherever somebody has put it.
+
+# sRGB of the mean of 30 cards that were measured (D. Pascale, BabelColor, 2012; given there as xyY under
+# D50), row by row as the card is read.
+_PATCHES = (
+    (0.458, 0.321, 0.265), (0.780, 0.580, 0.506), (0.358, 0.481, 0.615),
+    (0.352, 0.424, 0.254), (0.513, 0.504, 0.687), (0.367, 0.744, 0.674),
+    (0.876, 0.488, 0.175), (0.273, 0.361, 0.659), (0.782, 0.328, 0.381),
+    (0.362, 0.234, 0.406), (0.625, 0.740, 0.248), (0.905, 0.634, 0.150),
+    (0.150, 0.248, 0.577), (0.268, 0.582, 0.288), (0.711, 0.188, 0.222),
+    (0.941, 0.784, 0.085), (0.757, 0.330, 0.585), (0.000, 0.530, 0.657),
+    (0.963, 0.961, 0.942), (0.787, 0.792, 0.789), (0.630, 0.635, 0.634),
+    (0.470, 0.476, 0.475), (0.326, 0.332, 0.334), (0.196, 0.196, 0.199),
+)  # fmt: skip
+_ACROSS, _DOWN = 6, 4
+_CARD_SRGB = (36, 35, 34)
+# By how much a printed patch differs from the mean one: standard deviation in each band, share of its light.
+_BATCH = 0.006
+# The largest card that is sold, mm.
+_CLASSIC = 280.0
+# The card in units of a patch's side: from patch to patch, and the rim around them.
+_PITCH, _RIM = 1.15, 0.32
+_CELLS_PER_PATCH = 40
+
+
+@dataclass(frozen=True)
+class Checker:
+    """A card on the table. Raises ConfigError where it is not from 30 to 400 mm wide, or lies nowhere.
+
+    center: mm on the canvas's plane; turn: radians counter-clockwise; width: mm of its longer side;
+    looks [rows, columns, 3]: linear reflectance, row 0 its upper edge.
+    """
+
+    center: tuple[float, float]
+    turn: float
+    width: float
+    looks: NDArray[np.float32]
+
+    def __post_init__(self) -> None:
+        if not 30 <= self.width <= 400 or not np.isfinite([*self.center, self.turn]).all():
+            raise ConfigError(
+                f"A colour checker {self.width} mm wide at {self.center} mm, turned by {self.turn}, was given; it is "
+                "30 to 400 mm wide and lies somewhere."
+            )
+
+    @classmethod
+    def drawn_from(cls, random: np.random.Generator, width: float, height: float) -> Self:
+        """A card that suits a canvas of that size (mm), lying on it as somebody in a hurry puts it down."""
+        size = float(np.clip(0.62 * min(width, 1.4 * height), 30, _CLASSIC))
+        x, y = random.uniform(-0.04, 0.04, 2)
+        center = (float(width * (0.5 + x)), float(height * (0.5 + y)))
+        return cls(center, float(random.uniform(-0.2, 0.2)), size, _printed(random))
+
+    def laid(self, center: tuple[float, float], turn: float, width: float | None) -> Self:
+        """The same card at another place, or one of another width."""
+        return replace(self, center=center, turn=turn, width=width or self.width)
+
+    def cells(self) -> NDArray[np.float64]:
+        """The affine map [2, 3] from mm on the canvas's plane (x, y, 1) to the card's (column, row)."""
+        rows, columns = self.looks.shape[:2]
+        cos, sin = math.cos(self.turn), math.sin(self.turn)
+        turned = np.array([[cos, sin], [sin, -cos]]) * columns / self.width  # y goes up, rows go down.
+        middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
+        return np.c_[turned, middle - turned @ self.center]
+
+
+def _printed(random: np.random.Generator) -> NDArray[np.float32]:
+    """How one card looks, [rows, columns, 3]: no two are printed quite alike."""
+    side, pitch, rim = _CELLS_PER_PATCH, round(_PITCH * _CELLS_PER_PATCH), round(_RIM * _CELLS_PER_PATCH)
+    looks = np.empty(((_DOWN - 1) * pitch + side + 2 * rim, (_ACROSS - 1) * pitch + side + 2 * rim, 3), np.float32)
+    looks[:] = to_linear(np.array(_CARD_SRGB) / 255)
+    patches = to_linear(np.array(_PATCHES))
+    patches *= 1 + random.normal(0, _BATCH, patches.shape)
+    for number, reflectance in enumerate(patches):
+        top, left = rim + number // _ACROSS * pitch, rim + number % _ACROSS * pitch
+        looks[top : top + side, left : left + side] = reflectance
+    return looks
+
 
 _MM = 1000.0
 # A vessel is touched within this radius (m) of its centre and not higher than this above its place.
@@ -194,3 +277,102 @@ def _runs(wanted: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First and past-last index of every unbroken run of True."""
     edge = np.flatnonzero(np.diff(np.r_[False, wanted, False]))
     return [(int(a), int(b)) for a, b in zip(edge[::2], edge[1::2], strict=True)]
+
+
+# How the studio is set up: where canvas, paint wells, water and rag stand around an arm.
+
+_WELL_PITCH = 0.045
+_MARGIN = 0.06
+_HOVER, _HEADROOM = 0.03, 0.15
+_RAG_WIDTH = 0.08
+_PAINTING_SPEED, _TRAVEL_SPEED = 0.06, 0.25
+# The free arm: the canvas's corner and angle in its frame, the wells left of it in so many columns.
+_FREE_ORIGIN: Point = (0.25, -0.15, 0.12)
+_FREE_ANGLE = math.radians(4)
+_FREE_COLUMNS = 4
+# The Sawyer: how far before its base the middle of the canvas lies, and how near its edge at most.
+_SAWYER_MIDDLE, _SAWYER_NEAREST, _SAWYER_HEIGHT = 0.60, 0.34, 0.05
+_SAWYER_ROWS, _SAWYER_FIRST_WELL = 9, 0.28
+_SAWYER_ASIDE = 0.25
+
+
+@dataclass(frozen=True)
+class StudioLayout:
+    """How the studio is set up around an arm: its workspace, and where the tip waits while the camera looks."""
+
+    workspace: Workspace
+    home: Point
+
+
+def free_layout(canvas: CanvasSize, brush: BristleBrush) -> StudioLayout:
+    """Around an arm that gets everywhere: the canvas in front, wells, water and rag left of it."""
+    _, y, z = _FREE_ORIGIN
+    corners = _around(canvas, _FREE_ORIGIN, _FREE_ANGLE)
+    left = float(corners[:, 0].min()) - _WELL_PITCH
+    wells = tuple(
+        (left - _WELL_PITCH * (i % _FREE_COLUMNS), y + _WELL_PITCH * (i // _FREE_COLUMNS), z)
+        for i in range(MOST_COLORS)
+    )
+    water: Point = (left, y - 0.08, z)
+    rag: Point = (left - 0.11, y - 0.08, z)
+    home: Point = (rag[0], rag[1], z + 0.10)
+    workspace = _workspace(brush, _FREE_ORIGIN, _FREE_ANGLE, corners, wells, water, rag)
+    return StudioLayout(replace(workspace, home=home), home)
+
+
+def sawyer_layout(canvas: CanvasSize, brush: BristleBrush) -> StudioLayout:
+    """Around the simulated Sawyer: the canvas across the table from it, as whoever stands opposite sees it.
+
+    The wells are at its right hand, water and rag at its left.
+    """
+    near = max(_SAWYER_NEAREST, _SAWYER_MIDDLE - canvas.height / 2)
+    origin: Point = (near + canvas.height, -canvas.width / 2, _SAWYER_HEIGHT)
+    angle = math.pi / 2  # the canvas's lower edge is the one far from the arm
+    corners = _around(canvas, origin, angle)
+    # Beside a small canvas they keep away from the arm's foot all the same.
+    right = min(float(corners[:, 1].min()) - _WELL_PITCH, -_SAWYER_ASIDE)
+    left = max(float(corners[:, 1].max()) + 0.07, _SAWYER_ASIDE)
+    z = _SAWYER_HEIGHT
+    wells = tuple(
+        (_SAWYER_FIRST_WELL + _WELL_PITCH * (i % _SAWYER_ROWS), right - _WELL_PITCH * (i // _SAWYER_ROWS), z)
+        for i in range(MOST_COLORS)
+    )
+    water: Point = (0.42, left, z)
+    rag: Point = (0.58, left, z)
+    home: Point = (0.45, left + 0.08, z + 0.10)
+    return StudioLayout(replace(_workspace(brush, origin, angle, corners, wells, water, rag, home), home=home), home)
+
+
+def _around(canvas: CanvasSize, origin: Point, angle: float) -> NDArray[np.float64]:
+    """Corners [4, 2] of the canvas with its margin, in the robot's frame."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array(
+        [
+            (origin[0] + cos * u - sin * v, origin[1] + sin * u + cos * v)
+            for u in (-_MARGIN, canvas.width + _MARGIN)
+            for v in (-_MARGIN, canvas.height + _MARGIN)
+        ]
+    )
+
+
+def _workspace(
+    brush: BristleBrush, origin: Point, angle: float, corners: NDArray[np.float64],
+    wells: tuple[Point, ...], water: Point, rag: Point, *others: Point,
+) -> Workspace:  # fmt: skip
+    """The workspace that holds all of these, with a margin."""
+    everything = np.array([*corners, *(place[:2] for place in (*wells, water, rag, *others))])
+    lower, upper = everything.min(0) - _MARGIN, everything.max(0) + _MARGIN
+    z = origin[2]
+    return Workspace(
+        lower=(float(lower[0]), float(lower[1]), z - brush.press_depth / _MM - 0.002),
+        upper=(float(upper[0]), float(upper[1]), z + _HEADROOM),
+        canvas_origin=origin,
+        canvas_angle=angle,
+        wells=wells,
+        water=water,
+        rag=rag,
+        rag_width=_RAG_WIDTH,
+        hover=_HOVER,
+        painting_speed=_PAINTING_SPEED,
+        travel_speed=_TRAVEL_SPEED,
+    )

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frida_painter import extras
+from frida_painter import registry
 from frida_painter.compiled import LoopCompiler
 from frida_painter.errors import ConfigError
 from frida_painter.options import CameraOption, PaceOption, RobotOption, WorkspaceOption, whole_number_within
 
 if TYPE_CHECKING:
     from frida_painter.web.server import Links
+
 
 _LOCAL = "127.0.0.1"
 
@@ -75,13 +76,13 @@ def studio(
     somebody beside it has pressed Enter in this terminal.
     """
     _require_address(address)
-    extras.require("web", "fastapi", "The studio")
-    extras.require("web", "uvicorn", "The studio")
-    from frida_painter.web.certificate import Certificate
-    from frida_painter.web.painting_store import PaintingStore
-    from frida_painter.web.roles import Role
+    registry.require("web", "fastapi", "The studio")
+    registry.require("web", "uvicorn", "The studio")
+    from frida_painter.web.easel import StudioEasel
+    from frida_painter.web.network import Certificate
+    from frida_painter.web.security import Role
     from frida_painter.web.server import listen, serve
-    from frida_painter.web.studio_easel import StudioEasel
+    from frida_painter.web.store import PaintingStore
 
     store = PaintingStore(folder.absolute())
     record = calibration or store.calibration.path / "calibration.json"

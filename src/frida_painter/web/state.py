@@ -1,47 +1,261 @@
 """What a painting looks like from outside: everything the page shows of it, folded from the feed and nothing else."""
 
+import asyncio
+import json
+import time
+from collections import OrderedDict
+from collections.abc import AsyncGenerator, Callable, Sequence
+from contextlib import aclosing
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from pathlib import Path
+from threading import Lock
+from typing import Any, Protocol, TypeVar
 
+from starlette.responses import Response
+from starlette.types import Receive, Scope, Send
+
+from frida_painter.errors import StorageError
+from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.session.events import (
+    Answered,
+    Asked,
     BrushInHand,
+    CalibrationStarted,
+    CalibrationStatus,
+    Considering,
+    Dequeued,
     Dipped,
     Drying,
     Failed,
+    Finishing,
     GoalChanged,
     LastLookDoubted,
     LayerBegun,
-    Paused,
-    RegionProtected,
-    Stopped,
-    StrokeLeftOut,
-    StrokePainted,
-    TouchCorrected,
-    Written,
-)
-from frida_painter.session.page_events import (
-    Answered,
-    Asked,
-    Considering,
-    Dequeued,
-    Finishing,
     LookShown,
     Mixing,
     PaintingKept,
     PaintingStarted,
+    Paused,
     PhotographShown,
     PlanMade,
     PlanningProgress,
     PlanPreview,
     PlanRequested,
+    ProcedureBegan,
+    ProcedureFound,
+    ProcedureProgress,
     Queued,
+    RegionProtected,
     Remark,
     RestReplanned,
+    Stopped,
+    StrokeLeftOut,
+    StrokePainted,
     TakenUp,
     TimeLeft,
+    TouchCorrected,
     Turns,
     WentOn,
+    Written,
+    events_of,
+    record,
 )
+from frida_painter.web.folder import PROCEDURES, PaintingFolder, working
+from frida_painter.web.security import Role
+
+# What calibrating looks like from outside, folded from its feed and nothing else.
+
+
+@dataclass
+class ProcedureState:
+    """One procedure; status: "", "waiting", "busy", "done", "failed" or "stopped" in this or the last calibration.
+
+    sentence, picture: what was found; dated: when it was last entered into the record, None where never;
+    fault: why it is to be repeated; old: whether it was long ago.
+    """
+
+    name: str
+    status: str = ""
+    sentence: str = ""
+    picture: str | None = None
+    dated: str | None = None
+    fault: str = ""
+    old: bool = False
+
+
+@dataclass
+class CalibrationState:
+    """All procedures of an easel. question: what a person is asked, as web/painter.py tells; progress: in words."""
+
+    easel: str = ""
+    procedures: dict[str, ProcedureState] = field(
+        default_factory=lambda: {name: ProcedureState(name) for name in PROCEDURES}
+    )
+    question: dict[str, Any] | None = None
+    progress: str = ""
+    trouble: str = ""
+    stopped: bool = False
+    version: int = 0
+
+    def hear(self, event: Written) -> None:
+        """Takes note of an event; one that does not concern it changes nothing."""
+        self.version += 1
+        try:
+            self._hear(event)
+        except (KeyError, TypeError):  # of a procedure that there is no more
+            return
+
+    def shown(self, working: bool) -> dict[str, Any]:
+        """All of it as plain values."""
+        unfinished = any(each.status in ("waiting", "busy") for each in self.procedures.values())
+        vanished = "The calibration ended in the middle of its work, without saying why; is the disk full?"
+        return {
+            "version": self.version,
+            "working": working,
+            "easel": self.easel,
+            "procedures": [asdict(each) for each in self.procedures.values()],
+            "question": self.question if working else None,
+            "progress": self.progress if working else "",
+            "stopped": self.stopped,
+            "trouble": self.trouble or (vanished if unfinished and not working and not self.stopped else ""),
+        }
+
+    def _hear(self, event: Written) -> None:
+        match event:
+            case CalibrationStarted(what):
+                self.trouble, self.stopped, self.question, self.progress = "", False, None, ""
+                for name, each in self.procedures.items():
+                    each.status = "waiting" if name in what else ""
+            case CalibrationStatus(easel, procedures):
+                self.easel = easel
+                for stands in procedures:
+                    each = self.procedures[stands["name"]]
+                    each.dated, each.fault, each.old = stands["dated"], stands["fault"], stands["old"]
+            case ProcedureBegan(name):
+                self.procedures[name].status, self.progress = "busy", ""
+            case ProcedureProgress(words):
+                self.progress = words
+            case Asked(question):
+                self.question = question
+            case Answered():
+                self.question = None
+            case ProcedureFound(name, sentence, picture):
+                each = self.procedures[name]
+                each.sentence, each.picture, each.status = sentence, picture, "done"
+            case Failed(reason):
+                self.trouble = reason
+                self._end("failed")
+            case Stopped():
+                self.stopped = True
+                self._end("stopped")
+            case _:
+                pass
+
+    def _end(self, how: str) -> None:
+        self.question = None
+        for each in self.procedures.values():
+            if each.status in ("waiting", "busy"):
+                each.status = how if each.status == "busy" else ""
+
+
+# The feed of a painting: whatever happens to it, event by event, for whoever watches.
+
+_BETWEEN_STEPS = 0.25  # seconds; nobody sees more of a plan's progress
+
+
+@dataclass
+class Feed:
+    """Tells the page what happens. A full disk is the journal's concern: what cannot be told is left out."""
+
+    folder: PaintingFolder
+    _log: EventLog = field(init=False)
+    _told: float = field(default=0.0, init=False)
+
+    def __post_init__(self) -> None:
+        self._log = EventLog(self.folder.feed, FEED)
+
+    def tell(self, event: Written) -> None:
+        """Something happened."""
+        try:
+            self._log.append(record(event))
+        except StorageError:
+            return
+
+    def step(self, share: float, left: float, plan: int | None = None) -> None:
+        """How far planning is, in [0, 1], and how many seconds are left; told now and then."""
+        now = time.monotonic()
+        if now - self._told >= _BETWEEN_STEPS or share >= 1:
+            self._told = now
+            self.tell(PlanningProgress(round(share, 4), round(left, 1), plan))
+
+    def close(self) -> None:
+        """Closes the feed."""
+        self._log.close()
+
+
+class FeedReader:
+    """Reads the events that were added to a feed since it was asked last; the file need not exist yet."""
+
+    def __init__(self, path: Path) -> None:
+        self._reader = LogReader(path)
+
+    def read(self) -> list[Written]:
+        """New events, in order; what is not understood is left out."""
+        found: list[Written] = []
+        for line in self._reader.read():
+            try:
+                found += events_of(line)
+            except (ValueError, KeyError, TypeError):
+                continue
+        return found
+
+
+# What feeds have told, folded once and kept in memory: nobody reads a whole feed for every question.
+
+_MOST_KEPT = 500  # states
+
+
+class Shown(Protocol):
+    """A state that is folded from a feed; version: it grows with every event."""
+
+    version: int
+
+    def hear(self, event: Written) -> None:
+        """Takes note of an event."""
+
+    def shown(self, working: bool) -> dict[str, Any]:
+        """All of it as plain values."""
+
+
+Seen = TypeVar("Seen")
+
+
+class FeedStates:
+    """The states of paintings and of the calibration, each folded from its feed once, then from what is added to it."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[str, tuple[FeedReader, Any, Lock]] = OrderedDict()
+        self._turn = Lock()
+
+    def current(self, folder: PaintingFolder, fresh: Callable[[], Shown]) -> dict[str, Any]:
+        """The state now, as the page shows it; `fresh` gives one that heard nothing yet."""
+        return self.seen(folder, fresh, lambda state: state.shown(working(folder)))
+
+    def seen(self, folder: PaintingFolder, fresh: Callable[[], Any], look: Callable[[Any], Seen]) -> Seen:
+        """What `look` sees of the state now."""
+        name = str(folder.path)
+        with self._turn:
+            if name not in self._kept:
+                self._kept[name] = (FeedReader(folder.feed), fresh(), Lock())
+            reader, state, turn = self._kept[name]
+            self._kept.move_to_end(name)
+            if len(self._kept) > _MOST_KEPT:
+                self._kept.popitem(last=False)
+        with turn:
+            for event in reader.read():
+                state.hear(event)
+            return look(state)
+
 
 _MOST_LOOKS = 200
 
@@ -111,7 +325,7 @@ class PaintingState:
 
     title, seen: version of this state; working: whether a process is at work; trouble: the last
     sentence about what went wrong, until something else is begun; question: what a person is asked, as
-    web/asking.py tells; queued: "plan" or "paint" where that waits in the studio's queue, else "".
+    web/painter.py tells; queued: "plan" or "paint" where that waits in the studio's queue, else "".
     """
 
     plans: dict[int, PlanState] = field(default_factory=dict)
@@ -295,3 +509,154 @@ _STATUS: dict[type[Written], str] = {
     PaintingKept: "finished",
 }
 _ENDS = ("finished", "stopped", "failed")
+
+
+# Telling browsers what happens, as server-sent events: always the newest state, never a queue of old ones.
+#
+# A browser has one stream for all that its pages show.
+
+MOST_WATCHERS = {Role.watch: 40, Role.plan: 20, Role.operate: 20}
+"""Streams at once, by role: those who watch leave the others theirs."""
+MOST_TOPICS = 16
+_BETWEEN_TELLINGS = 0.1  # seconds
+_QUIET = 4.0  # seconds after which a sign of life is sent
+_PATIENCE = 20.0  # seconds that a browser may take to accept a message
+
+
+@dataclass(frozen=True)
+class Topic:
+    """Something that pages follow.
+
+    name: as they ask for it; mark: changes whenever `read` gives something new; every: seconds between two looks.
+    """
+
+    name: str
+    mark: Callable[[], object]
+    read: Callable[[], Any]
+    every: float = 0.06
+
+
+@dataclass
+class _Watched:
+    """One topic that somebody watches: how it is as text, and those who want to hear of a change."""
+
+    topic: Topic
+    text: str = ""
+    watchers: set[asyncio.Event] = field(default_factory=set)
+    task: asyncio.Task[None] | None = None
+
+    async def follow(self) -> None:
+        mark: object = None
+        while True:
+            now = await asyncio.to_thread(self.topic.mark)
+            if now != mark:
+                mark = now
+                text = json.dumps(await asyncio.to_thread(self.topic.read))
+                if text != self.text:
+                    self.text = text
+                    for each in self.watchers:
+                        each.set()
+            await asyncio.sleep(self.topic.every)
+
+
+class StateStreams:
+    """The streams that browsers listen to; each topic is read once, however many listen."""
+
+    def __init__(self) -> None:
+        self._watched: dict[str, _Watched] = {}
+        self._seats = dict.fromkeys(Role, 0)
+        self._over = False
+
+    def take_seat(self, role: Role) -> bool:
+        """Whether there was a seat for one more stream of that role, which is taken then."""
+        free = self._seats[role] < MOST_WATCHERS[role]
+        self._seats[role] += free
+        return free
+
+    def leave_seat(self, role: Role) -> None:
+        """Makes room for another."""
+        self._seats[role] -= 1
+
+    async def states(self, topics: Sequence[Topic]) -> AsyncGenerator[tuple[str, str], None]:
+        """Topics by name with their states as text, from the present ones on; some are left out for whoever is slow.
+
+        Two empty texts where nothing has happened for a while.
+        """
+        wake = asyncio.Event()
+        watched = [self._watch(topic, wake) for topic in topics]
+        told: dict[str, str] = {}
+        try:
+            while not self._over:
+                wake.clear()
+                for each in watched:
+                    if each.text and each.text != told.get(each.topic.name):
+                        told[each.topic.name] = each.text
+                        yield each.topic.name, each.text
+                try:
+                    await asyncio.wait_for(wake.wait(), _QUIET)
+                    await asyncio.sleep(_BETWEEN_TELLINGS)
+                except TimeoutError:
+                    yield "", ""
+        finally:
+            for each in watched:
+                self._leave(each, wake)
+
+    def _watch(self, topic: Topic, wake: asyncio.Event) -> _Watched:
+        watched = self._watched.setdefault(topic.name, _Watched(topic))
+        watched.watchers.add(wake)
+        if watched.task is None:
+            watched.task = asyncio.create_task(watched.follow())
+        return watched
+
+    def _leave(self, watched: _Watched, wake: asyncio.Event) -> None:
+        watched.watchers.discard(wake)
+        if not watched.watchers and watched.task is not None:
+            watched.task.cancel()
+            watched.task = None
+            self._watched.pop(watched.topic.name, None)
+
+    def end(self) -> None:
+        """Lets all of them go: the studio is closed."""
+        self._over = True
+        for watched in self._watched.values():
+            for each in watched.watchers:
+                each.set()
+
+
+class EventStream(Response):
+    """The answer that tells the states of some topics for as long as the browser listens; it has a seat already."""
+
+    media_type = "text/event-stream"
+
+    def __init__(self, streams: StateStreams, role: Role, topics: Sequence[Topic]) -> None:
+        super().__init__()
+        self._streams, self._role, self._topics = streams, role, topics
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Sends until the browser is gone, or does not take what is sent."""
+        gone = telling = None
+        try:
+            headers = [(b"content-type", b"text/event-stream"), (b"cache-control", b"no-store")]
+            await send({"type": "http.response.start", "status": 200, "headers": headers})
+            gone = asyncio.create_task(_gone(receive))
+            telling = asyncio.create_task(self._tell(send))
+            await asyncio.wait((gone, telling), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            self._streams.leave_seat(self._role)
+            tasks = [task for task in (gone, telling) if task is not None]
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _tell(self, send: Send) -> None:
+        async with aclosing(self._streams.states(self._topics)) as states:
+            async for name, text in states:
+                body = f"event: {name}\ndata: {text}\n\n" if name else ": still here\n\n"
+                message = {"type": "http.response.body", "body": body.encode(), "more_body": True}
+                await asyncio.wait_for(send(message), _PATIENCE)
+        await send({"type": "http.response.body", "body": b"", "more_body": False})
+
+
+async def _gone(receive: Receive) -> None:
+    while (await receive())["type"] != "http.disconnect":
+        pass

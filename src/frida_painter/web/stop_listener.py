@@ -16,12 +16,9 @@ from urllib.parse import urlsplit
 
 import h11
 
-from frida_painter.web.certificate import Certificate
-from frida_painter.web.connections import Connections, most_connections
 from frida_painter.web.folder import PaintingFolder, working
-from frida_painter.web.stop_key import StopKey
-from frida_painter.web.stops import Stops
-from frida_painter.web.studio_lock import StudioLock
+from frida_painter.web.network import Certificate, Connections, StudioLock, most_connections
+from frida_painter.web.stop import StopKey, Stops
 
 _PATIENCE = 3.0  # seconds for a whole request
 _MOST_BYTES = 8192

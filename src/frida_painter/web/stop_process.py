@@ -15,11 +15,9 @@ from typing import Any
 from frida_painter import storage
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.web import stop_listener
-from frida_painter.web.certificate import Certificate
-from frida_painter.web.roles import Role
-from frida_painter.web.stop_key import StopKey
-from frida_painter.web.stop_line import END, call, listen_locally
-from frida_painter.web.studio_lock import StudioLock
+from frida_painter.web.network import Certificate, StudioLock
+from frida_painter.web.security import Role
+from frida_painter.web.stop import END, StopKey, call, listen_locally
 
 _FILE = ".stop.json"
 _LOCK = ".stop-lock"

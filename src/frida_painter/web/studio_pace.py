@@ -10,30 +10,28 @@ from statistics import median
 
 from frida_painter.event_log import LogReader
 from frida_painter.session.events import (
-    Failed,
-    Paused,
-    Stopped,
-    StrokeLeftOut,
-    StrokePainted,
-    Written,
-    events_of,
-    time_of,
-)
-from frida_painter.session.page_events import (
     Answered,
     Asked,
+    Failed,
     Finishing,
     LookShown,
     Mixing,
     PaintingStarted,
+    Paused,
     PlanMade,
     PlanRequested,
     RestReplanned,
     Rests,
+    Stopped,
+    StrokeLeftOut,
+    StrokePainted,
     TakenUp,
     WentOn,
+    Written,
+    events_of,
+    time_of,
 )
-from frida_painter.web.painting_store import PaintingStore
+from frida_painter.web.store import PaintingStore
 
 _LAST = 6  # paintings that are looked at
 _GOOD_FOR = 10.0  # seconds

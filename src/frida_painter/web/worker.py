@@ -8,27 +8,267 @@ as JSON.
 import json
 import os
 import secrets
+import shutil
 import sys
 import time
 import traceback
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from frida_painter.errors import ConfigError, FridaError, RobotStopped
+from torch import Tensor
+
+from frida_painter import images, storage
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.devices import prepare_process
+from frida_painter.easel.dialogue import Confirm, Finding, lead
+from frida_painter.easel.kinds import ARM_FILM
+from frida_painter.errors import ConfigError, FridaError, PaintingPaused, RobotStopped
+from frida_painter.hardware.easel import Easel
+from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
-from frida_painter.runs.run import PaintingRun
-from frida_painter.session.events import Failed, Stopped
-from frida_painter.session.opening import prepare_process
-from frida_painter.session.page_events import PlanMade, PlanPreview, Rests
-from frida_painter.web.asking import Asker
-from frida_painter.web.calibration_worker import calibrate
-from frida_painter.web.exports import export
-from frida_painter.web.feed import Feed
-from frida_painter.web.folder import PaintingFolder, PlanFolder
-from frida_painter.web.illustrations import Growing, illustrate, mixtures
-from frida_painter.web.job import Job
-from frida_painter.web.painting_worker import paint, resume
-from frida_painter.web.stop_line import StopPressed, StopWatch
-from frida_painter.web.studio_easel import StudioEasel
+from frida_painter.procedures.strokes import StrokesFinding
+from frida_painter.runs.easel import (
+    CalibrationSetup,
+    begin_procedure,
+    easel_of,
+    learn_from,
+    record_to_renew,
+    with_operator,
+)
+from frida_painter.runs.goal_item import GoalItem
+from frida_painter.runs.run import PaintingRun, RunOutcome
+from frida_painter.runs.settle import Controls, brushes_of, ground_of, replan_policy
+from frida_painter.runs.spec import AUTO, RunSpec
+from frida_painter.session.events import (
+    CalibrationStatus,
+    Failed,
+    PaintingKept,
+    PlanMade,
+    PlanPreview,
+    ProcedureBegan,
+    ProcedureFound,
+    ProcedureProgress,
+    Rests,
+    Stopped,
+    TakenUp,
+)
+from frida_painter.session.opening import require_basis, statuses
+from frida_painter.session.time_left import Forecast
+from frida_painter.web.easel import StudioEasel
+from frida_painter.web.folder import CalibrationRequest, GoalRequest, PaintingFolder, PlanFolder
+from frida_painter.web.painter import Asker, PauseController
+from frida_painter.web.state import Feed
+from frida_painter.web.stop import StopPressed, StopWatch
+from frida_painter.web.telling import Growing, Reporter, export, illustrate, mixtures
+
+# A piece of work that a worker does for the page: for which painting, where, and who hears of it.
+
+
+@dataclass(frozen=True)
+class Job:
+    """What every piece of work has; began: when it was taken up, seconds since 1970."""
+
+    folder: PaintingFolder
+    easel: StudioEasel
+    feed: Feed
+    stop: StopWatch
+    asker: Asker
+    began: float = field(default_factory=time.time, kw_only=True)
+
+    @property
+    def state(self) -> Path | None:
+        """Where the robot is locked: a simulated one in the world of its painting alone, else where all are."""
+        return self.folder.easel if self.easel.simulated else None
+
+    def spec(self, place: PlanFolder) -> RunSpec:
+        """The painting that a person asked for, at this studio's easel. Raises ConfigError and StorageError."""
+        request = place.request()
+        return RunSpec.of(
+            title=request.title or "Untitled",
+            goal=tuple(_item(term, place.path) for term in request.terms),
+            initial=tuple(_item(term, place.path) for term in request.initial),
+            strokes=request.strokes,
+            colors=min(request.colors, request.strokes),
+            canvas=CanvasSize(request.width / 1000, request.height / 1000),
+            fit="crop",  # the page chose a canvas in the picture's proportions, or the person another
+            brushes=request.brushes or None,
+            replans=min(request.replans, request.strokes - 1),
+            ground=request.ground,
+            on_canvas=request.on_canvas,
+            focus=request.focus,
+            sharpness=request.sharpness,
+            drying=request.drying,
+            minutes=request.minutes,
+            effort=request.effort,
+            seed=request.seed,
+            **self._easel_fields,
+            calibration=self.easel.known,
+        )
+
+    def spec_to_calibrate(self, request: CalibrationRequest) -> RunSpec:
+        """The easel that is calibrated; its canvas is that of the workspace file, where there is one."""
+        size = {} if self.easel.workspace else {"canvas": CanvasSize(request.width / 1000, request.height / 1000)}
+        return RunSpec.of(brush=request.brush, seed=request.seed, **size, **self._easel_fields)
+
+    @property
+    def _easel_fields(self) -> dict[str, object]:
+        easel = self.easel
+        return {
+            "robot": easel.robot,
+            "camera": easel.camera,
+            "workspace": easel.workspace,
+            "pace": easel.pace if easel.simulated else 0.0,
+        }
+
+
+def _item(term: GoalRequest, folder: Path) -> GoalItem:
+    value = term.words if term.words is not None else str(folder / f"{term.picture}.png")
+    return GoalItem(kind=term.kind, value=value, weight=term.weight)
+
+
+# The worker's part of calibrating: leads the procedures, asks on the page, and keeps the easel's record.
+
+
+def calibrate(job: Job) -> None:
+    """Does what was asked for in the folder, one procedure after another; what is done is kept at once."""
+    request, folder = CalibrationRequest.kept(job.folder), job.folder.painting
+    shutil.rmtree(folder, ignore_errors=True)  # the world in which was calibrated before
+    storage.new_folder(folder)
+    spec = job.spec_to_calibrate(request)
+    with easel_of(spec, folder, job.state) as easel:
+        here = with_operator(easel, spec, job.asker.answer)
+        try:
+            job.stop.then(here.robot.stop)
+            here.robot.connect()
+            here.camera.connect()
+            _lead_all(job, request, here)
+        finally:
+            here.camera.close()
+            here.robot.close()
+
+
+def _lead_all(job: Job, request: CalibrationRequest, here: Easel) -> None:
+    path, feed = job.easel.record, job.feed
+    known = record_to_renew(path, here.calibration, anew=request.whole)
+    _tell_status(feed, known, here.calibration)
+
+    def say(words: str) -> None:
+        feed.tell(ProcedureProgress(words))
+        job.stop.heed()
+
+    for name in request.what:
+        require_basis(name, known, here.calibration, defaults_hold=here.simulated)
+        feed.tell(ProcedureBegan(name))
+        easel = replace(here, calibration=known)
+        setup = CalibrationSetup(easel, brush_kind(request.brush), path, request.seed, request.count, say)
+        finding = lead(begin_procedure(name, setup), job.asker.answer)
+        known = finding.enter(known)
+        if isinstance(finding, StrokesFinding):
+            known = learn_from(finding, setup, known)
+        known.save(path)
+        feed.tell(ProcedureFound(name, _sentence(finding), _shown(name, finding, setup, job)))
+        _tell_status(feed, known, here.calibration)
+
+
+def _sentence(finding: Finding) -> str:
+    """What was found, without where files are."""
+    file = getattr(finding, "file", None)
+    return finding.sentence if file is None else finding.sentence.replace(f": {file.path}", "")
+
+
+def _shown(name: str, finding: Finding, setup: CalibrationSetup, job: Job) -> str | None:
+    """The finding's picture, beside the record for good and where the page sees it."""
+    if finding.picture is None:
+        return None
+    images.save(finding.picture, setup.beside(name, "png"))
+    for before in job.folder.live.glob(f"found-{name}-*.png"):
+        before.unlink()
+    shown = f"found-{name}-{secrets.token_hex(12)}.png"  # whoever knows its name may see it: it is not to be guessed
+    images.save(finding.picture, job.folder.live / shown)
+    return shown
+
+
+def _tell_status(feed: Feed, record: Calibration, easel: Calibration) -> None:
+    """Tells the status of every procedure."""
+    procedures = [
+        {
+            "name": status.procedure,
+            "dated": None if status.done is None else status.done.dated[:10],
+            "fault": status.fault,
+            "old": status.is_old,
+        }
+        for status in statuses(record, easel)
+    ]
+    feed.tell(CalibrationStatus(easel.easel, procedures))
+
+
+# The worker's part of painting: starts or resumes the run of a painting that a person asked for on the page.
+
+
+def paint(job: Job, place: PlanFolder) -> None:
+    """Paints the plan, and plans the rest again at every look."""
+    folder, plan = job.folder.painting, Plan.load(place.plan)
+    spec = job.spec(place).changed(ground=ground_of(plan))
+    if spec.brushes == AUTO:
+        spec = spec.changed(brushes=brushes_of(plan))
+    with PaintingRun(spec, folder, state=job.state, record_may_differ=True) as run:
+        run.load_easel()  # it loads while the planner does
+        _lead(job, run)
+        _conclude(job, run, run.start(plan))
+
+
+def resume(job: Job, place: PlanFolder) -> None:
+    """Goes on with a painting that was stopped, killed or broke off, from what its journal tells."""
+    with PaintingRun.reopen(job.folder.painting, pace=job.easel.pace, state=job.state) as run:
+        assert run.history is not None
+        job.feed.tell(TakenUp(run.history.painted))
+        run.load_easel()
+        _lead(job, run)
+        _conclude(job, run, run.resume())
+
+
+def _lead(job: Job, run: PaintingRun) -> None:
+    """Has the page hear of everything, and a person lead the run from there."""
+    job.stop.then(run.open_easel().robot.stop)
+    planner, spec = run.planner, run.spec
+    again = planner.effort.of_a_look
+    forecast = Forecast(spec.strokes, replan_policy(spec), time.monotonic(), planning=0, replanning=again)
+    reporter = Reporter(job.feed, job.folder, planner.models, planner.size, forecast)
+    pauses = PauseController(job.folder, job.feed, job.stop, job.began, lambda: run.session)
+
+    def paint_on(difference: str, photograph: Tensor) -> bool:
+        question = f"{difference.split(' Look at ')[0]} Shall it be painted on as it is?"
+        return job.asker.answer(Confirm(question, photograph, proposal=False)) is True
+
+    def repaint(number: int, picture: Tensor) -> bool:
+        question = f"Stroke {number} was begun, and nothing tells whether it was painted. Paint it again?"
+        return job.asker.answer(Confirm(question, picture, proposal=False)) is True
+
+    run.listeners += [reporter.hear, pauses.hear]
+    run.controls = Controls(
+        stop_asked=lambda: job.stop.asked,
+        pause_asked=pauses.pause_asked,
+        go_on=pauses.go_on,
+        answer=job.asker.answer,
+        paint_on=paint_on,
+        repaint=repaint,
+    )
+
+
+def _conclude(job: Job, run: PaintingRun, outcome: RunOutcome) -> None:
+    """Tells how it ended, and keeps what other programs and machines take of it."""
+    trouble = outcome.trouble
+    if trouble is not None and not (isinstance(trouble, RobotStopped | PaintingPaused) and job.stop.asked):
+        raise trouble
+    if outcome.page is None:  # it was stopped before there was a plan
+        job.feed.tell(Stopped())
+        return
+    export(Plan.load(outcome.folder), run.planner.models, outcome.folder, run.spec.drying)
+    films = {"film": "film.mp4", "arm": ARM_FILM}
+    job.feed.tell(PaintingKept(**{name: (outcome.folder / file).exists() for name, file in films.items()}))
+
 
 _GROWING_COST = 1.4  # later iterations, with all strokes placed, take longer than the first
 

@@ -1,16 +1,25 @@
 """Starting the processes that plan and paint; they outlive the page's own process."""
 
+import contextlib
 import json
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
-from frida_painter.errors import Interrupted, StorageError
+from pydantic import TypeAdapter, ValidationError
+
+from frida_painter import storage
+from frida_painter.errors import FridaError, Interrupted, StorageError
+from frida_painter.session.events import Dequeued, PaintingStarted, Queued
+from frida_painter.web.easel import StudioEasel
 from frida_painter.web.folder import PaintingFolder, PlanFolder, WorkerLock, working
-from frida_painter.web.studio_easel import StudioEasel
+from frida_painter.web.state import Feed
+from frida_painter.web.store import Entry, PaintingStore
 
 _MOST = 2
 
@@ -72,3 +81,160 @@ class WorkerSlot:
         except OSError as error:
             raise StorageError(f"The painter cannot be started ({error.strerror}).") from error
         self._started.append(_Started(process, self.folder))
+
+
+# The queue of a studio: plans to be made and paintings to be painted, one after the other, as the painter has time.
+#
+# A stop holds the queue: it goes on when a person says so. With a real robot nothing is painted by itself; the queue
+# only
+# says whose turn it is, for somebody has to put up a bare canvas.
+
+QUEUE = "queue"
+"""The name of its folder in the studio's."""
+_PAINTING_QUEUE_MOST = 40
+_BETWEEN = 1.0  # seconds
+
+QueuedJob = Literal["plan", "paint"]
+
+
+@dataclass(frozen=True)
+class QueueEntry:
+    """A plan that waits to be made, or to be painted; painting: its id."""
+
+    painting: str
+    plan: int
+    job: QueuedJob
+
+
+class PaintingQueue:
+    """The entries in their order, kept in a file, and begun in that order.
+
+    As long as somebody waits the queue counts as at work in a folder of its own, like a painting: whatever stops
+    everything that is being done stops the queue with it.
+    """
+
+    def __init__(self, store: PaintingStore, workers: Workers) -> None:
+        self._store, self._workers = store, workers
+        self._folder = PaintingFolder(store.root / QUEUE)
+        self._file = self._folder.path / "queue.json"
+        self._turn = threading.RLock()
+        self._lock: WorkerLock | None = None
+        self._entries: list[QueueEntry] = []
+        with contextlib.suppress(StorageError, ValidationError):  # a damaged queue is begun anew
+            if self._file.exists():
+                kept = storage.read_json(self._file, "the studio's queue")
+                self._entries = TypeAdapter(list[QueueEntry]).validate_python(kept["entries"])
+        self._watch()
+
+    @property
+    def held(self) -> bool:
+        """Whether somebody has stopped everything since the queue went on last."""
+        return self._folder.stop.exists()
+
+    def shown(self) -> dict[str, Any]:
+        """The queue as plain values for the page."""
+        with self._turn:
+            return {"held": self.held and bool(self._entries), "queue": [asdict(entry) for entry in self._entries]}
+
+    def must_wait(self) -> bool:
+        """Whether what is asked for now has to wait for others."""
+        with self._turn:
+            return bool(self._entries) or self._workers.busy
+
+    def add(self, entry: Entry, plan: PlanFolder, job: QueuedJob) -> None:
+        """Puts a plan of a painting at the end. Raises Interrupted where it waits already, or too many do."""
+        with self._turn:
+            if any(waiting.painting == entry.id for waiting in self._entries):
+                raise Interrupted("This painting waits in the queue already.")
+            if len(self._entries) >= _PAINTING_QUEUE_MOST:
+                raise Interrupted(f"There are {_PAINTING_QUEUE_MOST} in the queue already; remove one of them first.")
+            if not self._entries:
+                self._folder.stop.unlink(missing_ok=True)  # an empty queue was not stopped
+            self._keep([*self._entries, QueueEntry(entry.id, plan.number, job)])
+            _tell(entry.folder, Queued(plan.number, job))
+
+    def remove(self, identifier: str) -> bool:
+        """Takes a painting out, or it has been begun by hand. Returns whether it was there."""
+        with self._turn:
+            gone = [waiting for waiting in self._entries if waiting.painting == identifier]
+            if not gone:
+                return False
+            self._keep([waiting for waiting in self._entries if waiting.painting != identifier])
+            entry = self._store.find(identifier)
+            if entry is not None and entry.folder.path.is_dir():
+                _tell(entry.folder, Dequeued(gone[0].plan, begun=False))
+            return True
+
+    def first(self, identifier: str) -> None:
+        """Puts a painting before all others."""
+        with self._turn:
+            self._keep(sorted(self._entries, key=lambda waiting: waiting.painting != identifier))
+
+    def go_on(self) -> None:
+        """After a stop: begins what waits again."""
+        self._folder.stop.unlink(missing_ok=True)
+
+    def run(self) -> None:
+        """Begins what can be begun, again and again; for a thread of its own."""
+        while True:
+            with contextlib.suppress(FridaError, OSError):
+                self.advance()
+            time.sleep(_BETWEEN)
+
+    def advance(self) -> None:
+        """Begins what can be begun now, in order."""
+        with self._turn:
+            for waiting in tuple(self._entries):
+                if self.held or self._workers.busy:
+                    return
+                if waiting.job == "plan" or self._workers.easel.simulated:
+                    self._begin(waiting)
+
+    def _begin(self, waiting: QueueEntry) -> None:
+        entry = self._store.find(waiting.painting)
+        if entry is None:
+            self._keep([other for other in self._entries if other != waiting])
+            return
+        if working(entry.folder):
+            return  # another of its plans is being made
+        with self._workers.slot_at(entry.folder) as slot:
+            self._keep([other for other in self._entries if other != waiting])
+            entry.folder.stop.unlink(missing_ok=True)
+            plan = entry.folder.plan(waiting.plan)
+            _tell(entry.folder, Dequeued(waiting.plan, begun=True))
+            if waiting.job == "paint":
+                self._store.note("queue", entry.id, f"start plan {waiting.plan}")
+                start_painting(slot, plan)
+            else:
+                slot.start("plan", plan)
+
+    def _keep(self, entries: list[QueueEntry]) -> None:
+        """Raises StorageError, and leaves the queue as it was."""
+        self._folder.path.mkdir(exist_ok=True)
+        storage.write_json(self._file, {"entries": [asdict(entry) for entry in entries]})
+        self._entries = entries
+        self._watch()
+
+    def _watch(self) -> None:
+        """Holds the lock of somebody at work as long as anybody waits."""
+        if self._entries and self._lock is None:
+            lock = WorkerLock(self._folder)
+            if lock.take():
+                self._lock = lock
+            else:  # another studio on the same folder holds it
+                lock.release()
+        elif not self._entries and self._lock is not None:
+            self._lock.release()
+            self._lock = None
+
+
+def start_painting(slot: WorkerSlot, plan: PlanFolder) -> None:
+    """Has a worker paint a plan."""
+    _tell(slot.folder, PaintingStarted(plan.number, plan.request().strokes))
+    slot.start("paint", plan)
+
+
+def _tell(folder: PaintingFolder, event: Queued | Dequeued | PaintingStarted) -> None:
+    feed = Feed(folder)
+    feed.tell(event)
+    feed.close()

@@ -5,10 +5,9 @@ those that are here; `tensors` loads a network's; `fetch` gets them from the fir
 right files.
 """
 
-from frida_painter.model_folder import VARIABLE, cache_folder
-from frida_painter.weights.cache import fetch, find, require, tensors
+from frida_painter.registry import VARIABLE, cache_folder
+from frida_painter.weights.cache import Announced, Listener, Notice, Received, Refused, fetch, find, require, tensors
 from frida_painter.weights.catalogue import NamedWeights, known, named, words
-from frida_painter.weights.notices import Announced, Listener, Notice, Received, Refused
 
 __all__ = [
     "VARIABLE",

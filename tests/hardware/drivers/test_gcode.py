@@ -109,7 +109,7 @@ def test_a_machine_that_acknowledges_too_much_is_waited_for_until_it_stands() ->
 
 def test_a_machine_that_falls_silent_is_given_up_at_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("frida_painter.hardware.drivers.interlock.PATIENCE", 0.3)
-    monkeypatch.setattr("frida_painter.hardware.drivers.grbl.PATIENCE", 0.3)
+    monkeypatch.setattr("frida_painter.hardware.drivers.gcode.PATIENCE", 0.3)
     with FakeGrbl(misbehave={5: "mute"}) as machine:
         robot = robot_at(machine)
         robot.connect()
@@ -226,7 +226,7 @@ def test_a_port_that_does_not_exist_lists_those_that_do(monkeypatch: pytest.Monk
 
 
 def test_nobody_at_the_other_end_is_told_and_the_port_is_free_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter.hardware.drivers.grbl.PATIENCE", 0.3)
+    monkeypatch.setattr("frida_painter.hardware.drivers.gcode.PATIENCE", 0.3)
     with FakeGrbl() as machine:
         machine._mute = True
         robot = robot_at(machine)

@@ -7,7 +7,7 @@ import pytest
 
 from frida_painter.errors import RobotDisconnected, RobotError
 from frida_painter.hardware.drivers.ros import RosRobot, RosSettings
-from frida_painter.hardware.drivers.rosbridge import RosbridgeConnection
+from frida_painter.hardware.drivers.ros_connections import RosbridgeConnection
 from machines.paths import a_stroke
 
 pytest.importorskip("roslibpy", reason="the extra `ros` is not installed")

@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from frida_painter.errors import RobotDisconnected, RobotError
-from frida_painter.hardware.drivers import rospy_connection
-from frida_painter.hardware.drivers.rospy_connection import RospyConnection
+from frida_painter.hardware.drivers import ros_connections
+from frida_painter.hardware.drivers.ros_connections import RospyConnection
 from machines.paths import a_stroke
 
 MACHINES = Path(__file__).parents[2] / "machines"
@@ -91,7 +91,7 @@ def test_errors_and_stops_go_through_a_real_master(
 
 
 def test_no_master_at_the_address_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rospy_connection, "_rospy", lambda: None)
+    monkeypatch.setattr(ros_connections, "_rospy", lambda: None)
     with socket.create_server(("127.0.0.1", 0)) as closed:
         port = closed.getsockname()[1]
     with pytest.raises(RobotDisconnected, match=rf"No ROS master answers at http://127.0.0.1:{port} .*roscore"):
@@ -99,7 +99,7 @@ def test_no_master_at_the_address_is_told(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_without_ros_a_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rospy_connection, "_PACKAGES", ())
+    monkeypatch.setattr(ros_connections, "_PACKAGES", ())
     monkeypatch.setitem(sys.modules, "rospy", None)
     with pytest.raises(RobotError, match="apt install python3-rospy"):
         RospyConnection("http://127.0.0.1:1").open()

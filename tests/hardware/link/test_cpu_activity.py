@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter.hardware.link import cpu_activity
-from frida_painter.hardware.link.cpu_activity import CpuActivity
+from frida_painter.easel import watchdog
+from frida_painter.easel.watchdog import CpuActivity
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system does not tell of other processes")
 def test_a_process_that_was_stopped_is_told_from_one_that_computes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cpu_activity, "_LOOK_EVERY", 0.1)
+    monkeypatch.setattr(watchdog, "_LOOK_EVERY", 0.1)
     with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as busy:
         try:
             asked = CpuActivity(busy.pid)
@@ -68,7 +68,7 @@ def test_what_waits_for_a_processor_is_told_from_what_waits_for_nothing() -> Non
 
 
 def test_a_wait_that_lasts_is_counted_before_the_system_counts_it_and_only_once() -> None:
-    thread = cpu_activity._Thread.after(None, 0.0, "R", 7, 1.0)
+    thread = watchdog._Thread.after(None, 0.0, "R", 7, 1.0)
     for now, state, ran, delayed, waited in (
         (1.0, "R", 7, 1.0, 2.0),  # ready, and does not run: it waits
         (2.0, "R", 7, 1.0, 3.0),
@@ -76,5 +76,5 @@ def test_a_wait_that_lasts_is_counted_before_the_system_counts_it_and_only_once(
         (3.0, "S", 9, 3.4, 3.4),  # it sleeps
         (9.0, "T", 9, 3.4, 3.4),  # and was halted
     ):
-        thread = cpu_activity._Thread.after(thread, now, state, ran, delayed)
+        thread = watchdog._Thread.after(thread, now, state, ran, delayed)
         assert thread.waited == pytest.approx(waited)

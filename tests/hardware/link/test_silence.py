@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.hardware.link.silence import LOOK_EVERY, MACHINE, SIMULATED, LinkState, SilenceRule
+from frida_painter.easel.watchdog import LOOK_EVERY, MACHINE, SIMULATED, LinkState, SilenceRule
 
 STEP = LOOK_EVERY
 

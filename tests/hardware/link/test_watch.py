@@ -13,10 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from frida_painter.easel import watchdog
+from frida_painter.easel.watchdog import BEAT, MACHINE, SIMULATED, STOP, Patience, Pulse, StopFile, Watch
 from frida_painter.hardware import deadline
-from frida_painter.hardware.link import watch
-from frida_painter.hardware.link.silence import MACHINE, SIMULATED, Patience
-from frida_painter.hardware.link.watch import BEAT, STOP, Pulse, StopFile, Watch
 
 
 @dataclass
@@ -230,7 +229,7 @@ def test_a_computer_that_slept_stops_the_robot_on_waking_whatever_was_sent_befor
     """Fault F31: the clock jumps or the computer sleeps."""
     stops = Stops()
     slept = [0.0]
-    monkeypatch.setattr(watch, "asleep", lambda: deadline.asleep() + slept[0])
+    monkeypatch.setattr(watchdog, "asleep", lambda: deadline.asleep() + slept[0])
     keeping(stops, moving=False)
     Pulse(line[0])
     time.sleep(0.1)
@@ -243,7 +242,7 @@ def test_a_simulated_robot_goes_on_when_the_computer_wakes(line, monkeypatch: py
     """Fault F31: the clock jumps or the computer sleeps."""
     stops = Stops()
     slept = [0.0]
-    monkeypatch.setattr(watch, "asleep", lambda: deadline.asleep() + slept[0])
+    monkeypatch.setattr(watchdog, "asleep", lambda: deadline.asleep() + slept[0])
     watching = Watch(line[1], stops, lambda: True, Painter(), SIMULATED)
     slept[0] = 600.0
     time.sleep(0.3)
@@ -298,7 +297,7 @@ def test_the_painting_process_is_told_that_the_robot_was_stopped(line) -> None:
     stops = Stops()
     pulse = Pulse(line[0])
     watching = Watch(line[1], stops, lambda: False, Painter(), patient(), stopped=lambda: bool(stops.reasons))
-    time.sleep(3 * watch.BEAT_EVERY)
+    time.sleep(3 * watchdog.BEAT_EVERY)
     assert not pulse.stopped
     stops("the stop file appeared")
     deadline = time.monotonic() + 30

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from frida_painter.easel.wire import Wire
 from frida_painter.errors import RobotDisconnected
-from frida_painter.hardware.link.wire import Wire
 
 words = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**60), 2**60) | st.floats(allow_nan=False) | st.text(max_size=20),

@@ -13,8 +13,7 @@ from PIL import Image
 
 from frida_painter import images
 from frida_painter.errors import WeightsError
-from frida_painter.objectives.encoders.clip import Clip
-from frida_painter.objectives.encoders.clip_resnet import MEAN, SPREAD
+from frida_painter.objectives.encoders.clip import MEAN, SPREAD, Clip
 from tiny_clip import MOST_TOKENS, PATCH, SIDE, write_clip
 from tiny_weights import Trap, serving
 

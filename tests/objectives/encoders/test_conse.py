@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from downloads import fetched
-from frida_painter.objectives.encoders.conse import class_names, kin, synonyms
+from frida_painter.objectives.encoders.classifiers import class_names, kin, synonyms
 from frida_painter.objectives.encoders.registry import EncoderRegistry
 from networks import WordBag, random_reader
 

@@ -8,13 +8,14 @@ from typing import Any
 import pytest
 import torch
 
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import WeightsError
-from frida_painter.frames import CanvasSize, PixelGrid
-from frida_painter.goal import Goal
+from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders import registry
 from frida_painter.objectives.encoders.registry import Choice, EncoderRegistry
 from frida_painter.objectives.interpretation import prepare
-from frida_painter.objectives.kinds.text import TextTerm
+from frida_painter.objectives.objective import Goal
+from frida_painter.words.text import TextTerm
 from scenes import picture
 
 

@@ -58,7 +58,7 @@ def test_textures_are_told_apart() -> None:
     """Halves of one photograph are nearer to each other in style than to another texture."""
     from skimage import data
 
-    from frida_painter.objectives.style import Style
+    from frida_painter.objectives.style_loss import Style
 
     fetched("hed")
     textures = {

@@ -6,10 +6,9 @@ from pathlib import Path
 from frida_painter import registry
 from frida_painter.brush import field, param2stroke
 from frida_painter.brush.field import StrokeField
-from frida_painter.brush.kinds import BROAD, FINE, MEDIUM, BrushKind, BrushModel
-from frida_painter.brush.model_file import ModelFile
+from frida_painter.brush.kinds import BROAD, FINE, MEDIUM, BrushKind, BrushModel, StrokeModel
 from frida_painter.brush.param2stroke import Param2Stroke
-from frida_painter.brush.stroke_model import StrokeModel
+from frida_painter.brush.training import ModelFile
 from frida_painter.errors import WeightsError
 from frida_painter.storage import shown
 

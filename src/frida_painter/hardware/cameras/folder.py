@@ -8,9 +8,9 @@ from pathlib import Path
 
 from frida_painter import picture_file, storage
 from frida_painter.errors import CameraError, ConfigError, ImageError, StaleFrame
-from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.cameras.shutter import Shutter
 from frida_painter.hardware.kinds import CameraKind
+from frida_painter.hardware.robot import Frame
 
 _PARTIAL = (".part", ".partial", ".tmp", ".crdownload", ".download")  # as programs name what they still write
 _POLL = 0.05
@@ -54,7 +54,7 @@ class _File:
 
 
 class FolderCamera:
-    """Implements hardware.camera.Camera.
+    """Implements hardware.robot.Camera.
 
     A picture counts as taken when it says so itself (EXIF), or when its file was written, less the lag, whichever
     is earlier, and not when a file of that name came: an old picture may be moved in. A date that lies ahead is

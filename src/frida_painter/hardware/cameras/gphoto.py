@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from frida_painter.errors import CameraError, ConfigError, ImageError
-from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.cameras.shutter import Shutter
 from frida_painter.hardware.kinds import CameraKind, Needed
+from frida_painter.hardware.robot import Frame
 
 Answer = TypeVar("Answer")
 
@@ -18,7 +18,7 @@ _OPENING, _EXPOSING = 15.0, 25.0
 
 
 class GphotoCamera:
-    """Implements hardware.camera.Camera with the first camera that is found. Its pictures stay on its card."""
+    """Implements hardware.robot.Camera with the first camera that is found. Its pictures stay on its card."""
 
     def __init__(self) -> None:
         self._shutter = Shutter("the camera at gphoto2")

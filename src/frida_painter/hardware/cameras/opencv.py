@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import CameraError
-from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.cameras.shutter import Shutter
 from frida_painter.hardware.kinds import CameraKind
+from frida_painter.hardware.robot import Frame
 
 _BUFFERED = 5
 """Frames that a driver may hold back, taken before they were asked for; V4L2 holds four."""
@@ -26,7 +26,7 @@ class OpencvSettings:
 
 
 class OpencvCamera:
-    """Implements hardware.camera.LiveCamera. Photographs are as wide as the camera allows, or as `size` says."""
+    """Implements hardware.robot.LiveCamera. Photographs are as wide as the camera allows, or as `size` says."""
 
     def __init__(self, settings: OpencvSettings | None = None) -> None:
         self.settings = settings or OpencvSettings()

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import CameraError, StaleFrame
-from frida_painter.hardware.camera import Frame
 from frida_painter.hardware.deadline import in_our_errors, within
+from frida_painter.hardware.robot import Frame
 
 Answer = TypeVar("Answer")
 

@@ -4,24 +4,444 @@ Lines are sent one at a time, each when the one before was acknowledged: the mac
 millimetres ahead on its own, and nothing that waits in a queue of ours can move it after an error.
 """
 
+import re
 import time
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.errors import FridaError, RobotError
-from frida_painter.hardware.drivers.grbl import Grbl
-from frida_painter.hardware.drivers.interlock import Interlock, time_allowed
-from frida_painter.hardware.drivers.marlin import Marlin
-from frida_painter.hardware.drivers.serial_line import SerialLine
+from frida_painter.errors import FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_allowed
 from frida_painter.hardware.gcode import PREAMBLE, Gcode, Servo
-from frida_painter.hardware.kinds import Needed, RobotKind, require_home
-from frida_painter.hardware.machine_identity import at_port
-from frida_painter.hardware.machine_name import MachineName, yes_or_no
-from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter.hardware.workspace import Point, Workspace
+from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, require_home, yes_or_no
+from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
+
+# A serial line that speaks in lines of text: written whole, read with a deadline.
+
+_LONGEST = 512
+_SLICE = 0.02
+_WRITING = 1.0
+
+
+class SerialLine:
+    """One open port; `write` may be called from any thread, `read` from one."""
+
+    def __init__(self, port: Any, name: str) -> None:
+        self.name = name
+        self._port = port
+        self._rest = b""
+
+    @classmethod
+    def open(cls, name: str, baud: int) -> Self:
+        """Opens port `name` ("/dev/ttyUSB0", "COM3") at `baud` bits per second.
+
+        Raises RobotError where pyserial is not installed, RobotDisconnected, which lists the ports
+        that there are, where this one cannot be opened.
+        """
+        try:
+            import serial
+        except ImportError as missing:
+            raise RobotError(
+                "Serial lines need the package pyserial; install it with: pip install 'frida-painter[plotter]'"
+            ) from missing
+        try:
+            port = serial.Serial(name, baud, timeout=_SLICE, write_timeout=_WRITING, exclusive=True)
+        except (OSError, ValueError) as cause:  # SerialException is an OSError
+            raise RobotDisconnected(
+                f"The serial port {name!r} cannot be opened ({_reason(cause)}). {_ports()}"
+            ) from cause
+        return cls(port, name)
+
+    def write(self, content: bytes) -> None:
+        """Sends `content` at once. Raises RobotDisconnected where the line is gone."""
+        try:
+            self._port.write(content)
+        except (OSError, TypeError) as cause:  # pyserial's port turns to None under whoever writes while it is closed
+            raise self._gone(cause) from cause
+
+    def read(self, seconds: float) -> str | None:
+        """The next line without its end, or None where none was complete within about `seconds`.
+
+        Raises RobotDisconnected where the line is gone or speaks without ever ending a line.
+        """
+        until = time.monotonic() + seconds
+        while b"\n" not in self._rest:
+            try:
+                self._rest += self._port.read(max(1, self._port.in_waiting))
+            except (OSError, TypeError) as cause:
+                raise self._gone(cause) from cause
+            if len(self._rest) > _LONGEST and b"\n" not in self._rest:
+                raise RobotDisconnected(
+                    f"What comes through {self.name} are not lines of text; give the baud rate of this machine."
+                )
+            if b"\n" not in self._rest and time.monotonic() >= until:
+                return None
+        line, self._rest = self._rest.split(b"\n", 1)
+        return line.strip().decode("ascii", "replace")
+
+    def close(self) -> None:
+        """Lets go of the port; twice is once."""
+        self._port.close()
+
+    def _gone(self, cause: Exception) -> RobotDisconnected:
+        return RobotDisconnected(f"The serial line {self.name} is gone ({_reason(cause)}); look at its cable.")
+
+
+def _reason(cause: Exception) -> str:
+    text = " ".join((getattr(cause, "strerror", None) or str(cause)).split())
+    if "Inappropriate ioctl" in text:
+        return "it is no serial port"
+    return text.rpartition("] ")[2] or type(cause).__name__
+
+
+def _ports() -> str:
+    """A sentence on the ports that this machine has."""
+    from serial.tools.list_ports import comports
+
+    known = [f"{port.device} ({port.description})" for port in comports()]
+    if not known:
+        return "This computer has no serial ports; plug the machine in, and look at its cable."
+    return f"There are: {', '.join(sorted(known))}."
+
+
+# The line protocol of Marlin (marlinfw.org, "Host interface"): numbered lines with checksums, resent on request.
+
+_MARLIN_SLICE = 0.05
+_MOST_RESENDS = 3
+_PLACE = re.compile(r"X:\s*(-?[\d.]+)\s+Y:\s*(-?[\d.]+)\s+Z:\s*(-?[\d.]+)")
+
+
+class Marlin:
+    """Implements drivers.gcode.Firmware over an open line."""
+
+    def __init__(self, line: SerialLine, interlock: Interlock) -> None:
+        self._line, self._interlock = line, interlock
+        self._number = 0
+        self._said = ""
+
+    def greet(self, homing: bool) -> None:
+        """Asks until the machine answers, which many do only when they have started; then counts lines from 0."""
+        until = time.monotonic() + PATIENCE
+        answer: str | None = None
+        while answer != "ok":
+            if time.monotonic() > until:
+                raise RobotDisconnected(
+                    f"{self._interlock.name} did not answer in {PATIENCE:.0f} s; is this Marlin, and at this baud rate?"
+                )
+            self._line.write(b"\nM110 N0\n")
+            heard = time.monotonic() + 1
+            while answer != "ok" and time.monotonic() < heard:
+                answer = self._line.read(_MARLIN_SLICE)
+        while (
+            self._line.read(4 * _MARLIN_SLICE) is not None
+        ):  # what it tells about itself, and answers to what was asked twice
+            pass
+        self._number = 0
+        if homing:
+            self.send("G28", "homing", None, time.monotonic() + 90)
+
+    def send(self, line: str, label: str, waypoint: int | None, until: float) -> None:
+        """Sends a line under the next number; sends it again where it arrived damaged, three times at most."""
+        self._number += 1
+        for _ in range(_MOST_RESENDS):
+            self._line.write(_numbered(self._number, line))
+            if self._acknowledged(line, label, waypoint, until):
+                return
+        raise RobotDisconnected(
+            f"{label}: {self._interlock.name} got {line!r} damaged {_MOST_RESENDS} times; look at the cable."
+        )
+
+    def settle(self, label: str, until: float) -> None:
+        """M400 is acknowledged when everything before it is done."""
+        self.send("M400", label, None, until)
+
+    def position(self) -> NDArray[np.float64]:
+        """Where the machine counts itself to be [3], mm (M114)."""
+        self._said = ""
+        self.send("M114", "pose", None, time.monotonic() + PATIENCE)
+        found = _PLACE.search(self._said)
+        try:
+            if found is not None:
+                return np.array([float(number) for number in found.groups()])
+        except ValueError:
+            pass
+        raise RobotDisconnected(
+            f"{self._interlock.name} said {self._said[:80]!r} when asked for its place; look at its line."
+        )
+
+    def hold(self) -> None:
+        """Quick stop (M410), heeded as it arrives; on a line of its own, whatever was being written."""
+        self._line.write(b"\nM410\n")
+
+    def forget(self) -> None:
+        """A quick stop has emptied the machine's queue already."""
+
+    def _acknowledged(self, line: str, label: str, waypoint: int | None, until: float) -> bool:
+        """Whether the line was acknowledged; False where it is wanted again. What is no good news is raised."""
+        again = False
+        while time.monotonic() <= until:
+            answer = self._line.read(_MARLIN_SLICE)
+            if self._interlock.stopped:
+                raise RobotStopped(
+                    f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew."
+                )
+            if answer is None or not answer:
+                continue
+            if answer.startswith("ok"):
+                return not again
+            if answer.startswith("Resend:"):
+                wanted = answer.removeprefix("Resend:").strip()
+                if wanted != str(self._number):
+                    raise RobotDisconnected(
+                        f"{label}: {self._interlock.name} wants line {wanted[:20]} and not {self._number}; lines were "
+                        "lost. Look at the cable."
+                    )
+                again = True
+            elif answer == "start" or (answer.startswith(("Error:", "!!")) and not _is_about_a_line(answer)):
+                raise self._failed(answer, label, waypoint)
+            elif _PLACE.search(answer):
+                self._said = answer
+        raise RobotDisconnected(
+            f"{label}: {self._interlock.name} did not acknowledge {line!r} in time; a line was lost, or this is no "
+            "Marlin. Look at the cable and the baud rate."
+        )
+
+    def _failed(self, answer: str, label: str, waypoint: int | None) -> RobotError:
+        where = "" if waypoint is None else f" at waypoint {waypoint}"
+        if answer == "start":
+            return MotionFailed(
+                f"{label}: {self._interlock.name} was reset{where}; it has forgotten where it is. Look at it, home it, "
+                "then connect anew.",
+                "reset",
+                waypoint,
+            )
+        told = answer.removeprefix("Error:")[:80]
+        return MotionFailed(
+            f"{label}: {self._interlock.name} failed{where}: {told!r}. Look at it, then connect anew.", told, waypoint
+        )
+
+
+def _is_about_a_line(answer: str) -> bool:
+    """An error that Marlin follows with a request to send a line again."""
+    return "checksum" in answer.lower() or "Line Number" in answer
+
+
+def _numbered(number: int, line: str) -> bytes:
+    """The line as Marlin checks it: its number before it, and the exclusive or of all bytes behind it."""
+    content = f"N{number} {line}".encode("ascii")
+    checksum = 0
+    for byte in content:
+        checksum ^= byte
+    return content + f"*{checksum}\n".encode("ascii")
+
+
+# The line protocol of GRBL 1.1 (github.com/gnea/grbl, "Interface"): acknowledged lines, real-time bytes, reports.
+
+_HOLD, _RESET, _STATUS = b"!", b"\x18", b"?"
+_GRBL_SLICE = 0.05
+_ASK_AFTER = 0.5
+_HOMING = 90.0
+_MOST_REPORTS = 40  # The offset of the work coordinates comes with one report in thirty at least.
+_ALARMS = {
+    "1": "a limit switch was hit",
+    "2": "the way leads beyond the machine's own limits",
+    "3": "it was reset while it moved",
+    "6": "homing was interrupted",
+    "8": "homing did not free the limit switch",
+    "9": "homing found no limit switch",
+}
+_STANDING = {
+    "Alarm": "is in an alarm",
+    "Hold": "is held: its feed hold was pressed, or something else has asked for that",
+    "Door": "stands, because its safety door is open",
+    "Door:0": "stands, because its safety door was opened; the door is closed again",
+    "Sleep": "is asleep",
+    "Check": "only checks what it is sent, and does not move",
+}
+_ERRORS = {
+    "8": "it was not idle",
+    "9": "it is locked by an alarm",
+    "15": "beyond its travel",
+    "20": "an unknown command",
+    "22": "no feed",
+}
+
+
+@dataclass(frozen=True)
+class _Report:
+    state: str
+    numbers: dict[str, NDArray[np.float64]]
+
+
+class Grbl:
+    """Implements drivers.gcode.Firmware over an open line."""
+
+    def __init__(self, line: SerialLine, interlock: Interlock) -> None:
+        self._line, self._interlock = line, interlock
+        self._offset: NDArray[np.float64] | None = None
+
+    def greet(self, homing: bool) -> None:
+        """Asks until the machine answers: many boards start anew when their line is opened."""
+        state = self._ask().state
+        if state.startswith("Alarm") and homing:
+            self.send("$H", "homing", None, time.monotonic() + _HOMING)
+            state = self._ask().state
+        if not state.startswith("Idle"):
+            raise RobotError(
+                f"{self._interlock.name} is not ready: it says {state!r}. Look at it, home or release it with its own "
+                "controls (or allow homing in its settings), then connect anew; this program never clears an alarm."
+            )
+
+    def send(self, line: str, label: str, waypoint: int | None, until: float) -> None:
+        """Sends a line and waits for its "ok"; a line that got lost is noticed as soon as the machine is idle."""
+        self._line.write(line.encode("ascii") + b"\n")
+        idle, ask_at = 0, time.monotonic() + _ASK_AFTER
+        while True:
+            answer = self._read(label, waypoint)
+            if answer == "ok":
+                return
+            if answer is not None and answer.startswith("<"):
+                state = self._parsed(answer).state
+                self._require_running(state, label, waypoint)
+                idle = idle + 1 if state.startswith("Idle") else 0
+            now = time.monotonic()
+            if idle > 2 or now > until:
+                how = "it is idle and has not acknowledged" if idle > 2 else "it did not acknowledge in time"
+                raise RobotDisconnected(
+                    f"{label}: {self._interlock.name}: {how} {line!r}. A line was lost; look at the cable."
+                )
+            if now > ask_at:
+                self._line.write(_STATUS)
+                ask_at = now + _ASK_AFTER
+
+    def settle(self, label: str, until: float) -> None:
+        """A dwell is acknowledged when everything before it is done; a machine that answers too soon is waited for."""
+        self.send("G4 P0.01", label, None, until)
+        while not (state := self._ask().state).startswith("Idle"):
+            self._require_running(state, label, None)
+            if self._interlock.stopped or not time.monotonic() <= until:
+                raise RobotStopped(
+                    f"{label}: {self._interlock.name} acknowledged the end of its motion, and says {state!r}; it is "
+                    "held. Look at it before it is connected anew."
+                )
+            time.sleep(_GRBL_SLICE)
+
+    def position(self) -> NDArray[np.float64]:
+        """Work coordinates [3], mm, of a fresh report."""
+        for _ in range(_MOST_REPORTS):
+            numbers = self._ask().numbers
+            if "WPos" in numbers:
+                return numbers["WPos"]
+            if "MPos" in numbers and self._offset is not None:
+                return numbers["MPos"] - self._offset
+        raise RobotError(
+            f"{self._interlock.name} does not say where it is in work coordinates; set $10=1 or $10=0 on it."
+        )
+
+    def hold(self) -> None:
+        """Feed hold: a byte that GRBL heeds wherever it finds it, and that keeps the machine's position."""
+        self._line.write(_HOLD)
+
+    def forget(self) -> None:
+        """A soft reset, once the machine stands: a reset in motion would lose its position. It clears no alarm."""
+        until = time.monotonic() + 2
+        while time.monotonic() < until:
+            state = self._ask().state
+            if state.startswith("Alarm"):
+                return
+            if state in ("Idle", "Hold", "Hold:0"):
+                break
+        self._line.write(_RESET)
+
+    def _ask(self) -> _Report:
+        """The next report, asked for. Raises RobotDisconnected where none comes."""
+        until = time.monotonic() + PATIENCE
+        while time.monotonic() < until:
+            self._line.write(_STATUS)
+            for _ in range(10):
+                answer = self._line.read(_GRBL_SLICE)
+                if answer is not None and answer.startswith("<"):
+                    return self._parsed(answer)
+        raise RobotDisconnected(
+            f"{self._interlock.name} gave no report of its state in {PATIENCE:.0f} s; is this GRBL, and at this baud "
+            "rate?"
+        )
+
+    def _require_running(self, state: str, label: str, waypoint: int | None) -> None:
+        """Raises MotionFailed where a report says that it will not move on by itself, and RobotStopped after a stop."""
+        if self._interlock.stopped:
+            raise RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
+        kind = state.partition(":")[0]
+        meaning = _STANDING.get(state) or _STANDING.get(kind)
+        if meaning is None:
+            return
+        where = "" if waypoint is None else f" at waypoint {waypoint}"
+        remedy = (
+            "clear the alarm with its own controls; this program never does"
+            if kind == "Alarm"
+            else "see that it can move, reset it with its own controls, then connect anew"
+        )
+        raise MotionFailed(
+            f"{label}: {self._interlock.name} {meaning}{where}; it says {state!r}. Look at it, and {remedy}.",
+            state,
+            waypoint,
+        )
+
+    def _read(self, label: str, waypoint: int | None) -> str | None:
+        """One line of the machine's while a line of ours waits; what is no good news is raised."""
+        answer = self._line.read(_GRBL_SLICE)
+        if self._interlock.stopped:
+            raise RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
+        if answer is None or answer in ("", "ok") or answer.startswith(("<", "[", "$")):
+            return answer
+        where = "" if waypoint is None else f" at waypoint {waypoint}"
+        if answer.startswith("error:"):
+            code = answer.removeprefix("error:").strip()
+            meaning = f" ({_ERRORS[code]})" if code in _ERRORS else ""
+            raise MotionFailed(
+                f"{label}: {self._interlock.name} refused a line{where} with error {code}{meaning}; it is held. "
+                "Look at it, then connect anew.",
+                code,
+                waypoint,
+            )
+        if answer.startswith("ALARM:"):
+            code = answer.removeprefix("ALARM:").strip()
+            meaning = f" ({_ALARMS[code]})" if code in _ALARMS else ""
+            raise MotionFailed(
+                f"{label}: {self._interlock.name} stopped{where} with alarm {code}{meaning}. Look at it and clear the "
+                "alarm with its own controls; this program never does.",
+                code,
+                waypoint,
+            )
+        if answer.startswith("Grbl "):
+            raise MotionFailed(
+                f"{label}: {self._interlock.name} was reset{where}; it has forgotten what it had to do, and perhaps "
+                "where it is. Look at it, then connect anew.",
+                "reset",
+                waypoint,
+            )
+        raise RobotDisconnected(
+            f"{label}: {self._interlock.name} said {answer[:60]!r}, which is not GRBL's; look at its line."
+        )
+
+    def _parsed(self, report: str) -> _Report:
+        """A report like <Idle|MPos:1.000,2.000,3.000|FS:0,0|WCO:0.000,0.000,0.000>. Raises RobotDisconnected."""
+        parts = report.strip("<>").split("|")
+        numbers: dict[str, NDArray[np.float64]] = {}
+        for name, values in re.findall(r"\b(MPos|WPos|WCO):([^|]*)", report.strip("<>")):
+            try:
+                place = np.array([float(value) for value in values.split(",")])[:3]
+            except ValueError:
+                place = np.empty(0)
+            if place.shape != (3,) or not np.isfinite(place).all():
+                raise RobotDisconnected(
+                    f"{self._interlock.name} reported {report[:80]!r}, which is no place; look at its line."
+                )
+            numbers[name] = place
+        self._offset = numbers.get("WCO", self._offset)
+        return _Report(parts[0], numbers)
 
 
 @dataclass(frozen=True)

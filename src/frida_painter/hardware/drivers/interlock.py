@@ -2,7 +2,7 @@
 
 There are two such layers, and they are two ideas. This one is part of one driver: it stands between
 the driver and the library of its maker, and knows whether that one connection is open, at fault or
-stopped; it forgets all of that when the driver connects anew. The guard (hardware/guard.py) stands
+stopped; it forgets all of that when the driver connects anew. The guard (easel/guard.py) stands
 around a whole robot in the easel's process and trusts no driver: it checks motions against the
 workspace, gives the driver itself a deadline, and latches a stop over restarts until a person re-arms.
 What both need, deadlines and errors with a name, is in hardware/deadline.py.

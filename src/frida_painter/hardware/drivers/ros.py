@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_allowed
-from frida_painter.hardware.kinds import require_home
-from frida_painter.hardware.machine_name import MachineName
-from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter.hardware.workspace import Point, Workspace
+from frida_painter.hardware.kinds import MachineName, require_home
+from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
 
 Message = Mapping[str, Any]
 """A ROS message as nested mappings, its fields by their names."""

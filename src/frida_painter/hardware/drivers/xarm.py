@@ -17,11 +17,8 @@ from numpy.typing import NDArray
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import within
 from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, time_allowed
-from frida_painter.hardware.kinds import Needed, RobotKind, require_home
-from frida_painter.hardware.machine_identity import at_host
-from frida_painter.hardware.machine_name import MachineName
-from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter.hardware.workspace import Point, Workspace
+from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_host, require_home
+from frida_painter.hardware.robot import MotionReport, Point, Waypoints, Workspace
 
 Answer = TypeVar("Answer")
 

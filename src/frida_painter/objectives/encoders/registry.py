@@ -1,24 +1,25 @@
 """Which network sees what: the best that is at hand for each purpose, loaded when it is first asked for."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import torch
 from torch import Tensor
 
-from frida_painter import extras, tensor_file, weights
+from frida_painter import registry, tensor_file, weights
 from frida_painter.errors import FridaError, WeightsError
 from frida_painter.objectives.encoders.base import Encoder, Reader, Seer
 
-if TYPE_CHECKING:  # each is imported where it is first asked for: most paintings need none of them
-    from frida_painter.objectives.encoders.conse import ConSE
-    from frida_painter.objectives.encoders.hed import Hed
+if TYPE_CHECKING:
+    from frida_painter.objectives.encoders.classifiers import ConSE
     from frida_painter.objectives.encoders.sentence import SentenceEncoder
-    from frida_painter.objectives.encoders.vgg import Vgg16
-    from frida_painter.objectives.scenes.reading import PromptReader
-    from frida_painter.objectives.scenes.retrieval import PictureIndex
+    from frida_painter.objectives.encoders.vgg import Hed, Vgg16
+
+
+Kept = TypeVar("Kept")
 
 GROUP = "frida_painter.encoders"
 """The group of entry points in which a package names its encoders."""
@@ -59,10 +60,11 @@ class EncoderRegistry:
         device: torch.device | None = None,
         pictures: Path | None = None,
     ) -> None:
-        self._cache = cache
+        self.cache = cache
         self.device = device or torch.device("cpu")
         self._clip_source = clip
-        self._picture_folder = pictures
+        self._pictures = pictures
+        self._asked_for_pictures = False
         self._clip: Encoder | None = None
         self._vgg: Vgg16 | None = None
         self._meaning: Seer | None = None
@@ -71,8 +73,7 @@ class EncoderRegistry:
         self._sentences: SentenceEncoder | None = None
         self._readers: tuple[Reader, ...] = ()
         self._reader_aside: Reader | None = None
-        self._prompts: PromptReader | None = None
-        self._pictures: PictureIndex | None = None
+        self._kept_by_name: dict[str, Any] = {}
         self.choices: list[Choice] = []
         self.remarks: list[str] = []
 
@@ -81,7 +82,7 @@ class EncoderRegistry:
         from frida_painter.objectives.encoders.vgg import Vgg16
 
         if self._vgg is None:
-            if weights.find("vgg16", self._cache) is not None:
+            if weights.find("vgg16", self.cache) is not None:
                 self._vgg = Vgg16.of_torchvision(self._tensors("vgg16"))
                 self.choices.append(Choice("style", "VGG16"))
             else:
@@ -92,7 +93,7 @@ class EncoderRegistry:
 
     def meaning(self) -> Seer:
         """What sees what a picture shows: CLIP, or else EfficientNet-Lite."""
-        from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+        from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 
         if self._meaning is None:
             clip = self.clip()
@@ -111,8 +112,13 @@ class EncoderRegistry:
 
     @property
     def idle_pictures(self) -> Path | None:
-        """The folder of own pictures that nothing asked for so far; None where there is no such one."""
-        return self._picture_folder if self._pictures is None else None
+        """The folder of own pictures that nothing asked for so far; None if there is no such one."""
+        return None if self._asked_for_pictures else self._pictures
+
+    def own_pictures(self) -> Path | None:
+        """The folder of the person's own pictures of things; None if there is none."""
+        self._asked_for_pictures = True
+        return self._pictures
 
     def clip(self) -> Encoder | None:
         """The CLIP that was asked for, or that was fetched; None where there is none."""
@@ -121,13 +127,13 @@ class EncoderRegistry:
         if self._clip is None:
             if self._clip_source is not None:
                 self._clip = _given_clip(self._clip_source, self.device)
-            elif (folder := weights.find(_CLIP, self._cache)) is not None:
+            elif (folder := weights.find(_CLIP, self.cache)) is not None:
                 self._clip = Clip.load(folder, "CLIP ViT-B/32")
         return self._clip
 
     def shapes(self) -> "Vgg16 | None":
         """What sees shapes beside what sees meaning; None, and it is said, where neither VGG16 nor HED was fetched."""
-        if self._vgg is None and all(weights.find(name, self._cache) is None for name in ("vgg16", "hed")):
+        if self._vgg is None and all(weights.find(name, self.cache) is None for name in ("vgg16", "hed")):
             missing = Choice("shapes", "nothing", "the trunk of HED: frida-painter models fetch hed")
             self._note(missing)
             return None
@@ -135,7 +141,7 @@ class EncoderRegistry:
 
     def edges(self) -> "Hed":
         """What sees where a picture has edges."""
-        from frida_painter.objectives.encoders.hed import Hed
+        from frida_painter.objectives.encoders.vgg import Hed
 
         if self._edges is None:
             self._edges = Hed(self._tensors("hed"))
@@ -144,14 +150,14 @@ class EncoderRegistry:
 
     def edges_if_any(self) -> "Hed | None":
         """The same, or None where it was not fetched."""
-        return None if self._edges is None and weights.find("hed", self._cache) is None else self.edges()
+        return None if self._edges is None and weights.find("hed", self.cache) is None else self.edges()
 
     def aside(self) -> Seer:
         """What the optimiser never asks, and which says when to stop: the best of the others, or else the same."""
-        from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+        from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 
         if self._aside is None:
-            other = weights.find("efficientnet-lite2", self._cache)
+            other = weights.find("efficientnet-lite2", self.cache)
             if other is None:
                 better = "an eye kept aside: frida-painter models fetch efficientnet-lite2"
                 self.choices.append(Choice("progress", "the same network", better))
@@ -168,7 +174,7 @@ class EncoderRegistry:
             self._readers = (clip,)
             self.choices.append(Choice("words", clip.name))
         if not self._readers:
-            extras.require("words", "transformers", "Painting towards words")
+            registry.require("words", "transformers", "Painting towards words")
             missing = [name for name in ("minilm", "efficientnet-lite0") if not self._has(name)]
             if missing:
                 raise WeightsError(
@@ -193,42 +199,17 @@ class EncoderRegistry:
         from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
         if self._sentences is None:
-            self._sentences = SentenceEncoder.load(self._cache)
+            self._sentences = SentenceEncoder.load(self.cache)
         return self._sentences
 
-    def prompts(self) -> "PromptReader":
-        """What reads prompts: by their grammar, or, with a remark on how to get it, as one thing."""
-        from frida_painter.objectives.scenes.reading import PromptReader
+    def keep(self, name: str, make: Callable[[], Kept]) -> Kept:
+        """What `make` gave when it was first called under that name: what other rooms keep as long as the networks.
 
-        if self._prompts is None:
-            folder = weights.find("english", self._cache)
-            if folder is None or not extras.is_installed("spacy"):
-                self.remark(
-                    "The prompt is taken for one thing; to have its grammar read: pip install 'frida-painter[words]', "
-                    "frida-painter models fetch english"
-                )
-                folder = None
-            self._prompts = PromptReader(folder)
-        return self._prompts
-
-    def picture_index(self) -> "PictureIndex | None":
-        """The pictures of all libraries at hand; None, with a remark on how to get some, where there is none."""
-        from frida_painter.objectives.scenes.libraries import PictureFolder, libraries_at_hand
-        from frida_painter.objectives.scenes.retrieval import PictureIndex
-
-        if self._pictures is None:
-            libraries = libraries_at_hand(self._cache, self._picture_folder)
-            if not libraries:
-                self.remark("Better begun from pictures: frida-painter models fetch words")
-                return None
-            self._pictures = PictureIndex(libraries, self.sentences(), self._kept)
-            unnamed = sum(one.unnamed for one in libraries if isinstance(one, PictureFolder))
-            if unnamed:
-                self.remark(
-                    f"{unnamed} of your pictures were left out, of which neither a name nor a text beside them says in "
-                    "Latin letters what they show."
-                )
-        return self._pictures
+        None is not kept: the next call makes it again.
+        """
+        if self._kept_by_name.get(name) is None:
+            self._kept_by_name[name] = make()
+        return cast(Kept, self._kept_by_name[name])
 
     def remark(self, words: str) -> None:
         """Notes once what a person is to be told."""
@@ -241,23 +222,22 @@ class EncoderRegistry:
             self.choices.append(choice)
 
     @property
-    def _kept(self) -> Path:
+    def meanings(self) -> Path:
         """Where the meanings of many names are kept."""
-        return weights.cache_folder(self._cache) / "meanings"
+        return weights.cache_folder(self.cache) / "meanings"
 
     def _has(self, name: str) -> bool:
-        return weights.find(name, self._cache) is not None
+        return weights.find(name, self.cache) is not None
 
     def _tensors(self, name: str) -> dict[str, Tensor]:
-        return {part: tensor.to(self.device) for part, tensor in weights.tensors(name, self._cache).items()}
+        return {part: tensor.to(self.device) for part, tensor in weights.tensors(name, self.cache).items()}
 
     def _conse(self, number: int) -> "ConSE":
-        from frida_painter.objectives.encoders.conse import ConSE, class_names
-        from frida_painter.objectives.encoders.efficientnet import EfficientNetLite
+        from frida_painter.objectives.encoders.classifiers import ConSE, EfficientNetLite, class_names
 
         classifier = EfficientNetLite(self._tensors(f"efficientnet-lite{number}"))
         names = class_names()
-        meanings = self.sentences().embed_once([name for some in names for name in some], self._kept)
+        meanings = self.sentences().embed_once([name for some in names for name in some], self.meanings)
         return ConSE(classifier, names, meanings, self.sentences(), f"EfficientNet-Lite{number}")
 
 
@@ -266,8 +246,7 @@ def _given_clip(source: str, device: torch.device) -> Encoder:
 
     Raises WeightsError.
     """
-    from frida_painter.objectives.encoders.clip import Clip
-    from frida_painter.objectives.encoders.clip_resnet import ClipResNet
+    from frida_painter.objectives.encoders.clip import Clip, ClipResNet
 
     for point in entry_points(group=GROUP, name=source):
         return _brought(point, device)

@@ -15,11 +15,12 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import extras, tensor_file, weights
+from frida_painter import registry, tensor_file, weights
 from frida_painter.errors import StorageError, WeightsError
 
 if TYPE_CHECKING:
     from transformers import BertModel, PreTrainedTokenizerBase
+
 
 _LONGEST = 256  # tokens that it was trained on
 _AT_A_TIME = 64
@@ -39,7 +40,7 @@ class SentenceEncoder:
         Raises WeightsError where it is missing, altered, or not that network, ConfigError where
         transformers is not installed.
         """
-        extras.require("words", "transformers", "Painting towards words")
+        registry.require("words", "transformers", "Painting towards words")
         from transformers import AutoTokenizer, BertConfig, BertModel
 
         folder, tensors = weights.require("minilm", cache), weights.tensors("minilm", cache)

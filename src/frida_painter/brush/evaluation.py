@@ -1,0 +1,213 @@
+"""How far a stroke model is from strokes that a brush has really made."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from frida_painter.brush import FEWEST_STROKES, FIELD, MODELS, PARAM2STROKE
+from frida_painter.brush.field import StrokeField, train_field
+from frida_painter.brush.kinds import BrushKind, StrokeModel, median_of, spread_of
+from frida_painter.brush.library import StrokeLibrary, clean, resample
+from frida_painter.brush.param2stroke import Param2Stroke, train_param2stroke
+from frida_painter.brush.training import TrainingProgress, TrainingReport, require_enough
+from frida_painter.errors import ConfigError, LibraryError
+from frida_painter.frames import MapFrame
+from frida_painter.strokes import StrokeLimits
+
+# From a stroke library to a stroke model: the one place where the kinds of models are told apart.
+
+_KINDS_OF_MODEL: dict[str, type[StrokeField] | type[Param2Stroke]] = {FIELD: StrokeField, PARAM2STROKE: Param2Stroke}
+OTHER_BRUSH = "other"
+"""Name of a brush that is none of the project's."""
+_COLUMNS = {FIELD: 160, PARAM2STROKE: 80}
+_USUAL_COLUMNS = 80
+_ROOM = 0.03  # of the range
+_LEAST_ROOM = 0.0005
+_SHORTEST = 0.0001
+
+
+@dataclass(frozen=True)
+class Learned:
+    """A trained stroke model, what training did, and the strokes that it was trained on, which `report` counts."""
+
+    model: StrokeField | Param2Stroke
+    report: TrainingReport
+    library: StrokeLibrary
+
+
+def learn(
+    name: str,
+    library: StrokeLibrary,
+    kind: BrushKind | None = None,
+    *,
+    seed: int = 0,
+    hasty: bool = False,
+    notify: Callable[[TrainingProgress], None] | None = None,
+) -> Learned:
+    """Trains the stroke model called `name` on the clean strokes of a library.
+
+    kind: the brush that painted them, None for a brush that is none of the project's: the library
+    then says what it can do. hasty: hardly trained, to see that everything runs. The same seed gives
+    the same weights. Raises ConfigError where there is no such model, and LibraryError where there
+    are fewer than 5 clean strokes or the crops do not hold the strokes' start.
+    """
+    if name not in MODELS:
+        raise ConfigError(f"Stroke model {name!r} is not known; models are {' and '.join(MODELS)}.")
+    require_enough(library)
+    if kind is None:
+        brush, (frame, limits) = OTHER_BRUSH, geometry(library, _COLUMNS[name])
+    else:
+        brush, frame, limits = kind.name, kind.frame, kind.limits
+    strokes = clean(library)
+    require_enough(strokes)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        model = _KINDS_OF_MODEL[name](brush, frame, limits)
+    if isinstance(model, StrokeField):
+        report = train_field(model, strokes, seed=seed, epochs=2 if hasty else None, notify=notify)
+    elif hasty:
+        report = train_param2stroke(model, strokes, seed=seed, rehearsals=0, epochs=11, notify=notify)
+    else:
+        report = train_param2stroke(model, strokes, seed=seed, notify=notify)
+    return Learned(model, report, strokes)
+
+
+def geometry(library: StrokeLibrary, most_columns: int = _USUAL_COLUMNS) -> tuple[MapFrame, StrokeLimits]:
+    """Frame and limits of a brush of which only the library is known.
+
+    The frame is the rectangle of the crops in near-square cells, even numbers of them; the limits are
+    those of the strokes with a little room, since the longest of a few hundred is not the longest that
+    there will be. Raises LibraryError where the crops do not hold the strokes' start.
+    """
+    whole = library.frame
+    if not (whole.left < 0 < whole.right and whole.bottom < 0 < whole.top):
+        raise LibraryError(
+            f"The strokes of the library start at row, column {library.origin_px} of crops of "
+            f"{whole.rows} x {whole.columns} pixels; give crops that hold the start of the stroke."
+        )
+    columns = max(4, min(most_columns, 2 * round(whole.columns / 2)))
+    pitch = (whole.right - whole.left) / columns
+    rows = max(4, 2 * round((whole.top - whole.bottom) / pitch / 2))
+    shortest, longest = _with_room(float(library.length_m.min()), float(library.length_m.max()))
+    bends = _with_room(float(library.bend_m.min()), float(library.bend_m.max()))
+    return whole.resized(rows, columns), StrokeLimits((max(_SHORTEST, shortest), longest), bends)
+
+
+def _with_room(least: float, most: float) -> tuple[float, float]:
+    room = max(_LEAST_ROOM, _ROOM * (most - least))
+    return least - room, most + room
+
+
+_BATCH = 32
+_TOLERANCE = 1e-6
+_MOST_OUTSIDE = 0.25
+_CAMERA_NOISE = 0.03  # standard deviation of a magnitude
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """How far off each of n strokes is.
+
+    error [n]: mean absolute error of the magnitude over the whole crop as stored, in [0, 1]; paint
+    [n]: the error that bare paper would have, which is the mean magnitude; outside [n]: whether the
+    stroke lies outside the lengths and bends that the model knows.
+    """
+
+    error: NDArray[np.float64]
+    paint: NDArray[np.float64]
+    outside: NDArray[np.bool_]
+
+
+def evaluate(model: StrokeModel, library: StrokeLibrary) -> Evaluation:
+    """Compares every mark of the library, dirty ones too, with the model's, brought to the library's pixels.
+
+    A stroke outside the model's limits is drawn all the same and told in `outside`. Raises
+    LibraryError where there are so many of them that the library must be of another brush.
+    """
+    limits = {"length": model.limits.length, "bend": model.limits.bend}
+    outside = np.zeros(len(library), np.bool_)
+    for values, (least, most) in zip((library.length_m, library.bend_m), limits.values(), strict=True):
+        outside |= ~((values >= least - _TOLERANCE) & (values <= most + _TOLERANCE))
+    if outside.mean() > _MOST_OUTSIDE:
+        known = ", ".join(f"{name} {1000 * low:.1f} to {1000 * high:.1f} mm" for name, (low, high) in limits.items())
+        raise LibraryError(
+            f"Of {len(library)} strokes of the library {outside.sum()} are outside what the model knows ({known}); "
+            "give a library of the brush that the model was trained for."
+        )
+    return Evaluation(errors(model, library), library.magnitude.mean((1, 2), dtype=np.float64) / 255, outside)
+
+
+@torch.no_grad()
+def errors(model: StrokeModel, library: StrokeLibrary) -> NDArray[np.float64]:
+    """Mean absolute error of each stroke's magnitude over the whole crop as stored, [n] in [0, 1]."""
+    shapes = library.shapes()
+    found = []
+    for part in np.array_split(np.arange(len(library)), -(-len(library) // _BATCH)):
+        wanted = torch.from_numpy(library.magnitude[part]).float() / 255
+        drawn = resample(median_of(model)(*(values[part] for values in shapes)), model.frame, library.frame)
+        found.append((drawn - wanted).abs().mean((1, 2)).double().numpy())
+    return np.concatenate(found)
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """How well a model's mean and variance foretell marks: mean log density of a cell's magnitude, in nats.
+
+    predicted: of a normal distribution with the mean and the variance that the model says; constant: of one with the
+    same mean and the same variance everywhere, the best there is for these very marks. The more, the better.
+    """
+
+    predicted: float
+    constant: float
+
+
+@torch.no_grad()
+def likelihood(model: StrokeModel, library: StrokeLibrary) -> Likelihood:
+    """On all cells of the model's frame, of marks that it has not learned from; a camera's noise adds to both."""
+    noise = _CAMERA_NOISE**2
+    means = torch.cat(
+        [model(*part) for part in zip(*(torch.split(one, _BATCH) for one in library.shapes()), strict=True)]
+    )
+    missed = (library.maps(model.frame) - means).square()
+
+    def density(variance: Tensor) -> float:
+        return float(-0.5 * (torch.log(2 * torch.pi * variance) + missed / variance).mean())
+
+    return Likelihood(density(spread_of(model).variance(means) + noise), density(missed.mean() + noise))
+
+
+def cross_validate(
+    name: str,
+    library: StrokeLibrary,
+    kind: BrushKind | None = None,
+    *,
+    folds: int,
+    seed: int = 0,
+    notify: Callable[[int, TrainingProgress], None] | None = None,
+) -> NDArray[np.float64]:
+    """Trains the stroke model called `name` once without each fold of the library, and tests it on that fold.
+
+    Returns the mean error of each fold, [folds]. notify hears the fold's number, from 0, and how far
+    it has come. Raises LibraryError where there are too few strokes for so many folds.
+    """
+    fewest = max(folds, FEWEST_STROKES + -(-FEWEST_STROKES // (folds - 1)))
+    if len(library) < fewest:
+        raise LibraryError(
+            f"The stroke library has {len(library)} strokes; {folds} folds need at least {fewest}, "
+            f"so that {FEWEST_STROKES} are left to learn from."
+        )
+    order = np.random.default_rng(seed).permutation(len(library))
+    tested = []
+    for fold, test in enumerate(np.array_split(order, folds)):
+
+        def hear(progress: TrainingProgress, fold: int = fold) -> None:
+            if notify is not None:
+                notify(fold, progress)
+
+        learned = learn(name, library[np.setdiff1d(order, test)], kind, seed=seed, notify=hear)
+        tested.append(errors(learned.model, library[test]).mean())
+    return np.array(tested)

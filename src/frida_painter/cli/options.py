@@ -1,0 +1,368 @@
+"""The options of `paint` and `plan`, made from RunSpec and the kinds of goals, and what they say read back into one."""
+
+import inspect
+import sys
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from functools import wraps
+from inspect import Parameter, Signature, signature
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_args
+
+import typer
+from pydantic.fields import FieldInfo
+
+from frida_painter.errors import ConfigError, FridaError, Interrupted, PlanError
+from frida_painter.objectives.objective import Gives, GoalKind, goal_kinds
+from frida_painter.options import (
+    CameraOption,
+    PaceOption,
+    PlacementErrorOption,
+    RobotOption,
+    WorkspaceOption,
+    any_number,
+    out_folder,
+    whole_number,
+)
+from frida_painter.runs.spec import RunSpec
+
+if TYPE_CHECKING:
+    from frida_painter.palette import Palette
+
+
+# How goals are given on the command line: an option for each kind of goal that there is.
+
+_PANEL = "What to paint"
+_PHOTO = "image"  # the kind of goal that PHOTO is
+
+GoalFile = Annotated[
+    Path | None,
+    typer.Option("--goal", metavar="FILE", help="A TOML file with goals and their weights.", rich_help_panel=_PANEL),
+]
+ClipSource = Annotated[
+    str | None,
+    typer.Option(
+        "--clip",
+        metavar="NAME|FOLDER",
+        help="The CLIP model for text and meaning: a name on the hub, a folder, or a safetensors file of a "
+        "CLIP ResNet. [dim]clip-vit-b-32 if it was downloaded, else smaller networks[/]",
+        rich_help_panel=_PANEL,
+    ),
+]
+Pictures = Annotated[
+    Path | None,
+    typer.Option(
+        "--pictures",
+        metavar="FOLDER",
+        help="A folder with your own pictures of things, named by what they show (red-fox.png, or a text beside each). "
+        "Text prompts use them first. [dim]the libraries that were downloaded[/]",
+        rich_help_panel=_PANEL,
+    ),
+]
+
+
+def goal_options() -> list[inspect.Parameter]:
+    """The options by which a command takes goals, as keyword parameters for Typer, in the order of its help.
+
+    For every kind NAME its values and weights, NAME and NAME_weight; what is begun with, init_NAME; then goal, a
+    file, clip, and pictures. `goal_given` reads what they were given.
+    """
+    kinds = list(goal_kinds().by_name.values())
+    options = [parameter for kind in kinds for parameter in _options(kind)]
+    options += [_repeated(f"init_{kind.name}", kind, kind.initial_help) for kind in kinds if kind.initial_help]
+    return [*options, _parameter("goal", GoalFile), _parameter("clip", ClipSource), _parameter("pictures", Pictures)]
+
+
+def free_goal_options(taken: Collection[str]) -> list[inspect.Parameter]:
+    """The goal options whose names a command has not `taken` for other options."""
+    return [option for option in goal_options() if option.name not in taken]
+
+
+def goal_given(photo: Path | None, given: Mapping[str, Any]) -> dict[str, list[Any]]:
+    """What PHOTO, which counts as the first --image, the options and the goal file ask for, in the words of RunSpec.
+
+    Raises ConfigError where weights do not fit, and for a goal file that cannot be read.
+    """
+    from frida_painter.runs.goal_item import read_goal_file
+
+    kinds = goal_kinds().by_name.values()
+    goal = [item for kind in kinds for item in _items(kind, photo if kind.name == _PHOTO else None, given)]
+    initial = [{kind.name: str(value)} for kind in kinds for value in given.get(f"init_{kind.name}") or []]
+    filed = {} if given.get("goal") is None else read_goal_file(given["goal"])
+    return {"goal": goal + filed.get("goal", []), "initial": initial + filed.get("initial", [])}
+
+
+def _items(kind: GoalKind, photo: Path | None, given: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The values of a kind's option, with the weight of each."""
+    values = [*([] if photo is None else [photo]), *(given.get(kind.name) or [])]
+    weights = given.get(f"{kind.name}_weight") or [1.0] * len(values)
+    if len(weights) != len(values):
+        photo_too = ", PHOTO among them" if photo is not None else ""
+        raise ConfigError(
+            f"{kind.option}-weight was given {len(weights)} times for {len(values)} goals{photo_too}; "
+            "give one weight for each, or none at all."
+        )
+    return [{kind.name: str(value), "weight": float(weight)} for value, weight in zip(values, weights, strict=True)]
+
+
+def tell_left_out(taken: Collection[str]) -> None:
+    """Says on stderr which kinds of goals of other packages cannot be used, or have no option, and why."""
+    for complaint in goal_kinds().complaints:
+        print(complaint, file=sys.stderr)
+    for option in goal_options():
+        if option.name in taken:
+            said = f"--{option.name} is another option already; give that kind of goal in a file, with --goal."
+            print(said, file=sys.stderr)
+
+
+def _options(kind: GoalKind) -> list[inspect.Parameter]:
+    """The option of a kind's values, and that of their weights."""
+    text = f"The weight of each {kind.option}, in the same order. [dim]1[/]"
+    weight = typer.Option(parser=any_number, metavar="X", help=text, rich_help_panel=_PANEL)
+    return [
+        _repeated(kind.name, kind, kind.help),
+        _parameter(f"{kind.name}_weight", Annotated[list[float] | None, weight]),
+    ]
+
+
+def _repeated(name: str, kind: GoalKind, text: str) -> inspect.Parameter:
+    """An option that may be given more than once."""
+    option = typer.Option(metavar=kind.gives.value, help=f"{text} May be repeated.", rich_help_panel=_PANEL)
+    if kind.gives is Gives.WORDS:
+        return _parameter(name, Annotated[list[str] | None, option])
+    return _parameter(name, Annotated[list[Path] | None, option])
+
+
+def _parameter(name: str, annotation: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+
+
+# The wells before painting: a person sees what to mix, says when it is done, and may tell what it has become.
+
+PaletteOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--palette",
+        metavar="FILE",
+        help="The paints that you really mixed: a palette of GIMP (.gpl), Adobe (.ase, .aco), Krita, Procreate or "
+        'Paint.NET, colours like #f2e9dc one a line, CSV, JSON like {"paints": ["#f2e9dc", ...]}, a picture of them, '
+        "or a photograph of a strip with bare paper and one swatch of each paint.",
+    ),
+]
+AskOption = Annotated[
+    bool,
+    typer.Option(
+        "--ask", help="Wait until you have filled the wells. You can then enter the paints that you really mixed."
+    ),
+]
+
+FilledOption = Annotated[
+    bool,
+    typer.Option("--yes", "-y", help="Do not ask whether the wells of a real robot are filled. For scripts."),
+]
+
+
+@dataclass
+class Wells:
+    """Asked when the paints of the next layers are settled; answers with what was mixed, None for what was wanted.
+
+    given: known from the beginning; ask: shows a prompt and returns what was typed, None where nobody
+    is to be asked; folder: where the palette and the mixing sheet lie; poured: whether somebody has said
+    by then that the wells are filled.
+    """
+
+    given: "Palette | None"
+    ask: Callable[[str], str] | None
+    folder: Path
+    poured: bool = False
+
+    def filled(self, wanted: "Palette") -> "Palette | None":
+        """Returns when the wells are filled. Raises Interrupted where the person leaves."""
+        from frida_painter.perception.color import read_palette
+
+        if self.ask is None:
+            return self.given
+        prompt = "Press Enter if they are just these paints, or type the file that tells what you mixed: "
+        if not self.poured:
+            sheet = self._sheet(wanted)
+            prompt = (
+                f"Fill {len(wanted)} wells as on {self.folder / sheet} ({sheet.replace('palette', 'mixing')} tells how "
+                "to mix them). Press Enter when they are filled, or type the file that tells what you mixed: "
+            )
+        while True:
+            try:
+                line = self.ask(prompt).strip()
+            except (EOFError, KeyboardInterrupt) as end:
+                raise Interrupted("Nobody said that the wells are filled, and nothing was painted.") from end
+            if not line:
+                return self.given
+            try:
+                return read_palette(Path(line), len(wanted))
+            except FridaError as error:
+                prompt = f"{error} Enter, or another file: "
+
+    def _sheet(self, wanted: "Palette") -> str:
+        """The name of the sheet that shows these paints; where the plan does not tell, that of the first layer."""
+        import torch
+
+        from frida_painter.plan import Plan
+        from frida_painter.report.sheets import sheet_file
+
+        try:
+            fillings = Plan.load(self.folder).by_wells()
+        except PlanError:
+            fillings = []
+        layers = (layer for layer, part in fillings if torch.equal(part.palette.color, wanted.color))
+        return sheet_file("palette.png", next(layers, 1))
+
+
+TAKEN = frozenset(RunSpec.model_fields) - {"goal", "clip", "pictures"} | {
+    "photo",
+    "settings",
+    "out",
+    "ask",
+    "yes",
+    "candidates",
+    "brush",
+}
+"""Names of options that no kind of goal can have."""
+_PLAN = (
+    *("strokes", "layers", "colors", "canvas", "fit", "ground", "brushes", "new_paints", "darkest", "focus"),
+    *("sharpness", "render_height", "effort", "seed"),
+)
+_PAINT = ("minutes", "replans", "replan_policy", "drying", "timelapse_frames")
+
+Photo = Annotated[
+    Path | None,
+    typer.Argument(
+        metavar="[PHOTO]", help="The picture to paint: a JPEG, PNG, WebP, TIFF, BMP or GIF file.", show_default=False
+    ),
+]
+SettingsFile = Annotated[
+    Path | None,
+    typer.Option("--settings", metavar="FILE", help="A TOML file with these settings, for example: strokes = 300"),
+]
+Out = Annotated[
+    Path | None,
+    typer.Option(parser=out_folder, metavar="FOLDER", help="The output folder. [dim]paintings/NAME-DATE-TIME[/]"),
+]
+CalibrationFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--calibration", metavar="FILE", help="The calibration record of the easel. [dim]the virtual studio's own[/]"
+    ),
+]
+ArmMeshes = Annotated[
+    Path | None,
+    typer.Option(
+        "--arm-meshes",
+        metavar="FOLDER",
+        help="A folder with meshes of the Sawyer arm (OBJ or STL), for the film of the arm. [dim]built-in capsules[/]",
+    ),
+]
+Film = Annotated[bool, typer.Option("--film/--no-film", help="Make a timelapse film of the painting.")]
+OnCanvas = Annotated[
+    bool,
+    typer.Option(
+        "--on-canvas",
+        help="Begin on what is on the canvas: a toned ground, an old painting, or what you have painted. The light is "
+        "known from the canvas calibration, which saw a bare canvas.",
+    ),
+]
+StudioCanvas = Annotated[
+    Path | None,
+    typer.Option(
+        "--studio-canvas",
+        metavar="FILE",
+        help="A picture of what is on the canvas of the virtual studio at first. [dim]a bare canvas[/]",
+    ),
+]
+_EASEL: Mapping[str, tuple[Any, Any]] = {
+    "robot": (RobotOption, RunSpec.model_fields["robot"].default),
+    "camera": (CameraOption, ""),
+    "workspace": (WorkspaceOption, None),
+    "calibration": (CalibrationFile, None),
+    "placement_error": (PlacementErrorOption, None),
+    "pace": (PaceOption, RunSpec.model_fields["pace"].default),
+    "arm_meshes": (ArmMeshes, None),
+    "on_canvas": (OnCanvas, False),
+    "studio_canvas": (StudioCanvas, None),
+    "film": (Film, RunSpec.model_fields["film"].default),
+}
+
+
+def planning_options() -> list[Parameter]:
+    """What a plan can be asked for."""
+    return [
+        *free_goal_options(TAKEN),
+        *(_keyword(name, _option(RunSpec.model_fields[name])) for name in _PLAN),
+        _keyword("palette", PaletteOption),
+        _keyword("settings", SettingsFile),
+        _keyword("out", Out),
+    ]
+
+
+def painting_options() -> list[Parameter]:
+    """What a painting can be asked for: all of a plan's, and where and how it is painted."""
+    return [
+        *planning_options(),
+        *(_keyword(name, _option(RunSpec.model_fields[name])) for name in _PAINT),
+        *(_keyword(name, option, default) for name, (option, default) in _EASEL.items()),
+    ]
+
+
+def taking(options: list[Parameter], command: Callable[..., None]) -> Callable[..., None]:
+    """The command as one that takes these options, by name, beside those that it declares itself."""
+    own = [one for one in signature(command, eval_str=True).parameters.values() if one.kind is Parameter.KEYWORD_ONLY]
+    every = [*options, *own]
+
+    @wraps(command)
+    def with_options(**given: Any) -> None:
+        command(**given)
+
+    with_options.__signature__ = Signature(every)  # type: ignore[attr-defined]
+    with_options.__annotations__ = {one.name: one.annotation for one in every}
+    del with_options.__wrapped__
+    return with_options
+
+
+def spec_of(photo: Path | None, given: Mapping[str, Any]) -> RunSpec:
+    """The painting of PHOTO and the options, which go before the TOML file of --settings. Raises ConfigError."""
+    defaults = {name: default for name, (_, default) in _EASEL.items()}
+    said = {
+        name: value
+        for name, value in given.items()
+        if name in RunSpec.model_fields and value is not None and name != "goal" and value != defaults.get(name)
+    }
+    asked = goal_given(photo, given)
+    if asked["goal"] or given["settings"] is None:
+        said |= asked
+    return RunSpec.from_toml(given["settings"], **said) if given["settings"] else RunSpec.of(**said)
+
+
+def require_person(spec: RunSpec, *, asked: bool) -> None:
+    """Raises ConfigError where a person is to paint and not to be `asked` anything."""
+    if spec.by_hand and not asked:
+        raise ConfigError("--yes is for scripts, and a person who paints is asked for every stroke; leave it out.")
+
+
+def _keyword(name: str, annotation: Any, default: Any = None) -> Parameter:
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+
+
+def _option(field: FieldInfo) -> Any:
+    """A command-line option for a field of RunSpec; where it is not given, the field's own default holds."""
+    more = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+    default = more.get("default", field.default)
+    text = f"{field.description} [dim]{default}[/]"
+    if field.annotation in (int, int | None):
+        return Annotated[int | None, typer.Option(parser=whole_number, metavar="N", help=text)]
+    if field.annotation in (float, float | None):
+        metavar = str(more.get("metavar", "X"))
+        return Annotated[float | None, typer.Option(parser=any_number, metavar=metavar, help=text)]
+    if field.annotation in (bool, bool | None):
+        return Annotated[bool | None, typer.Option(help=field.description)]
+    choices, names = "|".join(map(str, get_args(field.annotation))), more.get("names")
+    written = [str(name) for name in names] if isinstance(names, list) else []
+    metavar = str(more.get("metavar", choices))
+    return Annotated[str | None, typer.Option(*written, metavar=metavar, help=text)]

@@ -1,0 +1,301 @@
+"""The commands about where things stand around a robot: check a plan there, print and draw workspaces."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from frida_painter import storage
+from frida_painter.errors import ConfigError
+from frida_painter.mixing.finish import Finish
+from frida_painter.options import any_number, number_within, out_file, whole_number_within
+from frida_painter.storage import count_of
+
+if TYPE_CHECKING:
+    from frida_painter.mixing.recipe import Recipe
+    from frida_painter.palette import Palette
+
+
+# The command that tells how to mix a palette from the paints that a person owns.
+
+
+def mix(
+    what: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PLAN|PALETTE",
+            help="A plan.json, the folder of a painting, or a palette in any form that --palette of paint takes.",
+            show_default=False,
+        ),
+    ],
+    paints: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A file of the paints that you own (TOML). [dim]six common acrylics[/]"),
+    ] = None,
+    most: Annotated[
+        int,
+        typer.Option(parser=whole_number_within(1, 4), metavar="N", help="Maximum number of paints in one mixture."),
+    ] = 4,
+    finish: Annotated[
+        Finish, typer.Option(metavar="NAME", help="The finish of the dry paint: matte, or gloss, which looks darker.")
+    ] = Finish.matte,
+    out: Annotated[
+        Path, typer.Option(parser=out_file, metavar="FILE", help="The sheet to write, .png or .jpg.")
+    ] = Path("mixing.png"),
+) -> None:
+    """Give a recipe for each colour of a palette, from the paints that you own, with the predicted error.
+
+    For a plan it also gives the amount of each paint, and the paints of each filling of the wells on their
+    own, with a sheet each (mixing-layer-2.png). Colours that your paints cannot reach are marked.
+    The recipes are also written as a sheet to print. docs/how-to/mix.md explains the file of your own paints.
+    """
+    if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")
+    from frida_painter import images
+    from frida_painter.devices import prepare_process
+    from frida_painter.mixing.paint import read_paints, usual_paints
+    from frida_painter.mixing.recipe import recipes
+    from frida_painter.report.sheets import mixing_sheet, sheet_file
+
+    prepare_process()
+    owned = read_paints(paints) if paints else usual_paints()
+    for layer, palette, wanted in _wanted(what):
+        of, sheet = ("", out) if layer == 1 else (f", layer {layer}", out.with_name(sheet_file(out.name, layer)))
+        found = recipes(palette.color, owned, most, finish)
+        images.save(mixing_sheet(found, wanted, f"Mixing{of}"), sheet)
+        if of:
+            print(f"\nFill the wells anew before layer {layer}:")
+        _show(found, wanted)
+        print(f"The sheet: {sheet}")
+
+
+def _wanted(path: Path) -> list[tuple[int, "Palette", list[float] | None]]:
+    """For each time that the wells are filled: before which layer, from 1, with which paints, and how much of each.
+
+    That is in millilitres, None where no plan says what the paints are for.
+    """
+    from frida_painter.mixing.recipe import volumes
+    from frida_painter.perception.color import read_palette
+    from frida_painter.plan import Plan
+
+    if path.is_dir() or _is_plan(path):
+        plan = Plan.load(path)
+        return [(layer, part.palette, volumes(part).tolist()) for layer, part in plan.by_wells()]
+    return [(1, read_palette(path, None), None)]
+
+
+def _is_plan(path: Path) -> bool:
+    """Whether a file begins as a plan does. Raises ConfigError where there is no such file."""
+    with storage.opened(path, "a plan or a palette", storage.MAX_JSON_BYTES, ConfigError) as file:
+        return b'"frida-painter plan"' in file.read(200)
+
+
+def _show(found: list["Recipe"], wanted: list[float] | None) -> None:
+    from frida_painter.mixing.recipe import GOOD
+    from frida_painter.palette import to_hex
+
+    table = Table("", "colour", "parts", "off", "", box=None, padding=(0, 2, 0, 0))
+    for number, recipe in enumerate(found, 1):
+        color = to_hex(recipe.target)
+        amount = f"{wanted[number - 1]:.0f} ml" if wanted else ""
+        off = f"[{'red' if not recipe.within_reach else 'yellow' if recipe.difference > GOOD else 'green'}]"
+        table.add_row(f"[on {color}]    [/] {number}", color, recipe.words, f"{off}{recipe.difference:.1f}[/]", amount)
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(table)
+    missed = [str(number) for number, recipe in enumerate(found, 1) if not recipe.within_reach]
+    if missed:
+        console.print(
+            f"Out of reach of these paints (more than 5 CIEDE2000 off): {', '.join(missed)}. "
+            "What stands there comes nearest; own more paints, or plan with what you can mix (--palette)."
+        )
+
+
+# The command that writes plans for other programs and for machines: export.
+
+
+class ExportFormat(StrEnum):
+    """What a plan can be turned into."""
+
+    svg = "svg"
+    gcode = "gcode"
+    csv = "csv"
+
+
+class Flavour(StrEnum):
+    """What understands the G-code."""
+
+    grbl = "grbl"
+    marlin = "marlin"
+
+
+PlanFile = Annotated[
+    Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
+]
+
+
+def export(
+    plan: PlanFile,
+    to: Annotated[
+        ExportFormat,
+        typer.Option(
+            "--to",
+            metavar="KIND",
+            help="svg is for Inkscape and plotters, gcode for GRBL and Marlin machines, csv is a table.",
+        ),
+    ] = ExportFormat.svg,
+    out: Annotated[
+        Path | None,
+        typer.Option(parser=out_file, metavar="FILE", help="The file to write. [dim]strokes.svg, .gcode or .csv[/]"),
+    ] = None,
+    regroup: Annotated[
+        bool,
+        typer.Option(
+            help="svg: exactly one layer per paint in each layer of the plan, even if a paint returns later. Changes "
+            "which strokes lie on top."
+        ),
+    ] = False,
+    dips: Annotated[
+        bool, typer.Option(help="svg: add a layer with a pause for every dip of the brush (AxiDraw).")
+    ] = False,
+    flavour: Annotated[
+        Flavour | None,
+        typer.Option(metavar="NAME", help="gcode: the dialect, grbl or marlin. [dim]grbl[/]", show_default=False),
+    ] = None,
+    press: Annotated[
+        float | None,
+        typer.Option(
+            parser=any_number, metavar="MM", help="gcode: depth of the hardest press in mm; 0 for a pen. [dim]2[/]"
+        ),
+    ] = None,
+    lift: Annotated[
+        float | None,
+        typer.Option(parser=any_number, metavar="MM", help="gcode: height of travel moves in mm. [dim]5[/]"),
+    ] = None,
+    workspace: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="gcode: the workspace file (TOML), for a machine that dips by itself."),
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="gcode, with --workspace: the easel's calibration record.")
+    ] = None,
+    drying: Annotated[
+        float | None,
+        typer.Option(
+            parser=number_within(0, 1440),
+            metavar="MINUTES",
+            help="gcode: how long a layer dries before the next one. [dim]as the painting's settings say, else 20[/]",
+        ),
+    ] = None,
+) -> None:
+    """Export the strokes of a plan as SVG, G-code or CSV, in millimetres.
+
+    SVG has one layer per paint, and names the brush where there are several. CSV has one row per stroke.
+    The zero of the G-code is the bottom-left corner of the canvas, and Z0 is the lightest touch. The machine
+    pauses (M0) at every dip of the brush. With --workspace, the zero is that of the workspace, and the machine
+    dips, rinses and wipes by itself.
+    """
+    from frida_painter.cli.plan_output import write_gcode, write_svg, write_table
+
+    path = out or Path(f"strokes.{to.value}")
+    if path.suffix.lower() != f".{to.value}":
+        raise ConfigError(f"--out was given {str(path)!r}; with --to {to.value} the file ends in .{to.value}.")
+    _refuse_strangers(to, {"svg": {"--regroup": regroup, "--dips": dips}, "gcode": {"--flavour": flavour is not None,
+                      "--press": press is not None, "--lift": lift is not None, "--workspace": workspace is not None,
+                      "--calibration": calibration is not None, "--drying": drying is not None}})  # fmt: skip
+    match to:
+        case ExportFormat.svg:
+            written = write_svg(plan, path, keep_order=not regroup, dips=dips)
+        case ExportFormat.gcode:
+            dialect = (flavour or Flavour.grbl).value
+            written = write_gcode(plan, path, dialect, press, lift, workspace, calibration, drying)
+        case ExportFormat.csv:
+            written = write_table(plan, path)
+    typer.echo(f"{len(written)} strokes in {len(written.palette)} paints: {path}")
+
+
+def _refuse_strangers(to: ExportFormat, given: dict[str, dict[str, bool]]) -> None:
+    """Raises ConfigError where an option was given that says nothing about this kind of file."""
+    for kind, options in given.items():
+        for option, is_given in options.items():
+            if is_given and kind != to.value:
+                raise ConfigError(f"{option} was given with --to {to.value}; it is for --to {kind}; leave it out.")
+
+
+PictureOut = Annotated[Path, typer.Option(parser=out_file, metavar="FILE", help="The picture to write, .png or .jpg.")]
+
+
+def check(
+    plan: Annotated[
+        Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
+    ],
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="The robot to check, as in paint --robot. [dim]any robot in the workspace, or virtual[/]",
+        ),
+    ] = None,
+    workspace: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The workspace file of the easel (TOML). [dim]the virtual studio's own[/]"),
+    ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The easel's calibration record. [dim]the heights of the workspace[/]"),
+    ] = None,
+    out: PictureOut = Path("check.png"),
+) -> None:
+    """Check whether a robot can paint a whole plan on an easel, and how long it takes. Nothing moves.
+
+    Every motion is asked for: strokes, dips, rinses, wipes. Where something cannot be done, it is
+    told, a picture shows the strokes in red, and the exit status is 1.
+    """
+    from frida_painter.cli.plan_output import check_plan
+
+    _require_picture(out)
+    if not check_plan(plan, robot, workspace, calibration, out):
+        raise typer.Exit(1)
+
+
+def print_example() -> None:
+    """Print an example of a workspace file with comments. Save it as your own file and enter your measures."""
+    from frida_painter.hardware.workcell import example
+
+    print(example(), end="")
+
+
+def draw(
+    workspace: Annotated[Path, typer.Argument(metavar="FILE", help="A workspace file (TOML).", show_default=False)],
+    out: PictureOut = Path("workspace.png"),
+) -> None:
+    """Draw a workspace from above. Compare the drawing with your table."""
+    from frida_painter import images
+    from frida_painter.hardware.workcell import WorkcellConfig
+    from frida_painter.report.sheets import workspace_plan
+
+    _require_picture(out)
+    workcell = WorkcellConfig.load(workspace)
+    images.save(workspace_plan(workcell.workspace, workcell.canvas, workcell.easel), out)
+    print(f"{workcell.easel}: {count_of(len(workcell.workspace.wells), 'well')}, canvas of {workcell.canvas}: {out}")
+
+
+def _require_picture(out: Path) -> None:
+    if out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise ConfigError(f"--out was given {str(out)!r}; the picture ends in .png or .jpg.")
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    app.command("mix")(mix)
+    app.command("export")(export)
+    app.command("check")(check)
+    group = typer.Typer(
+        no_args_is_help=True,
+        help="Describe the workspace of a robot: where canvas, wells, water and rag stand, in metres.",
+    )
+    group.command("example")(print_example)
+    group.command("draw")(draw)
+    app.add_typer(group, name="workspace")

@@ -1,0 +1,341 @@
+"""The easel's end of the link: does what the painting process asks for, one thing after another.
+
+A request names a part of the easel and what it is to do; the answer holds the result, or the kind and
+the sentence of an error of the tree in errors.py.
+"""
+
+import contextlib
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn
+
+import cv2
+import numpy as np
+import torch
+from filelock import FileLock, Timeout
+from numpy.typing import NDArray
+from pydantic import TypeAdapter
+
+from frida_painter import storage
+from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.devices import prepare_process
+from frida_painter.easel.guard import GuardedCamera, GuardedRobot
+from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE
+from frida_painter.easel.open import is_simulated, load_easel, lock_path, machines, open_easel
+from frida_painter.easel.order import EaselOrder
+from frida_painter.easel.watchdog import MACHINE, SIMULATED, CpuActivity, StopFile, Watch
+from frida_painter.easel.wire import Wire
+from frida_painter.errors import FridaError, MotionFailed, RobotBusy, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.hardware.easel import Easel, Operator
+from frida_painter.hardware.latch import HOW_TO_ARM, Latch, Unlatched, latch_path
+from frida_painter.hardware.robot import Camera, LiveCamera, MotionReport, Reach, Robot, Timing, Waypoints, Workspace
+from frida_painter.palette import Palette
+
+# One robot, one process: a lock that the system lets go of when its process ends, however it ends.
+
+
+class RobotLock:
+    """Holds a robot for this process until `release`. Raises RobotBusy, with the other's process id, where it is held.
+
+    The file stays behind, with the number of the process that held it last; a lock of a process that
+    died is free. Raises StorageError where there can be no such file.
+    """
+
+    def __init__(self, path: Path, robot: str) -> None:
+        # Only a lock of the system's own will do: a mere marker file would outlive a process that dies.
+        self._lock = FileLock(
+            path, mode=0o644, fallback_to_soft=False, preserve_lock_file=True, thread_local=False, on_acquired=_sign
+        )
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._lock.acquire(blocking=False)
+        except Timeout as error:
+            holder = _process(path)
+            whose = f"process {holder}" if holder else "another process"
+            raise RobotBusy(
+                f"{robot} is in use by {whose}; wait until that painting is done, or stop it first.", holder
+            ) from error
+        except OSError as error:
+            raise storage.cannot_write(path, error) from error
+
+    def release(self) -> None:
+        """Lets others have the robot."""
+        self._lock.release()
+
+
+def _sign(file: int) -> None:
+    with contextlib.suppress(OSError):  # the lock holds without the number, too
+        os.ftruncate(file, 0)
+        os.pwrite(file, str(os.getpid()).encode(), 0)
+
+
+def _process(path: Path) -> int | None:
+    """The process id in a lock's file, None where there is none (yet)."""
+    try:
+        with path.open("rb") as file:
+            text = file.read(20)
+    except OSError:
+        return None
+    return int(text) if text.isdigit() else None
+
+
+Answer = tuple[dict[str, Any], dict[str, NDArray[Any]]]
+
+
+@dataclass(frozen=True)
+class Host:
+    """Serves an easel over a wire, with robot and camera under guard; reach: of its arm, where that is asked for."""
+
+    robot: Robot
+    camera: Camera
+    operator: Operator
+    reach: Reach | None = None
+
+    def serve(self, wire: Wire) -> bool:
+        """Answers requests until the painting process asks for the end, which is then still to be answered (True).
+
+        False where it is gone, and nobody is left to tell.
+        """
+        try:
+            while True:
+                words, arrays = wire.receive()
+                if words.get("do") == "end":
+                    return True
+                wire.send(*self._answer(words, arrays))
+        except RobotDisconnected:
+            return False
+
+    def _answer(self, words: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Answer:
+        try:
+            return self._do(words, arrays)
+        except FridaError as error:
+            return told(error), {}
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            return told(RobotError(f"The easel's process could not read {words.get('do')!r} ({error!r}).")), {}
+
+    def _do(self, words: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Answer:
+        robot, camera, operator = self.robot, self.camera, self.operator
+        match words.get("do"):
+            case "robot.connect":
+                robot.connect()
+            case "robot.home":
+                return _report(robot.home())
+            case "robot.pose":
+                return {}, {"pose": robot.pose()}
+            case "robot.follow":
+                return _report(robot.follow(Waypoints(str(words["label"]), arrays["position"], float(words["speed"]))))
+            case "robot.close":
+                robot.close()
+            case "robot.reaches" if self.reach is not None:
+                return {}, {"reachable": self.reach.reachable(arrays["position"]).astype(np.uint8)}
+            case "camera.connect":
+                camera.connect()
+            case "camera.capture":
+                frame = camera.capture(float(words["newer_than"]))
+                return {"captured_at": frame.captured_at, "sequence": frame.sequence}, {"image": frame.image}
+            case "camera.close":
+                camera.close()
+            case "operator.fill_wells":
+                operator.fill_wells(Palette(torch.from_numpy(arrays["color"])))
+            case "operator.tone":
+                red, green, blue = map(float, words["ground"])
+                operator.tone((red, green, blue))
+            case "operator.change_brush":
+                operator.change_brush(str(words["brush"]))
+            case "operator.let_dry":
+                operator.let_dry(words["seconds"])
+            case "operator.lay_paper":
+                return {"done": operator.lay_paper()}, {}
+            case "operator.lay_checker":
+                return {"done": operator.lay_checker()}, {}
+            case "operator.take_checker_away":
+                return {"done": operator.take_checker_away()}, {}
+            case unknown:
+                raise RobotError(f"The easel's process was asked for {unknown!r}, which it does not know.")
+        return {}, {}
+
+
+def told(error: FridaError) -> dict[str, Any]:
+    """An error as words for the other end, which `heard` makes one again."""
+    details: dict[str, Any] = {}
+    if isinstance(error, RobotBusy):
+        details = {"pid": error.pid}
+    elif isinstance(error, MotionFailed):
+        details = {"code": error.code, "waypoint": error.waypoint}
+    elif isinstance(error, RobotStopped):
+        details = {"asked": error.asked}
+    return {"error": type(error).__name__, "message": str(error), "details": details}
+
+
+def _report(report: MotionReport) -> Answer:
+    times = {"label": report.label, "started_at": report.started_at, "finished_at": report.finished_at}
+    return times, {"reached": np.asarray(report.reached, np.float64)}
+
+
+# The picture that a camera has now, in a file, about once a second: for people to watch what the robot does.
+
+BETWEEN = 1.0
+"""Seconds between two pictures."""
+_WIDEST, _QUALITY = 960, 75
+
+
+class LivePicture:
+    """Keeps a JPEG of a live camera in `path` until it is dismissed; of another camera there is none.
+
+    Nobody waits for it: a photograph that the painter takes comes first, and a picture that cannot be had, or not be
+    written, is left out.
+    """
+
+    def __init__(self, camera: GuardedCamera, path: Path, between: float = BETWEEN) -> None:
+        self._camera, self._path, self._between = camera, path, between
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True, name="live picture")
+        if isinstance(camera.camera, LiveCamera):
+            self._thread.start()
+
+    def dismiss(self) -> None:
+        """Ends it and removes the file."""
+        self._over.set()
+        if self._thread.is_alive():
+            self._thread.join(2 * self._between)
+        self._path.unlink(missing_ok=True)
+
+    def _run(self) -> None:
+        while not self._over.wait(self._between):
+            try:
+                picture = self._camera.glance()
+                if picture is not None:
+                    storage.write_bytes(self._path, encoded(picture))
+            except FridaError:
+                continue
+
+
+def encoded(picture: NDArray[np.uint8]) -> bytes:
+    """A picture [rows, columns, 3] sRGB as JPEG, at most 960 pixels wide."""
+    share = min(1.0, _WIDEST / picture.shape[1])
+    small = cv2.resize(picture, None, fx=share, fy=share, interpolation=cv2.INTER_AREA) if share < 1 else picture
+    _, content = cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    return content.tobytes()
+
+
+# The easel's own process: owns robot and camera, does what the painting asks for, and stops when it must.
+#
+# Started by easel_process.py as `python -m frida_painter.easel.host WIRE LINE ROBOT`, two sockets that
+# it inherits, and the easel that will be ordered, or nothing: requests come over the first socket, heartbeats
+# and stops over the second. Nothing that the painting process is busy with delays a stop here.
+
+
+@dataclass(frozen=True)
+class _Deadlines:
+    """Seconds that robot and camera are given; patience: how many times longer than its way takes a motion may last.
+
+    answer: after which the painting process gives this one up, where it asked for no motion.
+    """
+
+    patience: float
+    grace: float
+    connecting: float
+    photograph: float
+    answer: float
+
+
+_REAL = _Deadlines(patience=2.0, grace=5.0, connecting=30.0, photograph=30.0, answer=60.0)
+# A simulated robot has the pace of the computer, which may be busy, or asleep. Whoever does not want to wait stops it.
+_DAY = 86400.0
+_SLOW = _Deadlines(patience=20.0, grace=_DAY, connecting=_DAY, photograph=_DAY, answer=_DAY + 60.0)
+
+
+def main(wire_file: int, line_file: int, robot: str) -> None:
+    """Loads what that robot needs, waits for the order, and serves the easel until the painting is done or gone."""
+    # Ctrl-C and a closed terminal concern the painting; it says here what is to be done.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    prepare_process()
+    load_easel(robot)
+    wire, line = Wire(socket.socket(fileno=wire_file)), socket.socket(fileno=line_file)
+    try:
+        order = EaselOrder.of(wire.receive()[0]["order"])
+    except RobotDisconnected:
+        return  # the painting process ended before it wanted anything
+    last_words: dict[str, Any] = {}
+    try:
+        asked_to_end = _serve(order, wire, line)
+    except FridaError as error:
+        asked_to_end, last_words = True, told(error)
+    if asked_to_end:
+        with contextlib.suppress(RobotDisconnected):
+            wire.send(last_words)
+
+
+def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
+    """Whether the painting process asked for the end. Raises errors of the tree where the easel cannot be had."""
+    with ExitStack() as stack:
+        known = machines(order)
+        for identity in sorted(known):
+            stack.callback(RobotLock(lock_path(order.state, identity), identity).release)
+        opened = open_easel(order)
+        stack.callback(opened.close)
+        easel = opened.easel
+        simulated, known_as = is_simulated(order), easel.calibration.easel
+        latch = Unlatched(known_as) if simulated else Latch(latch_path(order.state, known_as), known_as, known)
+        given = _SLOW if simulated else _REAL
+        robot = GuardedRobot(
+            easel.robot,
+            easel.workspace,
+            latch,
+            patience=given.patience,
+            grace=given.grace,
+            connecting=given.connecting,
+            claim=lambda identity: stack.callback(RobotLock(lock_path(order.state, identity), identity).release),
+        )
+        if robot.stopped is not None:
+            raise RobotStopped(f"{robot.stopped}. Nothing moves until somebody has looked: {HOW_TO_ARM}")
+        camera = GuardedCamera(easel.camera, patience=given.photograph)
+        stack.callback(robot.close)
+        stack.callback(camera.close)
+
+        def end(number: int, frame: FrameType | None) -> NoReturn:
+            robot.stop("the easel's process was told to end (SIGTERM)")
+            sys.exit(128 + number)
+
+        signal.signal(signal.SIGTERM, end)
+        if order.folder is not None:
+            stack.callback(StopFile(order.folder / STOP_FILE, partial(robot.stop, asked=True)).dismiss)
+            stack.callback(LivePicture(camera, order.folder / LIVE_PICTURE).dismiss)
+        limits = SIMULATED if simulated else MACHINE
+        stopped = partial(_is_stopped, robot)
+        painter = CpuActivity(os.getppid())
+        stack.callback(Watch(line, robot.stop, lambda: robot.moving, painter, limits, stopped=stopped).dismiss)
+        limits_told = {"patience": given.patience, "grace": given.grace, "answer": given.answer}
+        wire.send({**_about(easel), "simulated": simulated, **limits_told})
+        return Host(robot, camera, easel.operator, easel.reach).serve(wire)
+
+
+def _is_stopped(robot: GuardedRobot) -> bool:
+    return robot.stopped is not None
+
+
+def _about(easel: Easel) -> dict[str, Any]:
+    """What the painting process has to know of the easel, as plain values."""
+    return {
+        "workspace": TypeAdapter(Workspace).dump_python(easel.workspace, mode="json"),
+        "calibration": TypeAdapter(Calibration).dump_python(easel.calibration, mode="json"),
+        "canvas": TypeAdapter(CanvasSize).dump_python(easel.canvas, mode="json"),
+        "knows_reach": easel.reach is not None,
+        "pace": easel.pace,
+        "timing": TypeAdapter(Timing | None).dump_python(easel.timing, mode="json"),
+    }
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3])

@@ -1,0 +1,192 @@
+"""A plan as SVG in real millimetres, for Inkscape, vpype, plotters and lasers: layers are paints."""
+
+import csv
+import io
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from xml.sax.saxutils import escape, quoteattr
+
+import torch
+from torch import Tensor
+
+from frida_painter.brush.kinds import StrokeModel
+from frida_painter.errors import PlanError
+from frida_painter.frames import whole_turns_removed
+from frida_painter.palette import to_hex
+from frida_painter.plan import Plan
+from frida_painter.strokes import Strokes
+
+# What other programs need of a stroke: the control points of its path, and one width that stands for its mark.
+
+_AT_A_TIME = 64
+_THINNEST = 0.0001
+
+
+def control_points(strokes: Strokes) -> Tensor:
+    """The four control points of each stroke's cubic Bezier, canvas metres, [n, 4, 2]."""
+    along = strokes.length[:, None] * torch.arange(4, dtype=strokes.length.dtype, device=strokes.length.device) / 3
+    aside = strokes.bend[:, None] * strokes.bend.new_tensor([0.0, 1.0, 1.0, 0.0])
+    cos, sin = torch.cos(strokes.angle)[:, None], torch.sin(strokes.angle)[:, None]
+    x = strokes.position[:, 0:1] + cos * along - sin * aside
+    y = strokes.position[:, 1:2] + sin * along + cos * aside
+    return torch.stack((x, y), -1)
+
+
+def plan_widths(plan: Plan, models: Mapping[str, StrokeModel]) -> Tensor:
+    """The width [n] in metres of each stroke of a plan, as `mark_widths` has it; models: of its brushes, by name."""
+    widths = [mark_widths(part.strokes, models[part.layers[0].brush]) for part in plan.filled_layers()]
+    return torch.cat(widths) if widths else torch.zeros(0)
+
+
+@torch.no_grad()
+def mark_widths(strokes: Strokes, model: StrokeModel) -> Tensor:
+    """The width [n] in metres of round-ended lines that cover as much canvas as the strokes' marks.
+
+    A line of length l and width w with round ends covers l w + pi/4 w^2; what a mark covers is the
+    sum of its magnitude map. Solved for w, and at least a tenth of a millimetre.
+    """
+    across, along = model.frame.pitch
+    area = [
+        model(part.thickness, part.length, part.bend).sum((1, 2)) * across * along
+        for part in (strokes[start : start + _AT_A_TIME] for start in range(0, len(strokes), _AT_A_TIME))
+    ]
+    covered = torch.cat(area) if area else strokes.length
+    path = strokes.path(torch.linspace(0, 1, 33, dtype=strokes.length.dtype, device=strokes.length.device))
+    length = (path[:, 1:] - path[:, :-1]).norm(dim=-1).sum(-1)
+    width = (torch.sqrt(length.square() + math.pi * covered) - length) * 2 / math.pi
+    return width.clamp(min=_THINNEST)
+
+
+_DECIMALS = 3
+
+
+@dataclass(frozen=True)
+class _Layer:
+    """Strokes of one well in one layer of the plan, by index; pause: whether the brush is dipped before them."""
+
+    layer: int
+    paint: int
+    pause: bool
+    strokes: list[int] = field(default_factory=list)
+
+
+def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[int] = ()) -> str:
+    """The plan as an SVG document: one path per stroke, one layer per paint.
+
+    width [n]: of each stroke in metres. A new layer begins wherever the paint changes, so that
+    layers painted from first to last give the plan's picture: one layer per palette colour as long
+    as each colour is painted in one go, and more where the plan has several layers or colours come back. With
+    `keep_order=False` there is always one layer per colour in each of the plan's layers, lightest first, for plotters
+    where a change of pen costs more than the order. dips: indices of the strokes before which the brush is
+    dipped: a layer begins there whose name starts with "!", where software for AxiDraws pauses; in
+    painting order only. Raises PlanError where widths are not above 0 and finite.
+    """
+    if dips and not keep_order:
+        raise PlanError("Dips are marked in painting order only; leave out either the dips or the regrouping.")
+    if width.shape != (len(plan),) or not bool(((width > 0) & (width < 1)).all()):
+        raise PlanError(f"An SVG of {len(plan)} strokes needs a width above 0 and below 1 m for each; measure anew.")
+    across, down = (_millimetres(side) for side in (plan.canvas.width, plan.canvas.height))
+    paths = _paths(plan, width)
+    layers = [
+        _drawn(number, plan, layer, [paths[index] for index in layer.strokes])
+        for number, layer in enumerate(_layers(plan, keep_order, dips), start=1)
+    ]
+    ground = to_hex(torch.tensor(plan.ground))
+    return "\n".join(
+        (
+            '<?xml version="1.0" encoding="UTF-8"?>',
+            '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"',
+            '     xmlns:sodipodi="http://sodipodi.sourceforge.net/DTD/sodipodi-0.dtd"',
+            f'     width="{across}mm" height="{down}mm" viewBox="0 0 {across} {down}" style="background:{ground}">',
+            f"  <title>{escape(f'{len(plan)} strokes in {len(plan.palette)} colours, {plan.canvas}')}</title>",
+            f'  <sodipodi:namedview pagecolor="{ground}" inkscape:document-units="mm"/>',
+            *layers,
+            "</svg>\n",
+        )
+    )
+
+
+def _layers(plan: Plan, keep_order: bool, dips: Collection[int]) -> list[_Layer]:
+    layers: list[_Layer] = []
+    places = list(zip(plan.layer.tolist(), plan.well.tolist(), strict=True))
+    order = range(len(plan)) if keep_order else sorted(range(len(plan)), key=places.__getitem__)
+    for index in order:
+        if not layers or (layers[-1].layer, layers[-1].paint) != places[index] or index in dips:
+            layers.append(_Layer(*places[index], index in dips))
+        layers[-1].strokes.append(index)
+    return layers
+
+
+def _drawn(number: int, plan: Plan, layer: _Layer, paths: list[str]) -> str:
+    of_plan = plan.layers[layer.layer]
+    color = to_hex(plan.wells(of_plan).color[layer.paint])
+    count = f"{len(paths)} stroke{'s' if len(paths) > 1 else ''}"
+    of = f" layer {layer.layer + 1}" if len(plan.layers) > 1 else ""
+    of += f" {of_plan.brush} brush" if len(plan.brushes) > 1 else ""
+    # Plotter software takes the number at the start of a label as the layer's, and an exclamation mark as a pause.
+    label = quoteattr(f"{'!' if layer.pause else ''}{number} paint {layer.paint + 1} {color} {count}{of}")
+    return (
+        f'  <g inkscape:groupmode="layer" id="layer{number}" inkscape:label={label} fill="none" stroke="{color}"'
+        f' stroke-linecap="round" stroke-linejoin="round" data-paint="{layer.paint + 1}"'
+        f' data-layer="{layer.layer + 1}" data-brush={quoteattr(of_plan.brush)}>\n' + "\n".join(paths) + "\n  </g>"
+    )
+
+
+def _paths(plan: Plan, width: Tensor) -> list[str]:
+    points = plan.canvas.on_page(control_points(plan.strokes).double().cpu()) * 1000  # [n, 4, 2]
+    return [
+        f'    <path d="M{_pair(start)} C{_pair(first)} {_pair(second)} {_pair(end)}"'
+        f' stroke-width="{_millimetres(metres)}" data-stroke="{index}" data-thickness="{thickness:.4f}"/>'
+        for index, ((start, first, second, end), metres, thickness) in enumerate(
+            zip(points.tolist(), width.tolist(), plan.strokes.thickness.tolist(), strict=True), start=1
+        )
+    ]
+
+
+def _pair(point: list[float]) -> str:
+    return f"{point[0]:.{_DECIMALS}f},{point[1]:.{_DECIMALS}f}"
+
+
+def _millimetres(metres: float) -> str:
+    return f"{metres * 1000:.{_DECIMALS}f}".rstrip("0").rstrip(".")
+
+
+# A plan as CSV: one row per stroke in painting order, for spreadsheets and for machines of any make.
+
+COLUMNS = (
+    *("stroke", "layer", "brush", "paint", "color", "start_x_mm", "start_y_mm", "end_x_mm", "end_y_mm"),
+    *("angle_deg", "length_mm", "bend_mm", "thickness"),
+    *(f"bezier{point}_{axis}_mm" for point in range(4) for axis in "xy"),
+)
+
+
+def table(plan: Plan) -> str:
+    """The strokes as CSV with a header row.
+
+    Millimetres from the canvas's bottom-left corner, x right, y up; angles in degrees,
+    counter-clockwise from x, in [-180, 180); thickness in [0, 1]; strokes, layers and the wells of paints count from 1.
+    """
+    content = io.StringIO()
+    rows = csv.writer(content, lineterminator="\n")
+    rows.writerow(COLUMNS)
+    strokes = plan.strokes
+    points = (control_points(strokes).double() * 1000).flatten(1).tolist()  # n rows of x, y of four points
+    colors = [to_hex(color) for color in plan.palette.color[plan.paint]]
+    brushes = [layer.brush for layer in plan.layers]
+    groups = zip(
+        plan.layer.tolist(),
+        plan.well.tolist(),
+        colors,
+        points,
+        (whole_turns_removed(strokes.angle) * (180 / math.pi)).tolist(),
+        (strokes.length * 1000).tolist(),
+        (strokes.bend * 1000).tolist(),
+        strokes.thickness.tolist(),
+        strict=True,
+    )
+    for number, (layer, paint, color, path, angle, length, bend, thickness) in enumerate(groups, start=1):
+        shape = (*path[:2], *path[6:], angle, length, bend)
+        numbers = (*(f"{value:.3f}" for value in shape), f"{thickness:.4f}", *(f"{value:.3f}" for value in path))
+        rows.writerow((number, layer + 1, brushes[layer], paint + 1, color, *numbers))
+    return content.getvalue()

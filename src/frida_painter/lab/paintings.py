@@ -1,0 +1,349 @@
+"""Experiments about paintings: a trial is a RunSpec, which is planned and painted, and a judge measures the painting.
+
+Every painting is planned on a bare canvas and painted in the virtual studio through PaintingRun. A scale is a RunSpec
+as well: everything that all paintings of an experiment share.
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Self
+
+from torch import Tensor
+
+from frida_painter import images, storage
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.library import StrokeLibrary
+from frida_painter.easel.dialogue import lead
+from frida_painter.easel.kinds import OpenEasel
+from frida_painter.easel.order import EaselOrder
+from frida_painter.easel.studio import furnished
+from frida_painter.hardware.easel import Easel, Operator
+from frida_painter.lab import ExperimentScale
+from frida_painter.lab.base import (
+    Experiment,
+    ExperimentTrial,
+    Labels,
+    Measurement,
+    Notify,
+    Outcome,
+    Progress,
+    Results,
+    Value,
+    within,
+)
+from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.procedures.strokes import StrokesProgress, strokes
+from frida_painter.runs.goal_item import GoalItem
+from frida_painter.runs.run import PaintingRun
+from frida_painter.runs.spec import RunSpec
+from frida_painter.session.events import Event, Looked, Planned, StrokePainted, TimelapseFrame
+from frida_painter.session.hand import Brushwork
+from frida_painter.session.observer import CanvasObserver
+from frida_painter.session.opening import open_virtual_easel
+from frida_painter.virtual.camera import CameraSpec
+from frida_painter.virtual.studio import FREE, VirtualStudio
+from frida_painter.virtual.table import HandNoise, PlacementError, Table
+
+# What experiments about strokes and arms have the virtual robot paint: strokes as they are, or a stroke library.
+#
+# No painting is made here; those go through PaintingRun (paintings.py).
+
+EXACT = PlacementError((0.0, 0.0), 0.0)
+"""A robot that has been calibrated perfectly."""
+_PAINTING = 0.2  # share of the time that painting a library takes
+
+
+def connected(studio: VirtualStudio) -> VirtualStudio:
+    """The studio with its robot and camera connected."""
+    studio.easel.robot.connect()
+    studio.easel.camera.connect()
+    return studio
+
+
+def execute(plan: Plan, easel: Easel, rows: int) -> Tensor:
+    """Paints the plan on a bare easel and returns the photograph of the canvas, [3, rows, columns].
+
+    Raises RobotError, CameraError and their kinds.
+    """
+    brushwork, observer = Brushwork(easel, brush_kind(plan.layers[0].brush).for_any_order), CanvasObserver(easel)
+    brushwork.step_aside()
+    observer.look(brushwork.last_motion, rows)  # at the bare canvas: learns the light of the room
+    easel.operator.fill_wells(plan.palette)
+    for action in brushwork.prepare(plan, 0, len(plan)):
+        brushwork.perform(action)
+    brushwork.step_aside()
+    return observer.look(brushwork.last_motion, rows)
+
+
+def library_of(
+    path: Path | None, brush: str, seed: int, scale: ExperimentScale, notify: Notify
+) -> tuple[StrokeLibrary, str, Notify]:
+    """The library to learn from, from a file or painted now; what it is called, and whom to tell of the rest."""
+    if path is not None:
+        return StrokeLibrary.load(path), path.stem, notify
+    painted = virtual_library(brush, scale.strokes, seed, within(notify, 0.0, _PAINTING))
+    return painted, f"virtual {brush} brush", within(notify, _PAINTING, 1.0)
+
+
+def virtual_library(brush: str, count: int, seed: int, notify: Notify) -> StrokeLibrary:
+    """`count` strokes of a brush that ships with the project. Raises ConfigError where there is no such brush."""
+
+    def hear(progress: StrokesProgress) -> None:
+        notify(Progress(progress.done / progress.of, "painting a stroke library"))
+
+    painting = strokes(open_virtual_easel(brush, seed), brush_kind(brush), count=count, seed=seed, notify=hear)
+    return lead(painting, lambda question: question.proposal or False).library
+
+
+# The virtual studio without some of its imperfections: what is each of them worth to a painting?
+#
+# The studio itself stays as it is. What its settings can leave out is left out there; the rest is taken from the
+# studio
+# once it is open.
+
+_ENDLESS = 1000.0  # times the paint that a brush holds
+_COVERING = 100.0  # times the absorption and the scattering of a paint
+_AT_ONCE = 1e-3  # seconds in which paint dries
+
+
+@dataclass(frozen=True)
+class Imperfection:
+    """Something that is not perfect in the studio.
+
+    name: as tables show it; furniture: fields of StudioSettings without it; remove: takes it from an open studio.
+    """
+
+    name: str
+    furniture: Mapping[str, Any] = field(default_factory=dict)
+    remove: Callable[[VirtualStudio], None] = lambda studio: None
+
+
+def _never_runs_out(studio: VirtualStudio) -> None:
+    """Its share of the capacity decides what a bristle leaves: one that holds a thousand times as much stays full."""
+    for tuft in studio.tufts.values():
+        tuft.capacity *= _ENDLESS
+
+
+def _lies_flat(studio: VirtualStudio) -> None:
+    studio.canvas.tooth[...] = 0.0
+
+
+def _covers(studio: VirtualStudio) -> None:
+    """A film of paint whose absorption and scattering grow alike keeps its colour and hides what lies below it."""
+    studio.easel = replace(studio.easel, operator=_OpaquePaint(studio.easel.operator, studio.table))
+
+
+PLACEMENT = Imperfection("placement error", {"placement_error": EXACT})
+HAND = Imperfection("hand noise", {"noise": HandNoise(0.0, 0.0)})
+LOAD = Imperfection("running out", remove=_never_runs_out)
+WETNESS = Imperfection("wet mixing", {"drying_time": _AT_ONCE})
+TRANSLUCENCY = Imperfection("translucency", remove=_covers)
+TOOTH = Imperfection("canvas tooth", remove=_lies_flat)
+CAMERA = Imperfection("camera error", {"camera": CameraSpec.ideal()})
+IMPERFECTIONS = (PLACEMENT, HAND, LOAD, WETNESS, TRANSLUCENCY, TOOTH, CAMERA)
+
+
+class StudioWithout:
+    """Opens the virtual studio without some imperfections, and shows its canvas as it is afterwards."""
+
+    def __init__(self, imperfections: Sequence[Imperfection] = ()) -> None:
+        self._without = imperfections
+        self._studio: VirtualStudio | None = None
+
+    def open(self, order: EaselOrder) -> OpenEasel:
+        """The studio that is ordered. Raises ConfigError where it has no such brush."""
+        furniture = {name: value for one in self._without for name, value in one.furniture.items()}
+        studio, easel = furnished(order, FREE, **furniture)
+        for one in self._without:
+            one.remove(studio)
+        self._studio = studio
+        return OpenEasel(replace(easel, operator=studio.easel.operator), studio.close)
+
+    def truth(self, rows: int) -> Tensor:
+        """The canvas as it is, sRGB [3, rows, columns], straight on and in even light. Never for the painter."""
+        assert self._studio is not None, "open comes first"
+        return self._studio.truth(rows)
+
+
+@dataclass(frozen=True)
+class _OpaquePaint:
+    """The studio's operator, who fills the wells with paint that hides what it is laid on."""
+
+    usual: Operator
+    table: Table
+
+    def fill_wells(self, palette: Palette) -> None:
+        """Fills well i with paint i."""
+        self.usual.fill_wells(palette)
+        self.table.paints = tuple(_COVERING * paint for paint in self.table.paints)
+
+    def tone(self, ground: tuple[float, float, float]) -> None:
+        """As usual, and so are the others."""
+        self.usual.tone(ground)
+
+    def change_brush(self, brush: str) -> None:
+        """The same."""
+        self.usual.change_brush(brush)
+
+    def let_dry(self, seconds: float) -> None:
+        """Time passes."""
+        self.usual.let_dry(seconds)
+
+    def lay_paper(self) -> bool:
+        """Fresh paper."""
+        return self.usual.lay_paper()
+
+    def lay_checker(self) -> bool:
+        """The colour checker."""
+        return self.usual.lay_checker()
+
+    def take_checker_away(self) -> bool:
+        """And away."""
+        return self.usual.take_checker_away()
+
+
+FULL = RunSpec.of(strokes=100, layers=1, colors=12, effort=0.3, replans=0)
+QUICK = RunSpec.of(strokes=6, colors=3, render_height=64, effort=0.05, replans=0)
+"""Of experiments with goals that networks judge."""
+_PLANNING = 0.7  # share of the time that a painting takes
+
+Tell = Callable[[float], None]
+"""Hears the share, in [0, 1], of a part of the work that is done."""
+MakePlan = Callable[[PaintingRun, Tell], tuple[Plan, Tensor]]
+"""Makes the plan of a run, and the picture [3, rows, columns] that it is thought to make."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaintingTrial(ExperimentTrial):
+    """One painting. make_plan: what plans it, by default the planner of its run; without: what its studio lacks."""
+
+    spec: RunSpec
+    make_plan: MakePlan
+    without: tuple[Imperfection, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        labels: Labels,
+        spec: RunSpec,
+        make_plan: MakePlan | None = None,
+        without: tuple[Imperfection, ...] = (),
+    ) -> Self:
+        """The trial of a painting, which depends on its spec and on the content of the files that are its goal."""
+        files = {part: [_content(item) for item in getattr(spec, part)] for part in ("goal", "initial")}
+        depends_on = {"spec": spec.record(), **files, "without": [one.name for one in without]}
+        return cls(labels=labels, depends_on=depends_on, spec=spec, make_plan=make_plan or planned, without=without)
+
+
+@dataclass(frozen=True)
+class Painted:
+    """A painting.
+
+    run: that made it; plan: the first one; planned: that plan as a picture, photograph: of the canvas in the end, and
+    truth: the canvas as it is, which no camera sees, all [3, rows, columns] of the planning image; seconds: of the CPU,
+    for planning; expected: by strokes painted, whenever the canvas was seen: the picture of the canvas with the rest of
+    the plan on it.
+    """
+
+    run: PaintingRun
+    plan: Plan
+    planned: Tensor
+    photograph: Tensor
+    truth: Tensor
+    seconds: float
+    expected: Mapping[int, Tensor] = field(default_factory=dict)
+
+
+Judge = Callable[[PaintingTrial, Painted], Measurement]
+
+
+def like(scale: RunSpec, picture: Tensor, goal: Sequence[Any], seed: int, **changes: Any) -> RunSpec:
+    """The painting of a goal at that scale, on a canvas that lies as the picture [3, H, W] does.
+
+    goal: as in a TOML file, such as {"image": "photo.jpg"}; changes: other fields of the spec.
+    """
+    canvas = scale.canvas.turned_like(*picture.shape[1:])
+    return scale.changed(**{"goal": goal, "seed": seed, "canvas": canvas, "fit": "crop", "film": False, **changes})
+
+
+def settings(scale: RunSpec) -> dict[str, Value]:
+    """What all paintings of an experiment share, as its outcome names it."""
+    return {
+        "brush": ", ".join(scale.brush_names),
+        "canvas": str(scale.canvas),
+        "strokes": scale.strokes,
+        "colors": scale.colors,
+        "rows": scale.render_height,
+        "effort": scale.effort,
+        "looks": scale.replans,
+        "robot": "off by about 2 mm and 0.4 degrees as drawn from the seed",
+    }
+
+
+def experiment(
+    trials: Sequence[PaintingTrial],
+    judge: Judge,
+    report: Callable[[Results], Outcome],
+    encoders: EncoderRegistry | None = None,
+) -> Experiment[PaintingTrial]:
+    """The experiment that paints all trials. encoders: the networks that goals are seen through."""
+
+    def measure(trial: PaintingTrial, notify: Notify) -> Measurement:
+        measured = judge(trial, paint(trial, notify, encoders))
+        notify(Progress(1.0, f"{_words(trial)}: measured"))
+        return measured
+
+    return Experiment(trials, measure, report)
+
+
+def paint(trial: PaintingTrial, notify: Notify, encoders: EncoderRegistry | None = None) -> Painted:
+    """Plans and paints a trial. Raises WeightsError where a network is missing."""
+    expected: dict[int, Tensor] = {}
+    doing = _words(trial)
+
+    def planning(share: float) -> None:
+        notify(Progress(_PLANNING * share, f"{doing}: planning"))
+
+    def hear(event: Event) -> None:
+        match event:
+            case StrokePainted(done, of):
+                notify(Progress(_PLANNING + (0.99 - _PLANNING) * done / of, f"{doing}: painting"))
+            case Planned(done=done, expected=picture):
+                expected[done] = picture
+            case TimelapseFrame(photograph=photograph, done=done, of=of) if done < of:
+                expected[done] = run.planner.expected(plan.part(slice(done, None)), photograph)
+            case Looked(photograph=photograph, done=done) if done == len(plan):
+                expected[done] = images.fit(photograph, *picture_of_plan.shape[1:])
+            case _:
+                pass
+
+    with PaintingRun(trial.spec, listeners=[hear], encoders=encoders) as run:
+        began = time.process_time()
+        plan, picture_of_plan = trial.make_plan(run, planning)
+        seconds = time.process_time() - began
+        studio = StudioWithout(trial.without)
+        photograph = run.simulate(plan, studio.open).photograph
+    rows, columns = picture_of_plan.shape[1:]
+    truth = images.fit(studio.truth(rows), rows, columns)
+    return Painted(run, plan, picture_of_plan, images.fit(photograph, rows, columns), truth, seconds, expected)
+
+
+def planned(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
+    """The plan that the run's own planner makes, and its picture."""
+    plan = run.plan(lambda step: tell(step.iteration / step.of))
+    return plan, run.planner.expected(plan, run.planner.bare)
+
+
+def _content(item: GoalItem) -> list[str | float]:
+    """A goal as what it really is: words, or the content of a file."""
+    content = item.value if item.path is None else storage.sha256(item.path, "a picture of the goal")
+    return [item.kind, content, item.weight]
+
+
+def _words(trial: PaintingTrial) -> str:
+    """What is being painted."""
+    return ", ".join(f"seed {value}" if label == "seed" else str(value) for label, value in trial.labels.items())

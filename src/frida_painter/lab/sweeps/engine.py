@@ -1,0 +1,377 @@
+"""The engine of a sweep: does one function with many tasks in other processes, tries again, and never stops for one.
+
+Two engines have one interface: processes of this machine (here), and a Ray cluster (`ray_engine.py`). A task is a
+small plain value; whatever is large lies in files. A try that lasts too long ends by an alarm of the system's in its
+own process, which no code can miss.
+"""
+
+import logging
+import multiprocessing
+import os
+import signal
+import socket
+import threading
+import traceback
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from itertools import islice
+from multiprocessing import parent_process
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any, Generic, Protocol, TypeVar
+
+from frida_painter import registry
+from frida_painter.errors import ConfigError, FridaError, TryFailed, WorkerUnfit
+
+Task = TypeVar("Task")
+Work = Callable[[Any], Any]
+"""A function of a module, by whose name other processes find it."""
+
+_STARTING = 300.0  # seconds until a process has loaded, on a machine that is busy
+_STARTS = 4
+_GRACE = 20.0  # seconds after the alarm
+PRELOADED = [
+    "frida_painter.lab.sweeps.runner",
+    "frida_painter.brush.table_kernels",
+    "frida_painter.render.scanline",
+    "frida_painter.render.scanline",
+    "sklearn.cluster",
+]
+"""What a run imports, also where it is used first: loaded once, and every process begins with it."""
+_MB = 2**20
+
+
+@dataclass(frozen=True)
+class TaskLimits:
+    """What each task is given: seconds for a try, cores, MB of memory, and tries in all."""
+
+    seconds: float = 3600.0
+    threads: int = 1
+    memory: int = 1000
+    tries: int = 3
+
+
+@dataclass(frozen=True)
+class Ended(Generic[Task]):
+    """A task that has ended: its value, or the error of the last try."""
+
+    task: Task
+    value: Any = None
+    error: Exception | None = None
+
+
+class Engine(Protocol):
+    """Does tasks somewhere."""
+
+    @property
+    def slots(self) -> int:
+        """How many tasks are done at the same time."""
+        ...
+
+    def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Ended[Task], None, None]:
+        """Does the work with every task, and tells of each when it ends; closing the iterator stops what is going on.
+
+        A WorkerUnfit ends its task at once, for no other try would do better.
+        """
+        ...
+
+
+def slots_here(limits: TaskLimits, most: int | None = None) -> int:
+    """How many tasks this machine has cores and memory for, at least one. most: not more than so many."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // _MB
+    return max(1, min(cores // limits.threads, memory // limits.memory, most or cores))
+
+
+def within_limits(work: Work, task: Any, limits: TaskLimits) -> Any:
+    """One try, in the process that does it: with so many threads, and killed by the system where it lasts too long.
+
+    Raises TryFailed for errors of other packages, of which only the text can be sent to another process.
+    """
+    import torch
+
+    torch.set_num_threads(limits.threads)
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.setitimer(signal.ITIMER_REAL, limits.seconds)
+    try:
+        return work(task)
+    except FridaError:
+        raise
+    except Exception as error:
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        place = f"{Path(last.filename).name}, line {last.lineno}"
+        raise TryFailed(f"{type(error).__name__}: {error} ({place})"[:500]) from None
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+class LocalEngine:
+    """Processes of this machine, one for each slot, which stay for many tasks and end with the one that started them.
+
+    slots: how many tasks at the same time.
+    """
+
+    def __init__(self, limits: TaskLimits, slots: int) -> None:
+        self._limits, self.slots = limits, slots
+        self._context = multiprocessing.get_context("forkserver")
+        self._context.set_forkserver_preload(PRELOADED)
+        self._stopping = threading.Event()
+        self._workers = [_Worker(self._context) for _ in range(slots)]
+
+    def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Ended[Task], None, None]:
+        """Does the work with every task, and tells of each when it ends."""
+        self._stopping.clear()
+        rest, waiting = iter(tasks), set[Future[Ended[Task]]]()
+        free: SimpleQueue[_Worker] = SimpleQueue()
+        for worker in self._workers:
+            free.put(worker)
+        with ThreadPoolExecutor(self.slots) as threads:
+            try:
+                while True:
+                    for task in islice(rest, 2 * self.slots - len(waiting)):
+                        waiting.add(threads.submit(self._tried, free, work, task))
+                    if not waiting:
+                        return
+                    done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                    for future in done:
+                        yield future.result()
+            finally:
+                self._stopping.set()
+                waiting = {future for future in waiting if not future.cancel()}
+                while waiting:  # a process that was just being started is there in the next round
+                    for worker in self._workers:
+                        worker.kill()
+                    waiting = wait(waiting, timeout=0.2).not_done
+                for worker in self._workers:
+                    worker.kill()
+
+    def _tried(self, free: "SimpleQueue[_Worker]", work: Work, task: Task) -> Ended[Task]:
+        worker = free.get()
+        try:
+            error: Exception = TryFailed("It was not tried.")
+            for _ in range(self._limits.tries):
+                if self._stopping.is_set():
+                    break
+                try:
+                    return Ended(task, worker.call(work, task, self._limits))
+                except WorkerUnfit as failure:
+                    return Ended(task, error=failure)
+                except (FridaError, OSError) as failure:
+                    error = failure
+            return Ended(task, error=error)
+        finally:
+            free.put(worker)
+
+
+class _Worker:
+    """One process, started when it is needed, and again when it has died."""
+
+    def __init__(self, context: Any) -> None:
+        self._context = context
+        self._pool: ProcessPoolExecutor | None = None
+        self._pid = 0
+
+    def call(self, work: Work, task: Any, limits: TaskLimits) -> Any:
+        """The value of one try. Raises TryFailed where the process died or hung, and what the try raises."""
+        pool = self._opened()
+        try:
+            future = pool.submit(within_limits, work, task, limits)
+            error = future.exception(limits.seconds + _GRACE)
+        except (BrokenProcessPool, TimeoutError) as failure:
+            error = failure
+        if error is None:
+            return future.result()
+        if isinstance(error, FridaError):
+            raise error
+        self.kill()
+        self._pool = None
+        raise TryFailed(
+            "Its process was killed: by the system for want of memory, by a person, or because the try lasted longer "
+            f"than {limits.seconds:g} s (time_limit)."
+        ) from error
+
+    def _opened(self) -> ProcessPoolExecutor:
+        failure: Exception | None = None
+        for _ in range(_STARTS):  # one that is killed while it loads is started again
+            if self._pool is not None:
+                return self._pool
+            pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=_end_with_parent)
+            try:
+                self._pid = pool.submit(os.getpid).result(_STARTING)
+                self._pool = pool
+            except (BrokenProcessPool, TimeoutError, EOFError, OSError) as error:  # the server of forks may die as well
+                failure = error
+                pool.shutdown(wait=False, cancel_futures=True)
+        if self._pool is not None:
+            return self._pool
+        raise WorkerUnfit(
+            "No process for the runs could be started; in a script of your own, call it below "
+            '`if __name__ == "__main__":`, and see what was said above.'
+        ) from failure
+
+    def kill(self) -> None:
+        """Ends the process at once."""
+        if self._pool is not None and self._pid:
+            with suppress(ProcessLookupError):
+                os.kill(self._pid, signal.SIGKILL)
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool, self._pid = None, 0
+
+
+def _end_with_parent() -> None:
+    """Ctrl-C is for the process that started this one, and where that dies, nothing goes on here."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+
+    def follow() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+# The engine on Ray: a cluster of this machine alone, or one that is there. Ray places, starts and repeats the tasks.
+#
+# A run and its result are small; pictures lie in the sweep's folder, which all machines of the cluster have to see.
+
+_AHEAD = 2  # tasks for each slot that Ray is told of before they can begin
+_MOST_AHEAD = 10_000
+_ANSWERING = 5.0  # seconds
+_SETTINGS = b"\x04"  # the type of the frame with which every speaker of HTTP/2 begins, as Ray's are (RFC 9113, 3.4)
+_HELLO = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes(3) + _SETTINGS + bytes(5)
+_OBJECTS = 100 * _MB  # bytes for values between processes; those of a sweep are small
+_SILENT = {"log_to_driver": False, "logging_level": logging.CRITICAL + 1}  # a failure is told by the sweep
+
+
+class RayEngine:
+    """Tasks on Ray, from when it is made until `run` ends.
+
+    slots: at the same time on this machine; address: of a cluster, HOST:PORT or "auto", whose own size decides instead.
+    Raises ConfigError where Ray is not installed or the address does not answer.
+    """
+
+    def __init__(self, limits: TaskLimits, slots: int, address: str | None = None) -> None:
+        registry.require("ray", "ray", "A sweep over several machines (--address)")
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nobody is told of anything
+        if address is not None:
+            _show_token()
+        import ray
+
+        # Ray would print the stack of every try that fails, and all that a machine said before it was gone.
+        ray._private.worker._worker_logs_enabled = False
+        self._limits = limits
+        if address is None:
+            with _own_signals():
+                ray.init(
+                    address="local", num_cpus=slots * limits.threads, include_dashboard=False,
+                    object_store_memory=_OBJECTS, _memory=slots * limits.memory * _MB, **_SILENT,
+                )  # fmt: skip
+            self.slots = slots
+            return
+        _require_answer(address)
+        try:
+            with _own_signals():
+                ray.init(address=address, **_SILENT)
+        except (ConnectionError, RuntimeError, ValueError) as error:
+            said = str(error).split("\n")[0][:200]
+            raise ConfigError(
+                f"The Ray cluster at {address[:80]} cannot be joined ({said}); see `ray status` there, have one "
+                "version of Ray and of Python everywhere, and on each machine the head's token (`ray get-auth-token`)."
+            ) from error
+        self.slots = sum(_room(node["Resources"], limits) for node in ray.nodes() if node["Alive"])
+        if self.slots == 0:
+            ray.shutdown()
+            raise ConfigError(
+                f"No machine of the Ray cluster at {address[:80]} has {limits.threads} cores and {limits.memory} MB "
+                "for a run; ask for less (threads, memory)."
+            )
+
+    def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Ended[Task], None, None]:
+        """Does the work with every task, and tells of each when it ends."""
+        import ray
+
+        limits, ahead = self._limits, min(_AHEAD * self.slots + 2, _MOST_AHEAD)
+        tried = ray.remote(
+            num_cpus=limits.threads,
+            memory=limits.memory * _MB,
+            max_retries=limits.tries - 1,
+            retry_exceptions=[FridaError],
+        )(within_limits)
+        rest, waiting = iter(tasks), dict[Any, Task]()
+        try:
+            while True:
+                for task in islice(rest, ahead - len(waiting)):
+                    waiting[tried.remote(work, task, limits)] = task
+                if not waiting:
+                    return
+                done, _ = ray.wait(list(waiting))
+                for reference in done:
+                    yield _ended(waiting.pop(reference), reference, limits)
+        finally:
+            ray.shutdown()
+
+
+@contextmanager
+def _own_signals() -> Iterator[None]:
+    """Keeps what this process does at SIGTERM, where Ray would print its own stack and go on."""
+    before = signal.getsignal(signal.SIGTERM)
+    yield
+    if before is not None and threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, before)
+
+
+def _show_token() -> None:
+    """Has Ray show its token where this machine has one: clusters of `ray start` ask for it."""
+    place = Path(os.environ.get("RAY_AUTH_TOKEN_PATH", "~/.ray/auth_token"))
+    if "RAY_AUTH_TOKEN" in os.environ or place.expanduser().is_file():
+        os.environ.setdefault("RAY_AUTH_MODE", "token")
+
+
+def _room(resources: Mapping[str, float], limits: TaskLimits) -> int:
+    """How many tasks a machine with these resources does at the same time."""
+    memory = resources.get("memory", 0.0) / (limits.memory * _MB)
+    return int(min(resources.get("CPU", 0.0) / limits.threads, memory))
+
+
+def _ended(task: Task, reference: Any, limits: TaskLimits) -> Ended[Task]:
+    """What became of a task."""
+    import ray
+
+    try:
+        return Ended(task, ray.get(reference))
+    except ray.exceptions.RayTaskError as error:
+        cause = error.cause
+        return Ended(task, error=cause if isinstance(cause, FridaError) else TryFailed(str(cause)[:500]))
+    except ray.exceptions.RayError as error:
+        return Ended(task, error=TryFailed(_lost(error, limits)))
+
+
+def _lost(error: Exception, limits: TaskLimits) -> str:
+    said = str(error).strip().split("\n")[0][:200]
+    return (
+        f"Its process was killed: by the system for want of memory, by a person, or because the try lasted longer than "
+        f"{limits.seconds:g} s (time_limit). Ray says: {said}"
+    )
+
+
+def _require_answer(address: str) -> None:
+    """Raises ConfigError unless something answers at the address, which Ray itself waits for by the minute."""
+    if address in ("auto", "local"):
+        return
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    try:
+        if not host or not port.isdigit():
+            raise OSError("it is not HOST:PORT")
+        with socket.create_connection((host, int(port)), timeout=_ANSWERING) as line:
+            line.sendall(_HELLO)
+            if "RAY_USE_TLS" not in os.environ and line.recv(9)[3:4] != _SETTINGS:
+                raise OSError("what listens there is no Ray")
+    except (OSError, OverflowError) as error:
+        raise ConfigError(
+            f"--address {address[:80]} does not answer ({error}); give the address that `ray start --head` named, like "
+            "192.168.1.10:6379, or leave it out for this machine."
+        ) from error

@@ -1,0 +1,241 @@
+"""The folder of a sweep: who works on it, what was asked for, copies of the pictures, and what every run gave.
+
+| file | what it is |
+|---|---|
+| sweep.json | the sweep as it was asked for last, and what every picture is called here |
+| inputs/ | copies of the pictures, named by their content: the originals may vanish |
+| runs/KEY/ | one run: result.json once it is done, failure.json where it failed last, plan and pictures |
+| table.parquet | all results, made again from the runs at any time |
+| status.html, index.html | the pages of `sweep status` and `sweep report` |
+"""
+
+import contextlib
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from frida_painter import storage
+from frida_painter.errors import ConfigError, FridaError, StorageError, SweepBusy
+from frida_painter.lab.sweeps.spec import Fields, SweepRun, SweepSpec, Value, label
+from frida_painter.runs.folder import content_hash
+
+# The runs that a sweep makes, each once, by the content of the files that they are of.
+
+_MOST_FAULTS = 5
+
+
+class FileHashes:
+    """The hashes of files by their paths, each read once; of one that has vanished, the one that is known.
+
+    known: those of the day on which the sweep was begun; reread: whether files that are there are read again.
+    """
+
+    def __init__(self, known: Mapping[str, str] | None = None, *, reread: bool = True) -> None:
+        self._known = known or {}
+        self.by_path = {} if reread else dict(self._known)
+        self.vanished: list[str] = []
+
+    def of(self, path: Path) -> str:
+        """The hash of a file, or of all in a folder. Raises ConfigError where it is not there and never was."""
+        name = str(path.absolute())
+        if name not in self.by_path:
+            if storage.exists(path):
+                self.by_path[name] = content_hash(path)
+            elif name in self._known:
+                self.vanished.append(path.name)
+                self.by_path[name] = self._known[name]
+            else:
+                raise ConfigError(f"{storage.shown(path)} does not exist; a run of the sweep needs it.")
+        return self.by_path[name]
+
+
+def expanded(spec: SweepSpec, hashes: FileHashes) -> tuple[SweepRun, ...]:
+    """The runs in their order, each once. Raises ConfigError, naming the first few faults."""
+    runs, faults = dict[str, SweepRun](), list[str]()
+    told = _Labels(spec)
+    for differing, fields in spec.fields():
+        try:
+            run = SweepRun.of(spec.kind, differing, fields, hashes.of)
+        except FridaError as error:
+            if str(error) not in faults:
+                faults.append(str(error))
+            if len(faults) == _MOST_FAULTS:
+                break
+            continue
+        runs.setdefault(run.key, replace(run, labels=told.of(differing)))
+    if faults:
+        raise ConfigError(" ".join(faults))
+    return tuple(runs.values())
+
+
+class _Labels:
+    """What the values of the fields in which runs differ are called, so that no two are called the same."""
+
+    def __init__(self, spec: SweepSpec) -> None:
+        self._named: dict[str, dict[str, Value]] = {name: {} for name in spec.axes}
+        values = [(name, value) for name, several in spec.grid.items() for value in several]
+        values += [(name, value) for run in spec.runs for name, value in run.items()]
+        for name, value in values:
+            self._named[name][repr(value)] = label(value)
+        for name, known in self._named.items():
+            if len(set(known.values())) < len(known):  # the same file name in several folders, for one
+                files = [value for field, value in values if field == name and isinstance(value, str)]
+                if len(set(files)) == len(known) and all("/" in file for file in files):
+                    above = os.path.commonpath([str(Path(file).parent) for file in files])
+                    known |= {repr(file): str(Path(file).relative_to(above)) for file in files}
+                else:
+                    known |= {value: value for value in known}
+
+    def of(self, differing: Fields) -> dict[str, Value]:
+        """The labels of a run by these fields."""
+        return {name: self._named[name][repr(value)] for name, value in differing.items()}
+
+
+SWEEP = "sweep.json"
+TABLE = "table.parquet"
+_FORMAT = "frida-painter sweep"
+_LOCK = ".lock"
+_CUT_OFF = ".sweep-*.json"  # what a driver leaves that is killed while it writes the first file
+_ROOM = 100 * 2**20  # bytes
+
+
+class RunFolder:
+    """The folder of one run of a sweep. key: of the run."""
+
+    def __init__(self, sweep: Path, key: str) -> None:
+        self.path = sweep / "runs" / key
+
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """For one process at a time; the others wait. Raises StorageError where nothing can be written."""
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            lock = FileLock(self.path / _LOCK, fallback_to_soft=False, preserve_lock_file=True)
+            lock.acquire()
+        except OSError as error:
+            raise storage.cannot_write(self.path, error) from error
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def record(self) -> dict[str, Any] | None:
+        """What came out; None where it is not done, or where what is there is damaged, or of another run."""
+        record = self._read("result.json", "the result of a run")
+        return record if record is not None and record.get("key") == self.path.name else None
+
+    def keep(self, record: Mapping[str, Any]) -> None:
+        """Writes what came out, which makes the run done. Raises StorageError."""
+        storage.write_json(self.path / "result.json", record)
+        (self.path / "failure.json").unlink(missing_ok=True)
+
+    def keep_failure(self, failure: Mapping[str, Any]) -> None:
+        """Writes why it failed. Raises StorageError."""
+        storage.write_json(self.path / "failure.json", failure)
+
+    def failure(self) -> dict[str, Any] | None:
+        """Why it failed last; None where it did not."""
+        return self._read("failure.json", "why a run failed")
+
+    def _read(self, name: str, what: str) -> dict[str, Any] | None:
+        if not (self.path / name).exists():
+            return None
+        try:
+            return storage.read_json(self.path / name, what)
+        except StorageError:
+            return None
+
+
+class SweepFolder:
+    """The folder of a sweep."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path.absolute()
+
+    def run(self, key: str) -> RunFolder:
+        """The folder of a run."""
+        return RunFolder(self.path, key)
+
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """For one driver at a time. Raises SweepBusy where another works on it, StorageError where it cannot be."""
+        storage.require_space(self.path, _ROOM)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            known = {_LOCK, *(one.name for one in self.path.glob(_CUT_OFF))}
+            if not self.is_begun and any(one.name not in known for one in self.path.iterdir()):
+                raise StorageError(
+                    f"{storage.shown(self.path)} holds something that is no sweep; choose a new folder with --out."
+                )
+            lock = self._lock()
+            lock.acquire(blocking=False)
+        except Timeout as held:
+            raise SweepBusy(
+                f"Another process works on {storage.shown(self.path)}; wait until it is done, or look how far it is: "
+                f"frida-painter sweep status {storage.shown(self.path)}"
+            ) from held
+        except OSError as error:
+            raise storage.cannot_write(self.path, error) from error
+        try:
+            yield
+        finally:
+            lock.release()
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether a sweep was begun in it."""
+        return (self.path / SWEEP).exists()
+
+    @property
+    def is_held(self) -> bool:
+        """Whether a driver works on it now."""
+        lock = self._lock()
+        try:
+            lock.acquire(blocking=False)
+        except (Timeout, OSError):
+            return True
+        lock.release()
+        return False
+
+    def keep(self, spec: SweepSpec, hashes: Mapping[str, str], slots: int) -> None:
+        """Writes what is asked for. hashes: of files by their paths; slots: runs at the same time."""
+        storage.write_json(
+            self.path / SWEEP,
+            {"format": _FORMAT, "sweep": spec.model_dump(mode="json"), "files": dict(hashes), "slots": slots},
+        )
+
+    def asked(self) -> tuple[SweepSpec, dict[str, str], int]:
+        """What was asked for last, the hashes of files by their paths, and the slots. Raises ConfigError."""
+        path = self.path / SWEEP
+        if not self.is_begun:
+            raise ConfigError(
+                f"{storage.shown(self.path)} holds no sweep; give the folder of one, such as sweeps/NAME."
+            )
+        kept = storage.read_json(path, "a sweep", ConfigError)
+        if kept.get("format") != _FORMAT:
+            raise ConfigError(f"{storage.shown(path)} is no sweep of this program; give the folder of one.")
+        return SweepSpec.of(**kept["sweep"]), kept["files"], kept["slots"]
+
+    def copy_of(self, path: Path, content: str) -> Path:
+        """The copy of a picture by its hash, made where none is there that is as it was.
+
+        Raises ConfigError where it cannot be made, or where the picture has changed since its hash was taken.
+        """
+        copy = self.path / "inputs" / f"{path.stem[:60]}-{content[:16]}{path.suffix.lower()}"
+        if not copy.is_file() or content_hash(copy) != content:
+            storage.copy(path, copy, "a picture of the sweep", storage.MAX_BYTES, ConfigError)
+            if content_hash(copy) != content:
+                copy.unlink()
+                raise ConfigError(f"{storage.shown(path)} has changed while the sweep began; call it once more.")
+        return copy
+
+    def require_space(self) -> None:
+        """Raises StorageError where its disk is as good as full."""
+        storage.require_space(self.path, 2**20)
+
+    def _lock(self) -> FileLock:
+        return FileLock(self.path / _LOCK, fallback_to_soft=False, preserve_lock_file=True)

@@ -1,0 +1,257 @@
+"""EfficientNet-Lite: a small network that recognises a thousand kinds of things.
+
+Tan and Le 2019; the Lite variants are Google's. Batch normalisations are folded into the convolutions, which
+halves the work.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter.devices import Constant, half_precision
+from frida_painter.errors import WeightsError
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+
+_STRIDES = (1, 2, 2, 2, 1, 2, 1)  # of the first block in each of the seven stages
+_EPSILON = 1e-3
+_MEAN, _SPREAD = 127 / 255, 128 / 255
+
+
+@dataclass(frozen=True)
+class _Convolution:
+    """A convolution with the normalisation behind it: weight [out, in / groups, k, k], bias [out]."""
+
+    weight: Tensor
+    bias: Tensor
+    stride: int = 1
+
+    def __call__(self, x: Tensor) -> Tensor:
+        kernel = self.weight.shape[-1]
+        groups = x.shape[1] // self.weight.shape[1]
+        if self.stride == 1:
+            return functional.conv2d(x, self.weight.to(x), self.bias.to(x), padding=kernel // 2, groups=groups)
+        # As TensorFlow pads: so that the last step still reaches the edge, the odd row and column at the end.
+        rows, columns = (max(0, (-(-n // self.stride) - 1) * self.stride + kernel - n) for n in x.shape[-2:])
+        x = functional.pad(x, (columns // 2, columns - columns // 2, rows // 2, rows - rows // 2))
+        return functional.conv2d(x, self.weight.to(x), self.bias.to(x), stride=self.stride, groups=groups)
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Widen, look around channel by channel, narrow; what came in is added where shapes allow."""
+
+    expand: _Convolution | None
+    depthwise: _Convolution
+    project: _Convolution
+
+    def __call__(self, x: Tensor) -> Tensor:
+        inner = x if self.expand is None else functional.relu6(self.expand(x))
+        out = self.project(functional.relu6(self.depthwise(inner)))
+        return out + x if out.shape == x.shape else out
+
+
+class EfficientNetLite:
+    """Lite 0, 1 or 2 with frozen weights, by the tensors of its published state dict. Raises WeightsError."""
+
+    def __init__(self, tensors: Mapping[str, Tensor]) -> None:
+        try:
+            self._stem = _folded(tensors, "_conv_stem", "_bn0", 2)
+            self._stages = _stages(tensors)
+            self._head = _folded(tensors, "_conv_head", "_bn1")
+            self._classes = tensors["_fc.weight"], tensors["_fc.bias"]
+        except KeyError as cause:
+            raise WeightsError(
+                f"The weights hold no {cause.args[0]!r}, so they are not EfficientNet-Lite's; fetch them again."
+            ) from cause
+        if len(self._stages) != len(_STRIDES):
+            raise WeightsError(f"The weights have {len(self._stages)} stages; EfficientNet-Lite has {len(_STRIDES)}.")
+
+    def features(self, views: Tensor) -> tuple[Tensor, Tensor]:
+        """What is seen where in views [n, 3, h, w], sRGB in [0, 1], before it is summed up.
+
+        Of stage five [n, c, h / 16, w / 16], parts of things, and of the last layer [n, 1280, h / 32, w / 32].
+        """
+        with half_precision(views.device):
+            x = functional.relu6(self._stem((views - _MEAN) / _SPREAD))
+            parts = x
+            for number, stage in enumerate(self._stages, 1):
+                for block in stage:
+                    x = block(x)
+                if number == 5:
+                    parts = x
+            return parts.to(views), functional.relu6(self._head(x)).to(views)
+
+    def logits(self, views: Tensor) -> Tensor:
+        """Views [n, 3, h, w], sRGB in [0, 1], to scores of ImageNet's thousand classes [n, 1000]."""
+        return self.classified(self.features(views)[1])
+
+    def classified(self, deepest: Tensor) -> Tensor:
+        """What is seen at last [n, 1280, h, w] to scores [n, 1000]."""
+        weight, bias = self._classes
+        return deepest.mean((2, 3)) @ weight.to(deepest).T + bias.to(deepest)
+
+
+def _stages(tensors: Mapping[str, Tensor]) -> list[list[_Block]]:
+    """The blocks by stages: a new one begins where the number of channels changes."""
+    stages: list[list[_Block]] = []
+    channels = number = 0
+    while f"_blocks.{number}._project_conv.weight" in tensors:
+        name = f"_blocks.{number}"
+        project = _folded(tensors, f"{name}._project_conv", f"{name}._bn2")
+        begins = len(project.bias) != channels
+        if begins:
+            stages.append([])
+            channels = len(project.bias)
+        stride = _STRIDES[min(len(stages), len(_STRIDES)) - 1] if begins else 1
+        widens = f"{name}._expand_conv.weight" in tensors
+        expand = _folded(tensors, f"{name}._expand_conv", f"{name}._bn0") if widens else None
+        stages[-1].append(_Block(expand, _folded(tensors, f"{name}._depthwise_conv", f"{name}._bn1", stride), project))
+        number += 1
+    return stages
+
+
+def _folded(tensors: Mapping[str, Tensor], convolution: str, norm: str, stride: int = 1) -> _Convolution:
+    scale = tensors[f"{norm}.weight"] * torch.rsqrt(tensors[f"{norm}.running_var"] + _EPSILON)
+    bias = tensors[f"{norm}.bias"] - tensors[f"{norm}.running_mean"] * scale
+    return _Convolution(tensors[f"{convolution}.weight"] * scale[:, None, None, None], bias, stride)
+
+
+# Words and pictures in one space without CLIP: a picture means what the names of the classes it shows mean.
+#
+# Norouzi et al. 2013 (ConSE): the classifier says how probable each class is, a sentence encoder what
+# each class's name means, and the picture's meaning is their mixture.
+
+_SHARPNESS = 0.05  # of similarity, over which a class's share of what is wanted falls to a third
+
+
+class ConSE:
+    """Sees with a classifier and reads with a sentence encoder.
+
+    classifier: its thousand classes are those that are named; names: of each class, one or more; meanings [m, d]: of
+    all names, one after the other, of unit length; title: what the classifier is called.
+    """
+
+    side = 160
+
+    def __init__(
+        self,
+        classifier: EfficientNetLite,
+        names: Sequence[Sequence[str]],
+        meanings: Tensor,
+        sentences: SentenceEncoder,
+        title: str,
+    ) -> None:
+        self._classifier = classifier
+        self._sentences = sentences
+        self._meanings = meanings
+        self._owner = torch.repeat_interleave(torch.tensor([len(some) for some in names]))  # [m]
+        whole = torch.zeros(len(names), meanings.shape[1]).index_add_(0, self._owner, meanings)
+        self._count = len(names)
+        self._classes = Constant(functional.normalize(whole, dim=1))  # [classes, d]
+        self.title = title
+
+    @property
+    def name(self) -> str:
+        """As a person is told."""
+        return f"{self.title} and the names of its classes (ConSE)"
+
+    def reads_all(self, prompt: str) -> bool:
+        """Whether the sentence encoder reads all of the words."""
+        return not self._sentences.is_cut_off(prompt)
+
+    def embed_text(self, prompt: str) -> Tensor:
+        """The meaning of words, [d], of unit length."""
+        return self._sentences.embed([prompt])[0]
+
+    def embed_pictures(self, pictures: Tensor) -> Tensor:
+        """The mixture of the class names' meanings for pictures [n, 3, h, w]: [n, d], of unit length."""
+        return self._mixture(self._seen(pictures))
+
+    def wanted(self, prompt: str) -> Tensor:
+        """How much of each class the words ask for, [classes], together 1.
+
+        A class is as near to the words as the nearest of its names.
+        """
+        similarity = self._meanings @ self.embed_text(prompt)  # [m]
+        nearest = torch.full((self._count,), -1.0).scatter_reduce(0, self._owner, similarity, "amax")
+        return (nearest / _SHARPNESS).softmax(0)
+
+    def features(self, views: Tensor) -> tuple[Tensor, Tensor]:
+        """What the classifier sees where in views [n, 3, h, w]: parts of things, and things."""
+        # Channels last: a fifth quicker on CPUs.
+        return self._classifier.features(views.contiguous(memory_format=torch.channels_last))
+
+    def distance_to(self, prompt: str) -> Callable[[Tensor], Tensor]:
+        """How far pictures [n, 3, h, w] are from what the prompt says, [n]: half cosine distance, half surprise.
+
+        Where nothing that is wanted is probable yet, the mixture's cosine is flat. The surprise, the
+        cross-entropy against the classes that are wanted over that of a picture that shows nothing
+        (the logarithm of their number), still falls.
+        """
+        apart = self.distance_of(prompt)
+        return lambda pictures: apart(self.features(pictures))
+
+    def distance_of(self, prompt: str) -> Callable[[Sequence[Tensor]], Tensor]:
+        """The same of what `features` says of pictures."""
+        meaning, wanted = Constant(self.embed_text(prompt)), Constant(self.wanted(prompt))
+
+        def apart(features: Sequence[Tensor]) -> Tensor:
+            seen = self._classifier.classified(features[-1]).log_softmax(1)
+            surprise = -(seen @ wanted.like(seen)) / math.log(self._count)
+            return (1 - self._mixture(seen) @ meaning.like(seen) + surprise) / 2
+
+        return apart
+
+    def _seen(self, pictures: Tensor) -> Tensor:
+        """Log probabilities of the classes, [n, classes]."""
+        return self._classifier.classified(self.features(pictures)[-1]).log_softmax(1)
+
+    def _mixture(self, seen: Tensor) -> Tensor:
+        return functional.normalize(seen.exp() @ self._classes.like(seen), dim=1)
+
+
+FILE = "class_names.txt"
+_LIVING = (range(398), range(991, 998))  # the classes of animals and of mushrooms
+_KIN = 6  # classes before and after one, that are of its kind
+
+
+@cache
+def class_names() -> tuple[tuple[str, ...], ...]:
+    """The names of each class, in the order of a classifier's scores, such as ("beacon", "lighthouse", ...).
+
+    They are lemmas of WordNet 3.0 (Princeton University 2006), whose licence stands beside this file.
+    """
+    text = (resources.files(__package__) / FILE).read_text("utf-8")
+    return tuple(tuple(line.split(", ")) for line in text.splitlines())
+
+
+def has_class(noun: str) -> bool:
+    """Whether a class of ImageNet is called so, or is a kind of it, as a red fox is a fox."""
+    return any(noun.lower() == one.lower().split()[-1] for some in class_names() for one in some)
+
+
+def synonyms(name: str) -> list[str]:
+    """What else the classes of that name are called, as "lady beetle" for "ladybird"; nothing where there is none."""
+    plain = name.lower()
+    known = [some for some in class_names() if any(plain == one.lower() for one in some)]
+    return [one for some in known for one in some if one.lower() != plain]
+
+
+def kin(name: str) -> list[str]:
+    """What living things are called that are most like one, nearest first: "wolf" for "dhole"; nothing for others.
+
+    The classes of animals stand in the order of WordNet's kinds, so that those of a kind stand together. The last
+    word of a name says what that is, but where it lives in the sea: a sea cucumber is none.
+    """
+    names, plain = class_names(), name.lower()
+    at = next((number for number, some in enumerate(names) if plain in (one.lower() for one in some)), -1)
+    living = next((those for those in _LIVING if at in those), range(0))
+    near = sorted((other for other in living if 0 < abs(other - at) <= _KIN), key=lambda other: abs(other - at))
+    called = (one.lower() for other in near for one in names[other])
+    return list(dict.fromkeys(one if one.startswith("sea ") else one.split()[-1] for one in called))

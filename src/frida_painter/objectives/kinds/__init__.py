@@ -1,1 +1,0 @@
-"""The kinds of goals that ship with the project: one file each, which says all of it."""

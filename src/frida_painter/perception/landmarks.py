@@ -1,0 +1,435 @@
+"""Where the canvas is in a photograph: its four corners, or why they cannot be told."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from frida_painter.calibration import Corners
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import CalibrationError
+from frida_painter.frames import Lens, PixelGrid
+from frida_painter.perception.srgb import light_of_bytes, to_linear
+
+# The outline of a canvas in a photograph, to a small part of a pixel, and how its lens bends it.
+#
+# Around four rough corners each side is looked for where many places along it show a step of colour
+# on one straight line (a vote, as P. Hough's): what is painted on the canvas or lies on the table
+# seldom does. A canvas's edges are straight; where all four are seen bowed, the lens bows them
+# (F. Devernay and O. Faugeras, "Straight lines have to be straight", 2001).
+
+_PLACES = 240  # looked at along each side
+_MARGIN = 0.02  # of a side, left out at its ends: there the next side disturbs
+_FINE = 2  # samples a pixel across the edge
+_SIGMA = 1.5  # pixels, of the slope that is looked for
+_LEAST_STEP = 0.04  # of light, as a share of what is brightest in the photograph
+_CLOSE = 2.5  # pixels from the line of a side within which a step votes for it
+_ROUNDS = 6
+_CERTAIN = 5.0  # standard deviations from none at which a lens is believed
+_BELIEVABLE = 0.15  # of bending at the photograph's corner
+
+
+@dataclass(frozen=True)
+class Outline:
+    """Four corners clockwise, first the one given first, (column, row) as seen; the lens, if it shows.
+
+    support: share of the places along a side at which its edge is seen, of the worst side; residual:
+    root mean square of the distances, in pixels, of those places from straight lines.
+    """
+
+    corners: Corners
+    lens: Lens | None
+    support: float
+    residual: float
+
+
+def trace_outline(photograph: NDArray[np.uint8], corners: Corners, reach: float) -> Outline | None:
+    """The outline within `reach` pixels of four rough corners; None where a side shows no edge at all.
+
+    photograph [rows, columns, 3] uint8 sRGB.
+    """
+    light = light_of_bytes(photograph)
+    light = (light / max(float(np.percentile(light[::4, ::4], 95)), 1e-3)).astype(np.float32)
+    rough = np.array(corners, np.float64)
+    sides = [_edge(light, start, end, reach) for start, end in zip(rough, np.roll(rough, -1, 0), strict=True)]
+    if min(len(points) for points in sides) < 0.1 * _PLACES:
+        return None
+    lens = _lens(sides, photograph.shape[:2])
+    straight = [points if lens is None else lens.straightened(points) for points in sides]
+    lines = [_line(points) for points in straight]
+    meeting = np.array([_meeting(lines[i - 1], lines[i]) for i in range(4)])
+    if not np.isfinite(meeting).all():
+        return None
+    found = meeting if lens is None else lens.bent(meeting)
+    off = np.concatenate([_distance(line, points) for line, points in zip(lines, straight, strict=True)])
+    support = min(len(points) for points in sides) / _PLACES
+    return Outline(
+        tuple((float(x), float(y)) for x, y in found), lens, support, float(np.sqrt(np.mean(np.square(off))))
+    )
+
+
+def _edge(
+    light: NDArray[np.float32], start: NDArray[np.float64], end: NDArray[np.float64], reach: float
+) -> NDArray[np.float64]:
+    """Points [k, 2] on the edge that runs about from `start` to `end`."""
+    way = end - start
+    outward = np.array([way[1], -way[0]]) / np.hypot(*way)  # the corners go round clockwise
+    along = np.linspace(_MARGIN, 1 - _MARGIN, _PLACES)
+    offset = np.arange(-reach - 4 * _SIGMA, reach + 4 * _SIGMA, 1 / _FINE)
+    places = (start + along[:, None] * way)[:, None] + offset[:, None] * outward  # [places, offsets, 2]
+    column, row = (np.ascontiguousarray(part, np.float32) for part in np.moveaxis(places, -1, 0))
+    seen = cv2.remap(light, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    slope = _slope(np.asarray(seen, np.float32))  # [places, offsets]
+    peak = np.zeros_like(slope, bool)
+    peak[:, 1:-1] = (slope[:, 1:-1] >= slope[:, :-2]) & (slope[:, 1:-1] > slope[:, 2:])
+    peak &= (slope > _LEAST_STEP) & (np.abs(offset) <= reach)
+    line = _vote(peak, along, offset, reach)
+    for _ in range(_ROUNDS):
+        expected = np.polynomial.polynomial.polyval(along, line)
+        distance = np.where(peak, np.abs(offset - expected[:, None]), np.inf)
+        nearest = distance.argmin(1)
+        place = np.flatnonzero(distance[np.arange(_PLACES), nearest] <= _CLOSE)
+        if len(place) < 0.1 * _PLACES:
+            return np.empty((0, 2))
+        exact = _summit(slope, offset, place, nearest[place])
+        # A lens bows the side a little; with a parabola its ends are not taken for something else.
+        line = np.asarray(np.polynomial.polynomial.polyfit(along[place], exact, 2), np.float64)
+    return start + along[place, None] * way + exact[:, None] * outward
+
+
+def _slope(seen: NDArray[np.float32]) -> NDArray[np.float64]:
+    """How steeply the colour [places, offsets, 3] changes across the edge, [places, offsets]; of a step, its height.
+
+    In linear light, in which an edge that is blurred stays where it is.
+    """
+    reach = round(4 * _SIGMA * _FINE)
+    place = np.arange(-reach, reach + 1) / (_SIGMA * _FINE)
+    kernel = -place * np.exp(-(place**2) / 2)
+    kernel /= np.abs(kernel).sum() / 2
+    changes = [cv2.filter2D(np.ascontiguousarray(seen[..., band]), cv2.CV_32F, kernel[None]) for band in range(3)]
+    slope: NDArray[np.float64] = np.sqrt(np.square(changes).sum(0))
+    return slope
+
+
+def _vote(
+    peak: NDArray[np.bool_], along: NDArray[np.float64], offset: NDArray[np.float64], reach: float
+) -> NDArray[np.float64]:
+    """The straight line (offset at the start, and its growth to the end) on which most places have a peak.
+
+    Of lines nearly as good the outermost is taken: what is painted along an edge lies inside it.
+    """
+    ends = np.arange(-reach, reach + 1)
+    votes = np.zeros((len(ends), len(ends)))
+    near = cv2.dilate(peak.astype(np.uint8), np.ones((1, 2 * _FINE + 1), np.uint8)).astype(bool)
+    for row, share in zip(near, along, strict=True):
+        expected = (1 - share) * ends[:, None] + share * ends[None]
+        votes += row[np.rint((expected - offset[0]) * _FINE).astype(int).clip(0, len(offset) - 1)]
+    outermost = (ends[:, None] + ends[None]) / 2
+    good = votes >= 0.9 * votes.max()
+    first, last = np.unravel_index(np.where(good, outermost + 1e-3 * votes, -np.inf).argmax(), votes.shape)
+    # Of the votes around that one the best: the outermost of a broad peak lies beside it.
+    around = np.s_[max(0, first - 3) : first + 4, max(0, last - 3) : last + 4]
+    inner = np.unravel_index(votes[around].argmax(), votes[around].shape)
+    a, b = ends[around[0]][inner[0]], ends[around[1]][inner[1]]
+    return np.array([a, b - a], np.float64)
+
+
+def _summit(
+    slope: NDArray[np.float64], offset: NDArray[np.float64], place: NDArray[np.intp], top: NDArray[np.intp]
+) -> NDArray[np.float64]:
+    """Where the slope is steepest, between the samples: the vertex of the parabola through three of them."""
+    before, at, after = slope[place, top - 1], slope[place, top], slope[place, top + 1]
+    return offset[top] + (before - after) / (2 * np.minimum(before - 2 * at + after, -1e-9)) / _FINE
+
+
+def _lens(sides: list[NDArray[np.float64]], shape: tuple[int, ...]) -> Lens | None:
+    """The radial distortion about the photograph's middle that makes the sides straight, where it is certain."""
+    rows, columns = shape
+    middle = ((columns - 1) / 2, (rows - 1) / 2)
+    focal = float(np.hypot(*middle))
+
+    def lens(bending: float) -> Lens:
+        return Lens((focal, focal), middle, (bending, 0.0, 0.0, 0.0, 0.0))
+
+    def off(bending: float) -> NDArray[np.float64]:
+        straight = [lens(bending).straightened(points) for points in sides]
+        return np.concatenate([_distance(_line(points), points) for points in straight])
+
+    bending, step = 0.0, 1e-3
+    for _ in range(_ROUNDS):  # Gauss and Newton's method
+        change = (off(bending + step) - off(bending - step)) / (2 * step)
+        left = off(bending)
+        bending = float(np.clip(bending - change @ left / (change @ change), -_BELIEVABLE, _BELIEVABLE))
+    deviation = float(np.sqrt(np.mean(np.square(off(bending))) / (change @ change)))
+    return lens(bending) if _CERTAIN * deviation < abs(bending) < _BELIEVABLE else None
+
+
+@dataclass(frozen=True)
+class _Line:
+    """All points p with normal . p = distance."""
+
+    normal: NDArray[np.float64]
+    distance: float
+
+
+def _line(points: NDArray[np.float64]) -> _Line:
+    """The line from which the points [k, 2] lie least far, in which those further off count less."""
+    weight = np.ones(len(points))
+    for _ in range(_ROUNDS):
+        middle = weight @ points / weight.sum()
+        spread = (points - middle) * np.sqrt(weight)[:, None]
+        normal = np.linalg.eigh(spread.T @ spread)[1][:, 0]
+        line = _Line(normal, float(normal @ middle))
+        away = _distance(line, points)
+        usual = 1.5 * np.median(np.abs(away)) + 1e-3
+        weight = 1 / (1 + (away / (3 * usual)) ** 2) ** 2
+    return line
+
+
+def _distance(line: _Line, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    return points @ line.normal - line.distance
+
+
+def _meeting(one: _Line, other: _Line) -> NDArray[np.float64]:
+    """Where two lines meet, [2]; not finite where they are parallel."""
+    matrix = np.stack((one.normal, other.normal))
+    if not abs(np.linalg.det(matrix)) > 1e-6:
+        return np.full(2, np.nan)
+    return np.linalg.solve(matrix, np.array([one.distance, other.distance]))
+
+
+_SMALL = 400  # rows or columns in which candidates are looked for
+_RING = 0.03  # of the photograph, along its border: table
+_SMALLEST = 0.06  # share of the photograph that a canvas fills at least
+_REACH = 0.012  # of the photograph's diagonal: how wrong a candidate's corners may be
+_EVEN = 0.008  # of its outline, that a hull may differ from a polygon
+_MOST_SIDES = 6
+_FINELY = 6.0  # pixels within which the outline is traced once more
+_LEAST_SUPPORT = 0.5
+_PLAIN = 0.97  # share of its worst edge at which no better canvas is looked for
+_ODDEST_SHAPE = 1.4  # how much longer than it is a side may look against the other, by perspective
+_DARK = 0.01
+
+_HELP = "clear the table, even out the light, or point at the four corners yourself"
+
+
+def find_canvas(photograph: NDArray[np.uint8], size: CanvasSize) -> Outline:
+    """The canvas's outline in a photograph [rows, columns, 3] (uint8 sRGB), its corners from the top left.
+
+    It is the quadrilateral unlike the table around it, in one of several senses, whose four edges
+    show best. Raises CalibrationError where none does.
+    """
+    reach = _REACH * float(np.hypot(*photograph.shape[:2]))
+    best: Outline | None = None
+    seen: list[NDArray[np.float64]] = []
+    for quadrilateral in _candidates(photograph):
+        known = any(np.abs(quadrilateral - other).max() < reach / 2 for other in seen)
+        if known or not _fits(quadrilateral, photograph.shape, size):
+            continue
+        seen.append(quadrilateral)
+        outline = trace_outline(photograph, _corners(quadrilateral), reach)
+        if outline is None or not _fits(np.array(outline.corners), photograph.shape, size):
+            continue
+        if best is None or outline.support > best.support + 0.02:
+            best = outline
+        if best is not None and best.support >= _PLAIN:
+            break
+    if best is None or not best.support >= _LEAST_SUPPORT:
+        shown = "no quadrilateral shows" if best is None else f"only {100 * best.support:.0f} % of one edge shows"
+        raise CalibrationError(
+            f"The canvas of {size} cannot be told from what is around it in the photograph ({shown}); {_HELP}."
+        )
+    return trace_outline(photograph, best.corners, _FINELY) or best
+
+
+def _candidates(photograph: NDArray[np.uint8]) -> Iterator[NDArray[np.float64]]:
+    """Quadrilaterals [4, 2] that may be the canvas, (column, row) clockwise from the top left."""
+    scale = max(1.0, max(photograph.shape[:2]) / _SMALL)
+    rows, columns = (round(side / scale) for side in photograph.shape[:2])
+    light = cv2.resize(light_of_bytes(photograph), (columns, rows), interpolation=cv2.INTER_AREA)
+    light = np.log(cv2.GaussianBlur(light, (0, 0), 1.0) + _DARK)
+    for mask in _masks(light):
+        for kernel in (3, 9):
+            shape = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (kernel, kernel))
+            closed = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, shape)
+            opened = cv2.morphologyEx(closed, cv2.MORPH_OPEN, shape)
+            contours, _ = cv2.findContours(opened, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+            for contour in contours:
+                hull = np.asarray(cv2.convexHull(contour), np.int32)
+                if cv2.contourArea(hull) >= _SMALLEST * rows * columns:
+                    for corners in _quadrilaterals(hull):
+                        yield _from_top_left((corners + 0.5) * (photograph.shape[1] / columns) - 0.5)
+
+
+def _masks(light: NDArray[np.float32]) -> Iterator[NDArray[np.bool_]]:
+    """Where the canvas may be, [rows, columns]: what is bright, and what is unlike the table."""
+    luminance = light.mean(-1)
+    span = np.percentile(luminance, [1, 99])
+    grey = np.clip(255 * (luminance - span[0]) / max(float(span[1] - span[0]), 1e-6), 0, 255).astype(np.uint8)
+    threshold, _ = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
+    yield grey > threshold
+    unlike = np.linalg.norm(light - _table(light), axis=-1)
+    usual = float(np.median(unlike[_ring(unlike.shape)]))
+    for distance in (0.6, 0.4, 0.25, 0.15):
+        if distance > 2 * usual:
+            yield unlike > distance
+
+
+def _table(light: NDArray[np.float32]) -> NDArray[np.float64]:
+    """What the table would look like everywhere, [rows, columns, 3], from its light along the border.
+
+    A plane for each band, in which what does not fit (things on the table) counts less.
+    """
+    rows, columns = light.shape[:2]
+    down, across = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, columns), indexing="ij")
+    terms = np.stack((np.ones_like(down), down, across, down**2, across**2), -1)
+    ring = _ring((rows, columns))
+    known, seen = terms[ring], light[ring].astype(np.float64)
+    weight = np.ones(len(seen))
+    for _ in range(8):
+        root = np.sqrt(weight)[:, None]
+        factors = np.linalg.lstsq(root * known, root * seen, rcond=None)[0]
+        off = np.linalg.norm(known @ factors - seen, axis=1)
+        weight = 1 / (1 + (off / (3 * np.median(off) + 1e-3)) ** 2) ** 2
+    return terms @ factors
+
+
+def _ring(shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    width = max(2, round(_RING * min(shape[:2])))
+    ring = np.ones(shape[:2], bool)
+    ring[width:-width, width:-width] = False
+    return ring
+
+
+def _quadrilaterals(hull: NDArray[np.int32]) -> Iterator[NDArray[np.float64]]:
+    """What four of a convex hull's longest sides make, prolonged until they meet, [4, 2] each.
+
+    So a canvas is found even where paint or a hand hides one of its corners.
+    """
+    polygon = cv2.approxPolyDP(hull, _EVEN * cv2.arcLength(hull, True), True)[:, 0].astype(np.float64)
+    side = np.roll(polygon, -1, axis=0) - polygon
+    longest = np.argsort(-np.linalg.norm(side, axis=1), kind="stable")[:_MOST_SIDES]
+    for chosen in combinations(sorted(longest.tolist()), 4):
+        start, way = polygon[list(chosen)], side[list(chosen)]
+        before, along = np.roll(start, 1, axis=0), np.roll(way, 1, axis=0)
+        sine = along[:, 0] * way[:, 1] - along[:, 1] * way[:, 0]
+        if (np.abs(sine) > 0.05 * np.linalg.norm(along, axis=1) * np.linalg.norm(way, axis=1)).all():
+            gap = start - before
+            far = (gap[:, 0] * way[:, 1] - gap[:, 1] * way[:, 0]) / sine
+            yield before + far[:, None] * along
+
+
+def _from_top_left(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same four corners, clockwise as one sees them, from the one nearest to the photograph's top left."""
+    around = corners - corners.mean(0)
+    ordered = corners[np.argsort(np.arctan2(around[:, 1], around[:, 0]))]
+    return np.roll(ordered, -int(np.argmin(ordered.sum(1))), axis=0)
+
+
+def _fits(corners: NDArray[np.float64], shape: tuple[int, ...], size: CanvasSize) -> bool:
+    """Whether corners [4, 2] lie in the photograph and make a quadrilateral of about the canvas's shape."""
+    side = np.roll(corners, -1, axis=0) - corners
+    after = np.roll(side, -1, axis=0)
+    convex = (side[:, 0] * after[:, 1] - side[:, 1] * after[:, 0] > 0).all()
+    inside = (corners >= -0.5).all() and (corners <= np.array(shape[1::-1]) - 0.5).all()
+    top, right, bottom, left = np.linalg.norm(side, axis=1)
+    odd = (top + bottom) / max(left + right, 1e-9) / (size.width / size.height)
+    return bool(convex and inside and 1 / _ODDEST_SHAPE <= odd <= _ODDEST_SHAPE)
+
+
+def _corners(points: NDArray[np.float64]) -> Corners:
+    return tuple((float(column), float(row)) for column, row in points)
+
+
+# Dots of paint that are new on the canvas, and which of them are the ones that were meant.
+
+_FAINTEST = 0.25  # share of its light that the canvas loses where paint covers it
+_SOLID = 0.5  # of its smallest enclosing circle that a dot fills at least
+_ODDEST_AREA = 4.0  # times larger or smaller than the usual dot
+_DOTS_SMALLEST = 4  # pixels
+_MOST_SPOTS = 200
+_MOST_TURN = np.tan(np.radians(20))
+_MOST_SCALE = 0.1
+
+
+@dataclass(frozen=True)
+class Match:
+    """Which dots are which. meant [k]: indices of those meant; seen [k]: of those seen."""
+
+    meant: NDArray[np.intp]
+    seen: NDArray[np.intp]
+
+    def __len__(self) -> int:
+        return len(self.meant)
+
+
+def find_dots(before: Tensor, after: Tensor, grid: PixelGrid) -> NDArray[np.float64]:
+    """Centres of roundish new marks of about one size, canvas metres [n, 2].
+
+    before, after: the rectified canvas, sRGB [3, rows, columns] of `grid`. The centre is that of the
+    paint that was added, weighed by how much of the canvas it covers.
+    """
+    bare, seen = to_linear(before).mean(0), to_linear(after).mean(0)
+    covered = (1 - seen / bare.clamp(min=1e-3)).clamp(0, 1).numpy()
+    covered = np.asarray(cv2.medianBlur(covered, 3), np.float32)
+    count, label, facts, _ = cv2.connectedComponentsWithStats((covered > _FAINTEST).astype(np.uint8))
+    dots: list[tuple[float, float]] = []
+    areas: list[float] = []
+    for number in range(1, count):
+        left, top, width, height, area = (int(fact) for fact in facts[number])
+        if area < _DOTS_SMALLEST:
+            continue
+        box = np.s_[top : top + height, left : left + width]
+        weight = np.where(label[box] == number, covered[box], 0)
+        rows, columns = np.indices(weight.shape)
+        row, column = (weight * rows).sum() / weight.sum(), (weight * columns).sum() / weight.sum()
+        inside = np.argwhere(label[box] == number)[:, ::-1]
+        _, radius = cv2.minEnclosingCircle(inside.astype(np.float32))
+        if area >= _SOLID * np.pi * (radius + 0.5) ** 2:
+            dots.append((left + float(column), top + float(row)))
+            areas.append(float(area))
+    if not dots:
+        return np.empty((0, 2))
+    usual = np.median(sorted(areas)[-_MOST_SPOTS:])
+    alike = (np.array(areas) < _ODDEST_AREA * usual) & (np.array(areas) > usual / _ODDEST_AREA)
+    chosen = np.array(dots)[alike][:_MOST_SPOTS]
+    return np.asarray(grid.to_canvas(torch.from_numpy(chosen)).numpy(), np.float64)
+
+
+def match_dots(meant: NDArray[np.float64], seen: NDArray[np.float64], *, reach: float, tolerance: float) -> Match:
+    """The largest set of dots [k, 2] that one shift, turn and slight change of size carries from meant to seen.
+
+    Any may be missing, and others be there. reach: how far from where it is meant a dot is looked
+    for; tolerance: how far from where the others put it; both in metres. All pairs of dots are
+    tried, not a sample of them (M. Fischler and R. Bolles, "Random sample consensus", 1981).
+    """
+    nothing = Match(np.empty(0, np.intp), np.empty(0, np.intp))
+    near = np.linalg.norm(seen[None] - meant[:, None], axis=-1) <= reach if len(seen) else np.zeros((len(meant), 0))
+    pairs = np.argwhere(near)
+    best = nothing
+    complex_meant, complex_seen = meant @ (1, 1j), seen @ (1, 1j)
+    for (i, a), (j, b) in combinations(pairs.tolist(), 2):
+        if i == j or a == b:
+            continue
+        growth = (complex_seen[b] - complex_seen[a]) / (complex_meant[j] - complex_meant[i])
+        if not (abs(abs(growth) - 1) <= _MOST_SCALE and abs(growth.imag) <= _MOST_TURN * growth.real):
+            continue
+        expected = complex_seen[a] + growth * (complex_meant - complex_meant[i])
+        found = _nearest(expected, complex_seen, tolerance)
+        if len(found) > len(best):
+            best = found
+    return best
+
+
+def _nearest(expected: NDArray[np.complexfloating], seen: NDArray[np.complexfloating], tolerance: float) -> Match:
+    """Pairs of which each is the nearest to the other, and not further than the tolerance."""
+    away = np.abs(seen[None] - expected[:, None])
+    mine, theirs = away.argmin(1), away.argmin(0)
+    number = np.arange(len(expected))
+    good = (theirs[mine] == number) & (away[number, mine] <= tolerance)
+    return Match(number[good], mine[good])

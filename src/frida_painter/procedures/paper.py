@@ -1,0 +1,444 @@
+"""One sheet of paper on which single strokes are painted, each photographed, and what may spoil a photograph.
+
+A stroke's mark is what changed between two photographs (paper, "Real Data to Simulation"). Whatever
+else changed is found here: it is taken out where that can be done, is a flaw of the stroke where
+not, and a photograph that shows nothing reliable is refused.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.library import Flaw
+from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import CalibrationError, ConfigError, FrameRejected
+from frida_painter.frames import MapFrame, PixelGrid
+from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.gateway import RobotGateway
+from frida_painter.hardware.motion import Motion
+from frida_painter.hardware.robot import Frame, Waypoints
+from frida_painter.palette import Palette
+from frida_painter.perception.color import true_color
+from frida_painter.perception.flatfield import FlatField
+from frida_painter.perception.rectify import rectify
+from frida_painter.perception.registration import PaperEdge
+from frida_painter.perception.srgb import to_linear, to_srgb
+from frida_painter.session.observer import Photographer
+from frida_painter.strokes import Strokes
+
+# What procedures do at an easel: move the robot, and photograph with the arm aside.
+
+
+class EaselAccess:
+    """One procedure's access to an easel: one gateway to its robot, and one memory of what its camera gave.
+
+    lowest: see RobotGateway; only the brush procedure gives it.
+    """
+
+    def __init__(self, easel: Easel, *, lowest: float | None = None) -> None:
+        self.easel = easel
+        self._gateway = RobotGateway(easel, lowest=lowest)
+        self._photographer = Photographer(easel.camera)
+
+    def photograph(self) -> Frame:
+        """A photograph taken after the arm has gone aside. Raises RobotError, CameraError and their kinds."""
+        self._gateway.step_aside()
+        return self._photographer.photograph(self._gateway.last_motion)
+
+    def perform(self, motions: Iterable[Waypoints]) -> None:
+        """Makes the motions, checked as one batch. Raises WorkspaceViolation before anything moves, RobotError."""
+        self._gateway.perform(motions)
+
+    def step_aside(self) -> None:
+        """Moves the arm out of the camera's sight. Raises RobotError."""
+        self._gateway.step_aside()
+
+    def pose(self) -> NDArray[np.float64]:
+        """Where the tip is, [3] metres. Raises RobotError."""
+        return self._gateway.pose()
+
+
+# Short strokes at given heights, each on a free place of the paper, and how wide a mark they leave.
+
+LENGTH = 0.012
+"""Of a trial stroke, metres."""
+_BLACK = 0.04
+_PITCH = 0.0005
+_STEP = 0.001
+_EDGE = 0.004
+# A pixel belongs to a mark where it is darkened by this share, and a mark is at least so large, m2.
+_DARKENED, _SMALLEST = 0.25, 2e-6
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A stroke at `height` (robot z): the width of its mark, 0 where it left none, and its look [3, h, w].
+
+    Metres; pitch: of one pixel of the look.
+    """
+
+    height: float
+    width: float
+    look: Tensor
+    pitch: float
+
+    @property
+    def marked(self) -> bool:
+        """Whether there is a mark."""
+        return self.width > 0
+
+
+class TrialPaper:
+    """A bare paper with room for trial strokes, one to a cell of `cell` (width, height) metres.
+
+    The well is filled with black first. Raises FrameRejected where the paper is not bare.
+    """
+
+    def __init__(self, access: EaselAccess, cell: tuple[float, float], ground: tuple[float, float, float]) -> None:
+        easel = access.easel
+        easel.operator.fill_wells(Palette(torch.full((1, 3), _BLACK)))
+        self._access, self._easel, self._cell = access, easel, cell
+        pitch = max(_PITCH, _metres_per_pixel(easel.calibration, easel.canvas.width))
+        self._grid = PixelGrid.of_height(easel.canvas, max(8, round(easel.canvas.height / pitch)))
+        bare = rectify(self._access.photograph().image, easel.calibration, self._grid)
+        self._light = FlatField.learn(bare, ground)
+        self._seen = self._in_true_colors(bare)
+        self._places = self._cells()
+        self._here: tuple[float, float] | None = next(self._places)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether no place is free any more."""
+        return self._here is None
+
+    @property
+    def free_place(self) -> tuple[float, float]:
+        """The middle of the next free cell, or of the paper, canvas metres."""
+        return self._here or (self._easel.canvas.width / 2, self._easel.canvas.height / 2)
+
+    def stroke(self, height: float) -> Trial:
+        """Dips, paints a stroke at that height from left to right, and looks.
+
+        A place without a mark stays free. Raises WorkspaceViolation, RobotError, CameraError.
+        """
+        assert self._here is not None
+        easel, (x, y) = self._easel, self._here
+        along = np.arange(-LENGTH / 2, LENGTH / 2 + _STEP / 2, _STEP)
+        path = np.c_[x + along, np.full_like(along, y)]
+        dip, trial = Motion(easel.workspace, easel.calibration).dip(0), at_height(easel, path, height)
+        self._access.perform([dip, trial])
+        after = self._in_true_colors(rectify(self._access.photograph().image, easel.calibration, self._grid))
+        cell = self._pixels(x, y)
+        width = self._width(self._seen[:, *cell], after[:, *cell])
+        self._seen = after
+        if width > 0:
+            self._here = next(self._places, None)
+        return Trial(height, width, after[:, *cell], self._grid.pitch[0])
+
+    def _in_true_colors(self, picture: Tensor) -> Tensor:
+        return true_color(self._light.correct(picture), self._easel.calibration)
+
+    def _width(self, before: Tensor, after: Tensor) -> float:
+        """Width of the mark that came between two looks at a cell, metres; 0 where there is none."""
+        one, other = (look.mean(0).numpy() for look in (before, after))  # [h, w]
+        # Paper is what is brightest; it tells how the light has changed.
+        change = float(np.quantile(one, 0.8)) / max(1e-3, float(np.quantile(other, 0.8)))
+        mark = other * change < (1 - _DARKENED) * one
+        across, down = self._grid.pitch
+        if not mark.sum() * across * down >= _SMALLEST:
+            return 0.0
+        columns = mark.sum(0)
+        return float(np.quantile(columns[columns > 0], 0.75)) * down
+
+    def _cells(self) -> Iterator[tuple[float, float]]:
+        """Middles of the cells, row by row from the top left."""
+        width, height = (side - 2 * _EDGE for side in (self._easel.canvas.width, self._easel.canvas.height))
+        across, down = max(1, int(width / self._cell[0])), max(1, int(height / self._cell[1]))
+        for row in range(down):
+            for column in range(across):
+                yield _EDGE + (column + 0.5) * width / across, _EDGE + height * (1 - (row + 0.5) / down)
+
+    def _pixels(self, x: float, y: float) -> tuple[slice, slice]:
+        """Rows and columns of the cell around a place."""
+        column, row = self._grid.to_pixels(torch.tensor([x, y])).tolist()
+        across, down = self._grid.pitch
+        half_down, half_across = self._cell[1] / 2 / down, self._cell[0] / 2 / across
+        return (
+            slice(max(0, round(row - half_down)), round(row + half_down) + 1),
+            slice(max(0, round(column - half_across)), round(column + half_across) + 1),
+        )
+
+
+def at_height(easel: Easel, path: NDArray[np.float64], height: float) -> Waypoints:
+    """The tip follows a path on the canvas [k, 2] (metres) at robot z `height`, from above and up again."""
+    workspace = easel.workspace
+    placed = workspace.to_robot(easel.calibration.place(path), np.full(len(path), height))
+    above = placed[[0, -1]].copy()
+    above[:, 2] = max(height, ceiling(easel))
+    position = np.concatenate([above[:1], placed, above[1:]])
+    return Waypoints(f"trial stroke at {1000 * height:.1f} mm", position, workspace.painting_speed)
+
+
+def ceiling(easel: Easel) -> float:
+    """Robot z, metres, at which nothing is touched."""
+    workspace = easel.workspace
+    return min(workspace.upper[2], workspace.canvas_origin[2] + workspace.hover)
+
+
+def _metres_per_pixel(record: Calibration, width: float) -> float:
+    top_left, top_right = np.array(record.corners[0]), np.array(record.corners[1])
+    return width / float(np.linalg.norm(top_right - top_left))
+
+
+BLACK = 0.04
+WHITE = (1.0, 1.0, 1.0)
+_FINER = 3  # pixels of a crop per cell of the stroke model, along each side
+_NOISE_FLOOR = 0.04
+_BORDER = 0.002  # m along the paper's edge, where a lens may show some table
+_ATTEMPTS = 3
+
+_SEARCHED = 0.008  # m around where the paper's edge should be
+_MOST_BESIDE = 0.004  # m between the paper and where the canvas was calibrated
+_MOST_MOVED = 0.0004  # m since the sheet's first photograph
+_SOFTEST, _SOFTEST_PIXELS = 0.05, 2.0  # of the brush's width over which the paper's edge may pass into the table
+_SOFTER = 1.8  # times the softness of the sheet's first photograph
+_BARE, _DARKER, _SHADED = 0.85, 0.3, 0.08  # of the paper's light: bare paper, and changes of it
+_MOST_DARK, _MOST_SHADE = 25e-6, 400e-6  # m2 of bare paper beside the stroke that may change so
+_DIMMEST, _MOST_CLIPPED = 0.05, 0.2  # light of bare paper; share of the photograph that is overexposed
+_MOST_INK = 3e-6  # m2 that need not be bare where a stroke is to be painted
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """What varies from stroke to stroke of a library, each [n]."""
+
+    thickness: Tensor
+    length: Tensor
+    bend: Tensor
+
+    @classmethod
+    def sampled(cls, kind: BrushKind, count: int, seed: int) -> "Shapes":
+        """Drawn uniformly from the brush's limits; of one seed, more strokes begin with the same ones."""
+        chance = torch.Generator().manual_seed(seed)
+        thickness, along, aside = torch.rand(count, 3, generator=chance).T.contiguous()
+        (shortest, longest), (least, most) = kind.limits.length, kind.limits.bend
+        return cls(thickness, shortest + along * (longest - shortest), least + aside * (most - least))
+
+    def __getitem__(self, index: int) -> "Shapes":
+        chosen = slice(index, index + 1)
+        return Shapes(self.thickness[chosen], self.length[chosen], self.bend[chosen])
+
+
+@dataclass(frozen=True)
+class Crop:
+    """How many pixels the picture of a stroke reaches from the pixel at which it starts; pitch: metres a pixel."""
+
+    left: int
+    right: int
+    above: int
+    below: int
+    pitch: float
+
+    @classmethod
+    def covering(cls, frame: MapFrame) -> "Crop":
+        """The crop that covers a stroke model's frame."""
+        pitch = frame.pitch[0] / _FINER
+        reaches = (-frame.left, frame.right, frame.top, -frame.bottom)
+        left, right, above, below = (math.ceil(reach / pitch) for reach in reaches)
+        return cls(left, right, above, below, pitch)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.above + self.below + 1, self.left + self.right + 1
+
+    def around(self, row: int, column: int) -> tuple[slice, slice]:
+        """Rows and columns of the crop of a stroke that starts at that pixel."""
+        return slice(row - self.above, row + self.below + 1), slice(column - self.left, column + self.right + 1)
+
+    def places(self, grid: PixelGrid) -> Iterator[tuple[int, int]]:
+        """Pixels (row, column) at which strokes may start so that their crops do not meet."""
+        rows, columns = self.shape
+        for row in range(self.above, grid.rows - self.below, rows):
+            for column in range(self.left, grid.columns - self.right, columns):
+                yield row, column
+
+
+@dataclass(frozen=True)
+class Print:
+    """What one stroke left: mark [rows, columns] uint8, 255 full paint; and what is wrong with it.
+
+    since_dip: square metres that the brush had painted since its dip, 0 for a full one.
+    """
+
+    mark: NDArray[np.uint8]
+    flaw: Flaw
+    since_dip: float = 0.0
+
+
+class Paper:
+    """A fresh sheet on the easel: free places for strokes, and what it looked like before the next one.
+
+    Raises ConfigError where it has no room for one stroke, CalibrationError where it is not bare or
+    lies elsewhere than the canvas was calibrated, FrameRejected where the camera cannot see it well.
+    """
+
+    def __init__(self, access: EaselAccess, kind: BrushKind) -> None:
+        self._access, self._easel = access, access.easel
+        easel = access.easel
+        self._motion = Motion(easel.workspace, easel.calibration)
+        self.crop = Crop.covering(kind.frame)
+        self._grid = _grid(easel.canvas, self.crop.pitch)
+        self._places = self.crop.places(self._grid)
+        self._place = next(self._places, None)
+        if self._place is None:
+            raise ConfigError(
+                f"A paper of {easel.canvas} has no room for one stroke of brush {kind.name!r}; "
+                f"take one of at least {kind.frame.right - kind.frame.left:.3f} x "
+                f"{kind.frame.top - kind.frame.bottom:.3f} m."
+            )
+        self._pixels, self._width = _pixels_per_metre(easel), kind.width
+        border = round(_BORDER / self.crop.pitch)
+        self._inner = np.zeros((self._grid.rows, self._grid.columns), np.bool_)
+        self._inner[border:-border, border:-border] = True
+        self.moved = 0.0
+        self._begin()
+
+    @property
+    def is_used_up(self) -> bool:
+        """Whether another sheet is needed: it is full, or it has moved (by `moved` metres)."""
+        return self._place is None or self.moved > 0
+
+    def paint(self, shape: Shapes, *, refill: bool) -> Print:
+        """Paints one stroke at the next free place. Raises RobotError, CameraError and their kinds."""
+        assert self._place is not None
+        row, column = self._place
+        here = self.crop.around(row, column)
+        occupied = self._area((self._before < _BARE) & self._inner, here) > _MOST_INK
+        position = self._grid.to_canvas(torch.tensor([[column, row]], dtype=torch.float64))
+        stroke = Strokes(
+            position, torch.zeros(1), shape.length, shape.bend, shape.thickness, torch.full((1, 3), BLACK)
+        )  # fmt: skip
+        stroking = self._motion.stroke(stroke, 0, "stroke for the library")
+        self._access.perform((self._motion.dip(0), stroking) if refill else (stroking,))
+        before = self._magnitude(here)
+        flaw = self._look_again(here)
+        # What is covered now, as a share of what was bare before.
+        mark = (self._magnitude(here) - before) / (1 - before).clip(0.2)
+        self._place = next(self._places, None)
+        if occupied and flaw is Flaw.NONE:
+            flaw = Flaw.TOUCHED
+        return Print(np.rint(255 * np.where(mark < _NOISE_FLOOR, 0, mark).clip(0, 1)).astype(np.uint8), flaw)
+
+    def _begin(self) -> None:
+        """The first photograph: of a bare sheet, in its place, in focus."""
+        frame = self._access.photograph()
+        self._edge = self._read_edge(frame.image)
+        if self._edge.visible:
+            self._require_place(self._edge.beside / self._pixels)
+            self._require_focus(self._edge, max(_SOFTEST * self._width * self._pixels, _SOFTEST_PIXELS))
+        picture = rectify(frame.image, self._easel.calibration, self._grid)
+        self._field = FlatField.learn(picture, WHITE)
+        self._light = to_linear(picture) / self._field.light(*picture.shape[1:])
+        self._before = self._light.mean(0).numpy()
+        spots = self._area((cv2.blur(self._before, (3, 3)) < 1 - _DARKER) & self._inner)
+        if spots > _MOST_DARK:
+            raise CalibrationError(
+                f"The paper is not bare: {spots * 1e6:.0f} mm2 of it are dark; put a fresh white one on the easel, "
+                "and nothing else into the camera's sight."
+            )
+
+    def _look_again(self, here: tuple[slice, slice]) -> Flaw:
+        """Photographs the sheet after a stroke at `here`; what is wrong with that, when tried again and again."""
+        for attempt in range(_ATTEMPTS):
+            last = attempt == _ATTEMPTS - 1
+            frame = self._access.photograph()
+            edge = self._read_edge(frame.image)
+            if edge.softness > self._softest:
+                if last:
+                    self._require_focus(edge, self._softest)
+                continue
+            light = to_linear(rectify(frame.image, self._easel.calibration, self._grid))
+            bare = torch.from_numpy(self._before > _BARE)
+            bare[here] = False
+            field = self._field.renewed(light, bare, WHITE)
+            white = field.light(*bare.shape)
+            even = light / white
+            exposed = float(white.median()) >= _DIMMEST and float((light >= 1).float().mean()) <= _MOST_CLIPPED
+            flaw = self._compared(edge, even, here) if exposed else Flaw.LIGHT
+            if flaw is Flaw.NONE or last:  # a hand may go away again
+                self._field = field
+                self._light, self._before = even, even.mean(0).numpy()
+                return flaw
+        raise AssertionError("the last attempt returns or raises")
+
+    @property
+    def _softest(self) -> float:
+        """How soft the paper's edge may be, pixels."""
+        first = self._edge.softness
+        return math.inf if math.isnan(first) else _SOFTER * first + 0.5
+
+    def _compared(self, edge: PaperEdge, light: Tensor, here: tuple[slice, slice]) -> Flaw:
+        """What else than the stroke at `here` changed since the photograph before; even light [3, rows, columns]."""
+        moved = min(edge.moved_since(self._edge) / self._pixels, _SEARCHED)
+        self.moved = moved if moved > _MOST_MOVED else 0.0
+        if self.moved:
+            return Flaw.MOVED
+        change = cv2.blur(light.mean(0).numpy() - self._before, (3, 3))
+        beside = (cv2.blur(self._before, (3, 3)) > _BARE) & self._inner
+        beside[here] = False
+        if self._area(beside & (change < -_DARKER)) > _MOST_DARK:
+            return Flaw.DISTURBED
+        if self._area(beside & (np.abs(change) > _SHADED)) > _MOST_SHADE:
+            return Flaw.LIGHT
+        return Flaw.NONE
+
+    def _area(self, chosen: NDArray[np.bool_], here: tuple[slice, slice] | None = None) -> float:
+        """Of the chosen pixels, there or all over the sheet, m2."""
+        return float(np.count_nonzero(chosen if here is None else chosen[here])) * self.crop.pitch**2
+
+    def _read_edge(self, picture: NDArray[np.uint8]) -> PaperEdge:
+        return PaperEdge.read(picture, self._easel.calibration.corners, _SEARCHED * self._pixels)
+
+    def _require_place(self, beside: float) -> None:
+        if not beside <= _MOST_BESIDE:
+            raise CalibrationError(
+                f"The paper lies {beside * 1000:.1f} mm beside where the canvas was calibrated; allowed are "
+                f"{_MOST_BESIDE * 1000:g} mm. Push it back into its place, or, where the camera was moved, repeat the "
+                "canvas and robot calibrations."
+            )
+
+    def _require_focus(self, edge: PaperEdge, softest: float) -> None:
+        if not edge.softness <= softest:
+            raise FrameRejected(
+                f"The camera is out of focus: the edge of the paper is blurred over {self._millimetres(edge.softness)} "
+                f"mm, and {self._millimetres(softest)} mm are allowed; focus the camera and keep its focus fixed."
+            )
+
+    def _millimetres(self, pixels: float) -> str:
+        return f"{1000 * pixels / self._pixels:.1f}"
+
+    def _magnitude(self, here: tuple[slice, slice]) -> NDArray[np.float32]:
+        """How much of the paper is covered at each pixel of a crop: 0 paper, 1 black paint."""
+        picture = true_color(to_srgb(self._light[:, *here]), self._easel.calibration)
+        covered: NDArray[np.float32] = ((1 - picture.mean(0)) / (1 - BLACK)).numpy()
+        return covered
+
+
+def _grid(canvas: CanvasSize, pitch: float) -> PixelGrid:
+    return PixelGrid(canvas, round(canvas.height / pitch), round(canvas.width / pitch))
+
+
+def _pixels_per_metre(easel: Easel) -> float:
+    """Of the photograph, on the mean of the canvas's four sides."""
+    corners = np.array(easel.calibration.corners)
+    around = float(np.linalg.norm(np.roll(corners, -1, 0) - corners, axis=1).sum())
+    return around / (2 * (easel.canvas.width + easel.canvas.height))

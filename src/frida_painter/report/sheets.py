@@ -1,0 +1,641 @@
+"""The palette sheet: a page to print, hang beside the easel, and mix paint from."""
+
+import math
+from collections.abc import Collection, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from PIL import Image
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import StorageError
+from frida_painter.hardware.motion import STIR_RADIUS
+from frida_painter.hardware.robot import BrushRack, Point, Workspace
+from frida_painter.mixing.paint import usual_paints
+from frida_painter.mixing.recipe import GOOD, Recipe, recipes, volumes
+from frida_painter.palette import Palette, to_hex, to_lab
+from frida_painter.plan import Plan
+from frida_painter.report.story import PaintFacts, paints
+from frida_painter.sheet import INK, LINE, PAPER, SOFT, WARNING, Sheet, font, shortened, to_bytes
+
+# Pictures side by side on one sheet, with headings, labels and captions.
+
+_MARGIN, _GAP = 28, 10
+_TITLE, _TEXT, _SMALL = 26, 16, 15
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A picture [3, h, w] in [0, 1] and the words below it."""
+
+    picture: Tensor
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class FigureRow:
+    """One row of the page: what stands left of it, and its cells (None: an empty place)."""
+
+    label: str
+    cells: Sequence[Cell | None]
+
+
+def page(
+    title: str, headings: Sequence[str], lines: Sequence[FigureRow], *, width: int = 200, framed: bool = True
+) -> Tensor:
+    """A sheet [3, H, W] with the lines below one another, every picture `width` pixels wide.
+
+    headings: one above each column, or none. framed: a hairline around every picture, for pictures
+    on white.
+    """
+    columns = max(len(line.cells) for line in lines)
+    left = _MARGIN + max(_extent(part, _TEXT) for line in lines for part in line.label.split("\n")) + _GAP
+    if left == _MARGIN + _GAP:
+        left = _MARGIN
+    top = _MARGIN + (_TITLE + 18 if title else 0) + (_TEXT + 12 if headings else 0)
+    heights = [_height(line, width) for line in lines]
+    total_width = left + columns * (width + _GAP) - _GAP + _MARGIN
+    sheet = Sheet(total_width, top + sum(heights) + _MARGIN - _GAP)
+    sheet.text((_MARGIN, _MARGIN - 4), title, _TITLE, INK)
+    for column, heading in enumerate(headings):
+        middle = left + column * (width + _GAP) + width / 2
+        sheet.text((middle, top - 10), heading, _TEXT, INK, "ms")
+    for line, height in zip(lines, heights, strict=True):
+        _draw_line(sheet, line, left, top, width, height, framed)
+        top += height
+    return sheet.tensor()
+
+
+def _draw_line(
+    sheet: Sheet,
+    line: FigureRow,
+    left: int,
+    top: int,
+    width: int,
+    height: int,
+    framed: bool,
+) -> None:
+    tall = max((_rows(cell, width) for cell in line.cells if cell), default=0)
+    sheet.draw.multiline_text((_MARGIN, top + tall / 2), line.label, fill=INK, font=font(_TEXT), anchor="lm", spacing=5)
+    for column, cell in enumerate(line.cells):
+        if cell is None:
+            continue
+        x = left + column * (width + _GAP)
+        rows = _rows(cell, width)
+        picture = Image.fromarray(images.to_uint8(cell.picture)).resize((width, rows), Image.Resampling.LANCZOS)
+        sheet.paste(picture, (x, top))
+        if framed:
+            sheet.draw.rectangle((x, top, x + width - 1, top + rows - 1), outline=LINE)
+        if cell.caption:
+            sheet.text((x + width / 2, top + rows + 5), cell.caption, _SMALL, SOFT, "ma")
+
+
+def _rows(cell: Cell, width: int) -> int:
+    _, height, columns = cell.picture.shape
+    return round(height * width / columns)
+
+
+def _height(line: FigureRow, width: int) -> int:
+    captioned = any(cell and cell.caption for cell in line.cells)
+    return max((_rows(cell, width) for cell in line.cells if cell), default=0) + _GAP + (_SMALL + 8 if captioned else 0)
+
+
+def _extent(text: str, size: int) -> int:
+    return round(font(size).getlength(text))
+
+
+# A picture for deciding on one stroke: is it on the canvas, or was the painting broken off before?
+
+_RED = (200, 30, 40)
+_ROWS = 720  # of the whole canvas as it is shown
+_POINTS = 25
+_AROUND = 0.35  # of its extent is shown around the stroke, on every side
+_DOUBT_GAP, _HEAD = 24, 44
+
+
+def doubt(plan: Plan, stroke: int, photograph: Tensor, painted: Tensor) -> Tensor:
+    """The canvas with a frame around the stroke, and beside it the frame enlarged: as seen, and as if painted.
+
+    stroke: its index in the plan; photograph [3, H, W]: the canvas as it is now; painted [3, h, w]: as
+    it would look with that stroke, in the simulation. Returns sRGB [3, rows, columns].
+    """
+    columns = round(_ROWS * plan.canvas.width / plan.canvas.height)
+    canvas, with_stroke = (_enlarged(picture, _ROWS, columns) for picture in (photograph, painted))
+    path = plan.strokes[[stroke]].path(torch.linspace(0, 1, _POINTS))[0]  # [t, 2] metres
+    pixels = plan.canvas.on_page(path) * torch.tensor([columns / plan.canvas.width, _ROWS / plan.canvas.height])
+    box = _around(pixels, columns)
+    side = (_ROWS - _HEAD) // 2
+    sheet = Sheet(columns + side + 3 * _DOUBT_GAP, _ROWS + 2 * _DOUBT_GAP + _HEAD)
+    sheet.paste(canvas, (_DOUBT_GAP, _DOUBT_GAP + _HEAD))
+    sheet.draw.rectangle(
+        [edge + _DOUBT_GAP + (_HEAD if place % 2 else 0) for place, edge in enumerate(box)], outline=_RED, width=3
+    )
+    _heading(sheet, f"The canvas now; in the frame the place of stroke {stroke + 1}", _DOUBT_GAP, _DOUBT_GAP)
+    left, top = columns + 2 * _DOUBT_GAP, _DOUBT_GAP
+    for words, picture in (("As it is seen", canvas), (f"With stroke {stroke + 1}", with_stroke)):
+        _heading(sheet, words, left, top)
+        near = picture.crop(box).resize((side, side), Image.Resampling.LANCZOS)
+        sheet.paste(near, (left, top + _HEAD))
+        sheet.draw.rectangle((left, top + _HEAD, left + side, top + _HEAD + side), outline=_RED, width=3)
+        top += side + _HEAD
+    return sheet.tensor()
+
+
+def _around(path: Tensor, columns: int) -> tuple[int, int, int, int]:
+    """A square around the path (pixels [t, 2]), within the picture."""
+    low, high = path.amin(0), path.amax(0)
+    side = min(_ROWS, columns, max(60, round(float((high - low).max()) * (1 + 2 * _AROUND)) + 40))
+    middle = (low + high) / 2
+    left = min(max(0, round(float(middle[0]) - side / 2)), columns - side)
+    top = min(max(0, round(float(middle[1]) - side / 2)), _ROWS - side)
+    return left, top, left + side, top + side
+
+
+def _enlarged(picture: Tensor, rows: int, columns: int) -> Image.Image:
+    return Image.fromarray(images.to_uint8(picture)).resize((columns, rows), Image.Resampling.LANCZOS)
+
+
+def _heading(sheet: Sheet, words: str, left: int, top: int) -> None:
+    sheet.text((left, top + _HEAD / 2), words, 20, SOFT, "lm")
+
+
+# The picture of a surprise: where the canvas that was seen differs from the one that was expected.
+
+CLEARLY = 50.0
+"""Distance in Lab that gets the strongest colour."""
+_UNSEEN = 3.0
+# White, yellow, orange, red, wine: evenly darker, so that the order also shows without colour vision.
+_HEAT = ((1.0, 1.0, 1.0), (1.0, 0.835, 0.467), (0.961, 0.502, 0.243), (0.765, 0.122, 0.184), (0.345, 0.047, 0.180))
+
+
+def difference(expected: Tensor, seen: Tensor) -> Tensor:
+    """Distances in Lab between two pictures sRGB [3, H, W] as a heat map [3, H, W] over the pale picture seen.
+
+    White-grey means as expected (below what an eye can tell apart), then yellow, orange, red and
+    wine at a distance of 50 and more. Grain finer than a hundredth of the picture is smoothed away.
+    """
+    first, second = (_smoothed(picture) for picture in (expected, seen))
+    apart = (to_lab(first) - to_lab(second)).norm(dim=-1)  # [H, W]
+    strength = ((apart - _UNSEEN) / (CLEARLY - _UNSEEN)).clamp(0, 1) * (len(_HEAT) - 1)
+    heat = torch.tensor(_HEAT).to(seen)
+    below = strength.floor().clamp(max=len(_HEAT) - 2).long()
+    share = (strength - below)[..., None]
+    color = heat[below] * (1 - share) + heat[below + 1] * share  # [H, W, 3]
+    light = to_lab(seen.permute(1, 2, 0))[..., :1] / 100  # [H, W, 1]
+    return (color * (0.8 + 0.2 * light)).permute(2, 0, 1).clamp(0, 1)
+
+
+def _smoothed(picture: Tensor) -> Tensor:
+    """The picture as [H, W, 3] without its finest grain."""
+    pixels = np.ascontiguousarray(picture.detach().permute(1, 2, 0).cpu().numpy(), dtype=np.float32)
+    smooth = cv2.GaussianBlur(pixels, (0, 0), max(0.5, max(pixels.shape) / 400))
+    return torch.from_numpy(np.clip(smooth, 0, 1)).to(picture)
+
+
+# A picture of a plan in which the strokes stand out that cannot be painted.
+
+_FADED = 0.62  # of the way to white
+
+
+def offending_strokes(plan: Plan, picture: Tensor, offending: Collection[int]) -> Tensor:
+    """The plan's picture [3, H, W], faded, with the paths of the offending strokes (by index) in red: [3, H + h, W].
+
+    Each has a dot where it starts and its number, from 1, as messages name it; below stands how many there are.
+    """
+    rows, columns = picture.shape[1:]
+    unit = max(rows, columns) / 1000
+    foot = round(64 * unit)
+    sheet = Sheet(columns, rows + foot)
+    faded = picture.detach() + _FADED * (1 - picture.detach())
+    sheet.paste(images.to_uint8(faded))
+    chosen = sorted(offending)
+    path = plan.strokes[chosen].path(torch.linspace(0, 1, _POINTS))  # [n, t, 2] metres
+    scale = torch.tensor([columns / plan.canvas.width, rows / plan.canvas.height])
+    pixels = plan.canvas.on_page(path) * scale
+    for points in pixels.tolist():
+        sheet.draw.line([tuple(point) for point in points], fill=_RED, width=max(2, round(4 * unit)), joint="curve")
+        x, y = points[0]
+        dot = 6 * unit
+        sheet.draw.ellipse((x - dot, y - dot, x + dot, y + dot), fill=_RED)
+    _tags(sheet, dict(zip(chosen, pixels.tolist(), strict=True)), round(22 * unit), (columns, rows))
+    count = f"{len(chosen)} of {len(plan)} strokes cannot be painted here"
+    sheet.text((16 * unit, rows + foot / 2), count, 26 * unit, SOFT, "lm")
+    return sheet.tensor()
+
+
+def _tags(
+    sheet: Sheet, paths: dict[int, list[list[float]]], size: int, within: tuple[int, int]
+) -> None:  # fmt: skip
+    """Numbers in white on red beside their strokes and inside the picture, as many as find a free place."""
+    pad = size * 0.3
+    taken: list[tuple[float, float, float, float]] = []
+    for index, points in paths.items():
+        left, top, right, bottom = sheet.draw.textbbox((0, 0), str(index + 1), font=font(size))
+        width, height = right - left, bottom - top
+        for x, y in (points[0], points[-1], points[_POINTS // 2]):
+            x = min(max(x + size * 0.5, pad), within[0] - width - pad)
+            y = min(max(y - size * 1.4, pad), within[1] - height - pad)
+            box = (x - pad, y - pad, x + width + pad, y + height + pad)
+            if not any(_overlap(box, other) for other in taken):
+                taken.append(box)
+                sheet.draw.rounded_rectangle(box, radius=pad, fill=_RED)
+                sheet.text((x - left, y - top), str(index + 1), size, PAPER)
+                break
+
+
+def _overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+
+
+# The mixing sheet: a page to lie beside the bowls, with a recipe for every paint of a palette.
+
+COLUMNS = 1240
+"""A4 at 150 dots per inch; a palette of more than 16 paints makes the page longer."""
+_MIXING_SHEET_ROWS = 1754
+_MIXING_SHEET_MARGIN, _MIXING_SHEET_HEAD = 96, 244
+_TALLEST, _LOWEST = 118, 78
+_SWATCH, _BAR = 92, 22
+_DROP = 0.05  # millilitres
+_ADVICE = (
+    "Left of each pair the colour that is wanted, right of it what the mixture is predicted to be when it is dry.",
+    "The number behind the parts is their difference (CIEDE2000): below 2 hardly seen, above 5 out of reach.",
+    "Mix a little first, let it dry, compare, and correct: tubes of one name differ from maker to maker.",
+    "A drop is 0.05 ml, and a trace is what stays on the tip of a knife.",
+)
+
+
+def mixing_sheet(recipes: Sequence[Recipe], volumes: Sequence[float] | None, title: str) -> Tensor:
+    """The recipes as a printed page, sRGB [3, H, 1240] in [0, 1], in the order of the wells.
+
+    volumes: millilitres wanted of each paint, None where that is not known.
+    """
+    supplies = _supplies(recipes, volumes)
+    foot = 172 + 30 * -(-len(supplies) // 3) if supplies else 136
+    row = min(_TALLEST, max(_LOWEST, (_MIXING_SHEET_ROWS - _MIXING_SHEET_HEAD - foot) // len(recipes)))
+    sheet = Sheet(COLUMNS, max(_MIXING_SHEET_ROWS, _MIXING_SHEET_HEAD + row * len(recipes) + foot))
+    sheet.text((_MIXING_SHEET_MARGIN, 84), title, 58)
+    missed = sum(not recipe.within_reach for recipe in recipes)
+    reach = f"{missed} of them out of reach of these paints" if missed else "all of them within reach of these paints"
+    plural = "" if len(recipes) == 1 else "s"
+    sheet.text(
+        (_MIXING_SHEET_MARGIN, 162), f"How to mix {len(recipes)} paint{plural}, in parts by volume; {reach}", 24, SOFT
+    )
+    for index, recipe in enumerate(recipes):
+        _recipe(sheet, index, recipe, volumes[index] if volumes else None, _MIXING_SHEET_HEAD + index * row, row)
+    below = sheet.image.height - foot + 20
+    if supplies:
+        sheet.text((_MIXING_SHEET_MARGIN, below), "Needed in all, with half of it left in brush and wells", 21)
+        for place, (name, volume) in enumerate(supplies):
+            column, line = place % 3, place // 3
+            sheet.text(
+                (_MIXING_SHEET_MARGIN + 350 * column, below + 34 + 30 * line), f"{volume:.0f} ml  {name}", 19, SOFT
+            )
+    for line, text in enumerate(_ADVICE):
+        sheet.text((_MIXING_SHEET_MARGIN, sheet.image.height - 110 + 25 * line), text, 17, SOFT)
+    return sheet.tensor()
+
+
+def _recipe(
+    sheet: Sheet, index: int, recipe: Recipe, volume: float | None, top: int, row: int
+) -> None:  # fmt: skip
+    """One row: number, wanted and predicted colour side by side, the parts in words and as a bar, the amounts."""
+    height = row - 20
+    left = _MIXING_SHEET_MARGIN + 64
+    sheet.text((_MIXING_SHEET_MARGIN, top + height // 2), str(index + 1), 40, anchor="lm")
+    for place, color in enumerate((recipe.target, recipe.color)):
+        x = left + place * _SWATCH
+        sheet.draw.rectangle((x, top, x + _SWATCH - 1, top + height - 1), fill=to_bytes(color))
+    sheet.draw.rectangle((left, top, left + 2 * _SWATCH - 1, top + height - 1), outline=LINE)
+    right = left + 2 * _SWATCH + 30
+    fill = INK if recipe.within_reach else WARNING
+    room = COLUMNS - _MIXING_SHEET_MARGIN - right - (150 if not recipe.within_reach else 90)
+    size = next(size for size in (22, 20, 18, 16, 14, 12) if font(size).getlength(recipe.words) <= room or size == 12)
+    sheet.text((right, top - 1), recipe.words, size, fill)
+    verdict = f"{recipe.difference:.1f}"
+    if not recipe.within_reach:
+        verdict += "  out of reach"
+    elif recipe.difference > GOOD:
+        verdict += "  near"
+    sheet.text((COLUMNS - _MIXING_SHEET_MARGIN, top - 1), verdict, 20, SOFT if recipe.within_reach else WARNING, "ra")
+    _bar(sheet, recipe, right, top + 34)
+    facts = to_hex(recipe.target)
+    if volume is not None:
+        amounts = recipe.volumes(volume)
+        facts += "   " + "   ".join(_measured(amount) for amount in amounts)
+    sheet.text((right, top + 34 + _BAR + 6), facts, 17, SOFT)
+
+
+def _bar(sheet: Sheet, recipe: Recipe, left: int, top: int) -> None:
+    """The parts as lengths, each in its paint's own colour, and never so short that it is not seen."""
+    width = COLUMNS - _MIXING_SHEET_MARGIN - left
+    shares = recipe.volumes(1.0)
+    least = 10 / width
+    widths = [max(share, least) for share in shares]
+    x = float(left)
+    for (paint, _), share in zip(recipe.parts, widths, strict=True):
+        end = x + width * share / sum(widths)
+        sheet.draw.rectangle((round(x), top, round(end) - 2, top + _BAR), fill=to_bytes(paint.color), outline=LINE)
+        x = end
+
+
+def _supplies(recipes: Sequence[Recipe], volumes: Sequence[float] | None) -> list[tuple[str, float]]:
+    """Millilitres of each paint that all mixtures take together, most first."""
+    needed: dict[str, float] = {}
+    for recipe, volume in zip(recipes, volumes or (), strict=False):
+        for (paint, _), amount in zip(recipe.parts, recipe.volumes(volume), strict=True):
+            needed[paint.name] = needed.get(paint.name, 0.0) + amount
+    return sorted(((name, max(1.0, volume)) for name, volume in needed.items()), key=lambda one: (-one[1], one[0]))
+
+
+def _measured(amount: float) -> str:
+    """Millilitres as a person measures them: below a tenth in drops."""
+    if amount >= 0.095:
+        return f"{amount:.1f} ml"
+    drops = round(amount / _DROP)
+    return "a trace" if drops == 0 else "1 drop" if drops == 1 else f"{drops} drops"
+
+
+ROWS, PALETTE_SHEET_COLUMNS = 1754, 1240
+"""A4 at 150 dots per inch; what is on it also fits US Letter."""
+_PALETTE_SHEET_MARGIN = 96
+_PALETTE_SHEET_HEAD = 236
+_FOOT = 108
+_PALETTE_SHEET_SMALL = 18  # pixels: 8.6 points when printed
+_RECIPE_SIZE, _RECIPE_PITCH = 15, 20
+_PALETTE_SHEET_ADVICE = (
+    "Mix each paint until its dried mark matches its swatch. A paint shop or a colorimeter works from the Lab values.",
+    "Screens and printers differ: where they disagree, trust the numbers. Percentages are of all strokes' length.",
+)
+
+
+def palette_sheet(plan: Plan, title: str = "Palette", recipes: Sequence[Recipe] = ()) -> Tensor:
+    """The plan's paints as a printed page, sRGB [3, 1754, 1240] in [0, 1].
+
+    Lightest first: a large swatch, its number, sRGB as hex and bytes, Lab, how many strokes it is
+    for and how much of the painting they are; up to 20 paints also with how to mix them, where `recipes`
+    tells. Holds 1 to 64 paints.
+    """
+    sheet = Sheet(PALETTE_SHEET_COLUMNS, ROWS)
+    known = paints(plan, recipes)
+    _head(sheet, plan, title)
+    grid = _Grid.of(len(known))
+    for place, paint in enumerate(known):
+        left, top = grid.corner(place)
+        (_card if grid.upright else _line)(sheet, paint, left, top, grid.width, grid.height)
+    for row, text in enumerate(_PALETTE_SHEET_ADVICE):
+        sheet.text((_PALETTE_SHEET_MARGIN, ROWS - _FOOT + 26 * row), text, _PALETTE_SHEET_SMALL - 1, SOFT)
+    return sheet.tensor()
+
+
+def sheet_file(name: str, layer: int) -> str:
+    """The name of the file for the wells that are filled before that layer: "palette.png", "palette-layer-2.png"."""
+    path = Path(name)
+    return name if layer == 1 else f"{path.stem}-layer-{layer}{path.suffix}"
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Cells of the page in pixels; upright: the swatch stands above its text and not beside it."""
+
+    columns: int
+    width: int
+    height: int
+    gap: int
+    upright: bool
+
+    @classmethod
+    def of(cls, count: int) -> "_Grid":
+        upright = count <= 20
+        columns = 1 if count == 1 else 2 if count <= 6 else 3 if count <= 15 or not upright else 4
+        rows = math.ceil(count / columns)
+        gap = 44 if upright else 36
+        across = (PALETTE_SHEET_COLUMNS - 2 * _PALETTE_SHEET_MARGIN - gap * (columns - 1)) // columns
+        down = (ROWS - _PALETTE_SHEET_HEAD - _FOOT - 20) // rows - (gap if upright else 10)
+        return cls(columns, across, min(down, 820 if upright else 96), gap, upright)
+
+    def corner(self, place: int) -> tuple[int, int]:
+        """Left and top of a cell; paints run along the rows, from the left."""
+        row, column = divmod(place, self.columns)
+        return _PALETTE_SHEET_MARGIN + column * (self.width + self.gap), _PALETTE_SHEET_HEAD + row * (
+            self.height + (self.gap if self.upright else 10)
+        )
+
+
+def _head(sheet: Sheet, plan: Plan, title: str) -> None:
+    sheet.text(
+        (_PALETTE_SHEET_MARGIN, 84), shortened(title, 58, PALETTE_SHEET_COLUMNS - 2 * _PALETTE_SHEET_MARGIN), 58, INK
+    )
+    count = len(plan.palette)
+    facts = f"{count} paint{'s' if count != 1 else ''} for {len(plan)} strokes on a canvas of {plan.canvas}"
+    ground = to_hex(torch.tensor(plan.ground))
+    toned = f", toned {ground}" if ground != "#ffffff" else ""
+    brushes = f"brush{'es' if len(plan.brushes) > 1 else ''}: {', '.join(plan.brushes)}"
+    sheet.text((_PALETTE_SHEET_MARGIN, 162), f"{facts}{toned}, {brushes}", 24, SOFT)
+
+
+def _card(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:
+    """A swatch with its text below."""
+    below = top + height - (118 if not paint.recipe else 118 + 2 * _RECIPE_PITCH)
+    sheet.draw.rectangle((left, top, left + width - 1, below - 1), fill=paint.srgb, outline=LINE, width=1)
+    sheet.text((left, below + 12), str(paint.number), 44, INK)
+    strokes = f"{_strokes(paint)}, {paint.share:.0%}"
+    for row, text in enumerate((paint.hex, _srgb(paint), _lab(paint), strokes)):
+        sheet.text((left + 66, below + 14 + 25 * row), text, _PALETTE_SHEET_SMALL, INK if row == 0 else SOFT)
+    for row, text in enumerate(_in_two_lines(paint.recipe, width)):
+        sheet.text((left, below + 118 + _RECIPE_PITCH * row), text, _RECIPE_SIZE, SOFT)
+
+
+def _in_two_lines(recipe: str, width: int) -> list[str]:
+    """The recipe broken where it says plus; the second line is cut where even two are too short."""
+    words = recipe.split(" + ")
+    first = next(
+        (
+            count
+            for count in range(len(words), 0, -1)
+            if font(_RECIPE_SIZE).getlength(" + ".join(words[:count]) + " +") <= width
+        ),
+        1,
+    )
+    lines = [" + ".join(words[:first]), " + ".join(words[first:])]
+    return [shortened(line, _RECIPE_SIZE, width) for line in ([lines[0] + " +", lines[1]] if lines[1] else [lines[0]])]
+
+
+def _line(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:
+    """A swatch with its text beside it, for palettes that fill the page."""
+    swatch, right, size = round(0.26 * width), left + width, _PALETTE_SHEET_SMALL - 1
+    sheet.draw.rectangle((left, top, left + swatch - 1, top + height - 1), fill=paint.srgb, outline=LINE, width=1)
+    sheet.text((left + swatch + 12, top - 4), str(paint.number), 24, INK)
+    pitch = min(26, height // 3)
+    for row, text in enumerate((paint.hex, _srgb(paint), _lab(paint))):
+        sheet.text((left + swatch + 50, top + pitch * row), text, size, INK if row == 0 else SOFT)
+    sheet.text((right, top), _strokes(paint), size, SOFT, "ra")
+    sheet.text((right, top + pitch), f"{paint.share:.0%}", size, SOFT, "ra")
+
+
+def _srgb(paint: PaintFacts) -> str:
+    return "sRGB {}  {}  {}".format(*paint.srgb)
+
+
+def _lab(paint: PaintFacts) -> str:
+    return "Lab {:.1f}  {:.1f}  {:.1f}".format(*paint.lab)
+
+
+def _strokes(paint: PaintFacts) -> str:
+    return f"{paint.strokes} stroke{'s' if paint.strokes != 1 else ''}"
+
+
+# The sheets that say how to mix the paints of a plan: made in a thread of their own, while the robot paints on.
+
+
+class RecipeSheets:
+    """Keeps the sheets of the paints of each layer in a folder, for whoever stands before the wells."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._recipes: tuple[Recipe, ...] = ()
+        self._thread = ThreadPoolExecutor(1, "recipes")
+        self._begun: list[Future[None]] = []
+
+    def renew(self, plan: Plan, before: Palette | None = None) -> None:
+        """Has the recipes of a plan found and its sheets written. before: paints whose sheets are there."""
+        self._begun.append(self._thread.submit(self._renew, plan, before))
+
+    def finish(self) -> tuple[tuple[Recipe, ...], int]:
+        """Waits; the recipes of the last plan, and for how many plans there was no room on the disk."""
+        self._thread.shutdown()
+        troubles = [one.exception() for one in self._begun]
+        for trouble in troubles:
+            if trouble is not None and not isinstance(trouble, StorageError):
+                raise trouble
+        return self._recipes, sum(trouble is not None for trouble in troubles)
+
+    def _renew(self, plan: Plan, before: Palette | None) -> None:
+        there = [] if before is None else before.color.tolist()
+        known = {tuple(recipe.target.tolist()): recipe for recipe in self._recipes}
+        colors = [tuple(color) for color in plan.palette.color.tolist()]
+        unknown = sorted(set(colors) - set(known))
+        known |= dict(zip(unknown, recipes(plan.palette.color.new_tensor(unknown), usual_paints()), strict=True))
+        self._recipes = tuple(known[color] for color in colors)
+        mixed = iter(self._recipes)
+        for layer, part in plan.by_wells():
+            ours, of = [next(mixed) for _ in part.palette.color], "" if layer == 1 else f", layer {layer}"
+            if all(color in there for color in part.palette.color.tolist()):
+                continue
+            images.save(palette_sheet(part, f"Palette{of}", ours), self._folder / sheet_file("palette.png", layer))
+            sheet = mixing_sheet(ours, volumes(part).tolist(), f"Mixing{of}")
+            images.save(sheet, self._folder / sheet_file("mixing.png", layer))
+
+
+# A workspace drawn to scale, as one sees the table from above.
+
+_LONGEST = 1100  # pixels of the longer side of the bounds
+_WORKSPACE_PLAN_MARGIN, _WORKSPACE_PLAN_HEAD, _WORKSPACE_PLAN_FOOT = 90, 110, 110
+_TABLE, _EDGE = (243, 239, 231), (160, 154, 144)
+_WATER, _RAG, _WELL, _HOME = (187, 213, 224), (226, 214, 190), (250, 247, 240), (178, 58, 44)
+_BRUSH = (96, 84, 66)
+
+
+def workspace_plan(workspace: Workspace, canvas: CanvasSize, title: str) -> Tensor:
+    """The bounds with canvas, wells, water, rag and home in them, sRGB [3, H, W] in [0, 1]; x right, y up."""
+    return _Drawing(workspace, canvas, title).sheet.tensor()
+
+
+class _Drawing:
+    """A sheet of paper whose scale is that of the bounds."""
+
+    def __init__(self, workspace: Workspace, canvas: CanvasSize, title: str) -> None:
+        lower, upper = np.array(workspace.lower[:2]), np.array(workspace.upper[:2])
+        self._scale = _LONGEST / float((upper - lower).max())
+        width, height = (round(float(side) * self._scale) for side in upper - lower)
+        self.sheet = Sheet(
+            max(width, 620) + 2 * _WORKSPACE_PLAN_MARGIN, height + _WORKSPACE_PLAN_HEAD + _WORKSPACE_PLAN_FOOT
+        )
+        self._draw = self.sheet.draw
+        self._corner = (_WORKSPACE_PLAN_MARGIN, _WORKSPACE_PLAN_HEAD + height)
+        self._lower = lower
+        self._text(_WORKSPACE_PLAN_MARGIN, 34, title, 36, INK, "la")
+        note = "The table from above; metres in the robot's frame. Dashed: how far the brush stirs."
+        if workspace.rack:
+            note += " Brown: brushes in the rack, and how they are drawn out."
+        self._text(_WORKSPACE_PLAN_MARGIN, self.sheet.image.height - 34, note, 19, SOFT, "ls")
+        self._draw.rectangle((*self._at(lower[0], upper[1]), *self._at(upper[0], lower[1])), fill=_TABLE, outline=_EDGE)
+        self._rule(upper)
+        self._canvas(workspace, canvas)
+        self._rag(workspace)
+        self._round(workspace.water, "water", _WATER)
+        for number, well in enumerate(workspace.wells, 1):
+            self._round(well, str(number), _WELL)
+        if workspace.rack:
+            self._rack(workspace.rack)
+        if workspace.home:
+            self._home(workspace.home)
+
+    def _canvas(self, workspace: Workspace, canvas: CanvasSize) -> None:
+        ends = np.array([(0, 0), (canvas.width, 0), (canvas.width, canvas.height), (0, canvas.height)], float)
+        corners: NDArray[np.float64] = workspace.to_robot(ends, np.zeros(4))
+        self._draw.polygon([self._at(x, y) for x, y, _ in corners], fill=PAPER, outline=INK, width=2)
+        x, y, _ = workspace.to_robot(np.array([[canvas.width, canvas.height]]) / 2, np.zeros(1))[0]
+        self._text(*self._at(x, y), "canvas", 26, SOFT, "ms")
+        self._text(*self._at(x, y), str(canvas), 20, SOFT, "ma")
+        self._text(*self._at(*corners[0, :2]), "  bottom left", 16, SOFT, "ld")
+
+    def _rag(self, workspace: Workspace) -> None:
+        x, y, _ = workspace.rag
+        half = workspace.rag_width / 2
+        self._draw.rectangle((*self._at(x - half, y + half / 2), *self._at(x + half, y - half / 2)), fill=_RAG)
+        left, right = self._at(x - half, y), self._at(x + half, y)
+        self._draw.line((*left, *right), fill=SOFT, width=2)
+        self._text(*self._at(x, y), "rag", 19, INK, "ms")
+
+    def _round(self, place: Point, name: str, fill: tuple[int, int, int]) -> None:
+        """A well or the water, with the circle in which it is stirred."""
+        x, y = self._at(*place[:2])
+        outer, stirred = 2 * STIR_RADIUS * self._scale, STIR_RADIUS * self._scale
+        self._draw.ellipse((x - outer, y - outer, x + outer, y + outer), fill=fill, outline=_EDGE, width=2)
+        for start in range(0, 360, 30):
+            self._draw.arc((x - stirred, y - stirred, x + stirred, y + stirred), start, start + 15, fill=_EDGE, width=2)
+        self._text(x, y, name, 19, INK, "mm")
+
+    def _rack(self, rack: BrushRack) -> None:
+        """Each brush in its fork, and the way on which it is drawn out."""
+        radius = STIR_RADIUS * self._scale
+        for brush, (x, y, _) in rack.places.items():
+            column, row = self._at(x, y)
+            self._draw.line((column, row, *self._at(*rack.front(brush)[:2])), fill=_BRUSH, width=3)
+            self._draw.ellipse((column - radius, row - radius, column + radius, row + radius), fill=_BRUSH)
+            away = 1 if rack.slide[1] > 0 else -1  # the name is on the side of the fork that is closed
+            self._text(column, row + away * (radius + 12), brush, 19, INK, "mm")
+
+    def _home(self, place: Point) -> None:
+        x, y = self._at(*place[:2])
+        self._draw.line((x - 10, y, x + 10, y), fill=_HOME, width=3)
+        self._draw.line((x, y - 10, x, y + 10), fill=_HOME, width=3)
+        self._text(x + 14, y, "home", 19, _HOME, "lm")
+
+    def _rule(self, upper: NDArray[np.float64]) -> None:
+        """Metres along the two lower edges, every tenth."""
+        for axis in (0, 1):
+            first = math.ceil(self._lower[axis] * 10 - 1e-9)
+            for tenth in range(first, math.floor(upper[axis] * 10 + 1e-9) + 1):
+                at = [float(self._lower[0]), float(self._lower[1])]
+                at[axis] = tenth / 10
+                x, y = self._at(*at)
+                end = (x, y + 8) if axis == 0 else (x - 8, y)
+                self._draw.line((x, y, *end), fill=_EDGE, width=2)
+                anchor = "ma" if axis == 0 else "rm"
+                offset = (x, y + 12) if axis == 0 else (x - 12, y)
+                self._text(*offset, f"{tenth / 10:g}", 16, SOFT, anchor)
+
+    def _at(self, x: float, y: float) -> tuple[float, float]:
+        left, bottom = self._corner
+        return left + (x - self._lower[0]) * self._scale, bottom - (y - self._lower[1]) * self._scale
+
+    def _text(self, x: float, y: float, text: str, size: int, fill: tuple[int, int, int], anchor: str) -> None:
+        self.sheet.text((x, y), text, size, fill, anchor)

@@ -1,0 +1,576 @@
+"""How pictures and canvas come together: the canvas takes their proportions, or they are cropped or padded."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import torch
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.brush.kinds import StrokeModel, brush_kind
+from frida_painter.brush.table import cached_table
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.compiled import await_loops
+from frida_painter.easel.dialogue import Answer, Question
+from frida_painter.easel.kinds import TITLES
+from frida_painter.easel.operator import ground_recipe
+from frida_painter.errors import ConfigError
+from frida_painter.frames import PixelGrid
+from frida_painter.hardware.easel import Easel
+from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal, ObjectiveContext, ObjectiveTerm, Term, goal_kinds, require_weight
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import StyleTerm
+from frida_painter.palette import Palette, to_hex
+from frida_painter.perception.flatfield import FlatField
+from frida_painter.plan import WHITE, Plan
+from frida_painter.planning.ground import ground_around_things, proposed_ground
+from frida_painter.planning.layers import Effort, unheard
+from frida_painter.planning.optimize import Step
+from frida_painter.planning.placement import Placement
+from frida_painter.planning.planner import FEWEST_FOR_LAYERS, Planner
+from frida_painter.planning.problem import Region
+from frida_painter.planning.settings import PlannerSettings
+from frida_painter.report.recorder import Recorder
+from frida_painter.runs.goal_item import GoalItem
+from frida_painter.runs.spec import AUTO, OF_SCENE, RunSpec, brush_shares, ground_color, rgb
+from frida_painter.session.events import Notify, Paused
+from frida_painter.session.hand import Brushwork, refilled
+from frida_painter.session.journal import History, Journal
+from frida_painter.session.loop import PaintingSession
+from frida_painter.session.observer import PHOTOGRAPH_ROWS, CanvasObserver, CanvasStart, Timelapse
+from frida_painter.session.opening import planning_device
+from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy, replan_policy_named
+
+# Goals: the pictures and words of a painting's description are opened, or given in one line by a notebook.
+
+_MOST_TERMS = 20
+
+Picture = str | Path | Tensor
+"""A picture file, or sRGB [3, H, W] in [0, 1]."""
+_KINDS = ("image", "semantic", "sketch", "text", "style")
+Scores = Callable[[Tensor], Tensor]
+"""A picture [3, H, W] in [0, 1] to a differentiable number; smaller is nearer."""
+_OBJECTIVE = "objective"
+
+
+def open_goal(spec: RunSpec) -> Goal:
+    """What the description asks for, its pictures read. Raises ConfigError for what makes no goal, and ImageError."""
+    if not spec.goal:
+        options = ", ".join(f"{kind.option} {kind.gives.value}" for kind in goal_kinds().by_name.values())
+        raise ConfigError(f"There is nothing to paint; give a PHOTO, or one or more of {options}.")
+    count = len(spec.goal) + len(spec.initial)
+    if count > _MOST_TERMS:
+        raise ConfigError(f"{count} goals were given; at most {_MOST_TERMS} are pursued together.")
+    return Goal(
+        tuple(_opened(item, beginning=False) for item in spec.goal),
+        tuple(_opened(item, beginning=True) for item in spec.initial),
+    )
+
+
+def picture_of(goal: Goal) -> Tensor | None:
+    """The first picture that says what is where, or else that of a style where no words say what to paint in it."""
+    every: tuple[Term, ...] = (*goal.terms, *goal.initial)
+    pictures = [term.guide for term in every] + [term.colors for term in goal.initial]
+    if all(term.words is None for term in every):
+        pictures += [term.colors for term in goal.terms]
+    return next((picture for picture in pictures if picture is not None), None)
+
+
+def _opened(item: GoalItem, *, beginning: bool) -> Term:
+    return goal_kinds()[item.kind].opened(item.path or item.value, item.weight, beginning=beginning)
+
+
+def make_goal(
+    image: Picture | Sequence[Picture] = (),
+    *,
+    semantic: Picture | Sequence[Picture] = (),
+    sketch: Picture | Sequence[Picture] = (),
+    text: str | Sequence[str] = (),
+    style: Picture | Sequence[Picture] = (),
+    objective: Scores | Sequence[Scores] = (),
+    weights: Mapping[str, float] | None = None,
+) -> Goal:
+    """What shall be painted: one or more of these, each a single one or a sequence; `make_goal("photo.jpg")`.
+
+    image: to come near to, pixel by pixel; semantic: to paint by what it shows; sketch: a drawing to follow;
+    text: words; style: a picture whose colours and marks the painting shall have; objective: a function of one's
+    own. weights: how much a kind matters, by its name, above 0; 1 where it is not named. Semantic, sketch, text and
+    style are seen through networks that `frida-painter models fetch` gets. Raises ConfigError where there is nothing
+    to paint or a kind is not known, and ImageError where a picture cannot be read.
+    """
+    given = dict(zip(_KINDS, (image, semantic, sketch, text, style), strict=True))
+    weights = weights or {}
+    if unknown := sorted(set(weights) - {*_KINDS, _OBJECTIVE}):
+        known = ", ".join((*_KINDS, _OBJECTIVE))
+        raise ConfigError(f"A weight was given to {unknown[0][:40]!r}; weights are given to {known}.")
+    terms = [_term(kind, one, float(weights.get(kind, 1.0))) for kind, some in given.items() for one in _each(some)]
+    functions = [objective] if callable(objective) else objective
+    terms += [_FunctionTerm(float(weights.get(_OBJECTIVE, 1.0)), function) for function in functions]
+    return Goal(tuple(terms))
+
+
+@dataclass(frozen=True)
+class _FunctionTerm(Term):
+    """A function of the picture as a goal. Raises ConfigError for a weight that is none."""
+
+    weight: float
+    function: Scores
+
+    def __post_init__(self) -> None:
+        require_weight(self.weight, "an objective")
+
+    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
+        """The function as it is."""
+        return ObjectiveTerm(self.function)
+
+
+def _each(some: Picture | Sequence[Picture]) -> Sequence[Picture]:
+    return [some] if isinstance(some, str | Path | Tensor) else some
+
+
+def _term(kind: str, one: Picture, weight: float) -> Term:
+    if not isinstance(one, Tensor):
+        return goal_kinds()[kind].opened(one if kind == "text" else Path(one), weight, beginning=False)
+    if one.dim() != 3 or one.shape[0] != 3:
+        raise ConfigError(f"A picture of shape {tuple(one.shape)} was given to {kind}; it is [3, height, width].")
+    terms = {"image": ImageTerm, "semantic": SemanticTerm, "sketch": SketchTerm, "style": StyleTerm}
+    return cast(Term, terms[kind](one, weight))
+
+
+_TOLD = 0.01  # of a picture that is cut off without a word: pixels are whole numbers
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A painting whose canvas and pictures have one shape.
+
+    spec: with its final canvas; goal: with pictures as they fill the canvas; target [3, H, W]: the first of them, if
+    any; remark: a sentence where a picture lost something, else "".
+    """
+
+    spec: RunSpec
+    goal: Goal
+    target: Tensor | None
+    remark: str = ""
+
+
+def fitted(spec: RunSpec, goal: Goal, *, canvas_is_fixed: bool = False) -> Fitted:
+    """Brings canvas and pictures together as `spec.fit` says.
+
+    canvas_is_fixed: whether the canvas stays as it is: a real one, or that of a painting that was begun. Raises
+    ConfigError where a canvas in the picture's proportions would be too narrow.
+    """
+    picture, canvas = picture_of(goal), spec.canvas
+    fixed = canvas_is_fixed or not spec.simulated or spec.calibration is not None  # then it lies on an easel
+    shaped = picture is not None and spec.fit == "canvas" and not fixed
+    if picture is not None and (shaped or not (canvas_is_fixed or "canvas" in spec.model_fields_set)):
+        canvas = canvas.turned_like(*picture.shape[1:])
+    if picture is not None and shaped:
+        canvas = canvas.shaped_like(*picture.shape[1:])
+    spec = spec.model_copy(update={"canvas": canvas}).as_kept
+    remark = "" if picture is None or spec.fit == "pad" else _lost(picture, spec.canvas)
+    grid = PixelGrid.of_height(spec.canvas, max(PHOTOGRAPH_ROWS, spec.render_height))
+    place = images.pad if spec.fit == "pad" else images.fit
+    target = None if picture is None else place(picture, grid.rows, grid.columns)
+    return Fitted(spec, goal.fitted(*_planned_from(spec), pad=spec.fit == "pad"), target, remark)
+
+
+def _planned_from(spec: RunSpec) -> tuple[int, int]:
+    """Rows and columns of the pictures that a planner is given: some times those that it plans and judges in.
+
+    Means of whole pixels are then exactly those of the file's areas, and no detail is lost in between.
+    """
+    grid = PixelGrid.of_height(spec.canvas, spec.render_height)
+    times = math.ceil(PHOTOGRAPH_ROWS / grid.rows)
+    return times * grid.rows, times * grid.columns
+
+
+def _lost(picture: Tensor, canvas: CanvasSize) -> str:
+    """What a crop takes away, in a sentence."""
+    share = (picture.shape[2] / picture.shape[1]) / (canvas.width / canvas.height)
+    lost, side = (1 - 1 / share, "width") if share > 1 else (1 - share, "height")
+    if lost <= _TOLD:
+        return ""
+    return (
+        f"The picture is cropped to the canvas: {100 * lost:.0f} % of its {side} is left out. "
+        "To paint all of it, give --fit pad, or a canvas in its proportions."
+    )
+
+
+# Opening what a run needs: its planner, its session at an easel, led by controls, and what records it.
+
+_FIT = {
+    "canvas": "the canvas has the picture's proportions",
+    "crop": "the picture was cropped to the canvas",
+    "pad": "the picture was padded to the canvas",
+}
+
+_DARKEST_OF_STUDIO = "#121212"  # its soot reflects 0.6 % of the light
+
+
+def _never() -> bool:
+    return False
+
+
+@dataclass(frozen=True)
+class Controls:
+    """How a painting is led; by default nobody is there: it is neither stopped nor paused, and every doubt is a no.
+
+    stop_asked, pause_asked: looked at after every stroke and planning iteration;
+    go_on: waits in a pause for a person, and says whether the painting goes on;
+    mixed: waits until the wells are filled, and answers with what was really mixed, None for just what was wanted
+    (by default: what the description says);
+    answer: leads a dialogue with a person at a real easel, None where nobody is asked;
+    paint_on: whether a canvas that is not bare at first, or not as it was left (a sentence, a photograph [3, H, W]),
+    is painted on;
+    repaint: whether the stroke in doubt (its number, a picture of it) is painted again.
+    """
+
+    stop_asked: Callable[[], bool] = _never
+    pause_asked: Callable[[], bool] = _never
+    go_on: Callable[[Paused], bool] = lambda paused: False
+    mixed: Callable[[Palette], Palette | None] | None = None
+    answer: Callable[[Question], Answer] | None = None
+    paint_on: Callable[[str, Tensor], bool] = lambda difference, photograph: False
+    repaint: Callable[[int, Tensor], bool] = lambda number, picture: False
+
+
+def wanted_ground(spec: RunSpec) -> str:
+    """The ground asked for, or the usual one: white, but one that the planner chooses where a simulated operator tones.
+
+    Not settled before there is a planner are AUTO, usual for pictures, and OF_SCENE, for words without a picture.
+    """
+    if spec.ground is not None:
+        return spec.ground
+    if not spec.simulated or spec.studio_canvas is not None or spec.on_canvas:
+        return "white"
+    if spec.is_composed:
+        return OF_SCENE
+    pictured = not spec.initial and any(item.kind == "image" for item in spec.goal)
+    return AUTO if pictured and spec.strokes >= FEWEST_FOR_LAYERS else "white"
+
+
+def darkest_paint(spec: RunSpec) -> tuple[float, float, float] | None:
+    """sRGB of the darkest paint there is: the one told, the virtual studio's, or None where nothing is known of it."""
+    told = spec.darkest or (_DARKEST_OF_STUDIO if spec.simulated else None)
+    return None if told is None else rgb(told)
+
+
+def open_planner(
+    spec: RunSpec,
+    goal: Goal,
+    encoders: EncoderRegistry | None = None,
+    model: StrokeModel | Sequence[StrokeModel] | None = None,
+    tell: Callable[[str], None] = lambda sentence: None,
+) -> Planner:
+    """The planner that the description means, on the usual ground, or on white if one is to be chosen.
+
+    What the easel's own strokes taught of the brush, by its calibration record, goes before what the project ships.
+    encoders: the networks that the goal is seen through, by default those that were fetched; model: what takes the
+    place of the description's brushes; tell: hears in a sentence what is waited for. Raises CalibrationError if the
+    record is damaged, and WeightsError and ConfigError if there is no such brush, or a network that the goal needs is
+    missing.
+    """
+    device = planning_device()
+    networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures)
+    planner = Planner(goal, planner_settings(spec, model), encoders=networks, device=device)
+    if networks.idle_clip is not None:
+        raise ConfigError(
+            f"--clip was given {networks.idle_clip[:60]!r}, and nothing of this goal is seen through a CLIP; leave it "
+            "out, or give words (--text) or a meaning (--semantic)."
+        )
+    if networks.idle_pictures is not None:
+        raise ConfigError(
+            f"--pictures was given {networks.idle_pictures}, and nothing of this goal is made of pictures of things; "
+            "leave it out, or give words alone (--text)."
+        )
+    if device.type == "cpu":
+        await_loops(tell)
+    return planner
+
+
+def planner_settings(spec: RunSpec, model: StrokeModel | Sequence[StrokeModel] | None = None) -> PlannerSettings:
+    """What the planner of a description is told; model: in place of its brushes. Raises as `open_planner` does."""
+    known = None if spec.calibration is None else Calibration.load(spec.calibration)
+    usual = spec.brushes is None and (spec.strokes < FEWEST_FOR_LAYERS or spec.is_short)
+    names = spec.brush_names[:1] if usual else spec.brush_names
+    layers = spec.layers if spec.brushes is None or len(names) == 1 else len(names)
+    shares = spec.shares if len(names) > 1 else None
+    if model is None:
+        models = {name: cached_table(load_stroke_model(_source(name, known))) for name in names}
+        model = [models[name] for name in names]
+    else:
+        layers, shares = spec.layers, None
+    return PlannerSettings(
+        spec.canvas,
+        model,
+        strokes=spec.strokes,
+        colors=spec.colors,
+        rows=spec.render_height,
+        effort=Effort().scaled(spec.effort),
+        seed=spec.seed,
+        layers=1 if layers is None and spec.is_short else layers,
+        shares=shares,
+        new_paints=spec.new_paints is not False and spec.palette is None,
+        focus=spec.focus,
+        sharpness=spec.sharpness,
+        ground=ground_color(wanted_ground(spec)) or WHITE,
+        darkest=darkest_paint(spec),
+    )
+
+
+def _source(brush: str, known: Calibration | None) -> str | Path:
+    """Where the stroke model of a brush comes from."""
+    if known is not None and brush in (known.brush, *known.others):
+        learned = known.of_brush(brush).weights
+        if learned is not None:
+            return Path(learned.path)
+    return brush
+
+
+def replan_policy(spec: RunSpec, layers: tuple[int, ...] = ()) -> ReplanPolicy:
+    """When the painter looks, and whether it plans again: as often as `replans` says, unless a policy is named.
+
+    layers: how many strokes each has; the looks where one begins are among the replans.
+    """
+    return replan_policy_named(spec.replan_policy) if spec.replan_policy else EvenlySpaced(spec.replans, layers)
+
+
+def open_session(
+    spec: RunSpec,
+    planner: Planner,
+    easel: Easel,
+    controls: Controls,
+    *,
+    mixed: Callable[[Palette], Palette | None],
+    paint_on: Callable[[str, Tensor], bool],
+    notify: Notify,
+    journal: Journal,
+    light: FlatField | None = None,
+    placement: Placement | None = None,
+) -> PaintingSession:
+    """A session on an easel whose robot and camera are connected. Raises LibraryError where its library is damaged.
+
+    mixed: asked what was really mixed, and waits; paint_on: asked where something is on the canvas at first; light,
+    placement: what an earlier run learned of the room and of where strokes land.
+    """
+    first, *others = (
+        refilled(brush_kind(name), easel.calibration, simulated=easel.simulated) for name in planner.models
+    )
+    # A person's hand has no heights that could be corrected.
+    where = placement or Placement.unknown({} if spec.by_hand else easel.calibration.depths)
+    return PaintingSession(
+        planner,
+        Brushwork(easel, first, where, others=tuple(others), drying=60 * spec.drying),
+        CanvasObserver(easel, CanvasStart(planner.ground, spec.on_canvas, paint_on), light),
+        replan_policy(spec, planner.layer_sizes(spec.strokes)),
+        stop_asked=controls.stop_asked,
+        notify=notify,
+        journal=journal,
+        pause_asked=controls.pause_asked,
+        go_on=controls.go_on,
+        mixed=mixed,
+        timelapse=Timelapse(spec.film_length),
+        budget=None if spec.minutes is None else 60 * spec.minutes,
+    )
+
+
+def open_recorder(
+    spec: RunSpec, target: Tensor | None, planner: Planner, folder: Path, before: History | None
+) -> Recorder:
+    """What writes the painting's folder. target [3, H, W]: the goal picture; before: what earlier runs left, if any."""
+    encoders, first = planner.encoders, spec.goal[0]
+    facts = (
+        *spec.goal_facts,
+        *((f"{choice.purpose.capitalize()} seen through", choice.used) for choice in encoders.choices),
+        *((f"Better for {choice.purpose}", choice.better) for choice in encoders.choices if choice.better),
+        *(("Remark", remark) for remark in encoders.remarks),
+        ("Canvas", f"{spec.canvas}, painted on before" if spec.on_canvas else str(spec.canvas)),
+        *([("Ground", ground_recipe(planner.ground))] if planner.ground != WHITE else []),
+        *([("Fit", _FIT[spec.fit])] if target is not None else []),
+        ("Brush" if len(planner.models) == 1 else "Brushes", ", ".join(planner.models)),
+        ("Looks and replans", str(spec.replans)),
+        ("Planned at", f"{spec.render_height} rows"),
+        ("Seed", str(spec.seed)),
+        ("Robot", TITLES.get(spec.robot, spec.robot)),
+    )
+    settings = {
+        **({"photo": Path(first.value).name} if first.kind == "image" else {}),
+        "goal": [list(fact) for fact in spec.goal_facts],
+        "encoders": [asdict(choice) for choice in encoders.choices],
+        "remarks": list(encoders.remarks),
+        **spec.record(),
+    }
+    return Recorder(folder, spec.heading, target, facts, settings, planner.models, spec.film_length, before)
+
+
+# Which ground a painting has, where its description leaves that to the planner.
+
+
+def settled_ground(
+    spec: RunSpec, planner: Planner, notify: Callable[[Step], None] = unheard
+) -> tuple[Planner, str, str]:
+    """The planner on the ground that the description means, that ground, "white" or a colour, and a sentence on it.
+
+    The sentence is "" if nothing was chosen. notify: hears of every step of quick plans. Raises ConfigError if no
+    picture tells colours for "auto".
+    """
+    wanted = wanted_ground(spec)
+    if wanted == AUTO:
+        color, said = (
+            proposed_ground(planner, spec.strokes, spec.colors, notify),
+            "The ground that suits this picture best: {}.",
+        )
+    elif wanted == OF_SCENE:
+        color = ground_around_things(planner)
+        said = "" if color == WHITE else "The canvas is toned in the colour around the things of the scene: {}."
+    else:
+        return planner, wanted, ""
+    ground = _named(color)
+    return planner.on_ground(color), ground, said.format(ground)
+
+
+def ground_of(plan: Plan) -> str:
+    """The ground of a plan, as --ground has it: what was settled when it was made."""
+    return _named(plan.ground)
+
+
+def _named(color: tuple[float, float, float]) -> str:
+    return "white" if color == WHITE else to_hex(torch.tensor(color))
+
+
+# Which brushes suit a picture: found by quick plans with several.
+
+IN_ONE_LAYER = ("broad", "medium", "fine")
+IN_LAYERS = ("broad:30%,medium:35%,fine:35%", "broad:50%,medium:50%", "medium:50%,fine:25%,fine:25%")
+_TRYING = 0.25  # of the effort
+_LEAST_EFFORT = 0.05
+
+
+def suited_brushes(
+    spec: RunSpec,
+    goal: Goal,
+    encoders: EncoderRegistry | None = None,
+    notify: Callable[[Step], None] = unheard,
+) -> str:
+    """The brushes with which a quick plan leaves the least expected loss, as --brushes has them.
+
+    A real easel has those of its calibration record. notify: hears of every step. Raises ConfigError where none of
+    these is to be chosen, and what `open_planner` raises.
+    """
+
+    def expected_loss(brushes: str) -> float:
+        effort = max(_LEAST_EFFORT, _TRYING * spec.effort)
+        planner = open_planner(spec.model_copy(update={"brushes": brushes, "effort": effort}), goal, encoders)
+        return planner.expected_loss(planner.plan(planner.bare, spec.strokes, spec.colors, notify), planner.bare)
+
+    return min(choices(spec), key=expected_loss)
+
+
+def choices(spec: RunSpec) -> Sequence[str]:
+    """What there is to choose from, as --brushes has it."""
+    several = spec.strokes >= FEWEST_FOR_LAYERS and not spec.is_short
+    named = (*(IN_LAYERS if several else ()), *([] if several and spec.simulated else IN_ONE_LAYER))
+    if spec.simulated or spec.calibration is None:
+        return named
+    known = Calibration.load(spec.calibration)
+    there = {known.brush, *known.others}
+    found = [brushes for brushes in named if there.issuperset(brush for brush, _ in brush_shares(brushes))]
+    if not found:
+        raise ConfigError(
+            f"--brushes auto chooses among {', '.join(IN_ONE_LAYER)}, and the calibration record knows "
+            f"{', '.join(sorted(there))}; name the brush, or calibrate another one: calibrate brush --brush medium."
+        )
+    return found
+
+
+def brushes_of(plan: Plan) -> str:
+    """The brushes of a plan's layers with their shares, as --brushes has them."""
+    shares = [(layer.brush, 100 * layer.strokes / len(plan)) for layer in plan.layers if layer.strokes]
+    return ",".join(f"{brush}:{share:.4f}%" for brush, share in shares)
+
+
+# A painting's description is settled, once: what it leaves to the planner is chosen, and there is a planner for it.
+
+_SETTLING_KINDS: dict[type[Term], str] = {
+    ImageTerm: "image",
+    SemanticTerm: "semantic",
+    SketchTerm: "sketch",
+    StyleTerm: "style",
+}
+
+
+@dataclass(frozen=True)
+class SettledRun:
+    """A painting of which nothing is left open.
+
+    spec: with its canvas, brushes and ground; planner: what plans it, on that ground; remarks: sentences for the
+    person, on what was chosen.
+    """
+
+    spec: RunSpec
+    planner: Planner
+    remarks: tuple[str, ...]
+
+
+def settle(
+    made: Fitted,
+    encoders: EncoderRegistry | None = None,
+    *,
+    region: Region | None = None,
+    choosing: Callable[[str], None] = lambda what: None,
+    tell: Callable[[str], None] = lambda sentence: None,
+) -> SettledRun:
+    """Chooses the brushes and the ground that a description leaves open, by quick plans, and opens the planner.
+
+    made: the description and its goal, which fit each other; encoders: the networks that the goal is seen through, by
+    default those that were fetched; region: what strokes keep clear of; choosing: hears at every step of quick plans
+    what they choose, "brushes" or "ground", and may raise to end them. Raises what `open_planner` does.
+    """
+    spec, remarks = made.spec, []
+    if spec.brushes == AUTO:
+        brushes = suited_brushes(spec, made.goal, encoders, notify=lambda step: choosing("brushes"))
+        spec = spec.model_copy(update={"brushes": brushes})
+        remarks.append(f"The brushes that suit this picture best: {brushes}.")
+    planner = open_planner(spec, made.goal, encoders, tell=tell)
+    planner, ground, remark = settled_ground(spec, planner, lambda step: choosing("ground"))
+    if spec.ground != ground:
+        spec = spec.model_copy(update={"ground": ground})
+    remarks += [remark] if remark else []
+    return SettledRun(spec, planner if region is None else planner.keeping_clear(region), tuple(remarks))
+
+
+def make_planner(
+    goal: Goal | Picture,
+    *,
+    model: StrokeModel | Sequence[StrokeModel] | None = None,
+    encoders: EncoderRegistry | None = None,
+    **settings: Any,
+) -> Planner:
+    """The planner that `frida-painter plan` has for a goal or a picture: the same settings make the same plan.
+
+    model: stroke models of one's own in place of the brushes that the settings name, one for all layers or one each;
+    settings: fields of RunSpec, such as strokes=300, seed=1, canvas="A3", brushes="fine" or focus="none". The planner's
+    settings say what was chosen. Raises ConfigError, ImageError and WeightsError.
+    """
+    wanted = goal if isinstance(goal, Goal) else make_goal(goal)
+    described = {"goal": _described(wanted.terms), "initial": _described(wanted.initial)}
+    made = fitted(RunSpec.of(**described, **settings), wanted)
+    if model is None:
+        return settle(made, encoders).planner
+    planner = open_planner(made.spec, made.goal, encoders, model)
+    return settled_ground(made.spec, planner)[0]
+
+
+def _described(terms: Sequence[Term]) -> list[dict[str, object]]:
+    """Terms as a description names them, without their pictures: what is usual depends on their kinds."""
+    kinds = [(term, _SETTLING_KINDS.get(type(term), None if term.words is None else "text")) for term in terms]
+    return [{kind: term.words or "given as a picture"} for term, kind in kinds if kind is not None]

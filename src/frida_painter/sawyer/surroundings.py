@@ -1,0 +1,340 @@
+"""What stands around the arm: table, canvas, paint wells, water, rag; they complete the arm's description.
+
+For the physics only the table counts: the arm must not touch it. The rest is there to be looked at.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any, Self
+
+import mujoco
+import numpy as np
+from mujoco import mjtGeom, mjtTexture, mjtTextureRole
+from numpy.typing import NDArray
+
+from frida_painter import storage
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import ConfigError
+from frida_painter.hardware.robot import Point, Workspace
+
+# The maker's own shapes, from a folder that a person has, to be looked at in the film; the arm's physics needs none.
+#
+# A part's shape is PART.obj or PART.stl, or all such files in a folder PART, as robosuite keeps them;
+# PART.mtl, where there is one, has the colours that OBJ files name.
+
+Color = tuple[float, float, float]
+
+PARTS = ("base", "head", "l0", "l1", "l2", "l3", "l4", "l5", "l6")
+_KINDS = (".obj", ".stl")
+_MOST_BYTES = 300 * 2**20
+_HEAD_LINES = 100  # of an OBJ file, in which it names its colour
+_GREY: Color = (0.45, 0.45, 0.47)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One mesh of a part, in metres in the frame of the part's body, and its colour, sRGB in [0, 1]."""
+
+    part: str
+    path: Path
+    color: Color
+
+
+@dataclass(frozen=True)
+class Meshes:
+    """All pieces of an arm."""
+
+    pieces: tuple[Piece, ...]
+
+    @classmethod
+    def in_folder(cls, folder: Path) -> Self:
+        """Raises ConfigError where a part is missing, nothing can be read, or all of it is too large."""
+        if not folder.is_dir():
+            raise ConfigError(f"{folder} is no folder; give the one with the meshes {', '.join(PARTS)}.")
+        found = {part: list(_files(folder, part)) for part in PARTS}
+        missing = [part for part, files in found.items() if not files]
+        if missing:
+            raise ConfigError(
+                f"{folder} has no mesh of {', '.join(missing)}; of every part ({', '.join(PARTS)}) there must be "
+                "PART.obj or PART.stl, or a folder PART of such files."
+            )
+        try:
+            size = sum(path.stat().st_size for files in found.values() for path in files)
+            if size > _MOST_BYTES:
+                most = _MOST_BYTES / 2**20
+                raise ConfigError(
+                    f"The meshes in {folder} have {size / 2**20:.0f} MB; at most {most:.0f} MB are taken."
+                )
+            return cls(
+                tuple(
+                    Piece(part, path, _color(path, colors))
+                    for part, files in found.items()
+                    for colors in [_colors(folder / f"{part}.mtl")]
+                    for path in files
+                )
+            )
+        except OSError as cause:
+            raise ConfigError(f"A mesh in {folder} cannot be read ({cause}).") from cause
+
+
+def _files(folder: Path, part: str) -> Iterator[Path]:
+    inside = folder / part
+    if inside.is_dir():
+        yield from sorted(path for path in inside.iterdir() if path.suffix.lower() in _KINDS)
+    else:
+        yield from [path for kind in _KINDS if (path := folder / f"{part}{kind}").is_file()][:1]
+
+
+def _colors(path: Path) -> dict[str, Color]:
+    """The diffuse colours of an MTL file by their names; none where there is no such file."""
+    if not path.is_file():
+        return {}
+    colors, name = {}, ""
+    content = storage.read_bytes(path, "the colours of a mesh (MTL)", _MOST_BYTES, ConfigError)
+    for line in content.decode("utf-8", "replace").splitlines():
+        if named := re.match(r"\s*newmtl\s+(\S+)", line):
+            name = named[1]
+        elif diffuse := re.match(r"\s*Kd\s+([\d.]+)\s+([\d.]+)\s+([\d.]+)", line):
+            red, green, blue = (min(1.0, float(part)) for part in diffuse.groups())
+            colors[name] = (red, green, blue)
+    return colors
+
+
+def _color(path: Path, colors: dict[str, Color]) -> Color:
+    """The colour that an OBJ file names first."""
+    if not colors or path.suffix.lower() != ".obj":
+        return _GREY
+    with storage.opened(path, "a mesh (OBJ)", _MOST_BYTES, ConfigError) as lines:
+        for _, line in zip(range(_HEAD_LINES), lines, strict=False):
+            if named := re.match(r"\s*usemtl\s+(\S+)", line.decode("utf-8", "replace")):
+                return colors.get(named[1], _GREY)
+    return _GREY
+
+
+CANVAS, CANVAS_PIXELS = "canvas", 1024
+_PLANKS, _PLANK_PIXELS = "planks", 512
+_THICKNESS = 0.018
+_FLOOR = -0.78
+_HEAD = (0.0, 0.0, 0.2965)  # of its joint, in the frame of l0 (sawyer_description)
+_LARGEST = 0.5  # half the length of a part of the arm
+_WALL = (0.86, 0.855, 0.845)
+_WELL_RADIUS, _WELL_WALL = 0.0175, 0.0025
+# Things of this group are not drawn.
+_UNUSED = 4
+_EMPTY = (0.93, 0.92, 0.90, 1.0)
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Where things are around one arm: its workspace, the size of the canvas in it, and what the arm looks like.
+
+    meshes: the maker's shapes, to be looked at only; None for the description's own.
+    """
+
+    workspace: Workspace
+    canvas: CanvasSize
+    meshes: Meshes | None = None
+
+    def model(self) -> mujoco.MjModel:
+        """The arm in these surroundings, ready to be simulated and looked at.
+
+        Raises ConfigError where its meshes cannot be used.
+        """
+        spec = mujoco.MjSpec.from_string(resources.files(__package__).joinpath("sawyer.xml").read_text("utf-8"))
+        self._add_room(spec)
+        self._add_table(spec)
+        self._add_canvas(spec)
+        for number, well in enumerate(self.workspace.wells):
+            self._add_bowl(spec, f"well {number}", well, _WELL_RADIUS, group=_UNUSED)
+        self._add_bowl(spec, "water", self.workspace.water, 0.042, rgba=(0.55, 0.68, 0.74, 1))
+        self._add_rag(spec)
+        model = spec.compile() if self.meshes is None else _dressed(spec, self.meshes)
+        paper(model, _PLANKS, _planks())
+        return model
+
+    @property
+    def _table_top(self) -> float:
+        return self.workspace.canvas_origin[2] - _THICKNESS
+
+    def _add_room(self, spec: mujoco.MjSpec) -> None:
+        spec.visual.headlight.ambient = (0.42, 0.42, 0.43)
+        spec.visual.headlight.diffuse = (0.18, 0.18, 0.18)
+        spec.visual.headlight.specular = (0.0, 0.0, 0.0)
+        spec.visual.quality.shadowsize = 2048
+        spec.visual.quality.offsamples = 4
+        spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 1280
+        spec.visual.map.znear = 0.02
+        spec.stat.center, spec.stat.extent = (0.45, 0.0, 0.2), 1.5
+        # The floor loses itself in the wall, as a photographer's backdrop does.
+        spec.visual.rgba.fog = (*_WALL, 1)
+        spec.visual.map.fogstart, spec.visual.map.fogend = 1.9, 3.6
+        spec.add_texture(
+            type=mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+            rgb1=_WALL, rgb2=_WALL, width=8, height=8 * 6,
+        )  # fmt: skip
+        spec.add_material(name="floor", rgba=(0.86, 0.85, 0.83, 1), specular=0.05)
+        self._stand(spec, mjtGeom.mjGEOM_PLANE, (12, 12, 0.1), (0, 0, _FLOOR), material="floor")
+        self._stand(spec, mjtGeom.mjGEOM_CYLINDER, (0.09, -_FLOOR / 2), (0, 0, _FLOOR / 2), material="black")
+        self._stand(spec, mjtGeom.mjGEOM_CYLINDER, (0.27, 0.015), (0, 0, _FLOOR + 0.015), material="black")
+        lamp: dict[str, Any] = {"type": mujoco.mjtLightType.mjLIGHT_SPOT, "cutoff": 60, "exponent": 6}
+        spec.worldbody.add_light(
+            pos=(1.5, -1.0, 2.2), dir=(-0.55, 0.42, -0.95), diffuse=(0.62, 0.60, 0.56), specular=(0.35, 0.35, 0.33),
+            castshadow=True, **lamp,
+        )  # fmt: skip
+        spec.worldbody.add_light(
+            pos=(0.7, 1.8, 1.7), dir=(-0.1, -0.75, -0.7), diffuse=(0.22, 0.23, 0.26), specular=(0.1, 0.1, 0.1),
+            castshadow=False, **lamp,
+        )  # fmt: skip
+
+    def _add_table(self, spec: mujoco.MjSpec) -> None:
+        lower, upper = np.array(self.workspace.lower), np.array(self.workspace.upper)
+        middle, half = (lower + upper) / 2, (upper - lower) / 2
+        near = max(0.16, lower[0])  # the table ends before the pedestal
+        half[0], middle[0] = (upper[0] - near) / 2, (upper[0] + near) / 2
+        spec.add_texture(
+            name=_PLANKS, type=mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+            width=_PLANK_PIXELS, height=_PLANK_PIXELS, nchannel=3,
+        )  # fmt: skip
+        table = spec.add_material(name="table", specular=0.25, shininess=0.35, texrepeat=(1, 1))
+        table.textures[mjtTextureRole.mjTEXROLE_RGB] = _PLANKS
+        top = (middle[0], middle[1], self._table_top - 0.018)
+        board = self._stand(spec, mjtGeom.mjGEOM_BOX, (half[0], half[1], 0.018), top, material="table", name="table")
+        board.contype = board.conaffinity = 1
+        for x in (-1, 1):
+            for y in (-1, 1):
+                leg = (middle[0] + x * (half[0] - 0.05), middle[1] + y * (half[1] - 0.05))
+                tall = (self._table_top - 0.036 - _FLOOR) / 2
+                self._stand(spec, mjtGeom.mjGEOM_BOX, (0.022, 0.022, tall), (*leg, _FLOOR + tall), material="wood")
+
+    def _add_canvas(self, spec: mujoco.MjSpec) -> None:
+        workspace, size = self.workspace, self.canvas
+        x, y = workspace.to_robot(np.array([[size.width / 2, size.height / 2]]), np.zeros(1))[0, :2]
+        z = workspace.canvas_origin[2]
+        turned = (np.cos(workspace.canvas_angle / 2), 0, 0, np.sin(workspace.canvas_angle / 2))
+        half = (size.width / 2, size.height / 2)
+        self._stand(
+            spec, mjtGeom.mjGEOM_BOX, (half[0] + 0.001, half[1] + 0.001, _THICKNESS / 2),
+            (x, y, z - _THICKNESS / 2 - 0.0008), quat=turned, rgba=(0.90, 0.88, 0.84, 1),
+        )  # fmt: skip
+        spec.add_texture(
+            name=CANVAS, type=mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+            rgb1=(1, 1, 1), rgb2=(1, 1, 1), width=CANVAS_PIXELS, height=CANVAS_PIXELS, nchannel=3,
+        )  # fmt: skip
+        painting = spec.add_material(name=CANVAS, specular=0.08, shininess=0.2, texrepeat=(1, 1))
+        painting.textures[mjtTextureRole.mjTEXROLE_RGB] = CANVAS
+        self._stand(spec, mjtGeom.mjGEOM_PLANE, (*half, 0.01), (x, y, z), quat=turned, material=CANVAS)
+
+    def _add_bowl(
+        self, spec: mujoco.MjSpec, name: str, place: Point, radius: float, rgba: tuple[float, ...] = _EMPTY,
+        group: int = 1,
+    ) -> None:  # fmt: skip
+        """A bowl of glazed clay called "NAME bowl"; `name` is the surface of what is in it."""
+        x, y, z = place
+        tall = (z - 0.002 - self._table_top) / 2
+        at = (x, y, self._table_top + tall)
+        self._stand(
+            spec,
+            mjtGeom.mjGEOM_CYLINDER,
+            (radius + _WELL_WALL, tall),
+            at,
+            name=f"{name} bowl",
+            material="white",
+            group=group,
+        )
+        self._stand(
+            spec,
+            mjtGeom.mjGEOM_CYLINDER,
+            (radius, 0.001),
+            (x, y, self._table_top + 2 * tall),
+            name=name,
+            rgba=rgba,
+            group=group,
+        )
+
+    def _add_rag(self, spec: mujoco.MjSpec) -> None:
+        x, y, z = self.workspace.rag
+        cloth = (0.80, 0.79, 0.74, 1)
+        half = self.workspace.rag_width / 2 + 0.02
+        self._stand(
+            spec,
+            mjtGeom.mjGEOM_BOX,
+            (half, 0.045, (z - self._table_top) / 2),
+            (x, y, (z + self._table_top) / 2 - 0.001),
+            rgba=cloth,
+        )
+        for number, turn in enumerate((0.04, -0.06)):
+            self._stand(
+                spec,
+                mjtGeom.mjGEOM_BOX,
+                (half - 0.006, 0.04 - 0.004 * number, 0.001),
+                (x, y, z - 0.0005 + 0.001 * number),
+                quat=(np.cos(turn), 0, 0, np.sin(turn)),
+                rgba=cloth,
+            )
+
+    @staticmethod
+    def _stand(
+        spec: mujoco.MjSpec, kind: mjtGeom, size: tuple[float, ...], place: tuple[float, ...], **look: object
+    ) -> mujoco.MjsGeom:
+        """Puts a thing there that nothing bumps into."""
+        full = (*size, *(0.0,) * (3 - len(size)))
+        return spec.worldbody.add_geom(
+            type=kind, size=full, pos=place, contype=0, conaffinity=0, **{"group": 1, **look}
+        )
+
+
+def _dressed(spec: mujoco.MjSpec, meshes: Meshes) -> mujoco.MjModel:
+    """The model with the maker's shapes in place of the description's."""
+    spec.body("l0").add_body(name="head", pos=_HEAD)
+    for part in PARTS:
+        for shape in spec.body(part).geoms:
+            shape.group = _UNUSED
+    for number, piece in enumerate(meshes.pieces):
+        name = f"{piece.part} {number}"
+        spec.add_mesh(name=name, file=str(piece.path.absolute()), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+        spec.add_material(name=name, rgba=(*piece.color, 1), specular=0.4, shininess=0.4)
+        spec.body(piece.part).add_geom(
+            type=mjtGeom.mjGEOM_MESH, meshname=name, material=name, group=1, contype=0, conaffinity=0, mass=0
+        )
+    try:
+        model = spec.compile()
+    except ValueError as cause:
+        raise ConfigError(f"The meshes of the arm cannot be used: {cause}") from cause
+    largest = float(model.geom_rbound[model.geom_type == mjtGeom.mjGEOM_MESH].max())
+    if not largest <= _LARGEST:
+        raise ConfigError(
+            f"A mesh of the arm is {2 * largest:.3g} m long; meshes are in metres, and no part is longer than "
+            f"{2 * _LARGEST:g} m. Scale them, then try again."
+        )
+    return model
+
+
+def paper(model: mujoco.MjModel, texture: str, picture: NDArray[np.uint8]) -> int:
+    """Makes a picture [n, n, 3], its first row at the lower edge, the texture of that name; returns its number."""
+    number = model.texture(texture).id
+    first = model.tex_adr[number]
+    model.tex_data[first : first + picture.size] = picture[::-1].reshape(-1)  # MuJoCo's first row is the upper one
+    return int(number)
+
+
+def fill(model: mujoco.MjModel, well: int) -> None:
+    """Puts the bowl of that paint well onto the table; empty ones are not drawn."""
+    for thing in (f"well {well}", f"well {well} bowl"):
+        model.geom_group[model.geom(thing).id] = 1
+
+
+def _planks() -> NDArray[np.uint8]:
+    """A table top of light planks [512, 512, 3]: grain along them, each a little different."""
+    random = np.random.default_rng(7)
+    row = np.arange(512)
+    plank = row // 86
+    tone = random.normal(0, 0.035, plank.max() + 1)[plank][:, None]
+    grain = np.cumsum(random.normal(0, 1, (512, 512)), axis=1)
+    grain -= np.linspace(0, 1, 512) * grain[:, -1:]
+    grain = 0.018 * grain / grain.std()
+    seam = np.where(row % 86 < 2, -0.18, 0.0)[:, None]
+    color = np.array([0.62, 0.47, 0.33]) * (1 + tone + grain + seam)[..., None]
+    return np.asarray(np.clip(255 * color, 0, 255), np.uint8)

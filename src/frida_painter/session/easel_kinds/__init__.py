@@ -1,1 +1,0 @@
-"""The whole easels that ship with the project, one file for each."""

@@ -1,0 +1,280 @@
+"""Paints a batch stroke by stroke, so that at any moment the disk tells what the robot does.
+
+Each stroke is in the journal before the robot is told of it, and again when it is done: after a crash at most one is
+in doubt. Where the disk is full, nothing moves before there is room.
+"""
+
+import itertools
+import math
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import TypeVar
+
+from frida_painter.errors import CameraError, FridaError, PaintingPaused, StorageError
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.session.choreography import Action
+from frida_painter.session.events import (
+    BrushInHand,
+    Dipped,
+    Drying,
+    GroundWanted,
+    LayerBegun,
+    MotionBegan,
+    Notify,
+    PaintsWanted,
+    Paused,
+    StrokeLeftOut,
+    StrokePainted,
+)
+from frida_painter.session.hand import Brushwork
+from frida_painter.session.journal import Journal
+from frida_painter.session.observer import CanvasObserver, FrameDeveloper, Timelapse
+from frida_painter.session.painting import PaintingProgress
+
+# What interrupts a painting: a person who stops it or wants a pause, a disk that is full, a camera that fails.
+
+_T = TypeVar("_T")
+
+
+class Interruptions:
+    """Asks after every stroke and every planning step whether a person stops the painting or pauses it, and pauses.
+
+    stop_asked, pause_asked: whether they do; go_on: asked in a pause, and waits for the answer; painted: how many
+    strokes are done. `touched`: whether a person may have painted on the canvas since it was last seen.
+    """
+
+    def __init__(
+        self,
+        brushwork: Brushwork,
+        notify: Notify,
+        *,
+        stop_asked: Callable[[], bool],
+        pause_asked: Callable[[], bool],
+        go_on: Callable[[Paused], bool],
+        painted: Callable[[], int],
+    ) -> None:
+        self.touched = False
+        self.pause_asked = pause_asked
+        self._brushwork, self._notify = brushwork, notify
+        self._stop_asked, self._go_on, self._painted = stop_asked, go_on, painted
+        self._stopping = False
+
+    def check(self, before_pause: Callable[[], None] = lambda: None) -> None:
+        """Raises StopAsked, once, where a person stops the painting; where they want a pause, `before_pause` and it."""
+        if not self._stopping and self._stop_asked():
+            self._stopping = True
+            raise StopAsked
+        if self.pause_asked():
+            before_pause()
+            self.pause("You asked for a pause.")
+
+    def retry(self, work: Callable[[], _T]) -> _T:
+        """Does what needs the disk or the camera; where they fail, pauses and, when told to go on, tries again."""
+        while True:
+            try:
+                return work()
+            except (StorageError, CameraError) as trouble:
+                self.pause(str(trouble), trouble)
+
+    def pause(self, reason: str, cause: FridaError | None = None) -> None:
+        """Lifts the brush, cleans it, moves the arm aside and waits until a person has the painting go on.
+
+        Raises PaintingPaused where they do not.
+        """
+        if self._brushwork.load.paint is not None:
+            self._brushwork.clean()
+        self._brushwork.step_aside()
+        self.touched = True  # whoever is asked may paint along, now or while answering
+        paused = Paused(reason, self._painted())
+        self._notify(paused)
+        if not self._go_on(paused):
+            raise PaintingPaused(f"{reason} The painting has paused after {paused.done} strokes.") from cause
+        self.touched = True
+
+
+class StopAsked(Exception):
+    """A person has asked to stop; the session ends the painting in order."""
+
+
+_STEP = 10.0  # seconds of drying that a simulated easel lets pass at a time
+_GLANCE = 0.1  # seconds of waiting after which is looked whether somebody stops it or wants a pause
+_BETWEEN_WORDS = 60.0
+
+
+class BatchExecutor:
+    """Has the robot paint what is next in the plan of `progress`, and counts what is done there.
+
+    A person may stop or pause after every stroke; `timelapse` frames for the film are taken in between.
+    """
+
+    def __init__(
+        self,
+        brushwork: Brushwork,
+        observer: CanvasObserver,
+        timelapse: Timelapse,
+        journal: Journal,
+        interruptions: Interruptions,
+        progress: PaintingProgress,
+        tell: Notify,
+    ) -> None:
+        self._brushwork, self._observer, self._timelapse = brushwork, observer, timelapse
+        self._journal, self._interruptions = journal, interruptions
+        self._progress, self._tell = progress, tell
+        self._told: str | None = None  # the brush in the hand, as listeners know it
+        self._filmed: int | None = None  # frames that were due at the last one, None before anything is painted
+
+    def paint_until(self, end: int) -> None:
+        """Paints until `end` strokes are done. After a pause the brush is clean, and the batch is prepared anew.
+
+        Raises RobotError and its kinds, WorkspaceViolation before anything moves.
+        """
+        progress = self._progress
+        if self._filmed is None:
+            self._filmed = self._timelapse.due(progress.painted, progress.strokes)
+        with FrameDeveloper(self._observer, self._tell) as frames:
+            while progress.plan is not None and progress.painted < min(end, progress.strokes):
+                left = progress.plan.part(slice(progress.painted, end))
+                actions = self._brushwork.prepare(left, progress.painted, progress.strokes)
+                for action, following in itertools.zip_longest(actions, actions[1:]):
+                    leaves = following is None or isinstance(following.done, Dipped)
+                    done = self._perform(action, progress.plan, frames, leaves=leaves)
+                    if not done or self._brushwork.load is not action.load:
+                        break
+
+    def tone(self, ground: tuple[float, float, float]) -> None:
+        """Tells which ground is wanted (sRGB), and waits until the canvas has it."""
+        self._tell(GroundWanted(ground))
+        self._brushwork.easel.operator.tone(ground)
+        self._interruptions.touched = True
+
+    def fill_wells(self, palette: Palette) -> None:
+        """Tells which paints are wanted, and waits until their wells are filled."""
+        self._tell(PaintsWanted(palette))
+        self._brushwork.easel.operator.fill_wells(palette)
+
+    def change_brush(self, brush: str) -> bool:
+        """Has the brush of a layer put into the holder where it is not; whether that was needed.
+
+        A robot with a rack does it, else a person; raises Interrupted where nobody does.
+        """
+        hand = self._brushwork
+        changes = hand.held != brush and (hand.has_rack or bool(hand.others))
+        if changes:
+            if hand.load.paint is not None:
+                self.clean()
+            if hand.has_rack:
+                self._change_in_rack(brush)
+            else:
+                self._interruptions.retry(self.step_aside)
+                hand.change_brush(brush)
+        if self._told != brush:
+            self._told = brush
+            self._tell(BrushInHand(brush))
+        return changes
+
+    def put_brush_back(self) -> None:
+        """Leaves the hand of a robot with a rack empty, and the brush clean."""
+        if self._brushwork.load.paint is not None:
+            self.clean()
+        if self._brushwork.has_rack:
+            self._change_in_rack("", stoppable=False)
+            self._tell(BrushInHand(""))
+
+    def _change_in_rack(self, brush: str, *, stoppable: bool = True) -> None:
+        """Each motion is in the journal before the robot is told of it, and what it holds when it is done."""
+        for motion, held in self._brushwork.changing(brush):
+            for noted in (BrushInHand(None), MotionBegan((motion.label,))):
+                self._interruptions.retry(partial(self._journal.tell, noted))
+            self._brushwork.move_brush(motion, held)
+            self._interruptions.retry(partial(self._journal.tell, BrushInHand(held)))
+            if stoppable:
+                self._interruptions.check()
+
+    def begin_layer(self, begun: LayerBegun) -> None:
+        """Notes and tells that brush and paints of a layer are there."""
+        self._interruptions.retry(partial(self._journal.tell, begun))
+        self._tell(begun)
+
+    def let_dry(self) -> None:
+        """Cleans the brush, moves the arm aside and waits until the paint on the canvas is dry.
+
+        A person may stop or pause meanwhile; real paint dries in a pause as well. How long it still takes is in the
+        journal, so that whoever resumes waits for the rest only.
+        """
+        if self._brushwork.load.paint is not None:
+            self.clean()
+        self._interruptions.retry(self.step_aside)
+        easel, progress = self._brushwork.easel, self._progress
+        left = progress.wet_for(self._brushwork.drying)
+        dry_at, told = time.monotonic() + left, math.inf
+        while True:
+            if left == 0 or told - left >= _BETWEEN_WORDS:
+                told = self._tell_drying(left)
+            progress.wet = left
+            self._interruptions.check()
+            if left == 0:
+                break
+            step = min(left, _STEP)
+            self._wait(step * easel.pace)
+            easel.operator.let_dry(step)
+            left -= step
+            if not easel.simulated:
+                left = max(0.0, min(left, dry_at - time.monotonic()))
+        progress.dried_at, progress.wet = progress.painted, None
+
+    def _wait(self, seconds: float) -> None:
+        """Waits; a person may stop or pause at any moment of it."""
+        until = time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0:
+            time.sleep(min(left, _GLANCE))
+            self._interruptions.check()
+
+    def clean(self) -> None:
+        """Rinses and wipes the brush."""
+        what = tuple(motion.label for motion in self._brushwork.cleaning())
+        self._interruptions.retry(partial(self._journal.tell, MotionBegan(what)))
+        self._brushwork.clean()
+
+    def step_aside(self) -> None:
+        """Moves the arm out of the camera's sight. Raises StorageError where that cannot be noted."""
+        self._journal.tell(MotionBegan(("home",)))
+        self._brushwork.step_aside()
+
+    def _tell_drying(self, left: float) -> float:
+        """Notes and tells that the canvas still dries for so many seconds, and returns them."""
+        drying = Drying(self._progress.painted, self._brushwork.drying, round(left, 1))
+        self._interruptions.retry(partial(self._journal.tell, drying))
+        self._tell(drying)
+        return left
+
+    def _perform(self, action: Action, plan: Plan, frames: FrameDeveloper, *, leaves: bool) -> bool:
+        """Notes and does it; False where it was not done, because it could not be noted, and there was a pause.
+
+        leaves: whether the hand leaves the canvas afterwards anyway.
+        """
+        try:
+            self._journal.begins(action, plan)
+        except StorageError as trouble:
+            self._interruptions.pause(str(trouble), trouble)
+            return False
+        done = self._brushwork.perform(action)
+        self._interruptions.retry(partial(self._journal.ends, done))
+        self._tell(done)
+        if isinstance(done, StrokeLeftOut):
+            self._progress.canvas.left_out.add(done.done - 1)
+        if not isinstance(done, Dipped):
+            self._progress.painted = done.done
+            if isinstance(done, StrokePainted):
+                self._film(done, frames, leaves=leaves)
+            self._interruptions.check(before_pause=frames.wait)  # whoever pauses sees the canvas as it is
+        return True
+
+    def _film(self, painted: StrokePainted, frames: FrameDeveloper, *, leaves: bool) -> None:
+        """Takes the film's next frame, the arm being aside, where it is time for it."""
+        done, of = painted.done, painted.of
+        if self._timelapse.wants_frame(done, of, self._filmed or 0, leaves=leaves):
+            self._filmed = self._timelapse.due(done, of)
+            self._interruptions.retry(self.step_aside)
+            frames.take(painted, self._brushwork.last_motion)

@@ -1,0 +1,380 @@
+"""The hand of the painter: performs what the choreography sets, and knows what is on its brush."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import torch
+
+from frida_painter.brush.kinds import BrushKind, Dip, brush_kind
+from frida_painter.brush.library import StrokeLibrary, dip_shown
+from frida_painter.calibration import Calibration
+from frida_painter.errors import ConfigError
+from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.gateway import RobotGateway
+from frida_painter.hardware.motion import Motion
+from frida_painter.hardware.robot import Waypoints, Workspace
+from frida_painter.plan import Plan
+from frida_painter.planning.forecast import Fading
+from frida_painter.planning.placement import Placement
+from frida_painter.session.choreography import Action, BrushLoad, Choreography, Looks, reckon
+from frida_painter.session.events import DRYING, Dipped, StrokeLeftOut, StrokePainted, Timetable
+from frida_painter.strokes import Strokes
+
+# The order of strokes that is quick to paint, and spends a full brush where paint must not lack.
+#
+# Strokes of one paint that follow each other may change places, also where their marks meet: each lets through its
+# share
+# of what lies below, and paint of one colour makes up the rest, in whatever order. Between paints the planner's order
+# stays. What a brush paints last before it is dipped again lacks paint: so strokes that would be missed least are
+# painted
+# then. With the dips that come in between it is the problem of a van that serves customers from a depot, and is
+# solved
+# as such problems are: from a greedy tour, or from one dip a stroke by joining legs where that saves most (G. Clarke
+# and
+# J. Wright, "Scheduling of vehicles from a central depot to a number of delivery points", 1964), then by moving one
+# stroke or exchanging two as long as that costs less.
+
+_MOST_AT_ONCE = 60  # strokes; of longer runs each part is put in order on its own
+_ROUNDS = 4
+_GAIN = 1e-3  # metres: less is not worth a move, and would let a hair's breadth decide between equal ways
+_A_WHOLE_LOSS = 200.0  # metres that may be travelled so that a painting has not twice its squared error
+
+PlanarPoint = complex  # metres in the robot's frame from above, x + iy: the distance of two is abs(a - b)
+
+
+def put_in_order(
+    plan: Plan, count: int, choreography: Choreography, load: BrushLoad, fading: Fading | None = None
+) -> Plan:
+    """The plan with its first `count` strokes in an order that is good to paint with a brush that holds `load`.
+
+    All of these are of one layer. The plan's picture stays: only strokes of the same paint change places, and paints
+    keep their order. fading: what it costs that strokes of the plan lack paint, None: nothing.
+    """
+    fading = fading or Fading.none(len(plan))
+    order: list[int] = []
+    numbers = plan.well[:count].tolist()
+    if numbers:
+        choreography = choreography.with_brush(plan.layers[int(plan.layer[0])].brush)
+    for paint, run in itertools.groupby(range(len(numbers)), numbers.__getitem__):
+        if not 0 <= paint < len(choreography.motion.workspace.wells):
+            return plan  # there is no such well; whoever sets the motions says so
+        indices = list(run)
+        for first in range(0, len(indices), _MOST_AT_ONCE):
+            part = indices[first : first + _MOST_AT_ONCE]
+            tour = _Tour.of(plan.strokes[part], choreography, paint, load, fading.of(part))
+            chosen, left = tour.best()
+            order += [part[index] for index in chosen]
+            load = BrushLoad(paint, left)
+    order += range(len(order), len(plan))
+    return plan.reordered(torch.tensor(order, dtype=torch.long))
+
+
+@dataclass(frozen=True)
+class _Tour:
+    """Strokes of one paint: where each starts and ends, what it takes of a dip, and what it costs that it fades."""
+
+    starts: list[PlanarPoint]
+    ends: list[PlanarPoint]
+    uses: list[float]
+    slopes: list[float]
+    squares: list[float]
+    well: PlanarPoint
+    water: PlanarPoint
+    load: float
+    dip: Dip
+    dip_length: float  # metres that a dip itself takes at the speed of travel
+
+    @classmethod
+    def of(cls, strokes: Strokes, choreography: Choreography, paint: int, load: BrushLoad, fading: Fading) -> Self:
+        motion = choreography.motion
+        precise = strokes.detach().to(torch.float64)
+        ends = precise.path(torch.tensor([0.0, 1.0], dtype=torch.float64)).numpy()  # [n, 2, 2]
+        sent = motion.workspace.to_robot(motion.calibration.place(ends.reshape(-1, 2)), np.zeros(2 * len(strokes)))
+        places = (sent[:, 0] + 1j * sent[:, 1]).tolist()
+        dipping, held = motion.dip(paint), load.paint == paint
+        return cls(
+            starts=places[::2],
+            ends=places[1::2],
+            uses=choreography.brush.dip.used_by(choreography.brush.area(strokes)).tolist(),
+            slopes=fading.slope.tolist(),
+            squares=fading.square.tolist(),
+            well=complex(*dipping.position[-1, :2]),
+            water=complex(*motion.rinse().position[0, :2]),
+            load=load.left if held else 0.0,
+            dip=choreography.brush.dip,
+            dip_length=dipping.length,
+        )
+
+    def best(self) -> tuple[list[int], float]:
+        """The order of the least cost that was found, and what it leaves of the dip."""
+        order = list(range(len(self.starts)))
+        best = self.cost(order)
+        for start in (self._nearest_next(), self._joined()):
+            cost = self.cost(start)
+            if cost < best - _GAIN:
+                order, best = start, cost
+        for _ in range(_ROUNDS):
+            before = best
+            for change in (_moved, _exchanged):
+                for one, other in itertools.permutations(range(len(order)), 2):
+                    changed = change(order, one, other)
+                    cost = self.cost(changed)
+                    if cost < best - _GAIN:
+                        order, best = changed, cost
+            if best == before:
+                break
+        return order, self._walk(order)[1]
+
+    def cost(self, order: list[int]) -> float:
+        """Metres from the well through all strokes, by the well wherever the brush runs out, and to the water.
+
+        What strokes lack of paint then counts as metres.
+        """
+        return self._walk(order)[0]
+
+    def _walk(self, order: list[int]) -> tuple[float, float]:
+        here, left, total = self.well, self.load, 0.0
+        for index in order:
+            use, start = self.uses[index], self.starts[index]
+            if left < use:
+                total += abs(self.well - here) + self.dip_length
+                here, left = self.well, self.dip.holds
+            lacks = self.dip.lacking(left, use)
+            faded = lacks * (self.slopes[index] + lacks * self.squares[index])
+            total += abs(start - here) + _A_WHOLE_LOSS * faded
+            here, left = self.ends[index], left - use
+        return total + abs(self.water - here), left
+
+    def _nearest_next(self) -> list[int]:
+        """Always the nearest stroke; by the well, where the brush has run out."""
+        order: list[int] = []
+        here, left = self.well, self.load
+        open_ = set(range(len(self.starts)))
+        while open_:
+            chosen = min(open_, key=lambda index: (self._step(here, left, index), index))
+            if left < self.uses[chosen]:
+                left = self.dip.holds
+            here, left = self.ends[chosen], left - self.uses[chosen]
+            order.append(chosen)
+            open_.remove(chosen)
+        return order
+
+    def _step(self, here: PlanarPoint, left: float, index: int) -> float:
+        if left < self.uses[index]:
+            return abs(self.well - here) + self.dip_length + abs(self.starts[index] - self.well)
+        return abs(self.starts[index] - here)
+
+    def _joined(self) -> list[int]:
+        """At first a dip for each stroke; then what two dips paint is joined wherever that saves most."""
+        count = len(self.starts)
+        legs = {index: [index] for index in range(count)}  # by the first stroke
+        ends = {index: index for index in range(count)}  # last stroke -> first
+        used = dict(enumerate(self.uses))
+        home = [abs(self.well - end) for end in self.ends]
+        away = [abs(start - self.well) for start in self.starts]
+        pairs = [
+            (home[one] + away[other] - abs(self.starts[other] - self.ends[one]), one, other)
+            for one, other in itertools.permutations(range(count), 2)
+        ]
+        for _, one, other in sorted(pairs, reverse=True):
+            first = ends.get(one)
+            if first is None or other not in legs or first == other or used[first] + used[other] > self.dip.holds:
+                continue
+            leg = legs.pop(other)
+            legs[first] += leg
+            used[first] += used.pop(other)
+            del ends[one]
+            ends[leg[-1]] = first
+        return [index for leg in legs.values() for index in leg]
+
+
+def _moved(order: list[int], one: int, other: int) -> list[int]:
+    """The order with the stroke at place `one` at place `other`."""
+    rest = order[:one] + order[one + 1 :]
+    return [*rest[:other], order[one], *rest[other:]]
+
+
+def _exchanged(order: list[int], one: int, other: int) -> list[int]:
+    """The order with the strokes at two places exchanged."""
+    changed = list(order)
+    changed[one], changed[other] = order[other], order[one]
+    return changed
+
+
+@dataclass
+class Brushwork:
+    """Paints plans on an easel, stroke by stroke.
+
+    The robot is sent beside where a stroke is meant to be by as much as `placement` says that
+    strokes land beside it. load: what is on the brush; drying: seconds that a layer is let dry before the next one;
+    others: the brushes of later layers; held: the one that is in the holder, "" for none, None where that is not known.
+    Where the workspace has a rack, all of them are in it at first.
+    """
+
+    easel: Easel
+    brush: BrushKind
+    placement: Placement = field(default_factory=Placement.unknown)
+    load: BrushLoad = field(default_factory=BrushLoad)
+    drying: float = DRYING
+    others: tuple[BrushKind, ...] = ()
+    held: str | None = field(init=False)
+    _gateway: RobotGateway = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._gateway = RobotGateway(self.easel)
+        self.learn(self.placement)
+        self.held = self.brush.name if self.easel.workspace.rack is None else ""
+
+    @property
+    def last_motion(self) -> float:
+        """When the robot last moved, s of its clock."""
+        return self._gateway.last_motion
+
+    def learn(self, placement: Placement) -> None:
+        """From now on the robot is sent by that; where it could not go as low, to the heights that it was sent to."""
+        calibration = self.easel.calibration
+        record = placement.touch.corrected(calibration)
+        presses = [record.press_height, *(one.press_height for one in record.others.values())]
+        if not min(presses) >= self.easel.workspace.lower[2]:
+            placement = replace(placement, touch=self.placement.touch)
+        self.placement = placement
+        self._gateway.follow_touch(max(map(placement.touch.correction, (calibration.brush, *calibration.others))))
+
+    def arranged(self, plan: Plan, count: int, fading: Fading | None = None) -> Plan:
+        """The plan with its first `count` strokes in an order that is good to paint; the plan's picture stays.
+
+        fading: what it costs that strokes lack paint, None: nothing.
+        """
+        return put_in_order(plan, count, self._choreography(), self.load, fading)
+
+    def timetable(self, plan: Plan, looks: Looks, load: BrushLoad | None = None) -> Timetable:
+        """How long painting the plan takes, with its looks.
+
+        load: what is on the brush then, None for what is on it now.
+        """
+        return reckon(plan, self._choreography(), load or self.load, looks, self.easel.timing, self.drying, self.held)
+
+    def prepare(self, plan: Plan, already_done: int, of: int) -> list[Action]:
+        """Everything that painting the plan takes, checked as a whole by the gateway, and foretold.
+
+        Raises WorkspaceViolation before anything moves.
+        """
+        actions = list(self._choreography().actions(plan, self.load, already_done, of))
+        motions = [motion for action in actions for motion in action.motions]
+        self._gateway.check(motions)
+        self.easel.foretell(motions)
+        return actions
+
+    def perform(self, action: Action) -> Dipped | StrokePainted | StrokeLeftOut:
+        """Does it, and tells what was done. Raises RobotError and its kinds."""
+        left_out = self._gateway.perform(action.motions)
+        self.load = action.load
+        done = action.done
+        return StrokeLeftOut(done.done, done.of) if left_out and isinstance(done, StrokePainted) else done
+
+    def step_aside(self) -> None:
+        """Moves the arm out of the camera's sight."""
+        self._gateway.step_aside()
+
+    def cleaning(self) -> tuple[Waypoints, ...]:
+        """The motions of `clean`."""
+        return self._choreography().cleaning()
+
+    def clean(self) -> None:
+        """Rinses and wipes the brush as before another paint; afterwards it holds none."""
+        self._gateway.perform(self.cleaning())
+        self.load = BrushLoad()
+
+    @property
+    def has_rack(self) -> bool:
+        """Whether the robot takes its brushes from a rack by itself."""
+        return self.easel.workspace.rack is not None
+
+    def require_rack(self) -> None:
+        """Where there is a rack, it holds all brushes, and the robot gets to them.
+
+        Raises ConfigError and WorkspaceViolation, before anything moves.
+        """
+        rack = self.easel.workspace.rack
+        if rack is None:
+            return
+        names = [kind.name for kind in (self.brush, *self.others)]
+        missing = [name for name in names if name not in rack.places]
+        if missing:
+            raise ConfigError(
+                f"The rack of the workspace holds {', '.join(rack.places)}, and this painting needs "
+                f"{' and '.join(missing)}; paint with those that are there (--brushes), or give "
+                f"{'it' if len(missing) == 1 else 'them'} a place ([rack] places)."
+            )
+        motion = self._choreography().motion
+        self._gateway.check(each for name in names for each in motion.change(name, name))
+
+    def changing(self, brush: str) -> list[tuple[Waypoints, str]]:
+        """How the robot has a brush of the rack in its hand, "" for none: motions, and what it holds after each."""
+        motion = self._choreography().motion
+        steps: list[tuple[Waypoints, str]] = []
+        if self.held and self.held != brush:
+            steps.append((motion.put_back(self.held), ""))
+        if brush and self.held != brush:
+            steps.append((motion.take(brush), brush))
+        return steps
+
+    def move_brush(self, motion: Waypoints, held: str) -> None:
+        """Puts a clean brush into the rack or takes one from it, after which the robot holds the brush `held`."""
+        self.held = None
+        self._gateway.perform((motion,))
+        self.held, self.load = held, BrushLoad()
+
+    def change_brush(self, name: str) -> None:
+        """Has a person put the brush of a layer into the holder; the one before is clean and aside.
+
+        Raises Interrupted where nobody does it.
+        """
+        self.held = None
+        self.easel.operator.change_brush(name)
+        self.held, self.load = name, BrushLoad()
+
+    def _choreography(self) -> Choreography:
+        record = self.placement.corrected(self.easel.calibration, self.easel.canvas)
+        return _choreography(self.easel.workspace, record, (self.brush, *self.others))
+
+
+def choreography_at(
+    workspace: Workspace, record: Calibration, brushes: Sequence[str], *, simulated: bool
+) -> Choreography:
+    """What moves these brushes, the first of which is in the holder, at the easel of a record.
+
+    Raises ConfigError where a brush is not known, CalibrationError where the record does not know it.
+    """
+    kinds = [refilled(brush_kind(name), record, simulated=simulated) for name in brushes]
+    return _choreography(workspace, record, kinds)
+
+
+def _choreography(workspace: Workspace, record: Calibration, kinds: Sequence[BrushKind]) -> Choreography:
+    first, *others = kinds
+    later = {kind.name: Choreography(Motion(workspace, record.of_brush(kind.name)), kind) for kind in others}
+    return Choreography(Motion(workspace, record), first, later)
+
+
+STROKES_PER_DIP = 4
+"""Where nothing is known of a brush: what the program that was published with the paper took for all."""
+
+
+def refilled(kind: BrushKind, record: Calibration, *, simulated: bool) -> BrushKind:
+    """The brush with what one dip of it is good for at the easel of that record.
+
+    That is what the record's stroke library shows; where it does not, or there is none, a fixed number of
+    strokes, but in the virtual studio what is known of the project's own brushes. Raises LibraryError
+    where the library is damaged.
+    """
+    if kind.name in record.others:
+        record = record.of_brush(kind.name)
+    if record.library is not None and record.brush == kind.name:
+        shown = dip_shown(StrokeLibrary.load(Path(record.library.path)), kind.width)
+        if shown is not None:
+            return replace(kind, known_dip=shown)
+    return kind if simulated else replace(kind, known_dip=Dip.of_strokes(STROKES_PER_DIP))

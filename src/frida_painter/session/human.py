@@ -1,0 +1,551 @@
+"""Painting with one's own hand: every stroke is shown, with its colour, its place, its length and its pressure."""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.dialogue import Answer, Confirm, Question
+from frida_painter.easel.operator import PersonAsOperator
+from frida_painter.errors import CalibrationError, FrameRejected, Interrupted
+from frida_painter.frames import PixelGrid
+from frida_painter.hardware.drivers.interlock import Interlock
+from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.robot import Camera, Frame, MotionReport, Point, Waypoints
+from frida_painter.palette import Palette, to_hex
+from frida_painter.perception.rectify import rectify
+from frida_painter.sheet import CREAM, INK, LINE, SOFT, font
+
+# A sheet for a person's own hand: the strokes to paint next, on the canvas as it was last seen.
+
+SHEET_ROWS = 720
+_SHARP = 2  # drawn so many times larger, and made smaller in the end
+_MARGIN, _HEAD = 64, 144
+_MARK = (196, 52, 36)
+_FADED = 0.4
+_LEVELS = ("barely touching", "lightly", "with some pressure", "pressed well", "pressed hard")
+_Color = tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class HandStroke:
+    """A stroke as a person paints it.
+
+    label: its name; paint: its number from 0, None where no paint was asked for; color: sRGB in [0, 1];
+    path [k, 2]: canvas metres; pressure [k]: 0 the lightest touch, 1 the hardest press.
+    """
+
+    label: str
+    paint: int | None
+    color: tuple[float, float, float]
+    path: NDArray[np.float64]
+    pressure: NDArray[np.float64]
+
+    @property
+    def name(self) -> str:
+        """ "Stroke 12"."""
+        return self.label.capitalize()
+
+    @property
+    def number(self) -> str:
+        """ "12"."""
+        return self.label.split()[-1]
+
+    @property
+    def level(self) -> int:
+        """How hard it is pressed at the most, in five steps from 0."""
+        return min(int(float(self.pressure.max()) * len(_LEVELS)), len(_LEVELS) - 1)
+
+    @property
+    def heading(self) -> tuple[str, str, str]:
+        """Its name and paint; where it begins and ends; how long it is, and how hard."""
+        (x, y), (end_x, end_y) = self.path[0] * 100, self.path[-1] * 100
+        length = 100 * float(np.linalg.norm(np.diff(self.path, axis=0), axis=1).sum())
+        return (
+            self.name + ("" if self.paint is None else f" with paint {self.paint + 1}"),
+            f"Begin {x:.1f} cm from the left and {y:.1f} cm from the bottom, end at {end_x:.1f} and {end_y:.1f} cm.",
+            f"{length:.1f} cm long, {_LEVELS[self.level]}.",
+        )
+
+    @property
+    def sentence(self) -> str:
+        """All of it in words."""
+        name, where, how = self.heading
+        return f"{name}: {where[:1].lower()}{where[1:-1]}; {how}"
+
+
+def hand_sheet(
+    canvas: CanvasSize,
+    seen: Tensor,
+    done: Sequence[HandStroke],
+    strokes: Sequence[HandStroke],
+    heading: Sequence[str],
+    width: float,
+) -> Tensor:
+    """The sheet, sRGB [3, h, w] in [0, 1]: the canvas faded, with centimetres around it, and the strokes upon it.
+
+    seen [3, 720, w]: the canvas as it was last seen; done: strokes since then; strokes: one or more to be
+    painted, in order; heading: a title and up to three lines; width: of the mark of the hardest press, metres. Each
+    stroke begins at its ring and ends at its arrow, and its line is as wide as its mark.
+    """
+    rows, columns = seen.shape[1:]
+    size = (columns + 2 * _MARGIN, rows + _HEAD + _MARGIN)
+    sheet = Image.new("RGB", (size[0] * _SHARP, size[1] * _SHARP), CREAM)
+    faded = Image.fromarray(images.to_uint8(1 - (1 - seen) * _FADED))
+    sheet.paste(
+        faded.resize((columns * _SHARP, rows * _SHARP), Image.Resampling.BICUBIC), (_MARGIN * _SHARP, _HEAD * _SHARP)
+    )
+    pen = _Pen(ImageDraw.Draw(sheet), canvas, rows, columns, width)
+    pen.ruler()
+    for stroke in done:
+        pen.mark(stroke, _FADED)
+    for stroke in strokes:
+        pen.outline(stroke)
+    if len(strokes) == 1:
+        pen.guides(strokes[0])
+        pen.gauge(strokes[0])
+    for stroke in strokes:
+        pen.ends(stroke, stroke.number if len(strokes) > 1 else "")
+    pen.head(strokes[0].color, heading, room=0 if len(strokes) > 1 else 220)
+    return images.from_uint8(np.asarray(sheet.resize(size, Image.Resampling.LANCZOS)))
+
+
+@dataclass(frozen=True)
+class _Pen:
+    """Draws on the sheet; lengths and places are pixels of the sheet as it will be, or metres of the canvas."""
+
+    draw: ImageDraw.ImageDraw
+    canvas: CanvasSize
+    rows: int
+    columns: int
+    width: float
+
+    @property
+    def scale(self) -> float:
+        """Pixels per metre."""
+        return self.rows / self.canvas.height
+
+    def at(self, point: NDArray[np.float64]) -> tuple[float, float]:
+        """A place on the canvas as (column, row)."""
+        return _MARGIN + float(point[0]) * self.scale, _HEAD + self.rows - float(point[1]) * self.scale
+
+    def outline(self, stroke: HandStroke) -> None:
+        """A stroke in its colour with a dark edge on a light one, seen on any ground."""
+        for grown, fill in ((2.5, CREAM), (1.2, INK)):
+            self._line(stroke, grown, fill)
+        self.mark(stroke)
+
+    def mark(self, stroke: HandStroke, strength: float = 1.0) -> None:
+        """A stroke in its colour."""
+        self._line(stroke, 0.0, _bytes(stroke.color, strength))
+
+    def _line(self, stroke: HandStroke, grown: float, fill: _Color) -> None:
+        for (x, y), pressure in zip(_densely(stroke.path), _densely(stroke.pressure), strict=True):
+            radius = max(1.5, self.scale * self.width * (0.25 + 0.75 * float(pressure)) / 2) + grown
+            self._disc(self.at(np.array((x, y))), radius, fill)
+
+    def ends(self, stroke: HandStroke, number: str) -> None:
+        """A ring where a stroke begins, with its number, and an arrow where it ends."""
+        points = [np.array(self.at(point)) for point in stroke.path]
+        start, tip = points[0], points[-1]
+        before = next((point for point in reversed(points) if float(np.linalg.norm(tip - point)) > 8), start)
+        along = (tip - before) / max(float(np.linalg.norm(tip - before)), 1e-9)
+        aside = np.array([-along[1], along[0]])
+        for reach, color in ((3.0, CREAM), (0.0, _MARK)):
+            corners = (tip + along * (24 + 1.6 * reach), *(tip + sign * aside * (13 + reach) for sign in (1, -1)))
+            back = tip - along * reach
+            self.draw.polygon([self._sharp(corner) for corner in (corners[0], corners[1], back, corners[2])], color)
+        begin = (float(start[0]), float(start[1]))
+        for radius, color in ((15.0, CREAM), (13.5, _MARK), (10.5, CREAM)) if number else ((15.0, CREAM),):
+            self._disc(begin, radius, color)
+        if number:
+            self._text(begin, number, 14 if len(number) < 3 else 11, INK, "mm")
+        else:
+            self._disc(begin, 13.5, _MARK)
+            self._disc(begin, 9.5, _bytes(stroke.color))
+
+    def guides(self, stroke: HandStroke) -> None:
+        """From where a stroke begins to both rulers, and what is read there."""
+        x, y = self.at(stroke.path[0])
+        bottom = _HEAD + self.rows
+        for start, end in (((x, y), (x, bottom)), ((x, y), (_MARGIN, y))):
+            self._dashes(start, end)
+        for (left, top), metres in (((x, bottom + 23), stroke.path[0][0]), ((_MARGIN - 31, y), stroke.path[0][1])):
+            self._box((left - 24, top - 11, left + 24, top + 11), 5, _MARK)
+            self._text((left, top), f"{100 * metres:.1f}", 15, CREAM, "mm")
+
+    def gauge(self, stroke: HandStroke) -> None:
+        """How hard, in five steps."""
+        right = _MARGIN + self.columns
+        for level in range(len(_LEVELS)):
+            radius = 6.0 + 2.6 * level
+            middle = (right - 24 - 38.0 * (len(_LEVELS) - 1 - level), 58.0)
+            self._disc(middle, radius, INK if level <= stroke.level else LINE)
+        self._text((right - 100, 100), _LEVELS[stroke.level], 16, SOFT, "mm")
+
+    def head(self, color: tuple[float, float, float], heading: Sequence[str], room: int) -> None:
+        """The swatch of the paint, a title and its lines, `room` pixels being left free on the right."""
+        self._box((_MARGIN, 26, _MARGIN + 92, 118), 12, _bytes(color), LINE)
+        left = _MARGIN + 108
+        most = _MARGIN + self.columns - left - room
+        self._text((left, 20), heading[0], self._fitting(heading[0], most, 30), INK, "la")
+        for row, text in enumerate(heading[1:]):
+            self._text((left, 60 + 23 * row), text, self._fitting(text, most, 17), SOFT, "la")
+
+    def ruler(self) -> None:
+        """Centimetres from the left and from the bottom, every fifth with its number."""
+        left, top, right, bottom = _MARGIN, _HEAD, _MARGIN + self.columns, _HEAD + self.rows
+        for corners in (((left, top), (right, top)), ((right, top), (right, bottom))):
+            self._stroke(*corners, LINE)
+        for corners in (((left, top), (left, bottom)), ((left, bottom), (right, bottom))):
+            self._stroke(*corners, SOFT)
+        for length, across in ((self.canvas.width, True), (self.canvas.height, False)):
+            for centimetre in range(math.floor(100 * length + 1e-6) + 1):
+                along, fifth = centimetre / 100 * self.scale, centimetre % 5 == 0
+                reach = 10 if fifth else 5
+                x, y = (left + along, bottom) if across else (left, bottom - along)
+                self._stroke((x, y), (x, y + reach) if across else (x - reach, y), SOFT)
+                if fifth:
+                    place = (x, y + 23) if across else (x - 14, y)
+                    self._text(place, str(centimetre), 15, SOFT, "mm" if across else "rm")
+
+    def _disc(self, middle: tuple[float, float], radius: float, fill: _Color) -> None:
+        (x, y), r = self._sharp(middle), radius * _SHARP
+        self.draw.ellipse((x - r, y - r, x + r, y + r), fill=fill)
+
+    def _box(
+        self, corners: tuple[float, float, float, float], round_: float, fill: _Color, line: _Color | None = None
+    ) -> None:
+        sharp = [value * _SHARP for value in corners]
+        self.draw.rounded_rectangle(sharp, round_ * _SHARP, fill=fill, outline=line, width=2 * _SHARP if line else 0)
+
+    def _stroke(self, start: tuple[float, float], end: tuple[float, float], color: _Color) -> None:
+        self.draw.line((*self._sharp(start), *self._sharp(end)), fill=color, width=_SHARP)
+
+    def _dashes(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        way = np.array(end) - np.array(start)
+        count = max(1, int(float(np.linalg.norm(way)) / 12))
+        for dash in range(count):
+            near, far = (np.array(start) + way * part / count for part in (dash, dash + 0.6))
+            self._stroke((float(near[0]), float(near[1])), (float(far[0]), float(far[1])), _MARK)
+
+    def _text(self, at: tuple[float, float], text: str, size: float, fill: _Color, anchor: str) -> None:
+        self.draw.text(self._sharp(at), text, fill=fill, font=font(size * _SHARP), anchor=anchor)
+
+    def _fitting(self, text: str, width: float, largest: int) -> float:
+        """The size, no larger than that, in which a text is no wider than `width`."""
+        return min(largest, largest * width / max(font(largest).getlength(text), 1.0))
+
+    @staticmethod
+    def _sharp(point: Sequence[float] | NDArray[np.float64]) -> tuple[float, float]:
+        return float(point[0]) * _SHARP, float(point[1]) * _SHARP
+
+
+def _densely(values: NDArray[np.float64], parts: int = 4) -> NDArray[np.float64]:
+    """Values [k] or [k, 2] with others in between."""
+    at, known = np.linspace(0, len(values) - 1, parts * (len(values) - 1) + 1), np.arange(len(values))
+    if values.ndim == 1:
+        return np.interp(at, known, values)
+    return np.stack([np.interp(at, known, column) for column in values.T], 1)
+
+
+def _bytes(color: tuple[float, float, float], strength: float = 1.0) -> _Color:
+    red, green, blue = (round(255 * (1 - (1 - part) * strength)) for part in color)
+    return red, green, blue
+
+
+_MOST = 8  # strokes on one sheet, so that none is lost among the others
+
+
+class ByHand(PersonAsOperator):
+    """Stands for robot and operator of an easel at which a person paints; its camera remembers what it saw.
+
+    Implements hardware.robot.Robot over `easel.robot`, which hears of a motion when the person says that
+    it is done. One stroke is shown at a time, or as many of one dip as are clear to see, as the person
+    likes. Raises Interrupted where they put the brush down.
+    """
+
+    def __init__(self, easel: Easel, answer: Callable[[Question], Answer]) -> None:
+        super().__init__(answer)
+        self._easel, self._robot = easel, easel.robot
+        self.camera = Remembering(easel.camera, self._settle)
+        self._width = brush_kind(easel.calibration.brush).width
+        self._palette: Palette | None = None
+        self._paint: int | None = None
+        self._unclean = False
+        self._at_once: bool | None = None  # several strokes on a sheet; None before the person has said
+        self._coming: Sequence[Waypoints] = ()
+        self._done_already: Sequence[Waypoints] = ()  # strokes of a sheet that was painted as a whole
+        self._before = ""  # what is to be done with the brush before the next stroke
+        self._since_look: list[HandStroke] = []
+        self._aside, self._touched = False, True
+
+    def fill_wells(self, palette: Palette) -> None:
+        """Asks for the paints, and remembers them; and how many strokes are to be shown at a time."""
+        super().fill_wells(palette)
+        self._palette, self._paint = palette, None
+        if self._at_once is None:
+            several = Confirm(
+                "Strokes are shown one at a time. Would you rather have several of one paint on a picture?",
+                proposal=False,
+            )
+            self._at_once = self._answer(several) is True
+
+    def foretell(self, motions: Sequence[Waypoints]) -> None:
+        """Hears what will be asked for next."""
+        self._coming = [motion for motion in motions if len(motion.position) > 1]
+
+    def connect(self) -> None:
+        """Nothing but the camera moves."""
+        self._robot.connect()
+
+    def home(self) -> MotionReport:
+        """The brush is washed and laid aside, where there is paint on it."""
+        if self._unclean:
+            self._retry_after_pause(Confirm("Wash the brush and wipe it dry. Done?"))
+            self._unclean, self._paint, self._before = False, None, ""
+        self._touched |= self._aside  # nobody looked in between: it was a pause, and who knows what was done in it
+        self._aside = True
+        return self._robot.home()
+
+    def pose(self) -> NDArray[np.float64]:
+        """Where the hand was last, [3] metres."""
+        return self._robot.pose()
+
+    def follow(self, waypoints: Waypoints) -> MotionReport:
+        """Asks for a stroke, and for what the brush needs before; takes note when it is done or left out."""
+        if len(waypoints.position) == 1:  # a way through the air, which nobody has to be told of
+            return self._robot.follow(waypoints)
+        self._pass(waypoints)
+        self._aside = left_out = False
+        well = self._well(waypoints)
+        if self._is_done(waypoints):
+            pass  # it was on a sheet of several
+        elif well is not None:
+            self._before = self._dipping(well)
+            self._paint, self._unclean = well, False
+        elif self._over_canvas(waypoints):
+            self._touched = True
+            left_out = not self._is_painted(waypoints)
+        else:
+            self._unclean = True  # washing is asked for together with the dip that follows, or before a look
+        return replace(self._robot.follow(waypoints), left_out=left_out)
+
+    def stop(self) -> None:
+        """Nothing more is asked for."""
+        self._robot.stop()
+
+    def close(self) -> None:
+        """Lets go."""
+        self._robot.close()
+
+    def _changing_to(self, brush: str) -> str:
+        self._width = brush_kind(brush).width
+        return f"The next strokes are painted with the {brush} brush: wash the other one, and take this one, clean."
+
+    def _asking_for(self, paints: str) -> str:
+        return f"Mix these paints, and put them out by their numbers: {paints}. Are all of them there?"
+
+    def _pass(self, waypoints: Waypoints) -> None:
+        """Of what was foretold, only what comes after this motion is still to come."""
+        later = [index + 1 for index, motion in enumerate(self._coming) if motion is waypoints]
+        self._coming = self._coming[later[0] :] if later else ()
+
+    def _is_done(self, waypoints: Waypoints) -> bool:
+        """Whether a stroke is painted already, or a dip is for one that is."""
+        stroke = waypoints if self._over_canvas(waypoints) else next(filter(self._over_canvas, self._coming), None)
+        return stroke is not None and any(
+            stroke.label == done.label and np.array_equal(stroke.position, done.position) for done in self._done_already
+        )
+
+    def _well(self, waypoints: Waypoints) -> int | None:
+        """The number of the well into which a motion dips; None where it does not."""
+        middle = waypoints.position.mean(0)[:2]
+        away = [float(np.linalg.norm(middle - well[:2])) for well in self._easel.workspace.wells]
+        nearest = int(np.argmin(away))
+        return nearest if away[nearest] < 0.01 else None
+
+    def _over_canvas(self, waypoints: Waypoints) -> bool:
+        place = self._easel.workspace.to_canvas(waypoints.position)
+        size = self._easel.canvas
+        return bool(((place >= -0.01) & (place <= (size.width + 0.01, size.height + 0.01))).all())
+
+    def _dipping(self, well: int) -> str:
+        """How to take paint from a well, as a sentence."""
+        color = "" if self._palette is None else f" ({to_hex(self._palette.color[well])})"
+        if self._unclean or (self._paint is not None and self._paint != well):
+            return f"Wash the brush, wipe it dry and dip it into paint {well + 1}{color}."
+        return f"Dip the brush{' again' if self._paint == well else ''} into paint {well + 1}{color}."
+
+    def _is_painted(self, waypoints: Waypoints) -> bool:
+        """Whether the person has painted a stroke; False where they leave it out."""
+        if self._at_once and self._are_painted(self._sheet_from(waypoints)):
+            return True
+        stroke = self._stroke(waypoints)
+        before = [self._before] if self._before else []
+        question = " ".join([*before, stroke.sentence, "Painted?"])
+        title, *lines = stroke.heading
+        if self._answer(Confirm(question, self._sheet([stroke], (title, *before, *lines)))) is True:
+            self._before = ""
+            self._since_look.append(stroke)
+            return True
+        self._retry_after_pause(
+            Confirm(f"Is {stroke.label} to be left out? (No ends here; the rest can be painted another day.)")
+        )
+        return False
+
+    def _sheet_from(self, waypoints: Waypoints) -> list[Waypoints]:
+        """This stroke and what follows it with the same paint, dips between them too, up to so many strokes."""
+        found = [waypoints]
+        for motion in self._coming:
+            if not (self._over_canvas(motion) or self._well(motion) == self._paint):
+                break
+            found.append(motion)
+        strokes = [index for index, motion in enumerate(found) if self._over_canvas(motion)][:_MOST]
+        return found[: strokes[-1] + 1]
+
+    def _are_painted(self, motions: Sequence[Waypoints]) -> bool:
+        """Whether the person has painted all of these strokes; where they have not, the first is asked for alone."""
+        strokes = [self._stroke(motion) for motion in motions if self._over_canvas(motion)]
+        if len(strokes) < 2:
+            return False
+        fresh = [after for dip, after in pairwise(motions) if not self._over_canvas(dip)]
+        paint = "" if self._paint is None else f" with paint {self._paint + 1}"
+        numbers = [motion.label.split()[-1] for motion in fresh]
+        all_of_them = len(fresh) == len(strokes) - 1
+        again = f"Dip again before {'each of the others' if all_of_them else _listed(numbers)}." if fresh else ""
+        told = [line for line in (self._before, again) if line]
+        order = "By their numbers, each from its ring to its arrow, pressed until it is as wide as its line."
+        title = f"Strokes {strokes[0].number} to {strokes[-1].number}{paint}"
+        question = f"{' '.join([*told, title])}. {order} Are all of them painted? (No asks for the first alone.)"
+        if self._answer(Confirm(question, self._sheet(strokes, (title, *told, order)))) is not True:
+            return False
+        self._before = ""
+        self._since_look += strokes
+        self._done_already = [motion for motion in motions[1:] if self._over_canvas(motion)]
+        return True
+
+    def _stroke(self, waypoints: Waypoints) -> HandStroke:
+        """What a person has to know of a motion: its part on the canvas, without coming down and lifting."""
+        path = waypoints.position[1:-1] if len(waypoints.position) > 3 else waypoints.position
+        record = self._easel.calibration
+        depth = (record.touch_height - path[:, 2]) / (record.touch_height - record.press_height)
+        color = (0.2, 0.2, 0.2)
+        if self._palette is not None and self._paint is not None:
+            red, green, blue = self._palette.color[self._paint].tolist()
+            color = (red, green, blue)
+        return HandStroke(waypoints.label, self._paint, color, self._easel.workspace.to_canvas(path), depth.clip(0, 1))
+
+    def _sheet(self, strokes: Sequence[HandStroke], heading: Sequence[str]) -> Tensor:
+        return hand_sheet(self._easel.canvas, self._paper(), self._since_look, strokes, heading, self._width)
+
+    def _paper(self) -> Tensor:
+        """The canvas as it was last seen, or bare."""
+        grid = PixelGrid.of_height(self._easel.canvas, SHEET_ROWS)
+        seen = self.camera.canvas(self._easel.calibration, grid)
+        return torch.ones(3, grid.rows, grid.columns) if seen is None else seen
+
+    def _settle(self) -> None:
+        """Asks for the canvas to be in the camera's sight, unless it was when it was last seen."""
+        if self._touched:
+            folder = self._easel.calibration.camera.startswith("folder:")
+            how = "Take a photograph of the canvas into the folder" if folder else "The canvas is photographed now"
+            self._retry_after_pause(Confirm(f"{how}. Are your hands, brush and shadow out of the picture?"))
+        self._aside = self._touched = False
+        self._since_look = []
+
+    def _retry_after_pause(self, question: Confirm) -> None:
+        if self._answer(question) is not True:
+            raise Interrupted("You put the brush down; what is on the canvas stays, and so does the plan.")
+
+
+class Remembering:
+    """A camera that remembers its last photograph; settle: called before each is taken."""
+
+    def __init__(self, camera: Camera, settle: Callable[[], None]) -> None:
+        self._camera, self._settle = camera, settle
+        self._last: Frame | None = None
+
+    def connect(self) -> None:
+        """Reaches the camera."""
+        self._camera.connect()
+
+    def capture(self, newer_than: float) -> Frame:
+        """A photograph taken after `newer_than` (s)."""
+        self._settle()
+        self._last = self._camera.capture(newer_than)
+        return self._last
+
+    def close(self) -> None:
+        """Lets go of the camera."""
+        self._camera.close()
+
+    def canvas(self, calibration: Calibration, grid: PixelGrid) -> Tensor | None:
+        """The canvas [3, rows, columns] in the last photograph; None where there is none that shows it."""
+        if self._last is None:
+            return None
+        try:
+            return rectify(self._last.image, calibration, grid)
+        except (FrameRejected, CalibrationError):
+            return None
+
+
+def _listed(numbers: Sequence[str]) -> str:
+    """ "3", "3 and 5", "3, 5 and 6"."""
+    return " and ".join([", ".join(numbers[:-1])] * (len(numbers) > 1) + [numbers[-1]])
+
+
+# `human`: a person's own hand in the place of a robot, as the easel's process sees it.
+#
+# Whoever talks with the person asks for a motion first and sends it here when it is done
+# (session/human.py), so that stops, locks, clocks and records are those of any other robot.
+
+
+class HumanRobot:
+    """Implements hardware.robot.Robot: believes that what is sent to it has been done."""
+
+    def __init__(self, home: Point) -> None:
+        self._home = np.array(home)
+        self._tip = self._home
+        self._interlock = Interlock("the person")
+
+    def connect(self) -> None:
+        """Begins with the hand aside."""
+        self._tip = self._home
+        self._interlock.opened()
+
+    def home(self) -> MotionReport:
+        """The hand is out of the camera's sight."""
+        return self.follow(Waypoints("home", self._home[None], 1.0))
+
+    def pose(self) -> NDArray[np.float64]:
+        """Where the hand was last, [3] metres."""
+        self._interlock.require_ready("pose")
+        return self._tip.copy()
+
+    def follow(self, waypoints: Waypoints) -> MotionReport:
+        """Takes note that the person has done it. Raises RobotStopped, MotionFailed where it is no path."""
+        self._interlock.require_ready(waypoints.label)
+        self._interlock.require_path(waypoints)
+        self._tip = waypoints.position[-1].copy()
+        now = time.monotonic()
+        return MotionReport(waypoints.label, now, now, self._tip.copy())
+
+    def stop(self) -> None:
+        """Nothing more is taken note of; what stops a hand is the person."""
+        self._interlock.stop()
+
+    def close(self) -> None:
+        """Lets go."""
+        self._interlock.closed()

@@ -1,0 +1,46 @@
+"""`human`: a canvas, a camera, and the hand of a person whom the painting process talks with."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from frida_painter.easel.kinds import EaselKind, OpenEasel, camera_forms
+from frida_painter.errors import ConfigError
+
+if TYPE_CHECKING:
+    from frida_painter.easel.order import EaselOrder
+
+
+def _open(order: "EaselOrder") -> OpenEasel:
+    from frida_painter.calibration import BrushRecord
+    from frida_painter.easel.open import camera_named
+    from frida_painter.easel.operator import AbsentOperator
+    from frida_painter.hardware.easel import Easel
+    from frida_painter.session.human import HumanRobot
+    from frida_painter.session.rehearsal import FlatbedWorkspace
+
+    if not order.camera:
+        raise ConfigError(
+            f"To paint by hand, say which camera looks at the canvas (--camera {'|'.join(camera_forms())})."
+        )
+    place = FlatbedWorkspace().motion(order.canvas)
+    first, *others = order.brushes
+    known = replace(
+        place.calibration,
+        easel="by hand",
+        brush=first,
+        camera=order.camera,
+        canvas=order.canvas,
+        others={name: BrushRecord(place.calibration.touch_height, place.calibration.press_height) for name in others},
+    )
+    easel = Easel(
+        robot=HumanRobot(place.workspace.home or place.workspace.upper),
+        camera=camera_named(order.camera),
+        operator=AbsentOperator(),
+        workspace=place.workspace,
+        calibration=known,
+        canvas=order.canvas,
+    )
+    return OpenEasel(easel, lambda: None)
+
+
+KIND = EaselKind("human", "your own hand", _open, simulated=False, person=True)

@@ -1,1 +1,0 @@
-"""The paper's robot, a Rethink Sawyer, physically simulated: it paints in the virtual studio as an arm does."""

@@ -1,0 +1,254 @@
+"""A person's say in a painting: heard from the page after every stroke, and done while the painting has paused."""
+
+import secrets
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.easel.dialogue import Answer, Confirm, Jog, Measure, PointCorners, Question
+from frida_painter.errors import FridaError
+from frida_painter.event_log import LogReader
+from frida_painter.frames import PixelGrid
+from frida_painter.planning.problem import region_of
+from frida_painter.runs.folder import keep_goal
+from frida_painter.runs.goal_item import read_goal_file
+from frida_painter.runs.settle import open_goal
+from frida_painter.runs.spec import RunSpec
+from frida_painter.session.events import (
+    Answered,
+    Asked,
+    Considering,
+    Event,
+    GoalChanged,
+    Paused,
+    RegionProtected,
+    Remark,
+    StrokePainted,
+    Turns,
+    WentOn,
+)
+from frida_painter.session.loop import PaintingSession
+from frida_painter.session.observer import PHOTOGRAPH_ROWS
+from frida_painter.web.commands import (
+    ChangeGoal,
+    CommandReader,
+    Free,
+    GoOn,
+    LeaveOut,
+    LookAgain,
+    PaintingCommand,
+    Pause,
+    Protect,
+    TakeTurns,
+    understood,
+)
+from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.state import Feed
+from frida_painter.web.stop import StopWatch
+
+# Questions that a worker asks the person at the page, and waits for: calibration, paints to fill, strokes in doubt.
+
+_BETWEEN_GLANCES = 0.04
+
+
+@dataclass
+class Asker:
+    """Puts questions on the page; `answer` is what a procedure's dialogue and an operator want."""
+
+    folder: PaintingFolder
+    feed: Feed
+    stop: StopWatch
+    _shown: deque[str] = field(default_factory=deque, init=False)
+
+    def answer(self, question: Question) -> Answer:
+        """What the person says, who is waited for. Raises StopPressed where they stop everything."""
+        number = secrets.token_hex(8)
+        asked = described(question)
+        picture = None if isinstance(question, Measure) else question.picture
+        if picture is not None:
+            asked |= {"picture": self._show(picture), "rows": picture.shape[1], "columns": picture.shape[2]}
+        reader = LogReader(self.folder.replies)
+        reader.read()  # what was said before does not count
+        self.feed.tell(Asked({"id": number, **asked}))
+        while True:
+            self.stop.heed()
+            for line in reader.read():
+                answer = understood(line, number, asked)
+                if answer is not None:
+                    self.feed.tell(Answered())
+                    return answer
+            time.sleep(_BETWEEN_GLANCES)
+
+    def _show(self, picture: Tensor) -> str:
+        # Whoever knows its name may see it: it is not to be guessed.
+        name = f"question-{secrets.token_hex(12)}.jpg"
+        images.save(picture, self.folder.live / name)
+        self._shown.append(name)
+        while len(self._shown) > 2:
+            (self.folder.live / self._shown.popleft()).unlink(missing_ok=True)
+        return name
+
+
+def described(question: Question) -> dict[str, Any]:
+    """A question as plain values, but for its picture."""
+    match question:
+        case Confirm(text=text, proposal=proposal):
+            return {"kind": "confirm", "text": text, "proposal": proposal}
+        case PointCorners(text=text, proposal=proposal):
+            corners = None if proposal is None else [[float(x), float(y)] for x, y in proposal]
+            return {"kind": "corners", "text": text, "proposal": corners}
+        case Jog():
+            step = None if question.proposal is None else question.proposal.step
+            told = {"kind": "jog", "text": question.text, "height": question.height, "proposal": step}
+            return told | {"lowest": question.lowest, "highest": question.highest}
+        case Measure():
+            told = {"kind": "measure", "text": question.text, "proposal": question.proposal}
+            return told | {"lowest": question.lowest, "highest": question.highest}
+
+
+_ROUNDS = 3  # of planning where the goal has changed
+_YOUR_TURN = "It is your turn. Paint what you like, let it look, then let it go on."
+_PAUSED = "It has paused: the brush is clean, the arm aside. You may paint on the canvas, then let it look."
+
+
+@dataclass
+class PauseController:
+    """Leads the pauses of a session; `opened` gives it once it is open; began: when the painter did, since 1970."""
+
+    folder: PaintingFolder
+    feed: Feed
+    stop: StopWatch
+    began: float
+    opened: Callable[[], PaintingSession | None] = lambda: None
+    _commands: deque[PaintingCommand] = field(default_factory=deque, init=False)
+    _turns: int = field(default=0, init=False)
+    _conferring: bool = field(default=False, init=False)
+    _since: int = field(default=0, init=False)  # strokes since it was the robot's turn
+
+    def __post_init__(self) -> None:
+        ear = CommandReader(self.folder, self.began)
+
+        def listen() -> None:
+            while True:
+                self._commands.extend(ear.listen())
+                time.sleep(_BETWEEN_GLANCES)
+
+        threading.Thread(target=listen, daemon=True, name="commands").start()
+
+    def hear(self, event: Event) -> None:
+        """Counts strokes, to know whose turn it is."""
+        if isinstance(event, StrokePainted):
+            self._since += 1
+
+    def pause_asked(self) -> bool:
+        """Whether a person wants a pause, or it is their turn. What else they said waits, where it has paused."""
+        if self._conferring:
+            return False
+        pausing = False
+        while self._commands:
+            command = self._commands.popleft()
+            if isinstance(command, TakeTurns):
+                self._take_turns(command)
+            pausing = pausing or isinstance(command, Pause)
+        return pausing or 0 < self._turns <= self._since
+
+    def go_on(self, paused: Paused) -> bool:
+        """Does what a person asks for, until they have the painting go on; False where they stop it."""
+        self._conferring = True
+        try:
+            return self._confer(paused)
+        finally:
+            self._conferring = False
+
+    def _confer(self, paused: Paused) -> bool:
+        mine = 0 < self._turns <= self._since
+        asked = paused.reason == "You asked for a pause."
+        reason = _YOUR_TURN if mine else _PAUSED if asked else self._without_paths(paused.reason)
+        told = Paused(reason, paused.done, turn=mine)
+        self.feed.tell(told)
+        while not self.stop.asked:
+            if not self._commands:
+                time.sleep(_BETWEEN_GLANCES)
+                continue
+            command = self._commands.popleft()
+            if isinstance(command, GoOn):
+                self._since = 0
+                self.feed.tell(WentOn())
+                return True
+            self.feed.tell(Considering())
+            try:
+                self._do(command)
+            except FridaError as trouble:
+                self.feed.tell(Remark(self._without_paths(str(trouble))))
+            self.feed.tell(told)
+        return False
+
+    def _without_paths(self, sentence: str) -> str:
+        """A sentence as everybody may read it on the page."""
+        return sentence.replace(str(self.folder.path), "its folder")
+
+    def _do(self, command: PaintingCommand) -> None:
+        session = self._session
+        match command:
+            case LookAgain():
+                session.look_again()
+            case LeaveOut(count):
+                rest = session.rest
+                session.paint_instead(rest.part(slice(max(0, len(rest) - count))))
+            case Protect(number, only):
+                drawn = self.folder.region(number)
+                drawing = images.load(drawn)
+                session.planner = session.planner.keeping_clear(region_of(drawing, only_inside=only))
+                self._tell_region(RegionProtected(self._kept(drawing, number), only, drawn.name))
+            case Free():
+                session.planner = session.planner.keeping_clear(None)
+                self._tell_region(RegionProtected(None))
+            case ChangeGoal():
+                self._pursue(command)
+            case TakeTurns():
+                self._take_turns(command)
+            case _:
+                pass  # it has paused already
+
+    @property
+    def _session(self) -> PaintingSession:
+        session = self.opened()
+        assert session is not None, "there is no pause before the session is open"
+        return session
+
+    def _tell_region(self, region: RegionProtected) -> None:
+        """Puts down what is protected from now on, and has the rest planned around it."""
+        session = self._session
+        session.journal.tell(region)
+        self.feed.tell(region)
+        session.look_again()
+
+    def _kept(self, drawing: Tensor, number: int) -> str:
+        """The file, in the folder that the painting leaves, of a region that a person drew."""
+        name = f"regions/{number}.png"
+        images.save(drawing, self.folder.painting / name)
+        return name
+
+    def _pursue(self, command: ChangeGoal) -> None:
+        """Goes on towards another goal; the paints stay, for they are mixed."""
+        session = self._session
+        place = self.folder.change(command.record)
+        grid = PixelGrid.of_height(session.planner.size, PHOTOGRAPH_ROWS)
+        wanted = RunSpec.of(**read_goal_file(place.goal))
+        keep_goal(wanted, self.folder.painting / f"changes/{command.record}")
+        goal = open_goal(wanted).fitted(grid.rows, grid.columns)
+        changed = GoalChanged(f"changes/{command.record}", place.request().model_dump(mode="json"))
+        session.journal.tell(changed)
+        session.planner = session.planner.towards(goal)
+        self.feed.tell(changed)
+        session.look_again(_ROUNDS)
+
+    def _take_turns(self, command: TakeTurns) -> None:
+        self._turns, self._since = command.count, 0
+        self.feed.tell(Turns(command.count))

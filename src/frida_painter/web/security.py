@@ -1,0 +1,415 @@
+"""Who may speak to the studio: middleware before all routes, which checks tokens, hosts, origins and roles.
+
+The studio commands a machine, so nothing is trusted by where it comes from. A browser comes with a token once, and is
+given a cookie and a key. A cookie goes to every port of a host, so by itself it opens nothing but the page's own parts
+and pictures whose names nobody can guess. The key goes with everything else; the page keeps it where only pages of
+exactly this address and port can read it. A program brings its token every time.
+"""
+
+import asyncio
+import contextlib
+import hmac
+import math
+import os
+import re
+import secrets
+import select
+import threading
+import time
+from collections import OrderedDict
+from dataclasses import dataclass, field
+from enum import IntEnum
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import parse_qsl, urlencode
+
+from h11 import LocalProtocolError
+from starlette.datastructures import Headers
+from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from frida_painter.errors import Interrupted, RobotStopped
+from frida_painter.web.easel import StudioEasel
+
+# The roles of those who use the studio.
+
+
+class Role(IntEnum):
+    """What somebody may do; each may do what those before may."""
+
+    watch = 1
+    plan = 2
+    operate = 3
+
+
+_MOST_SESSIONS = {Role.watch: 200, Role.plan: 100, Role.operate: 50}
+_FREE_FAILURES, _FAILURES_COUNT_FOR = 10, 60.0  # wrong tokens, seconds
+_DELAY, _MOST_DELAYED = 1.0, 16  # seconds; answers to wrong tokens
+_CODE_GOOD_FOR = 60.0
+_MOST_HEADERS = 16 * 1024
+_SAFE = ("GET", "HEAD")
+_BY_COOKIE = re.compile(
+    r"/|/static/[^/]*|/sw\.js|/paintings/.*|/api/pictures/[^/]+"
+    r"|/api/calibration/files/[^/]+|/api/paintings/[^/]+/(?:everything\.zip|camera)"
+)
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; connect-src 'self'{stop}; "
+    "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
+}
+_CLOSED = """<!DOCTYPE html><html lang="en"><meta charset="utf-8"><title>The studio is closed</title>
+<p>This page opens with the address that the studio printed when it was started: look at its terminal.</p></html>"""
+_OPENING = """<!DOCTYPE html><html lang="en"><meta charset="utf-8"><title>The studio opens</title>
+<meta http-equiv="refresh" content="0;url={address}"><p><a href="{address}">Open the studio</a></p></html>"""
+
+
+@dataclass(frozen=True)
+class Session:
+    """A browser that came with a token, or a program that always brings it; `key` goes with all that a page asks."""
+
+    id: str
+    role: Role
+    key: str
+
+
+@dataclass
+class Keys:
+    """The tokens of one start of the studio, one for each role, and the browsers that came with them."""
+
+    tokens: dict[Role, str] = field(default_factory=lambda: {role: secrets.token_urlsafe(32) for role in Role})
+    _sessions: dict[Role, OrderedDict[str, Session]] = field(
+        default_factory=lambda: {role: OrderedDict() for role in Role}
+    )
+    _codes: dict[str, tuple[Role, float]] = field(default_factory=dict)
+
+    def code(self, role: Role) -> str:
+        """In place of a token, where others may read it (the command line of a browser): good once, for a minute."""
+        code = secrets.token_urlsafe(24)
+        self._codes[code] = (role, time.monotonic() + _CODE_GOOD_FOR)
+        return code
+
+    def admit(self, token: str) -> Session | None:
+        """A new session for a token or a code, None for a wrong one.
+
+        A role has so many sessions; the one that was not used for longest makes room for a new one of its own role.
+        """
+        role = self._role(token)
+        if role is None:
+            role, until = self._codes.pop(token, (None, 0.0))
+            if role is None or time.monotonic() > until:
+                return None
+        session = Session(secrets.token_urlsafe(24), role, secrets.token_urlsafe(24))
+        own = self._sessions[role]
+        if len(own) >= _MOST_SESSIONS[role]:
+            own.popitem(last=False)
+        own[session.id] = session
+        return session
+
+    def session(self, cookie: str) -> Session | None:
+        """The session of a browser."""
+        for own in self._sessions.values():
+            if cookie in own:
+                own.move_to_end(cookie)
+                return own[cookie]
+        return None
+
+    def bearer(self, token: str) -> Session | None:
+        """The session of a program, which keeps none."""
+        role = self._role(token)
+        return None if role is None else Session(f"bearer-{role.name}", role, "")
+
+    @property
+    def sessions(self) -> list[str]:
+        """The ids of all browsers that came."""
+        return [identifier for own in self._sessions.values() for identifier in own]
+
+    def _role(self, token: str) -> Role | None:
+        given = token.encode("utf-8", "replace")
+        matching = [role for role, known in self.tokens.items() if hmac.compare_digest(known.encode(), given)]
+        return matching[0] if matching else None
+
+
+@dataclass
+class _Slowness:
+    """Holds up answers to wrong tokens once there were many. A right one is never held up, whoever sends wrong ones."""
+
+    _failures: list[float] = field(default_factory=list)
+    _delayed: int = 0
+
+    async def refuse(self) -> bool:
+        """Waits, where there were many; False where too many wait already, who are to be told so at once."""
+        now = time.monotonic()
+        self._failures = [*(at for at in self._failures[-_FREE_FAILURES:] if now - at < _FAILURES_COUNT_FOR), now]
+        if len(self._failures) <= _FREE_FAILURES:
+            return True
+        if self._delayed >= _MOST_DELAYED:
+            return False
+        self._delayed += 1
+        try:
+            await asyncio.sleep(_DELAY)
+        finally:
+            self._delayed -= 1
+        return True
+
+
+class AuthMiddleware:
+    """An ASGI application before another one: lets in who may come in, and puts safe headers on all answers.
+
+    hosts: what may stand in the Host header, like "127.0.0.1:8350"; stop_hosts: where the page may send a stop. The
+    session is handed on in `scope["state"]["session"]`.
+    """
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        keys: Keys,
+        hosts: frozenset[str],
+        cookie: str,
+        stop_hosts: frozenset[str] = frozenset(),
+    ) -> None:
+        self._app, self._keys, self._hosts, self._cookie = app, keys, hosts, cookie
+        self._stop_hosts = stop_hosts
+        self._slowness = _Slowness()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answers 401, 403, 429 or 431 itself, or hands the request on."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+        elif scope["type"] == "http":
+            answer = await self._judge(scope)
+            # Where what comes after the headers is no HTTP, the server has refused it already: nothing can be sent.
+            with contextlib.suppress(LocalProtocolError):
+                await (answer or self._app)(scope, receive, self._with_headers(scope, send))
+        else:  # the studio has no WebSockets
+            await receive()
+            await send({"type": "websocket.close", "code": 1008})
+
+    async def _judge(self, scope: Scope) -> Response | None:
+        """None where the request may go on."""
+        headers, method = Headers(scope=scope), scope["method"]
+        if sum(len(name) + len(value) for name, value in scope["headers"]) > _MOST_HEADERS:
+            return _refused(431, "The headers of this request are too large.")
+        if headers.getlist("host") != [host := headers.get("host", "")] or host not in self._hosts:
+            return _refused(403, "The studio does not go by this name; use the address that it printed.")
+        here = headers.get("sec-fetch-site", "none") in ("none", "same-origin")
+        # A link that was clicked on another page; what such a page loads or sends by itself, a frame as well, looks
+        # different. Of some clicks Chromium does not tell that they lead to a document.
+        way, aim = (headers.get(f"sec-fetch-{name}") for name in ("mode", "dest"))
+        clicked = method == "GET" and way == "navigate" and aim in ("document", "empty")
+        if not here and not clicked:
+            return _refused(403, "Another page asked for this.")
+        if method == "GET" and b"token=" in scope["query_string"]:
+            return await self._enter(scope, counts=here)
+        if headers.get("authorization"):
+            return await self._judge_program(scope, headers, host)
+        session = self._session(headers)
+        if session is None:
+            if not here and scope["path"] == "/":
+                return _opening("/")  # the browser keeps its cookie back from other pages' links, not from ours
+            page = method in _SAFE and "text/html" in headers.get("accept", "")
+            return HTMLResponse(_CLOSED, 401) if page else _refused(401, "The studio does not know you.")
+        if not here:
+            return _opening("/") if scope["path"] == "/" else _refused(403, "Another page asked for this.")
+        if method not in _SAFE and headers.get("origin") != f"{scope['scheme']}://{host}":
+            return _refused(403, "Another page asked for this.")
+        by_cookie = method in _SAFE and _BY_COOKIE.fullmatch(scope["path"])
+        if not by_cookie and not hmac.compare_digest(headers.get("x-page-key", "").encode(), session.key.encode()):
+            return _refused(403, "This page has lost its key; open the studio with the link that its terminal shows.")
+        scope.setdefault("state", {})["session"] = session
+        return None
+
+    async def _judge_program(self, scope: Scope, headers: Headers, host: str) -> Response | None:
+        scheme, _, token = headers.get("authorization", "").partition(" ")
+        session = self._keys.bearer(token.strip()) if scheme.lower() == "bearer" else None
+        if session is None:
+            return await self._wrong(_refused(401, "The studio does not know you."))
+        if scope["method"] not in _SAFE and headers.get("origin") not in (None, f"{scope['scheme']}://{host}"):
+            return _refused(403, "Another page asked for this.")
+        scope.setdefault("state", {})["session"] = session
+        return None
+
+    async def _enter(self, scope: Scope, *, counts: bool) -> Response:
+        """Gives a cookie and a key for the token, and has the browser go on without it.
+
+        By a page rather than a redirect: after a redirect from another page's link the cookie would not be sent.
+        """
+        query = parse_qsl(scope["query_string"].decode("latin-1"))
+        session = self._keys.admit(dict(query).get("token", ""))
+        if session is None:
+            closed = HTMLResponse(_CLOSED, 401)
+            return await self._wrong(closed) if counts else closed
+        rest = urlencode([(name, value) for name, value in query if name != "token"])
+        answer = _opening("/" + (f"?{rest}" if rest else "") + f"#key={session.key}")
+        secure = scope["scheme"] == "https"
+        answer.set_cookie(self._cookie, session.id, httponly=True, samesite="strict", path="/", secure=secure)
+        return answer
+
+    async def _wrong(self, answer: Response) -> Response:
+        if await self._slowness.refuse():
+            return answer
+        return _refused(429, "Too many wrong tokens came; wait a moment.")
+
+    def _session(self, headers: Headers) -> Session | None:
+        try:
+            jar = SimpleCookie("; ".join(headers.getlist("cookie")))
+        except CookieError:
+            return None
+        return self._keys.session(jar[self._cookie].value) if self._cookie in jar else None
+
+    def _with_headers(self, scope: Scope, send: Send) -> Send:
+        stop = "".join(f" {scope['scheme']}://{host}" for host in sorted(self._stop_hosts) if "[" not in host)
+        more = {"Cache-Control": "no-store", **_HEADERS}
+        more["Content-Security-Policy"] = more["Content-Security-Policy"].replace("{stop}", stop)
+
+        async def sending(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                given = {name.lower() for name, _ in message["headers"]}
+                message["headers"] = [
+                    *((name, value) for name, value in message["headers"] if name.lower() != b"server"),
+                    *((k.lower().encode(), v.encode()) for k, v in more.items() if k.lower().encode() not in given),
+                ]
+            await send(message)
+
+        return sending
+
+
+def _opening(address: str) -> HTMLResponse:
+    return HTMLResponse(_OPENING.format(address=address.replace("&", "&amp;")))
+
+
+def _refused(status: int, sentence: str) -> Response:
+    return JSONResponse({"sentence": sentence}, status)
+
+
+# The press at the machine: what makes a robot move that could hurt somebody is confirmed by who stands beside it.
+
+GOOD_FOR = 60.0
+"""Seconds after a press in which one thing may be begun from the page."""
+_BETWEEN_GLANCES = 0.5
+
+
+@dataclass
+class Presence:
+    """Whether somebody has just pressed Enter in the studio's terminal. Each press is good for one thing.
+
+    possible: whether there is a terminal at all in which it could be pressed.
+    """
+
+    possible: bool = False
+    _pressed: float | None = field(default=None, init=False)
+
+    def press(self) -> None:
+        """Somebody stands at the machine now."""
+        self._pressed = time.monotonic()
+
+    def use(self) -> bool:
+        """Whether somebody pressed within the last minute; the press is used up then."""
+        pressed, self._pressed = self._pressed, None
+        return pressed is not None and time.monotonic() - pressed <= GOOD_FOR
+
+    def allow(self, easel: StudioEasel) -> None:
+        """Lets a machine that could hurt somebody be moved; a simulated one, or a hand, needs nobody's leave.
+
+        Raises RobotStopped, saying what to do, where nobody has pressed for it. (A stop of a real robot holds
+        until `frida-painter arm`.)
+        """
+        if easel.drives_machine and not self.use():
+            raise RobotStopped(how_to_press(self))
+
+    def listen(self, file: int) -> None:
+        """Takes every line that is typed into the terminal (an open file's number) for a press, on a thread."""
+        self.possible = True
+        threading.Thread(target=self._listen, args=(file,), daemon=True, name="presence").start()
+
+    def _listen(self, file: int) -> None:
+        while True:
+            if not select.select([file], [], [], _BETWEEN_GLANCES)[0]:
+                continue
+            if os.isatty(file) and os.tcgetpgrp(file) != os.getpgrp():
+                time.sleep(_BETWEEN_GLANCES)  # in the background what is typed is meant for the shell
+                continue
+            try:
+                typed = os.read(file, 1024)
+            except OSError:
+                typed = b""
+            if not typed:  # the terminal was closed
+                self.possible = False
+                return
+            self.press()
+            print(f"Pressed. For {GOOD_FOR:.0f} s one thing may be begun from the page.", flush=True)
+
+
+def how_to_press(presence: Presence) -> str:
+    """What to do where a press is needed, in a sentence."""
+    if presence.possible:
+        return (
+            "Is nobody in the robot's way, and is its brush free? Then press Enter in the terminal of the studio, "
+            f"beside the robot, and ask again within {GOOD_FOR:.0f} s."
+        )
+    return "Somebody has to be beside the robot: start `frida-painter studio` in a terminal there, and open its page."
+
+
+# Who leads: one browser at a time has the robot do things, and what it asks is done once, and at once.
+
+KEPT_FOR = 60.0
+"""Seconds after its last order in which a browser still leads."""
+LEAD_GOOD_FOR = 10.0
+"""Seconds in which an order has to arrive after it was given."""
+
+
+class Led(Interrupted):
+    """Another browser leads; this one may take over."""
+
+
+@dataclass
+class Lead:
+    """Lets in orders of one browser, each with a nonce of its own and the time at which it was given.
+
+    A browser that slept, or a request that hung, brings its order too late: then nobody expects it any more.
+    The page that gave the last order may give the lead back when it is left.
+    """
+
+    _leads: str = field(default="", init=False)
+    _page: str = field(default="", init=False)
+    _until: float = field(default=0.0, init=False)
+    _used: dict[str, float] = field(default_factory=dict, init=False)
+
+    def require(self, session: str, nonce: str, given: float, page: str = "") -> None:
+        """Takes note of an order given at `given` (seconds since 1970, by this machine's clock) on a page of a session.
+
+        Raises Led where another browser leads, Interrupted where the order is an old one or was done already.
+        """
+        self._require_new(nonce, given)
+        if self._leads != session and time.monotonic() < self._until:
+            raise Led("Another browser leads the painting at the moment.")
+        self._take(session, nonce, page)
+
+    def take_over(self, session: str, nonce: str, given: float, page: str = "") -> None:
+        """From now on that session leads, by that page of it. Raises Interrupted as `require` does."""
+        self._require_new(nonce, given)
+        self._take(session, nonce, page)
+
+    def give_back(self, session: str, page: str) -> bool:
+        """Lets anybody lead where that page gave the last order; elsewhere nothing changes. Returns whether it did."""
+        held = (self._leads, self._page) == (session, page) and time.monotonic() < self._until
+        if held:
+            self._until = 0.0
+        return held
+
+    def _require_new(self, nonce: str, given: float) -> None:
+        now = time.time()
+        self._used = {known: at for known, at in self._used.items() if now - at <= 4 * LEAD_GOOD_FOR}
+        if not (16 <= len(nonce) <= 64 and math.isfinite(given)):
+            raise Interrupted("This was asked without a number and a time of its own; reload the page.")
+        if not -LEAD_GOOD_FOR <= now - given <= LEAD_GOOD_FOR:
+            raise Interrupted("This was asked too long ago to be done now; look at the page, and ask again.")
+        if nonce in self._used:
+            raise Interrupted("This was asked already, and is done once.")
+
+    def _take(self, session: str, nonce: str, page: str) -> None:
+        self._used[nonce] = time.time()
+        self._leads, self._page, self._until = session, page, time.monotonic() + KEPT_FOR

@@ -1,0 +1,337 @@
+"""What a stop does, wherever it was asked for: says so to all who work, then leaves files and a record behind.
+
+The first waits for nothing that anything else can fill: no pool of threads, no database, no disk. Files and record are
+the business of threads of their own, which may wait for a disk as long as they like.
+"""
+
+import asyncio
+import contextlib
+import hashlib
+import hmac
+import json
+import os
+import queue
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Self
+
+from frida_painter import storage
+from frida_painter.errors import StorageError
+from frida_painter.web.folder import PaintingFolder, working
+from frida_painter.web.security import Role
+from frida_painter.web.store import PaintingStore
+from frida_painter.web.workers import QUEUE
+
+# The secrets with which pages stop: they outlive sessions and restarts of the studio, and do nothing else.
+
+_FILE = ".stop-key"
+_BYTES = 32
+_DAY = 86400
+_GOOD_FOR = {Role.watch: _DAY, Role.plan: _DAY, Role.operate: 30 * _DAY}  # seconds
+
+
+class StopKey:
+    """Makes secrets and knows them again. Each names a role and when it ends, and is signed with the studio's key.
+
+    Whoever may look may stop: a watcher's secret ends a day after it was given, an operator's after thirty.
+    """
+
+    def __init__(self, key: bytes) -> None:
+        self._key = key
+
+    @classmethod
+    def of(cls, folder: Path) -> Self:
+        """The key of the studio whose paintings are in `folder`, made where there is none. Raises StorageError."""
+        path = folder / _FILE
+        try:
+            if not path.exists():
+                _make(path)
+            key = storage.read_bytes(path, "the key for stops", _BYTES)
+        except OSError as error:
+            raise StorageError(f"{path} cannot be kept ({error.strerror}); without it nobody could stop.") from error
+        if len(key) != _BYTES:
+            raise StorageError(f"{path} is damaged; delete it, and open the studio again.")
+        return cls(key)
+
+    def secret(self, role: Role) -> str:
+        """A secret for a page of that role."""
+        claim = f"{role.name}.{int(time.time()) + _GOOD_FOR[role]}"
+        return f"{claim}.{self._sign(claim)}"
+
+    def role(self, secret: str) -> Role | None:
+        """Whose secret it is; None where it is none, or is no longer good."""
+        claim, _, sign = secret.rpartition(".")
+        if not hmac.compare_digest(self._sign(claim).encode(), sign.encode("utf-8", "replace")):
+            return None
+        name, _, ends = claim.partition(".")
+        return Role[name] if time.time() <= int(ends) else None
+
+    def _sign(self, claim: str) -> str:
+        return hmac.new(self._key, claim.encode("utf-8", "replace"), hashlib.sha256).hexdigest()
+
+
+def _make(path: Path) -> None:
+    temporary = path.with_name(f"{_FILE}-{secrets.token_hex(8)}")
+    file = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    try:
+        os.write(file, secrets.token_bytes(_BYTES))
+        os.fsync(file)
+        with contextlib.suppress(FileExistsError):
+            os.link(temporary, path)  # whole, or not at all; who was first is not overwritten
+    finally:
+        os.close(file)
+        temporary.unlink()
+
+
+# The line by which a stop reaches a worker: a local socket in the studio's folder, from process to process.
+#
+# Nothing is written to a disk, and nobody waits for anything: the listener for stops (stop_listener.py) says one byte
+# to
+# each worker, which answers with one when it has done what it does. The stop file is the second way, for a worker
+# that
+# has not called yet, and where there is no listener.
+
+STOP, HEARD = b"!", b"+"
+WORK, PRESS, END = "work", "press", "end"
+"""How a caller begins, followed by a name and a line's end: a worker, a stop, the listener's end."""
+_SOCKET = ".stop"
+_LONGEST = 100  # bytes; a local socket's address has at most 104 to 108
+_BETWEEN_CALLS = 0.5  # seconds
+_BETWEEN_GLANCES = 0.02
+
+
+class StopPressed(Exception):
+    """A person has pressed stop; the worker tells so and ends."""
+
+
+@contextmanager
+def address(folder: Path) -> Iterator[str]:
+    """Where the listener of the studio in `folder` is called, in so few bytes as a local socket's address may have."""
+    whole = str(folder.absolute() / _SOCKET)
+    if len(os.fsencode(whole)) <= _LONGEST:
+        yield whole
+        return
+    opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        yield f"/proc/self/fd/{opened}/{_SOCKET}"
+    finally:
+        os.close(opened)
+
+
+def listen_locally(folder: Path) -> socket.socket:
+    """A socket that those who may write in the folder can call, in the place of one that is left. Raises OSError."""
+    listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    (folder / _SOCKET).unlink(missing_ok=True)
+    with address(folder) as place:
+        listening.bind(place)
+    (folder / _SOCKET).chmod(0o600)
+    listening.listen(64)
+    return listening
+
+
+def call(folder: Path) -> socket.socket:
+    """A connection to the listener. Raises OSError where there is none."""
+    line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        with address(folder) as place:
+            line.connect(place)
+    except OSError:
+        line.close()
+        raise
+    return line
+
+
+class StopWatch:
+    """Learns that a person has pressed stop, by line or by file, on threads of its own.
+
+    file: where it appears, the worker stops; studio: the folder in which the listener is called.
+    """
+
+    def __init__(self, file: Path, studio: Path) -> None:
+        self.asked = False
+        self._file, self._studio = file, studio
+        self._turn = threading.Lock()
+        self._reactions: list[Callable[[], None]] = []
+        threading.Thread(target=self._watch_file, daemon=True, name="stop file").start()
+        threading.Thread(target=self._watch_line, daemon=True, name="stop line").start()
+
+    def heed(self) -> None:
+        """Ends what is being done where stop was pressed."""
+        if self.asked:
+            raise StopPressed
+
+    def then(self, reaction: Callable[[], None]) -> None:
+        """What else is to be done at once when stop is pressed, on a thread of the watch; now, where it was pressed."""
+        with self._turn:
+            self._reactions.append(reaction)
+            asked = self.asked
+        if asked:
+            reaction()
+
+    def _hear(self) -> None:
+        with self._turn:
+            first, self.asked = not self.asked, True
+            reactions = list(self._reactions)
+        if first:
+            for reaction in reactions:
+                reaction()
+
+    def _watch_file(self) -> None:
+        while not self._file.exists():
+            time.sleep(_BETWEEN_GLANCES)
+        self._hear()
+
+    def _watch_line(self) -> None:
+        while True:
+            with contextlib.suppress(OSError), call(self._studio) as line:
+                line.sendall(f"{WORK} {self._file.parent.name}\n".encode())
+                while line.recv(1) == STOP:
+                    self._hear()
+                    line.sendall(HEARD)
+            time.sleep(_BETWEEN_CALLS)  # the listener is gone; the studio starts another one
+
+
+_HEARD_WITHIN = 0.3  # seconds for the workers' answers
+_FILES_WITHIN = 0.1  # seconds more, where nobody has answered
+_LISTENER_WITHIN = 1.0
+
+
+@dataclass
+class StopFiles:
+    """Puts stop files where somebody works, on a thread of its own; asked while it does so, it does so once more.
+
+    found: at how many places somebody worked; held: of these those that need no more than the file.
+    """
+
+    root: Path
+    found: int = 0
+    held: int = 0
+    _asked: threading.Event = field(default_factory=threading.Event)
+    _passes: int = 0
+
+    def __post_init__(self) -> None:
+        threading.Thread(target=self._keep, daemon=True, name="stop files").start()
+
+    def ask(self) -> int:
+        """Has files put; returns how often that was done before."""
+        passes = self._passes
+        self._asked.set()
+        return passes
+
+    def done_since(self, passes: int) -> bool:
+        """Whether it was done since."""
+        return self._passes > passes
+
+    def _keep(self) -> None:
+        while self._asked.wait():
+            self._asked.clear()
+            found = held = 0
+            with contextlib.suppress(OSError):
+                for folder in map(PaintingFolder, self.root.iterdir()):
+                    with contextlib.suppress(OSError):
+                        if working(folder):
+                            found += 1
+                            folder.stop_now()
+                            held += folder.path.name == QUEUE
+            self.found, self.held = found, held
+            self._passes += 1
+
+
+class StopRecorder:
+    """Puts stops down in the studio's record once they were done, however long its database is locked."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        self._waiting: queue.Queue[tuple[str, str]] = queue.Queue(1000)
+        threading.Thread(target=self._keep, daemon=True, name="record").start()
+
+    def note(self, by: str, what: str) -> None:
+        """Somebody stopped these paintings. Where a thousand wait already, this one is left out."""
+        with contextlib.suppress(queue.Full):
+            self._waiting.put_nowait((by, what))
+
+    def _keep(self) -> None:
+        while True:
+            by, what = self._waiting.get()
+            while True:
+                try:
+                    PaintingStore(self._root).note(by, what, "stop")
+                    break
+                except StorageError:
+                    time.sleep(1)
+
+
+class Stops:
+    """Says a stop to everybody who works."""
+
+    def __init__(self, root: Path) -> None:
+        self._files, self._recorder = StopFiles(root), StopRecorder(root)
+        self.lines: dict[asyncio.StreamWriter, str] = {}
+        self._heard: dict[asyncio.StreamWriter, asyncio.Event] = {}
+
+    async def press(self, by: str) -> dict[str, int]:
+        """Stops everything; returns how many are at work, and how many of them have said that they heard it."""
+        called = dict(self.lines)
+        for line in called:
+            self._heard[line].clear()
+            line.write(STOP)
+        passes = self._files.ask()
+        waiting = [asyncio.create_task(self._heard[line].wait()) for line in called]
+        done, late = await asyncio.wait(waiting, timeout=_HEARD_WITHIN) if waiting else (set(), set())
+        for task in late:
+            task.cancel()
+        if late or not called:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_FILES_WITHIN):
+                    while not self._files.done_since(passes):
+                        await asyncio.sleep(0.005)
+        self._recorder.note(by, ", ".join(sorted(called.values())))
+        if called:
+            return {"stopped": len(called), "heard": len(done)}
+        return {"stopped": self._files.found, "heard": self._files.held}
+
+    async def answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Talks with a caller on the local socket."""
+        try:
+            kind, _, name = (await reader.readline()).decode(errors="replace").strip().partition(" ")
+            if kind == WORK:
+                await self._keep_line(name, reader, writer)
+            elif kind == PRESS:
+                writer.write(json.dumps(await self.press(name)).encode())
+                await writer.drain()
+            elif kind == END:
+                asyncio.get_running_loop().stop()
+        except (OSError, ValueError):
+            pass  # it is gone
+        finally:
+            writer.close()
+
+    async def _keep_line(self, name: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.lines[writer], self._heard[writer] = name, asyncio.Event()
+        try:
+            while await reader.read(1) == HEARD:
+                self._heard[writer].set()
+        finally:
+            del self.lines[writer], self._heard[writer]
+
+
+async def press(stops: Stops, root: Path, by: str) -> dict[str, int]:
+    """Stops everything by way of the listener, or, where it does not answer, by `stops` of this process."""
+    try:
+        async with asyncio.timeout(_LISTENER_WITHIN):
+            with address(root) as place:
+                reader, writer = await asyncio.open_unix_connection(place)
+            try:
+                writer.write(f"{PRESS} {by}\n".encode())
+                answer: dict[str, int] = json.loads(await reader.read())
+            finally:
+                writer.close()
+            return answer
+    except (OSError, ValueError, TimeoutError):
+        return await stops.press(by)

@@ -1,0 +1,192 @@
+"""The store of a studio: which paintings and pictures there are, in SQLite; all else is in their folders."""
+
+import asyncio
+import contextlib
+import os
+import re
+import secrets
+import shutil
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from frida_painter import storage
+from frida_painter.errors import ImageError, Interrupted, StorageError
+from frida_painter.web.folder import PaintingFolder, require_disk
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS painting (
+    id TEXT PRIMARY KEY, folder TEXT NOT NULL UNIQUE, title TEXT NOT NULL, begun TEXT NOT NULL
+) STRICT;
+CREATE TABLE IF NOT EXISTS deed (at TEXT NOT NULL, by TEXT NOT NULL, painting TEXT NOT NULL, what TEXT NOT NULL) STRICT;
+CREATE TRIGGER IF NOT EXISTS deeds_stay_so BEFORE UPDATE ON deed BEGIN SELECT RAISE(ABORT, 'only added to'); END;
+CREATE TRIGGER IF NOT EXISTS deeds_stay BEFORE DELETE ON deed BEGIN SELECT RAISE(ABORT, 'only added to'); END;
+"""
+_OURS_ALONE = 0o700
+_IDENTIFIER = re.compile(r"[0-9a-f]{16}")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A painting of the store; begun: local time, ISO 8601."""
+
+    id: str
+    folder: PaintingFolder
+    title: str
+    begun: str
+
+
+class PaintingStore:
+    """Keeps paintings below `root`. Raises StorageError where that cannot be written to."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        try:
+            root.mkdir(mode=_OURS_ALONE, parents=True, exist_ok=True)
+            self.pictures.mkdir(exist_ok=True)
+            self.pictures.chmod(_OURS_ALONE)
+            with closing(sqlite3.connect(self._file, timeout=5)) as base, base:
+                base.executescript(_SCHEMA)
+            self._file.chmod(0o600)
+        except (OSError, sqlite3.Error) as error:
+            raise StorageError(
+                f"{root} cannot hold paintings ({error}); choose another folder with --folder."
+            ) from error
+
+    @property
+    def pictures(self) -> Path:
+        """The folder of the pictures that people gave."""
+        return self.root / "pictures"
+
+    @property
+    def calibration(self) -> PaintingFolder:
+        """The folder in which the easel is calibrated; made as soon as it is needed."""
+        folder = PaintingFolder(self.root / "calibration")
+        folder.path.mkdir(mode=_OURS_ALONE, exist_ok=True)
+        folder.live.mkdir(exist_ok=True)
+        return folder
+
+    def begin(self, title: str) -> Entry:
+        """A new painting with an empty folder."""
+        identifier, now = secrets.token_hex(8), datetime.now()
+        folder = self.root / f"{now:%Y%m%d-%H%M%S}-{identifier[:6]}"
+        folder.mkdir(mode=_OURS_ALONE)
+        begun = now.isoformat(timespec="seconds")
+        with self._base() as base:
+            base.execute("INSERT INTO painting VALUES (?, ?, ?, ?)", (identifier, folder.name, title, begun))
+        return Entry(identifier, PaintingFolder(folder), title, begun)
+
+    def all(self) -> list[Entry]:
+        """All paintings, the newest first."""
+        with self._base() as base:
+            rows = base.execute("SELECT id, folder, title, begun FROM painting ORDER BY begun DESC, rowid DESC")
+            return [self._entry(*row) for row in rows.fetchall()]
+
+    def find(self, identifier: str) -> Entry | None:
+        """The painting of that id, None where there is none."""
+        if not _IDENTIFIER.fullmatch(identifier):
+            return None
+        with self._base() as base:
+            row = base.execute("SELECT id, folder, title, begun FROM painting WHERE id = ?", (identifier,)).fetchone()
+        return None if row is None else self._entry(*row)
+
+    def rename(self, identifier: str, title: str) -> None:
+        """Gives a painting another title."""
+        with self._base() as base:
+            base.execute("UPDATE painting SET title = ? WHERE id = ?", (title, identifier))
+
+    def delete(self, entry: Entry) -> None:
+        """Removes a painting with all its files, for good. Raises StorageError."""
+        try:
+            shutil.rmtree(entry.folder.path)
+        except OSError as error:
+            raise StorageError(f"The painting cannot be deleted ({error.strerror}).") from error
+        with self._base() as base:
+            base.execute("DELETE FROM painting WHERE id = ?", (entry.id,))
+
+    def note(self, by: str, painting: str, what: str) -> None:
+        """Puts down who asked for what, and when; these lines are only ever added."""
+        with self._base() as base:
+            at = datetime.now().astimezone().isoformat(timespec="milliseconds")
+            base.execute("INSERT INTO deed VALUES (?, ?, ?, ?)", (at, by, painting, what))
+
+    def _entry(self, identifier: str, folder: str, title: str, begun: str) -> Entry:
+        return Entry(identifier, PaintingFolder(self.root / folder), title, begun)
+
+    @property
+    def _file(self) -> Path:
+        return self.root / "studio.sqlite"
+
+    @contextmanager
+    def _base(self) -> Iterator[sqlite3.Connection]:
+        """The database, for one transaction. Raises StorageError where it is locked, damaged or full."""
+        try:
+            with closing(sqlite3.connect(self._file, timeout=5)) as base, base:
+                yield base
+        except sqlite3.Error as error:
+            raise StorageError(f"The studio's list of paintings cannot be used ({error}); try again.") from error
+
+
+# Pictures that people give: decoded, checked, and written anew, so that nothing of the file itself is kept.
+#
+# A decoder has a process of its own for each picture, with limits on memory and time: what it stumbles over ends
+# nothing
+# else, and takes nothing from anybody.
+
+MOST_SECONDS = 30.0
+_MOST_WAITING = 8
+_TOO_MUCH = "The file needs more memory or time than a picture is given here; make it smaller first."
+
+
+class Uploads:
+    """Takes pictures into a folder, one after another."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._turn = asyncio.Lock()
+        self._waiting = 0
+
+    async def keep(self, content: bytes) -> str:
+        """Puts a picture into the folder as PNG under a new id, which is returned.
+
+        Raises ImageError, in words that name no path, for what is not a picture or is too large; StorageError;
+        Interrupted where too many pictures wait already.
+        """
+        if self._waiting >= _MOST_WAITING:
+            raise Interrupted("Many pictures are being taken in at the moment; give this one again in a while.")
+        self._waiting += 1
+        try:
+            async with self._turn:
+                return await asyncio.to_thread(keep, content, self._folder)
+        finally:
+            self._waiting -= 1
+
+
+def keep(content: bytes, folder: Path) -> str:
+    """As `Uploads.keep`, for one picture, at once."""
+    if not content:
+        raise ImageError("The file is empty; choose another picture.")
+    identifier = secrets.token_hex(16)
+    folder.mkdir(parents=True, exist_ok=True)
+    require_disk(folder, 2**26)
+    with storage.replacing(folder / f"{identifier}.png", mode=0o600) as temporary, temporary.open("wb") as decoded:
+        environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "VIPS_CONCURRENCY": "1"}
+        try:
+            done = subprocess.run(
+                [sys.executable, "-m", "frida_painter.web.decoder"], input=content, stdout=decoded,
+                stderr=subprocess.PIPE, timeout=MOST_SECONDS, env=environment, start_new_session=True,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            raise ImageError(_TOO_MUCH) from None
+        if done.returncode == 2:
+            raise ImageError(done.stderr.decode(errors="replace").strip().replace("\n", " "))
+        if done.returncode != 0:
+            with contextlib.suppress(OSError):
+                print(done.stderr.decode(errors="replace")[-2000:], file=sys.stderr)
+            raise ImageError(_TOO_MUCH)
+    return identifier

@@ -1,0 +1,228 @@
+"""A thing in a picture whose composition is to stay: where few of its edges change and it is seen, in its colours."""
+
+import math
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter import images
+from frida_painter.palette import Palette, from_lab, to_lab
+
+# A drawing in another colour: what makes up most of it changes, and what has another hue stays.
+
+_DARKEST = 22.0  # L* up to which a colour is an outline or a shadow, unless there is nothing else
+_COLORLESS = 12.0  # chroma below which a colour has no hue
+_HUE = 0.8  # radians by which a shade of the same colour may differ in hue
+_SHADE = 45.0  # L* by which it may be lighter or darker, where there is no hue to tell
+_STEP = 8.0  # of Lab, within which colours are counted as one
+_PASSES = 25.0  # of Lab, by which a colour may differ from what it is called
+_CONTRAST = 0.7  # of the differences between shades that is kept
+_VIVID = 40.0  # chroma from which a colour's shades may differ in hue as much as those of the drawing
+_MUTED, _MUTED_LIGHTNESS = 40.0, (25.0, 62.0)  # chroma, and L*, of a colour that suits many things
+_AROUND = (81.0, -14.0, -23.0)  # Lab of what pictograms paint water, sky and glass with
+_AROUND_WITHIN, _AROUND_COUNTS = 12.0, 0.1  # how near a colour is to that, and what it counts then
+
+
+def recolored(drawing: Tensor, color: Tensor) -> Tensor:
+    """A flat drawing, colour and opacity [4, h, w], whose main colour has become sRGB `color` [3] in [0, 1].
+
+    Lighter and darker shades of the main colour follow it. Outlines, and what is of another hue, stay.
+    """
+    lab = to_lab(drawing[:3].flatten(1).T)  # [h w, 3]
+    seen = drawing[3].flatten() > 0.5
+    body = seen & (lab[:, 0] > _DARKEST)
+    if not bool(body.any()):
+        body = seen
+    if not bool(body.any()):
+        return drawing
+    main = _commonest(lab[body])
+    changed = lab.clone()
+    alike = _alike(lab, main)
+    wanted = to_lab(color)
+    hue = min(1.0, float(wanted[1:].norm()) / _VIVID)  # gray has shades, but none of them is blue
+    changed[alike] = wanted + _CONTRAST * (lab[alike] - main) * lab.new_tensor([1.0, hue, hue])
+    return torch.cat((from_lab(changed).T.reshape(drawing[:3].shape), drawing[3:]))
+
+
+def is_colored(drawing: Tensor, color: Tensor) -> bool:
+    """Whether the main colour of a drawing [4, h, w] passes for sRGB `color` [3]: a fox is red as it is."""
+    lab = to_lab(drawing[:3].flatten(1).T)
+    body = (drawing[3].flatten() > 0.5) & (lab[:, 0] > _DARKEST)
+    if not bool(body.any()):
+        return False
+    main, wanted = _commonest(lab[body]), to_lab(color)
+    if float((main - wanted).norm()) <= _PASSES:
+        return True
+    turned = main[1:] @ wanted[1:] / (main[1:].norm() * wanted[1:].norm()).clamp(min=1e-6)
+    hued = min(float(main[1:].norm()), float(wanted[1:].norm())) > _COLORLESS
+    return hued and float(turned) > math.cos(_HUE) and abs(float(main[0] - wanted[0])) <= _PASSES
+
+
+def muted_color(drawing: Tensor) -> Tensor:
+    """The colour of most of a drawing [4, h, w], muted so that it suits what is only like it: sRGB [3] in [0, 1].
+
+    Raises IndexError where nothing of the drawing is seen.
+    """
+    lab = _commonest(to_lab(drawing[:3, drawing[3] > 0.5].T))
+    return from_lab(
+        torch.cat((lab[:1].clamp(*_MUTED_LIGHTNESS), lab[1:] * min(1.0, _MUTED / max(float(lab[1:].norm()), 1e-6))))
+    )
+
+
+def _commonest(lab: Tensor) -> Tensor:
+    """The colour [3] that is most likely the thing's own: there is much of it, and it has a hue, but not of water."""
+    cells, owner, count = torch.unique((lab / _STEP).round(), dim=0, return_inverse=True, return_counts=True)
+    colorful = (cells[:, 1:].norm(dim=1) * _STEP > _COLORLESS).float()
+    around = ((cells * _STEP - cells.new_tensor(_AROUND)).norm(dim=1) <= _AROUND_WITHIN).float()
+    most = int((count * (1 + colorful) * (1 - (1 - _AROUND_COUNTS) * around)).argmax())
+    return lab[owner == most].mean(0)
+
+
+def _alike(lab: Tensor, main: Tensor) -> Tensor:
+    """Which colours [n, 3] are shades of the main one, [n]."""
+    chroma, lightness = lab[:, 1:].norm(dim=1), (lab[:, 0] - main[0]).abs()
+    if float(main[1:].norm()) <= _COLORLESS:
+        return (chroma <= _COLORLESS) & (lightness <= _SHADE) & (lab[:, 0] > min(_DARKEST, float(main[0]) - 1))
+    along = (lab[:, 1:] @ main[1:]) / (chroma * main[1:].norm()).clamp(min=1e-6)
+    return (chroma > _COLORLESS) & (along > torch.cos(torch.tensor(_HUE)))
+
+
+# Drawings of colour and opacity laid on pictures, large in the middle or wherever they are wanted.
+
+_FILLS = 0.85  # of the canvas's shorter side
+
+
+def lay(drawing: Tensor, ground: Tensor) -> Tensor:
+    """The ground [3, H, W] with a drawing [4, h, w], sRGB and opacity in [0, 1], large in its middle."""
+    _, rows, columns = ground.shape
+    small = resized(drawing, _FILLS * min(rows, columns) / max(drawing.shape[1:]))
+    return laid(small, ground, (rows - small.shape[1]) // 2, (columns - small.shape[2]) // 2)[0]
+
+
+def laid(drawing: Tensor, picture: Tensor, top: int, left: int) -> tuple[Tensor, Tensor]:
+    """The picture [3, H, W] with a drawing [4, h, w] at a place where it fits, and how much of it is there, [H, W]."""
+    _, rows, columns = picture.shape
+    around = [left, columns - left - drawing.shape[2], top, rows - top - drawing.shape[1]]
+    over = functional.pad(drawing, around)
+    return torch.lerp(picture, over[:3], over[3:]).clamp(0, 1), over[3]
+
+
+def resized(drawing: Tensor, scale: float) -> Tensor:
+    """A drawing [4, h, w] at so many times its size."""
+    size = [max(1, round(drawing.shape[1] * scale)), max(1, round(drawing.shape[2] * scale))]
+    # Colours are resampled as far as they are seen: what is transparent has none.
+    seen = torch.cat((drawing[:3] * drawing[3:], drawing[3:]))[None]
+    small = functional.interpolate(seen, size, mode="bilinear", antialias=True)[0].clamp(0, 1)
+    return torch.cat((small[:3] / small[3:].clamp(min=1e-4), small[3:])).clamp(0, 1)
+
+
+def softened(picture: Tensor, near: int) -> Tensor:
+    """A picture [c, h, w] without what is smaller than `near` pixels: twice a mean over squares, edges going on."""
+    for _ in range(2):
+        around = functional.pad(picture[None], (near,) * 4, mode="replicate")
+        picture = functional.avg_pool2d(around, 2 * near + 1, 1)[0]
+    return picture
+
+
+_ROWS = 96  # of the picture in which places are compared
+_AREA = 4  # pixels of it, half the width over which an edge is looked at
+_STYLE_SCENE_AROUND = 6  # pixels of it around a thing, against which it is seen
+_SIZES = (0.85, 0.75, 0.65)  # of the shorter side
+_PLACES = (0.06, 0.21, 0.35, 0.5, 0.65, 0.79, 0.94)  # of what is free, down and across
+_COLORS = 8  # of the picture, and its darkest and lightest
+_LOOKED_AT = 4000  # pixels of it from which they are taken
+_TONES = ((0.0, 1.0), (0.0, 0.6), (0.4, 1.0))  # from the darkest of them, 0, to the lightest, 1, that a thing may have
+_FEWEST_TONES = 10.0  # L* from the darkest to the lightest of a drawing that has shades
+_CLEAR = 40.0  # L* by which a thing stands out as well as can be
+_KEEPING, _LARGE = 0.7, 0.55  # what unchanged edges and size count against standing out
+
+
+@dataclass(frozen=True)
+class Composited:
+    """A picture [3, H, W] with a thing in it, and how much of that is where, [H, W] in [0, 1]."""
+
+    picture: Tensor
+    where: Tensor
+
+
+def composited_into_style(drawing: Tensor, picture: Tensor, *, keeps_colors: bool = False) -> Composited:
+    """A drawing, colour and opacity [4, h, w], in a picture [3, H, W].
+
+    It is laid where the picture's coarse edges, by their correlation, change least for how large it is and how
+    clearly it stands out. It gets the picture's colours, dark ones for dark and light for light, unless it
+    `keeps_colors`.
+    """
+    _, rows, columns = picture.shape
+    small = images.fit(picture, _ROWS, round(_ROWS * columns / rows))
+    edges, light = _edges(small), _lightness(small)
+    colors = _colors(picture)
+    painted = [drawing] if keeps_colors else [_toned(drawing, colors, *tones) for tones in _TONES]
+    best, chosen = -float("inf"), (0, _SIZES[-1], 0.5, 0.5)
+    for number, size in product(range(len(painted)), _SIZES):
+        thing = _sized(painted[number], size, small)
+        own = float(_lightness(thing[:3])[thing[3] > 0.5].median())
+        for down, across in product(_PLACES, _PLACES):
+            shown, where = laid(thing, small, *_place(thing, small, down, across))
+            wider = (
+                functional.max_pool2d(where[None, None], 2 * _STYLE_SCENE_AROUND + 1, 1, _STYLE_SCENE_AROUND)[0, 0]
+                - where
+            )
+            clear = min(1.0, abs(own - float((light * wider).sum() / wider.sum())) / _CLEAR)
+            kept = float(torch.corrcoef(torch.stack((_edges(shown).flatten(), edges.flatten())))[0, 1])
+            if (worth := _KEEPING * kept + clear + _LARGE * size) > best:
+                best, chosen = worth, (number, size, down, across)
+    number, size, down, across = chosen
+    thing = _sized(painted[number], size, picture)
+    return Composited(*laid(thing, picture, *_place(thing, picture, down, across)))
+
+
+def _sized(drawing: Tensor, size: float, picture: Tensor) -> Tensor:
+    """A drawing whose longer side is `size` of the picture's shorter one."""
+    return resized(drawing, size * min(picture.shape[1:]) / max(drawing.shape[1:]))
+
+
+def _place(thing: Tensor, picture: Tensor, down: float, across: float) -> tuple[int, int]:
+    """The first row and column of a thing that lies so far down and across what it leaves free."""
+    return round(down * (picture.shape[1] - thing.shape[1])), round(across * (picture.shape[2] - thing.shape[2]))
+
+
+def _edges(picture: Tensor) -> Tensor:
+    """How steeply lightness changes over the size of an area rather than of a mark."""
+    smooth = functional.avg_pool2d(picture.mean(0)[None], 2 * _AREA + 1, 1)[0]
+    across = smooth[:, 2 * _AREA :] - smooth[:, : -2 * _AREA]
+    down = smooth[2 * _AREA :] - smooth[: -2 * _AREA]
+    return (across[_AREA:-_AREA].square() + down[:, _AREA:-_AREA].square()).sqrt()
+
+
+def _lightness(picture: Tensor) -> Tensor:
+    """L* of a picture [3, h, w], [h, w]."""
+    return to_lab(picture.permute(1, 2, 0))[..., 0]
+
+
+def _colors(picture: Tensor) -> Tensor:
+    """The picture's colours in Lab, [n, 3], from its darkest to its lightest."""
+    seen = picture.flatten(1).T
+    seen = seen[:: max(1, len(seen) // _LOOKED_AT)]
+    lab, middle = to_lab(seen), Palette.cluster(seen, torch.ones(len(seen)), _COLORS, seed=0).lab()
+    low, high = lab[:, 0].quantile(0.03), lab[:, 0].quantile(0.97)
+    ends = [lab[lab[:, 0] <= low].mean(0, keepdim=True), lab[lab[:, 0] >= high].mean(0, keepdim=True)]
+    between = middle[(middle[:, 0] > ends[0][0, 0]) & (middle[:, 0] < ends[1][0, 0])].flip(0)
+    return torch.cat((ends[0], between, ends[1]))
+
+
+def _toned(drawing: Tensor, colors: Tensor, low: float, high: float) -> Tensor:
+    """The drawing in `colors` (Lab, dark to light), of which it has those between `low` and `high` of their range."""
+    light = _lightness(drawing[:3])
+    seen = light[drawing[3] > 0.5]
+    first, last = seen.quantile(0.02), seen.quantile(0.98)
+    share = ((light - first) / (last - first).clamp(min=_FEWEST_TONES)).clamp(0, 1)
+    dark, bright = colors[0, 0], colors[-1, 0]
+    wanted = (dark + (low + (high - low) * share) * (bright - dark)).numpy()
+    scale = colors.numpy()
+    lab = np.stack([np.interp(wanted, scale[:, 0], scale[:, part]) for part in range(3)])
+    painted = from_lab(torch.from_numpy(lab).float().permute(1, 2, 0)).permute(2, 0, 1)
+    return torch.cat((painted, drawing[3:]))

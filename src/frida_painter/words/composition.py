@@ -1,0 +1,275 @@
+"""A scene as one picture: its things on a ground, told from it by light and dark, with what falls over them."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter import images
+from frida_painter.frames import PixelGrid
+from frida_painter.palette import to_lab
+from frida_painter.words.arrangement import Placed
+from frida_painter.words.compositing import laid, resized, softened
+from frida_painter.words.settings import DAY, Setting, with_contrast
+
+# What few strokes can paint of a picture: areas of one colour, without texture.
+
+_NEAR = 0.027  # of the height: about as wide as a mark of the fine brush
+_ALIKE = 28.0  # of 256 steps of sRGB, within which colours of neighbours become one
+
+
+def simplified(picture: Tensor) -> Tensor:
+    """The picture [3, H, W] with flat areas and sharp edges: mean shift in place and colour (Comaniciu and Meer 2002).
+
+    Flat areas stay as they are, to a 256th.
+    """
+    near = _NEAR * picture.shape[1]
+    flat = cv2.pyrMeanShiftFiltering(images.to_uint8(picture), near, _ALIKE, maxLevel=0)
+    return images.from_uint8(np.asarray(flat, np.uint8))
+
+
+# Stars, rain and flakes: marks of the fine brush, each in a place of its own, where they hide no thing.
+
+_STAR, _FLAKE = 0.015, 0.016  # radius, as a share of the height: a dab of the fine brush
+_RAIN_LENGTH, _RAIN_WIDTH = 0.15, 0.018  # of the height: about a stroke of the fine brush
+_SLOPE = 0.28  # of rain: columns for each row
+_STARLIGHT = (1.0, 0.96, 0.78)
+_TRIES = 12  # places that are drawn for each mark
+
+
+def falling(setting: Setting, where: Tensor, seed: int) -> tuple[Tensor, Tensor]:
+    """What falls or shines in a setting: its opacity [H, W] in [0, 1], and its sRGB [3].
+
+    where [H, W]: how much of the scene's things is there.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    weather, light = setting.weather, setting.light
+    rows = where.shape[0]
+    if weather.rain:
+        length = _RAIN_LENGTH * rows
+        return _marks(where, weather.rain, 1.0, (length, _RAIN_WIDTH * rows), generator), torch.tensor(weather.color)
+    if weather.flakes:
+        dab = 2 * _FLAKE * rows
+        return _marks(where, weather.flakes, 1.0, (dab, dab), generator), torch.tensor(weather.color)
+    if light.stars and setting.place.is_open:
+        dab = 2 * _STAR * rows
+        return _marks(where, light.stars, setting.place.horizon, (dab, dab), generator), torch.tensor(_STARLIGHT)
+    return torch.zeros_like(where), torch.ones(3)
+
+
+def _marks(where: Tensor, count: int, down: float, size: tuple[float, float], generator: torch.Generator) -> Tensor:
+    """So many marks in the upper part `down` of a picture, of a length and width in pixels, apart from each other."""
+    rows, columns = where.shape
+    length, width = size
+    taken, over = where.clone(), torch.zeros_like(where)
+    for _ in range(count):
+        places = torch.rand(_TRIES, 2, generator=generator) * torch.tensor([down * rows, float(columns)])
+        tries = [_mark(where.shape, row, column, length, width) for row, column in places.tolist()]
+        best = min(tries, key=lambda mark: float((mark * taken).sum()))
+        if float((best * where).sum()) > 0.5 * float(best.sum()):
+            continue  # there is no room beside the things
+        over = torch.maximum(over, best)
+        around = torch.nn.functional.max_pool2d(best[None, None], 2 * (rows // 16) + 1, 1, rows // 16)[0, 0]
+        taken = torch.maximum(taken, around)
+    return over
+
+
+def _mark(shape: torch.Size, row: float, column: float, length: float, width: float) -> Tensor:
+    """A slanting mark with round ends about a place, [H, W]; as long as wide, it is a dot."""
+    down, across = torch.meshgrid(torch.arange(shape[0]) + 0.5, torch.arange(shape[1]) + 0.5, indexing="ij")
+    norm = math.hypot(1, _SLOPE)
+    along = ((down - row) - _SLOPE * (across - column)) / norm
+    aside = ((across - column) + _SLOPE * (down - row)) / norm
+    beyond = (along.abs() - (length - width) / 2).clamp(min=0)
+    return (width / 2 - (beyond.square() + aside.square()).sqrt() + 0.5).clamp(0, 1)
+
+
+# Where in a picture networks see what words say.
+
+_SIDE = 180  # pixels of the shorter side, at which it is looked at
+_LOOKS, _NOISE = 6, 0.08
+_SALIENCY_NEAR = 0.09  # of the shorter side, over which what is found is smoothed
+_LEAST, _MOST = 0.3, 0.97  # shares of the picture that do not count, and below which not all counts
+
+
+def saliency(picture: Tensor, distance: Callable[[Tensor], Tensor], seed: int) -> Tensor:
+    """How much of what words say is seen where in a picture [3, h, w], [h, w] in [0, 1]; distance: from the words.
+
+    That is where the distance changes most with the colours, in the mean of several noisy looks (D. Smilkov and
+    others, "SmoothGrad: removing noise by adding noise", 2017). Three tenths of the picture count nothing; where no
+    change is seen at all, everything counts.
+    """
+    shorter = min(1.0, _SIDE / min(picture.shape[1:]))
+    small = images.fit(picture, *(max(1, round(shorter * side)) for side in picture.shape[1:]))
+    noise = torch.Generator().manual_seed(seed)
+    change = torch.zeros(small.shape[1:])
+    for _ in range(_LOOKS):
+        noisy = (small + _NOISE * torch.randn(small.shape, generator=noise)).requires_grad_()
+        with torch.enable_grad():
+            (slope,) = torch.autograd.grad(distance(noisy), noisy)
+        change += slope.abs().sum(0)
+    near = max(1, round(_SALIENCY_NEAR * min(small.shape[1:])))
+    change = softened(change[None], near)[0]
+    if not float(change.max()) > 0:
+        return torch.ones(picture.shape[1:])
+    low, high = torch.quantile(change, _LEAST), torch.quantile(change, _MOST)
+    seen = ((change - low) / (high - low).clamp(min=1e-12)).clamp(0, 1)
+    return images.fit(seen[None], *picture.shape[1:])[0]
+
+
+_WIDE, _HIGH = 0.86, 0.80  # of the canvas, that things fill at the most
+_STANDS = 0.55  # of the land below the horizon, on which things stand
+_ALOFT = 0.40  # of the height, where the middle of what hangs in the air is
+_AMID = 0.62  # of the height that a single thing fills where its place is shown too
+_THIRD = 0.07  # of the width, by which a thing that leaves room is off the middle
+_LIT = 0.55  # how far things take the colour of the light
+_BROAD = 0.05  # of the height: a mark of the broad brush
+_SHARP = 2.0  # by which a picture becomes sharp sooner than its thing is wholly there
+_SOFT = 12  # the part of a height, over which a ground that goes on is smoothed
+_DARKENED = 0.75  # the same of a picture that brings its own ground
+_CUT_OFF = 0.15  # the most of its length or height that is cut off to fill the canvas
+_PALE = 22.0  # of Lab, by which colours differ from bare paper that are seen on it
+_LOST = 0.35  # share of a thing's outline, which is that pale, from which it is not seen on paper
+_RIM = 7  # pixels across, of which an outline is made
+_DIPS = 0.07  # of its height, by which a thing in water is hidden
+
+
+@dataclass(frozen=True)
+class ComposedScene:
+    """A composed scene: its picture [3, H, W], and how much of its things and of what falls is where, [H, W] in [0, 1].
+
+    is_alone: whether things of one kind are all there is, on bare paper.
+    """
+
+    picture: Tensor
+    where: Tensor
+    is_alone: bool
+
+
+def composed(
+    things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, in_the_air: bool
+) -> ComposedScene:
+    """The things in their setting; in_the_air: whether none of them stands on anything."""
+    if not things:
+        nothing = torch.zeros(grid.rows, grid.columns)
+        return _under(setting, setting.ground(grid, seed), nothing, seed, is_alone=False)
+    drawn = _fitted(things, setting, grid, seed, in_the_air=in_the_air)
+    where, colors = torch.zeros(grid.rows, grid.columns), torch.zeros(3, grid.rows, grid.columns)
+    for picture, top, left in drawn:
+        colors, over = laid(picture, colors, top, left)
+        where = where + over - where * over
+    colors = simplified((colors / where.clamp(min=1e-4)).clamp(0, 1))
+    if setting.light != DAY:
+        shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
+        colors = colors * torch.lerp(torch.ones_like(shade), shade, _LIT)
+    ground = torch.ones_like(colors)  # paper costs no strokes
+    if setting.is_named:
+        ground = with_contrast(setting.ground(grid, seed), where, colors, setting.place.horizon)
+    elif _is_lost_on_paper(where, colors):
+        tone = torch.tensor(setting.place.above)[:, None, None].expand_as(ground)
+        ground = with_contrast(tone, where, colors)
+    is_alone = len(things) == 1 and not setting.is_named
+    return _under(setting, torch.lerp(ground, colors, where), where, seed, is_alone=is_alone)
+
+
+def photographed(picture: Tensor, where: Tensor, setting: Setting, grid: PixelGrid, seed: int) -> ComposedScene:
+    """A picture [3, h, w] with a ground of its own, which fills the canvas in the setting's light and weather.
+
+    where: how much of its thing is where in it, [h, w] in [0, 1]; around it the ground is softer, and costs fewer
+    strokes. What does not fit is cut off where there is least of the thing; where that would be much of the picture,
+    its ground goes on to the sides instead.
+    """
+    sides = grid.rows / picture.shape[1], grid.columns / picture.shape[2]
+    scale = min(max(sides), min(sides) / (1 - _CUT_OFF))
+    rows, columns = (math.ceil(scale * side - 1e-6) for side in picture.shape[1:])
+    large = images.fit(torch.cat((picture, where[None])), rows, columns)
+    large = _extended(_extended(large, grid.columns).mT, grid.rows).mT
+    top, left = (_busiest(large[3], side, size) for side, size in enumerate((grid.rows, grid.columns)))
+    cut = large[:, top : top + grid.rows, left : left + grid.columns].clamp(0, 1).contiguous()
+    ground = softened(cut[:3], max(1, round(_BROAD * grid.rows)))
+    colors = torch.lerp(simplified(ground), simplified(cut[:3]), (_SHARP * cut[3]).clamp(max=1.0))
+    if setting.light != DAY:
+        shade = torch.tensor(setting.light.shade)[:, None, None].clamp(max=1.0)
+        colors = colors * torch.lerp(torch.ones_like(shade), shade, _DARKENED)
+    return _under(setting, colors, cut[3], seed, is_alone=False)
+
+
+def _extended(picture: Tensor, columns: int) -> Tensor:
+    """A picture [c, h, w] whose ground goes on, ever softer, to both sides until it has so many columns."""
+    missing = max(0, columns - picture.shape[2])
+    if missing == 0:
+        return picture
+    soft = 2 * (picture.shape[1] // _SOFT) + 1
+    wide = functional.pad(picture[None], (missing // 2, missing - missing // 2, 0, 0), mode="replicate")
+    blurred = functional.avg_pool2d(functional.pad(wide, (0, 0, soft // 2, soft // 2), mode="replicate"), (soft, 1), 1)
+    place = torch.arange(columns)
+    away = torch.maximum(missing // 2 - place, place - (missing // 2 + picture.shape[2] - 1)).clamp(min=0)
+    return torch.lerp(wide, blurred, (away / (0.25 * soft)).clamp(max=1.0))[0]
+
+
+def _busiest(where: Tensor, side: int, size: int) -> int:
+    """Where a part of that size begins along a side of a picture that has most of what is where [H, W]."""
+    sums = torch.cat((torch.zeros(1), where.sum(1 - side).cumsum(0)))
+    within = sums[size:] - sums[:-size]
+    best = within >= within.max() - 1e-3 * float(sums[-1])
+    return int(best.nonzero().flatten().float().mean().round())  # of equal ones the middle
+
+
+def _under(setting: Setting, picture: Tensor, where: Tensor, seed: int, *, is_alone: bool) -> ComposedScene:
+    """The scene of a picture [3, H, W] whose things are where [H, W], with what falls and shines."""
+    picture = setting.in_fog(picture)
+    marks, color = falling(setting, where, seed)
+    picture = torch.lerp(picture, color[:, None, None].expand_as(picture), marks.expand_as(picture))
+    return ComposedScene(picture.clamp(0, 1), torch.maximum(where, marks), is_alone)
+
+
+def _is_lost_on_paper(where: Tensor, colors: Tensor) -> bool:
+    """Whether too much of the outline of things, where [H, W] they are, in colours [3, H, W], is nearly white."""
+    seen = where > 0.5
+    around = functional.max_pool2d((~seen).float()[None, None], _RIM, 1, _RIM // 2)[0, 0] > 0
+    outline = to_lab(colors.permute(1, 2, 0)[seen & around])
+    white = to_lab(torch.ones(3))
+    return bool(((outline - white).norm(dim=1) < _PALE).float().mean() > _LOST)
+
+
+def _fitted(
+    things: Sequence[Placed], setting: Setting, grid: PixelGrid, seed: int, *, in_the_air: bool
+) -> list[tuple[Tensor, int, int]]:
+    """The pictures at their sizes in pixels, each with its first row and column; nothing touches the edge."""
+    rows, columns = grid.rows, grid.columns
+    left = min(one.x - one.width / 2 for one in things)
+    right = max(one.x + one.width / 2 for one in things)
+    low, high = min(one.y for one in things), max(one.y + one.height for one in things)
+    tall = _AMID if setting.is_named and len(things) == 1 else _HIGH
+    if in_the_air and setting.is_named:
+        tall = 0.9 * _AMID
+    scale = min(_WIDE * columns / (right - left), tall * rows / (high - low))
+    width, height = scale * (right - left), scale * (high - low)
+    if not setting.is_named:
+        bottom = (rows + height) / 2
+    elif in_the_air:
+        bottom = _ALOFT * rows + height / 2
+    else:
+        floor = setting.place.horizon + _STANDS * (1 - setting.place.horizon)
+        bottom = floor * rows if height < (floor - 0.05) * rows else (rows + height) / 2
+    bottom = min(max(bottom, height + 0.04 * rows), 0.96 * rows)
+    free = columns - width
+    shift = min(_THIRD * columns, 0.5 * free - 0.04 * columns) if setting.is_named else 0.0
+    start = free / 2 + (1 if seed % 2 else -1) * max(0.0, shift)
+    found = []
+    for one in things:
+        picture = resized(one.picture, max(1e-3, scale * one.height / one.picture.shape[1]))
+        if setting.place.is_water and setting.is_named and not in_the_air and one.y == low:
+            dips = max(1, round(_DIPS * picture.shape[1]))
+            picture[3, -dips:] *= torch.linspace(1, 0, dips)[:, None]
+        picture[3, round((1 - one.hidden) * picture.shape[1]) :] = 0
+        top = round(bottom - scale * (one.y - low) - picture.shape[1])
+        at = round(start + scale * (one.x - one.width / 2 - left))
+        top = max(0, min(top, rows - picture.shape[1]))
+        found.append((picture[:, :rows, :columns], top, max(0, min(at, columns - picture.shape[2]))))
+    return found

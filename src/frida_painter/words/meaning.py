@@ -1,0 +1,126 @@
+"""The text objective: show what words say, as networks that know both words and pictures see it."""
+
+from collections.abc import Callable, Sequence
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter.devices import Constant, sent
+from frida_painter.objectives.encoders.base import Reader
+from frida_painter.objectives.encoders.classifiers import ConSE
+from frida_painter.objectives.semantic_loss import Views
+
+_VIEWS = 24
+_AT_A_TIME = 2
+_STEADY = 4  # views by which a picture is judged
+_NOISE = 0.03  # standard deviation, of sRGB
+_KEPT = 1.0  # times the words' own distance, how differently the beginning is seen
+_BALANCE = 1.0  # against the squared difference to a picture, when both have a weight of 1
+
+
+class Text:
+    """l_text of the paper (Eq. "clip_text_loss"): the distance of meanings, over augmented views.
+
+    prompt: what is to be shown; readers: networks that see it, one after the other in every call, so that
+    strokes cannot please a single one. A call looks at a square of the picture in two random views
+    (perspective, crop), blurred half of the times and always noisy; what comes next is drawn from `seed`.
+    begun [3, H, W]: the picture that the painting begins with; readers by class names keep to what they see in it,
+    place by place.
+    """
+
+    def __init__(self, prompt: str, readers: Sequence[Reader], seed: int, begun: Tensor | None = None) -> None:
+        self._views = [Views(_VIEWS, reader.side, seed) for reader in readers]
+        self._generator = torch.Generator().manual_seed(seed)
+        self._next = 0
+        elsewhere = torch.rand(_VIEWS - _STEADY, generator=self._generator)
+        self._places = [0.5] * _STEADY + elsewhere.tolist()  # of the square of each view, from one end to the other
+        self._distances = [
+            distance_to(prompt, reader)
+            if begun is None or not isinstance(reader, ConSE)
+            else _Kept(prompt, reader, self._seen(number, begun, torch.arange(_VIEWS)))
+            for number, reader in enumerate(readers)
+        ]
+
+    def __call__(self, picture: Tensor) -> Tensor:
+        """picture [3, H, W] in [0, 1] -> its distance in two random views; differentiable."""
+        reader, self._next = self._next, (self._next + 1) % len(self._distances)
+        which = torch.randperm(_VIEWS, generator=self._generator)[:_AT_A_TIME]
+        seen = self._seen(reader, picture, which)
+        if torch.rand((), generator=self._generator) < 0.5:
+            seen = functional.avg_pool2d(seen, 3, 1, 1, count_include_pad=False)
+        noise = sent(torch.randn(seen.shape, generator=self._generator).to(seen.dtype), seen.device)
+        return _BALANCE * self._distance(reader, seen + _NOISE * noise, which)
+
+    def validation(self, picture: Tensor) -> Tensor:
+        """The distance by all readers in the same few views of the middle every time."""
+        return self._steadily(picture, _STEADY)
+
+    def glance(self, picture: Tensor) -> Tensor:
+        """The same in a single view, sooner: enough to choose from many pictures those worth a look."""
+        return self._steadily(picture, 1)
+
+    def _steadily(self, picture: Tensor, views: int) -> Tensor:
+        which = torch.arange(views)
+        found = [
+            self._distance(reader, self._seen(reader, picture, which), which) for reader in range(len(self._distances))
+        ]
+        return _BALANCE * torch.stack(found).mean()
+
+    def _seen(self, reader: int, picture: Tensor, which: Tensor) -> Tensor:
+        """What a reader sees of a picture [3, H, W] in the views numbered `which` [n]: [n, 3, side, side]."""
+        return torch.cat(
+            [self._views[reader].of(_square(picture, self._places[int(view)]), view[None]) for view in which]
+        )
+
+    def _distance(self, reader: int, seen: Tensor, which: Tensor) -> Tensor:
+        """The mean distance of what is seen [n, 3, side, side] in the views numbered `which` [n]."""
+        distance = self._distances[reader]
+        return (distance(seen, which) if isinstance(distance, _Kept) else distance(seen)).mean()
+
+
+class _Kept:
+    """The distance to what a prompt says, joined by that to what a reader sees in the views of a beginning.
+
+    views [v, 3, side, side]: of the beginning. What is seen is compared by its direction (cosine distance), place by
+    place: parts of things, and things.
+    """
+
+    def __init__(self, prompt: str, reader: ConSE, views: Tensor) -> None:
+        self._reader = reader
+        self._said = reader.distance_of(prompt)
+        with torch.no_grad():
+            seen = [reader.features(some) for some in torch.split(views, _STEADY)]
+        self._wanted = [torch.cat(maps) for maps in zip(*seen, strict=True)]
+
+    def __call__(self, seen: Tensor, which: Tensor) -> Tensor:
+        """What is seen [n, 3, side, side] in the views numbered `which` [n] -> distances [n]."""
+        features = self._reader.features(seen)
+        total = self._said(features)
+        for maps, wanted in zip(features, self._wanted, strict=True):
+            like = functional.cosine_similarity(maps, wanted[sent(which, wanted.device)], dim=1)
+            total = total + _KEPT * (1 - like).mean((1, 2))
+        return total
+
+
+def _square(picture: Tensor, place: float) -> Tensor:
+    """As large a square of the picture [3, H, W] as there is, from one end, 0, to the other, 1: nothing is squeezed."""
+    _, rows, columns = picture.shape
+    side = min(rows, columns)
+    top, left = round(place * (rows - side)), round(place * (columns - side))
+    return picture[:, top : top + side, left : left + side]
+
+
+def distance_to(prompt: str, reader: Reader) -> Callable[[Tensor], Tensor]:
+    """How far pictures [n, 3, h, w] are from showing what the prompt says, [n]: 0 for the same, about 1 for anything.
+
+    The cosine distance of the embeddings, or what a reader by class names says in its place.
+    """
+    if isinstance(reader, ConSE):
+        return reader.distance_to(prompt)
+    meaning = Constant(reader.embed_text(prompt))
+
+    def apart(pictures: Tensor) -> Tensor:
+        return 1 - reader.embed_pictures(pictures) @ meaning.like(pictures)
+
+    return apart

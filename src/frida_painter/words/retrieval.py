@@ -1,0 +1,391 @@
+"""Pictures of the things that a prompt names: found by their captions, and chosen by looking at them."""
+
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter.errors import ImageError
+from frida_painter.objectives.encoders.classifiers import has_class, kin, synonyms
+from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.palette import to_lab
+from frida_painter.words.compositing import lay, muted_color, recolored, resized
+from frida_painter.words.libraries import PictureFolder, PictureLibrary, libraries_at_hand
+from frida_painter.words.reading import SEVERAL, Thing, cleaned, in_small_letters, is_called, is_modified, named, spoken
+
+# How a picture of a library looks, whatever it shows: whether a painting had better begin with it.
+
+_REALISM = 0.6  # of a photograph before a sign
+_OWN = 0.3  # of a person's own picture
+_FLAT = 0.4  # of its realism, against a picture of flat areas alone: a drawing, whatever its file says
+_PLAIN = 0.25  # against drawings without colour, and pictures that are no cut-outs
+_COLORFUL = 8.0  # chroma
+_BLACK, _SILHOUETTE = 12.0, 0.4  # L*, and share of a picture, from which it is a silhouette
+_SKETCHY = 0.25  # share of its box that a thing fills, below which there are only lines
+_MOSTLY = 0.5  # of neighbouring pixels that are the same, from which a picture is drawn
+_LACY, _SOME_LACE = 0.6, 0.15  # against lines that are narrower than a brush, beyond that share of a thing
+_LACE_SIDE, _BRUSH = 64, 5  # of a picture, and of a brush, in pixels
+_FILLED = 0.95  # share of its box, from which a picture is a rectangle
+
+
+def is_colorless(picture: Tensor) -> bool:
+    """Whether a picture [4, h, w] is a drawing without colour: an outline, or a silhouette."""
+    lab = to_lab(picture[:3, picture[3] > 0.5].T)
+    return len(lab) == 0 or (_flatness(picture) > _MOSTLY and (_chroma(lab) < _COLORFUL or _black(lab) > _SILHOUETTE))
+
+
+def appearance(picture: Tensor, realism: float, *, is_own: bool) -> float:
+    """What a picture is worth before it is compared: cut-outs before rectangles, colours before outlines."""
+    seen = picture[:3, picture[3] > 0.5].T
+    if len(seen) == 0:
+        return -1.0
+    flat = _flatness(picture)
+    worth = _REALISM * realism * (1 - _FLAT * flat) + _OWN * is_own
+    lab = to_lab(seen[:: max(1, len(seen) // 2000)])
+    worth -= _PLAIN * flat * (_black(lab) > _SILHOUETTE and not is_own)
+    worth -= _PLAIN * flat * (_chroma(lab) < _COLORFUL and not is_own)
+    if float(picture[3].mean()) < _SKETCHY:
+        worth -= _PLAIN
+    elif not is_own:
+        worth -= min(_PLAIN, _LACY * max(0.0, _lace(picture) - _SOME_LACE))
+    return worth - _PLAIN * (has_ground(picture) and not is_own)
+
+
+def has_ground(picture: Tensor) -> bool:
+    """Whether a picture [4, h, w] is no cut-out, but a rectangle with a ground of its own."""
+    return float(picture[3].mean()) > _FILLED
+
+
+def _lace(picture: Tensor) -> float:
+    """Share of a thing [4, h, w] that is narrower than a brush is wide, as the bars of an iron fence are."""
+    small = resized(picture, _LACE_SIDE / max(picture.shape[1:]))[3]
+    seen = functional.pad((small > 0.5).float()[None, None], (_BRUSH,) * 4)
+    inner = -functional.max_pool2d(-seen, _BRUSH, 1, _BRUSH // 2)
+    wide = functional.max_pool2d(inner, _BRUSH, 1, _BRUSH // 2)
+    return 1 - float(wide.sum() / seen.sum().clamp(min=1))
+
+
+def _chroma(lab: Tensor) -> float:
+    """The mean chroma of colours [n, 3] in CIELAB."""
+    return float(lab[:, 1:].norm(dim=1).mean())
+
+
+def _black(lab: Tensor) -> float:
+    """The share of colours [n, 3] in CIELAB that are black."""
+    return float((lab[:, 0] < _BLACK).float().mean())
+
+
+def _flatness(picture: Tensor) -> float:
+    """Share of neighbours in a thing [4, h, w] of the very same colour: near 0 in photographs, near 1 in signs."""
+    opaque = picture[3] > 0.98
+    pairs = opaque[:, 1:] & opaque[:, :-1]
+    same = (picture[:3, :, 1:] == picture[:3, :, :-1]).all(0)
+    return float((same & pairs).sum()) / max(1, int(pairs.sum()))
+
+
+_LEAST = 0.6  # similarity of a caption to a thing, below which it speaks of something else
+_AKIN = 0.42  # the same for what stands for a thing that has no picture
+_PART = 3  # letters of a word that a noun is made of, at least
+_FIRST_PART, _LAST_PART = 0.5, 0.65  # of similarity, and similarity, of what is called by a part of a noun
+_NAMED = 0.8  # the same from which it means the thing, whatever its words: a duck (0.64) is no goose
+_FARTHER_KIN = 0.005  # less for each living thing that is less like it
+_AGREES = 0.35  # similarity to the prompt's own words that a caption needs where a synonym found it
+_BAND = 0.25  # of similarity below the best, within which pictures are looked at
+_LOOKED_AT = 9
+_EXACT = 1.5  # of similarity, against how a picture looks
+_KEYWORD = 0.05  # less than a title
+_COLORED = 0.1  # more, at the most, for a caption that has the colour too
+_SAME = 0.95  # similarity of a caption to the name with its colour, from which it says both
+_AGREED = 0.4  # of a keyword, however little the title agrees with it
+_NOUN = 0.35  # share of the last word of a name in what a name means
+_CONTEXT = 0.15  # of the similarity of a caption to the whole prompt
+_NEARER, _FARTHER = 0.4, 0.25  # the most that looking nearer to the words than a bare ground, or farther, counts
+_UNCLASSED = 0.3  # of that, where the networks know no class of that kind and take what is near for it
+_FROM_HEAD_TO_FOOT, _TALL = 0.3, 1.3  # of who is shown so, by height over width: who does something has hands and feet
+_UNTOLD = 0.6  # of a colour that was asked for, in a picture with a ground: it is not told from the ground's
+_SPEAKS = 0.45  # similarity of a caption to one of several things that it shows
+_LOOKED_AT_FOR_COLOR = 40
+_MODELLED = 0.3  # realism from which a picture has the colours of what it shows
+_GROUND = (0.93, 0.92, 0.88)
+_LOOK = 160  # pixels
+
+
+@dataclass(frozen=True)
+class FoundPicture:
+    """A picture for a thing: colour and opacity [4, h, w], its caption and library, and how like the thing that is.
+
+    exact: whether it shows the thing that was named, rather than one that is similar; several: whether it shows as many
+    of them as were asked for; others: further pictures of the same, where several are wanted.
+    """
+
+    picture: Tensor
+    caption: str
+    library: PictureLibrary
+    similarity: float
+    exact: bool
+    several: bool = False
+    others: tuple[Tensor, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Entry:
+    library: PictureLibrary
+    file: str
+    title: str
+    keywords: tuple[str, ...]
+    rows: tuple[int, ...]  # of its captions among the meanings, the title's first
+    realism: float
+
+    @property
+    def kind(self) -> tuple[str, str, float]:
+        """What pictures that look alike have in common."""
+        return self.library.name, self.title, self.realism
+
+
+class PictureIndex:
+    """All captions of several libraries as directions, computed once and kept in the folder `keep`.
+
+    faults: what was wrong with the person's own pictures that could not be read, one sentence each.
+    """
+
+    def __init__(self, libraries: Sequence[PictureLibrary], sentences: SentenceEncoder, keep: Path) -> None:
+        self._sentences = sentences
+        self._entries: list[_Entry] = []
+        self._meanings = torch.zeros(0, 1)
+        self.faults: list[str] = []
+        parts: list[Tensor] = []
+        before = 0
+        for library in libraries:
+            captioned = library.captioned()
+            said = list(dict.fromkeys(cleaned(caption) for one in captioned for caption in one.captions))
+            at = {caption: before + number for number, caption in enumerate(said)}
+            for one in captioned:
+                rows = tuple(at[cleaned(caption)] for caption in one.captions)
+                title, *keywords = map(cleaned, one.captions)
+                self._entries.append(_Entry(library, one.file, title, tuple(keywords), rows, one.realism))
+            parts.append(sentences.embed_once(said, keep))
+            before += len(said)
+        self._meanings = torch.cat(parts)
+        longest = max(len(entry.rows) for entry in self._entries)
+        self._titles = torch.tensor([entry.rows[0] for entry in self._entries])
+        self._kinds = np.array([" ".join(named(entry.title)[-1:]) for entry in self._entries])
+        self._words = torch.tensor(
+            [entry.rows + (entry.rows[0],) * (longest - len(entry.rows)) for entry in self._entries]
+        )
+
+    def find(
+        self,
+        thing: Thing,
+        prompt: str,
+        distance: Callable[[Tensor], float],
+        *,
+        least: float = 0.0,
+        shows: Sequence[str] = (),
+        cut_out: bool = False,
+        upright: bool = False,
+    ) -> FoundPicture | None:
+        """The picture that shows a thing best, a person's own before all others; None where none does.
+
+        distance: how far a picture [3, h, w] looks from the thing, to networks; 0 is near. least: similarity that a
+        caption needs, where nothing that is only similar will do; shows: words of each of which the caption speaks;
+        cut_out: whether it stands among others, so that no picture with a ground of its own, and of no other thing of
+        a similar name, will do, unless it is a person's own; upright: whether it is somebody from head to foot.
+        """
+        thing = in_small_letters(thing)
+        similarity = self._similarity(thing)
+        for words in shows:
+            speaks = self._captioned(words)  # a banana alone is no monkey with a banana
+            similarity = similarity.masked_fill((speaks < _SPEAKS) | (speaks > similarity), 0)
+        own = self._own(thing, similarity, shows)
+        akin = None if own or shows else self._akin(thing, similarity)
+        similarity = similarity if akin is None else akin
+        exact = bool(own) or float(similarity.max()) >= (least or _LEAST)
+        if (least or (cut_out and akin is None)) and not exact:
+            return None
+        least = least or (_LEAST if exact else _AKIN)
+        context = self._similar(prompt)[self._titles]
+        order = (similarity + _CONTEXT * context).argsort(descending=True)[: 4 * _LOOKED_AT].tolist()
+        near = [at for at in order if similarity[at] >= max(least, float(similarity.max()) - _BAND)]
+        mine = sorted(own, key=lambda at: -float(similarity[at]))[:_LOOKED_AT]
+        near = [*mine, *(at for at in near[:_LOOKED_AT] if at not in own)]
+        kept = (at for at in near if at in own or self._may_show(at, thing, shows, among=cut_out))
+        return self._best(kept, thing, similarity, context, distance, own, exact=exact, among=cut_out, upright=upright)
+
+    def _may_show(self, at: int, thing: Thing, shows: Sequence[str], *, among: bool) -> bool:
+        """Whether a picture that is not a person's own does not show what else has the name."""
+        entry = self._entries[at]
+        if entry.library.is_own:
+            return True
+        another = bool(set(shows) & set(named(entry.title)[:-1]))  # a spider web shows no spider, a desk lamp no desk
+        return not another and not (among and is_modified(entry.title, thing))
+
+    def _best(
+        self, candidates: Iterable[int], thing: Thing, similarity: Tensor, context: Tensor,
+        distance: Callable[[Tensor], float], own: Sequence[int], *, exact: bool, among: bool, upright: bool,
+    ) -> FoundPicture | None:  # fmt: skip
+        """The one that is worth most, of those of the person's own where there is one that can be used."""
+        trusted = 1.0 if has_class(thing.noun) else _UNCLASSED
+        ground = torch.tensor(_GROUND)[:, None, None].expand(3, _LOOK, _LOOK)
+        bare = distance(ground)
+        best, chosen, found = -float("inf"), -1, None
+        for at in candidates:
+            if at not in own and found is not None and found.library.is_own:
+                break
+            entry, like = self._entries[at], float(similarity[at])
+            tells_color = set(thing.color.split()) <= set(entry.title.split())
+            for picture in self._shown(entry):
+                grounded = not entry.library.is_own and has_ground(picture)
+                if among and grounded:
+                    continue
+                looks = bare - distance(lay(picture, ground))
+                worth = (
+                    _EXACT * like
+                    + spoken(entry.title, thing)
+                    + _CONTEXT * float(context[at])
+                    + trusted * max(-_FARTHER, min(looks, _NEARER))
+                    + appearance(picture, entry.realism, is_own=entry.library.is_own)
+                    + _FROM_HEAD_TO_FOOT * (upright and picture.shape[1] > _TALL * picture.shape[2])
+                    - _UNTOLD * (grounded and not tells_color)
+                )
+                if worth > best:
+                    best = worth
+                    several = thing.count in SEVERAL and thing.plural in entry.title.split()
+                    called = is_called(entry.title, thing) or thing.name in entry.keywords
+                    shows_it = at in own or (exact and (like >= _NAMED or called))
+                    found = FoundPicture(picture, entry.title, entry.library, like, shows_it, several)
+                    chosen = at
+        if found is None:
+            return None
+        if not found.library.is_own and not thing.color and is_colorless(found.picture):
+            found = replace(found, picture=self._tinted(found.picture, similarity))
+        if found.several or thing.shown == 1:
+            return found
+        return replace(found, others=tuple(self._alike(chosen, thing.shown - 1)))
+
+    def _tinted(self, silhouette: Tensor, similarity: Tensor) -> Tensor:
+        """A silhouette in the colour of the coloured picture that is nearest in meaning: a tortoise as a turtle."""
+        for at in similarity.argsort(descending=True)[:_LOOKED_AT_FOR_COLOR].tolist():
+            entry = self._entries[at]
+            if similarity[at] < _LEAST or entry.realism < _MODELLED:
+                continue
+            for picture in self._shown(entry)[:1]:
+                if not has_ground(picture) and not is_colorless(picture):
+                    return recolored(silhouette, muted_color(picture))
+        return silhouette
+
+    def _alike(self, chosen: int, most: int) -> list[Tensor]:
+        """Other pictures of that library with the same title, that stand free."""
+        kind = self._entries[chosen].kind
+        alike = (entry for at, entry in enumerate(self._entries) if at != chosen and entry.kind == kind)
+        shown = (picture for entry in alike for picture in self._shown(entry)[:1])
+        others = (picture for picture in shown if not has_ground(picture) and not is_colorless(picture))
+        return list(itertools.islice(others, most))
+
+    def _shown(self, entry: _Entry) -> list[Tensor]:
+        """A picture in the ways in which it can be shown; none, where it cannot be read."""
+        try:
+            return entry.library.pictures(entry.file)
+        except ImageError as fault:
+            if entry.library.is_own:
+                self.faults.append(str(fault))
+            return []
+
+    def nearest(self, thing: Thing) -> float:
+        """How like the thing the captions are that are most like it."""
+        return float(self._similarity(in_small_letters(thing)).max())
+
+    def has_own(self, thing: Thing) -> bool:
+        """Whether one of the person's own pictures is of the thing."""
+        thing = in_small_letters(thing)
+        return bool(self._own(thing, self._similarity(thing)))
+
+    def _own(self, thing: Thing, similarity: Tensor, shows: Sequence[str] = ()) -> list[int]:
+        """The person's own pictures that are called by the thing, or are nearly called so; shows: by all of these."""
+        names = [{thing.noun, thing.plural} - {""}] if not shows else [{noun} for noun in shows]
+        found = []
+        for at, entry in enumerate(self._entries):
+            if entry.library.is_own:
+                words = set(entry.title.split() if shows else named(entry.title))
+                if similarity[at] >= _NAMED or all(words & name for name in names):
+                    found.append(at)
+        return found
+
+    def _similarity(self, thing: Thing) -> Tensor:
+        """How like the thing each picture's captions are, [n]."""
+        called = self._captioned(thing.name)
+        if thing.color:
+            colored = self._captioned(f"{thing.color} {thing.name}")
+            said = torch.where(colored >= _SAME, colored + _COLORED, torch.minimum(colored, called + _COLORED))
+            called = torch.maximum(called, said)
+        if thing.doing:
+            for words in (f"{thing.name} {thing.doing}", f"{thing.doing} {thing.name}"):
+                called = torch.maximum(called, self._captioned(words))
+        if thing.plural and thing.count in SEVERAL:
+            called = torch.maximum(called, self._captioned(f"{thing.name.removesuffix(thing.noun)}{thing.plural}"))
+        called = self._by_its_parts(called, thing.noun)
+        for other in synonyms(thing.name):
+            called = torch.maximum(called, self._captioned(other).masked_fill(called < _AGREES, 0))
+        if thing.noun == thing.name:
+            return called
+        # An older man is a man, and a slot machine no sewing machine.
+        is_one = torch.from_numpy(self._kinds == thing.noun) & (called >= _LEAST)
+        noun = self._captioned(thing.noun).masked_fill(is_one, 1)
+        return ((1 - _NOUN) * called + _NOUN * noun).masked_fill(noun < _SPEAKS, 0)  # stones are no stone bridge
+
+    def _by_its_parts(self, called: Tensor, noun: str) -> Tensor:
+        """How like a noun captions are [n], where it is made of two words: a bullfrog is a frog, and no bull."""
+        if " " in noun:
+            return called
+        kinds = set(self._kinds.tolist())
+        splits = [(noun[:at], noun[at:]) for at in range(_PART, len(noun) - _PART + 1)]
+        for first, last in splits:
+            if first in kinds and last in kinds:
+                called = torch.maximum(called, self._captioned(f"{first} {last}"))
+        is_first = torch.from_numpy(np.isin(self._kinds, [first for first, _ in splits]))
+        is_last = torch.from_numpy(np.isin(self._kinds, [last for _, last in splits]))
+        called = torch.where(is_first, _FIRST_PART * called, called)
+        return torch.where(is_last, called.clamp(min=_LAST_PART), called)
+
+    def _akin(self, thing: Thing, similarity: Tensor) -> Tensor | None:
+        """How like a living thing that has no picture those of its kind are that have one; None where none has."""
+        if float(torch.maximum(similarity, self._captioned(thing.noun)).max()) >= _NAMED:
+            return None
+        akin = torch.zeros(len(self._entries))
+        for number, other in enumerate(kin(thing.name)):
+            like = max(_AKIN, _LEAST - _FARTHER_KIN * (number + 1))
+            akin = torch.maximum(akin, like * (self._captioned(other) >= _SAME))
+        return akin if float(akin.max()) > 0 else None
+
+    def _captioned(self, words: str) -> Tensor:
+        """The same for words: the title's, or a keyword's as far as the title agrees with it."""
+        similar = self._similar(words)
+        title, keyword = similar[self._titles], similar[self._words].amax(1) - _KEYWORD
+        return torch.maximum(title, keyword * (_AGREED + (1 - _AGREED) * title))
+
+    def _similar(self, words: str) -> Tensor:
+        return self._meanings @ self._sentences.embed([words])[0]
+
+
+def picture_index(encoders: EncoderRegistry) -> PictureIndex | None:
+    """Returns the pictures of all libraries at hand; None, with a remark on how to get some, if there is none."""
+
+    def make() -> PictureIndex | None:
+        libraries = libraries_at_hand(encoders.cache, encoders.own_pictures())
+        if not libraries:
+            encoders.remark("Better begun from pictures: frida-painter models fetch words")
+            return None
+        unnamed = sum(one.unnamed for one in libraries if isinstance(one, PictureFolder))
+        if unnamed:
+            encoders.remark(
+                f"{unnamed} of your pictures were left out, of which neither a name nor a text beside them says in "
+                "Latin letters what they show."
+            )
+        return PictureIndex(libraries, encoders.sentences(), encoders.meanings)
+
+    return encoders.keep("picture index", make)

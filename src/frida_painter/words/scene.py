@@ -1,0 +1,516 @@
+"""From a prompt to a scene: it is read, pictures of its things are found, and they are composed in their setting."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.encoders.registry import EncoderRegistry
+from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.sketch_loss import colored
+from frida_painter.words.arrangement import ScenePart, arranged, copies, is_person, known_like, with_figures
+from frida_painter.words.compositing import composited_into_style, is_colored, recolored
+from frida_painter.words.composition import ComposedScene, composed, photographed, saliency
+from frida_painter.words.libraries import faded
+from frida_painter.words.meaning import Text
+from frida_painter.words.reading import MOST_THINGS, Reading, Relation, Thing, paint_of, prompt_reader
+from frida_painter.words.retrieval import FoundPicture, PictureIndex, has_ground, is_colorless, picture_index
+from frida_painter.words.settings import (
+    CLEAR,
+    DAY,
+    FOREST,
+    GREY,
+    HILLS,
+    PAPER,
+    SKY,
+    TIMES,
+    Setting,
+    implied_place,
+    in_color,
+    named_light,
+    named_place,
+    named_weather,
+)
+
+# Which picture shows which thing of a prompt, alone or together with others.
+
+_WHOLE = 0.80  # similarity of a caption to two things and what is between them, from which it shows both
+_PART = 0.75  # the same for what a thing has
+_HELD = 0.72  # the same for "a bowl of cherries"
+_BETTER = 0.08  # of similarity, by which a picture with a ground says more exactly what the thing is
+NAMED_ALONE = 0.9  # the same for coffee, where there is no cup of coffee
+_TITLE = 60  # characters of a caption in a remark
+
+
+@dataclass(frozen=True)
+class SceneThing:
+    """A thing of a scene, and its picture, if one was found."""
+
+    thing: Thing
+    found: FoundPicture | None
+
+    @property
+    def colored(self) -> Tensor:
+        """The picture that was found, in the colour that the words name, unless it has it."""
+        assert self.found is not None
+        return self._in_color(self.found.picture)
+
+    @property
+    def each(self) -> list[Tensor]:
+        """That picture, and further ones of the same where several are wanted."""
+        assert self.found is not None
+        return [self.colored, *map(self._in_color, self.found.others)]
+
+    def _in_color(self, picture: Tensor) -> Tensor:
+        assert self.found is not None
+        color, paint = self.thing.color, paint_of(self.thing.color)
+        named = set(color.split()) <= set(self.found.caption.split())
+        if paint is None or " and " in color or named or is_colored(picture, paint):
+            return picture
+        return recolored(picture, paint)
+
+    @property
+    def told(self) -> str:
+        """The picture that was found, for a person."""
+        assert self.found is not None
+        times = f", {self.thing.shown} times" if self.thing.shown > 1 else ""
+        stands = "" if self.found.exact else f" for {self.thing.label!r}"
+        return f"{self.found.caption[:_TITLE]!r} ({self.found.library.name}{times}){stands}"
+
+    @property
+    def credit(self) -> str:
+        """Who made the picture, for the end of a sentence."""
+        assert self.found is not None
+        return f"; picture by {self.found.library.credit}" if self.found.library.credit else ""
+
+
+def thing_of(prompt: str, encoders: EncoderRegistry, seed: int) -> SceneThing | None:
+    """The first thing of a prompt that has a picture; None where none has."""
+    index = picture_index(encoders)
+    if index is None:
+        return None
+    for thing in prompt_reader(encoders).read(prompt).things:
+        found = index.find(thing, prompt, looks(thing.name, encoders, seed))
+        if found is not None:
+            return SceneThing(thing, found)
+    return None
+
+
+def cast(
+    reading: Reading,
+    settled: set[int],
+    prompt: str,
+    index: PictureIndex | None,
+    encoders: EncoderRegistry,
+    seed: int,
+    *,
+    in_place: bool,
+) -> tuple[list[SceneThing | None], list[Relation]]:
+    """A picture for each thing; where one shows two things and what is between them, it is the first one's.
+
+    in_place: whether they are somewhere that is painted too, so that pictures without a ground are wanted.
+    """
+    if index is None:
+        return [SceneThing(thing, None) for thing in reading.things], []
+    relations = [one for one in reading.relations if one.subject not in settled and one.object not in settled]
+    caster = _Caster(reading, prompt, index, encoders, seed)
+    things, relations, merged = caster.wholes(relations)
+    had = {one.object for one in relations if one.word == "with"}  # parts, such as a roof, belong to their whole
+    leading = next((number for number in range(len(things)) if number not in settled), None)
+    for number, thing in enumerate(reading.things):
+        if number not in settled and number not in merged:
+            among = bool(relations) or in_place or thing.shown > 1
+            found = caster.found(thing, among=among, is_part=number in had, leads=number == leading)
+            if found is not None and not found.exact and found.caption in _captions(things):
+                found = None  # a king is no throne
+            once = replace(thing, count=1) if found is not None and found.several else thing
+            things[number] = None if number in had and found is None else SceneThing(once, found)
+    return _without_groups(things, relations, reading, settled)
+
+
+class _Caster:
+    """Looks for pictures of the things of one prompt."""
+
+    def __init__(
+        self, reading: Reading, prompt: str, index: PictureIndex, encoders: EncoderRegistry, seed: int
+    ) -> None:
+        self._reading, self._prompt, self._index = reading, prompt, index
+        self._encoders, self._seed = encoders, seed
+
+    def found(self, thing: Thing, *, among: bool, is_part: bool, leads: bool) -> FoundPicture | None:
+        """The picture of a thing by itself. among: others, or in a place; leads: whether all may be about it."""
+        looks, least = self._looks(thing.name), _PART if is_part else 0.0
+        upright = bool(thing.doing or among) and is_person(thing.name, self._encoders.sentences())
+        found = self._index.find(thing, self._prompt, looks, least=least, cut_out=among, upright=upright)
+        if not among or not leads or (found is not None and found.library.is_own):
+            return found
+        enough = found.similarity + _BETTER if found is not None and found.exact else -1.0
+        if self._index.nearest(thing) <= enough:  # no other one can be better
+            return found
+        whole = self._index.find(thing, self._prompt, looks, least=least, upright=upright)
+        return whole if whole is not None and whole.exact and whole.similarity > enough else found
+
+    def wholes(self, relations: list[Relation]) -> tuple[list[SceneThing | None], list[Relation], set[int]]:
+        """Pictures that show two things and what is between them, each as the first one's.
+
+        Also the relations that are left, and the numbers of all things that have a picture then.
+        """
+        things: list[SceneThing | None] = [None] * len(self._reading.things)
+        merged = set[int]()
+        for relation in list(relations):
+            if relation.subject in merged or relation.object in merged:
+                continue
+            whole = self._whole(relation)
+            if whole is not None:
+                things[relation.subject] = SceneThing(self._reading.things[relation.subject], whole)
+                merged |= {relation.subject, relation.object}
+                relations = [one for one in relations if not {one.subject, one.object} & {relation.object}]
+        return things, relations, merged
+
+    def _whole(self, relation: Relation) -> FoundPicture | None:
+        """A picture of both; of what is only measured, the picture of that."""
+        first, second = self._reading.things[relation.subject], self._reading.things[relation.object]
+        measured = relation.word == "of" and second.uncounted
+        # Of coffee a cup is the measure, whatever is said of the cup.
+        called = f"{first.noun if measured else first.name} {relation.word} {second.color} {second.name}"
+        called = called.replace("  ", " ")
+        least = _HELD if relation.word == "of" else _WHOLE
+        nouns = first.noun, second.noun
+        whole = self._index.find(Thing(called, called), self._prompt, self._looks(called), least=least, shows=nouns)
+        has_own = self._index.has_own
+        if whole is not None and not whole.library.is_own and (has_own(first) or has_own(second)):
+            whole = None
+        if whole is not None and not whole.library.is_own and is_colorless(whole.picture):
+            whole = None  # each by itself may be found in colour
+        if whole is not None and not set(second.color.split()) <= set(whole.caption.split()) and not measured:
+            whole = None
+        if whole is None and measured and not has_own(first):
+            looks = self._looks(second.name)
+            whole = self._index.find(second, self._prompt, looks, least=NAMED_ALONE, cut_out=True)
+        return whole
+
+    def _looks(self, name: str) -> Callable[[Tensor], float]:
+        return looks(name, self._encoders, self._seed)
+
+
+def _captions(things: list[SceneThing | None]) -> set[str]:
+    """What the pictures that were found so far are called."""
+    return {one.found.caption for one in things if one is not None and one.found is not None}
+
+
+def _without_groups(
+    things: list[SceneThing | None], relations: list[Relation], reading: Reading, settled: set[int]
+) -> tuple[list[SceneThing | None], list[Relation]]:
+    """The things, where a group that has no picture is what it is made of: a flock of birds is birds."""
+    things = list(things)
+    for relation in [one for one in relations if one.word == "of"]:
+        group = things[relation.subject]
+        if group is not None and (group.found is None or not group.found.exact):
+            things[relation.subject] = None
+            relations = [one for one in relations if one != relation]
+            relations = [
+                replace(one, subject=relation.object) if one.subject == relation.subject else one for one in relations
+            ]
+    for relation in reading.relations:
+        group = things[relation.object]
+        if relation.word == "of" and relation.subject in settled and group is not None and group.thing.count is None:
+            things[relation.object] = replace(group, thing=replace(group.thing, count=7))
+    return things, relations
+
+
+def looks(name: str, encoders: EncoderRegistry, seed: int) -> Callable[[Tensor], float]:
+    """How far pictures look from a thing, to the networks that the painting is seen through."""
+    words = Text(name, encoders.readers(), seed)
+
+    @torch.no_grad()
+    def distance(picture: Tensor) -> float:
+        return float(words.glance(picture))
+
+    return distance
+
+
+_UNDER = ("under", "beneath", "underneath", "below")
+_BY_THINGS = (*_UNDER, "beside", "next to", "behind", "in front of", "with")
+_BEFORE = ("behind", "in front of")  # a forest and mountains, but no mountain, are the place of what is before them
+_CARRIED = ("on", "on top of", "upon", "riding", "in", "inside", "from")  # a duck on a tractor is not on a lake
+_SUPPORTS = ("on", "on top of", "upon")
+_TABLES, _SMALL = ("table", "desk", "shelf"), 0.65  # and the height in metres of what they carry
+_ROUNDING = 1e-3
+_SURE = 0.8  # similarity from which a word of a name says where a thing is: a watering can is not in water
+_TREES = 5  # of a forest that is named alone
+_IMPLIED = 0.42  # similarity to what is found at a place, from which things imply it
+
+
+def scene_of(
+    prompt: str, grid: PixelGrid, encoders: EncoderRegistry, seed: int, use: str = "begun with"
+) -> ComposedScene:
+    """The scene of a prompt; the encoders remember what it was made of, and what `use` the painting makes of it."""
+    reading, index = prompt_reader(encoders).read(prompt), picture_index(encoders)
+    sentences = encoders.sentences()
+    reading = replace(reading, relations=tuple(_laid(one, reading.things, sentences) for one in reading.relations))
+    setting, settled = _setting(reading, index, encoders)
+    if len(settled) == len(reading.things) and setting.place is not PAPER:
+        reading = _peopled(reading, setting, sentences)
+    reading = with_figures(reading, lambda thing: index is not None and index.has_own(thing))
+    things, relations = cast(reading, settled, prompt, index, encoders, seed, in_place=setting.place is not PAPER)
+    shown = [one for one in things if one is not None and one.found is not None]
+    whole = next((one for one in shown if _fills_the_canvas(one, shown)), None)
+    if whole is not None and whole.found is not None:
+        left_out = [one.thing.label for one in shown if one is not whole]
+        _tell(reading, [whole], replace(setting, is_named=False), encoders, use, index)
+        if left_out:
+            encoders.remark(
+                f"That picture has a ground of its own and fills the canvas; {', '.join(left_out)} could not be added."
+            )
+        picture, words = whole.colored[:3], Text(whole.thing.name, encoders.readers(), seed)
+        return photographed(picture, saliency(picture, words.glance, seed), setting, grid, seed)
+    if setting.place is PAPER:
+        carried = {id(things[one.subject]) for one in relations if one.word in _CARRIED}
+        standing = [one for one in shown if id(one) not in carried] or shown
+        names = [name for one in standing for name in (one.thing.name, one.found.caption if one.found else "")]
+        names = names or [thing.name for thing in reading.things[:1]]
+        asked = setting.is_named or not shown
+        outside = setting.weather != CLEAR
+        place = implied_place(names, sentences, _IMPLIED, outside=outside)
+        place = HILLS if place is PAPER and asked else place
+        setting = replace(setting, place=place, is_named=asked)
+    things = _dressed(things, relations, sentences)
+    among = len(shown) > 1 or setting.is_named
+    pasted = [
+        one for one in shown if among and one.found and one.found.library.is_own and has_ground(one.found.picture)
+    ]
+    is_flown = any(relation.word == "flying" for relation in reading.relations)  # a kite, by somebody on the ground
+    parts: list[ScenePart | None] = []
+    for number, one in enumerate(things):
+        if one is None or one.found is None:
+            parts.append(None)
+            continue
+        known = known_like(one.thing.name, sentences)
+        if one.thing.doing == "flying" and not is_flown:
+            known = known._replace(where="air")
+        between = any(relation.object == number and relation.word == "between" for relation in relations)
+        pictures = [faded(one.colored)] if any(one is each for each in pasted) else one.each
+        parts.append(ScenePart(copies(pictures, one.thing.shown, known.where, seed + number, apart=between), known))
+    known_parts = [part.known for part in parts if part is not None]
+    over = {
+        one.subject for one in reading.relations if one.word in ("over", "above", "across") and one.object in settled
+    }
+    in_the_air = bool(known_parts) and (all(part.where == "air" for part in known_parts) or _subjects(things, over))
+    scene = composed(arranged(parts, relations), setting, grid, seed, in_the_air=in_the_air)
+    _tell(reading, things, setting, encoders, use, index)
+    for one in pasted:
+        encoders.remark(
+            f"Your picture of {one.thing.label!r} has a ground of its own, whose edges fade; as a PNG without "
+            "its ground it would stand free."
+        )
+    return scene
+
+
+def _fills_the_canvas(one: SceneThing, shown: list[SceneThing]) -> bool:
+    """Whether a picture has a ground of its own: a person's own only where it is the only one."""
+    if one.found is None or not has_ground(one.found.picture):
+        return False
+    return not one.found.library.is_own or (len(shown) == 1 and one.thing.shown == 1)
+
+
+def _laid(relation: Relation, things: Sequence[Thing], sentences: SentenceEncoder) -> Relation:
+    """A relation, where a table that is "with" something small carries it: the lamp is on the desk."""
+    if relation.word != "with":
+        return relation
+    table, other = things[relation.subject], things[relation.object]
+    meanings = sentences.embed([table.noun, *_TABLES])
+    if float((meanings[1:] @ meanings[0]).max()) < _SURE:
+        return relation
+    is_small = known_like(other.name, sentences).height < _SMALL
+    return Relation(relation.object, "on", relation.subject) if is_small else relation
+
+
+def _dressed(
+    things: list[SceneThing | None], relations: list[Relation], sentences: SentenceEncoder
+) -> list[SceneThing | None]:
+    """The things, where clothes that somebody wears are no things of their own but give him their colour."""
+    dressed = list(things)
+    for relation in relations:
+        wearer, worn = dressed[relation.subject], dressed[relation.object]
+        if relation.word in ("in", "with", "wearing") and wearer is not None and worn is not None:
+            if known_like(worn.thing.name, sentences).where != "worn":
+                continue
+            dressed[relation.subject] = replace(wearer, thing=replace(wearer.thing, color=worn.thing.color))
+            dressed[relation.object] = None
+    return dressed
+
+
+def _peopled(reading: Reading, setting: Setting, sentences: SentenceEncoder) -> Reading:
+    """A place that is named alone, with what is found there: boats in a harbour."""
+    found = [name for name in setting.place.found if name not in reading.absent]
+    if not found:
+        return reading
+    meanings = sentences.embed([reading.things[0].name, *found])
+    name = found[int((meanings[1:] @ meanings[0]).argmax())]
+    number = len(reading.things)
+    thing = Thing(name, name.rpartition(" ")[2], count=_TREES if setting.place is FOREST else 2)
+    return replace(reading, things=(*reading.things, thing), relations=(*reading.relations, Relation(number, "in", 0)))
+
+
+def _subjects(things: list[SceneThing | None], over: set[int]) -> bool:
+    """Whether all things that are shown are over a place."""
+    shown = {number for number, one in enumerate(things) if one is not None and one.found is not None}
+    return bool(shown) and shown <= over
+
+
+def _setting(reading: Reading, index: PictureIndex | None, encoders: EncoderRegistry) -> tuple[Setting, set[int]]:
+    """The setting that words name, and the numbers of the things that are no more than part of it."""
+    sentences, setting, settled = encoders.sentences(), Setting(), set[int]()
+    for number, thing in enumerate(reading.things):
+        beside = {one.word for one in reading.relations if one.object == number and one.word in _BY_THINGS}
+        under_sky = bool(beside) and beside <= set(_UNDER) and named_place(thing.noun, sentences) is SKY
+        if beside and not under_sky and not beside <= set(_BEFORE):
+            continue
+        subject_only = len(reading.things) == 1
+        # What has a picture of its own is a thing: a tree is no forest.
+        least = 0.0 if index is None else index.nearest(thing) - _ROUNDING
+        least = max(least, NAMED_ALONE) if beside <= set(_BEFORE) and beside else least
+        place = named_place(thing.noun, sentences, least)
+        if place is None and thing.count is None and thing.plural and number:  # mountains, and no mountain
+            place = named_place(thing.plural, sentences, least)
+        if place is None and any(one.object == number and one.word in _SUPPORTS for one in reading.relations):
+            # Of a table that carries things, its top is shown.
+            top = named_place(thing.noun, sentences)
+            place = top if top is not None and not top.is_open else None
+        light = named_light(thing.noun, sentences, least)
+        weather = named_weather(thing.noun, sentences, least)
+        if light is None and weather is None and place is None and thing.name != thing.noun:
+            place = named_place(thing.name, sentences, max(least, _SURE))
+        if under_sky:  # it is over any place: its light and weather are told by the words before it
+            setting = replace(setting, is_named=True)
+            settled.add(number)
+        elif place is not None:
+            paint = paint_of(thing.color)
+            setting = replace(setting, place=place if paint is None else in_color(place, paint), is_named=True)
+            settled.add(number)
+        elif light is not None:
+            setting = replace(setting, light=light, is_named=True)
+            if not subject_only:
+                settled.add(number)
+            elif light in TIMES and least < _SURE:  # a peaceful morning is no picture of a thing
+                setting = replace(setting, place=HILLS)
+                settled.add(number)
+        elif weather is not None:
+            setting = replace(setting, weather=weather, is_named=True)
+            settled.add(number)
+        for word in thing.name.split()[:-1]:
+            if setting.light == DAY and (felt := named_light(word, sentences, _SURE)) is not None:
+                setting = replace(setting, light=felt, is_named=True)
+            if setting.weather == CLEAR and (felt_weather := named_weather(word, sentences, _SURE)) is not None:
+                setting = replace(setting, weather=felt_weather, is_named=True)
+    if setting.weather.rain and setting.light == DAY:
+        setting = replace(setting, light=GREY)
+    return setting, settled
+
+
+def _tell(
+    reading: Reading,
+    things: list[SceneThing | None],
+    setting: Setting,
+    encoders: EncoderRegistry,
+    use: str,
+    index: PictureIndex | None,
+) -> None:
+    """What the painting began with, who made it, and what was missing."""
+    shown = [one for one in things if one is not None and one.found is not None]
+    credits = dict.fromkeys(one.found.library.credit for one in shown if one.found and one.found.library.credit)
+    made = f"; pictures by {'; '.join(credits)}" if credits else ""
+    told = " and ".join(one.told for one in shown) or "no picture of a thing"
+    place = f", on {setting.words}" if setting.is_named else ""
+    encoders.remark(f"{use.capitalize()} {told}{place}{made}.")
+    if reading.too_many:
+        encoders.remark(f"The words name more than {MOST_THINGS} things; the first ones are painted.")
+    missing = [one.thing.label for one in things if one is not None and not (one.found and one.found.exact)]
+    if missing:
+        encoders.remark(
+            f"No picture of {', '.join(map(repr, missing))} was found; give one with --image, or a folder of your own "
+            "with --pictures."
+        )
+    for fault in dict.fromkeys(() if index is None else index.faults):
+        encoders.remark(f"Of your own pictures one cannot be used: {fault}")
+
+
+# A picture for words that come without one: a scene of pictures of what they name.
+
+_KEPT = 60.0  # weight of the composition beside the words' own: networks give things colours that they do not have
+_KEPT_SCENE = 600.0  # the same of several things, or of a place: networks know things, and take a scene for one of them
+_AMONG = 3.0  # the same where a style or a sketch has a say too
+_STAGED = 20.0  # the same of a style picture's, which words would soon take apart
+_MATTERS = 8.0  # times as much as its surroundings, where a thing is in a style picture
+_SUBJECT = 4.0  # the same, where things are in a scene
+
+
+def initial_composition(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
+    """The goal with a picture to begin with, where words are all there is to begin with.
+
+    It stays in the goal, beside the words, so that the composition is kept while they shape it.
+    A sketch without a photograph is filled with that picture's colours, or with those of a style. Where a style
+    picture is begun with, what the words name is laid into it. A goal without words, and one with another
+    picture of its own to begin with, stays as it is.
+    """
+    said = [(term.words, term.weight) for term in goal.terms if term.words is not None]
+    words, weight = max(said, key=lambda pair: pair[1]) if said else ("", 0.0)
+    if goal.initial:
+        first = [term.words for term in goal.initial if term.words is not None]
+        styles = [term.colors for term in goal.initial if term.colors is not None]
+        if any(term.picture is not None for term in goal.initial):
+            return goal
+        if styles:
+            return _begun_with_style(goal, styles[0], words, weight, grid, encoders, seed) if words else goal
+        if not first:
+            return goal
+        begun = _term(scene_of(first[0], grid, encoders, seed))
+        return replace(goal, initial=(begun, *goal.initial))
+    drawing = next((term.drawing for term in goal.terms if term.drawing is not None), None)
+    if not words or any(term.picture is not None for term in goal.terms):
+        return goal
+    style = next((term.colors for term in goal.terms if term.colors is not None), None)
+    if drawing is None:
+        scene = scene_of(words, grid, encoders, seed)
+        kept = _KEPT if scene.is_alone else _KEPT_SCENE
+        begun = _term(scene, weight * (kept if all(term.words is not None for term in goal.terms) else _AMONG))
+    else:
+        drawing = images.fit(drawing, grid.rows, grid.columns)
+        like = scene_of(words, grid, encoders, seed, "coloured like").picture if style is None else style
+        begun = _filled(drawing, like, weight * _AMONG)
+    return Goal((*goal.terms, begun), (replace(begun, weight=1.0),))
+
+
+def _term(scene: ComposedScene, weight: float = 1.0) -> ImageTerm:
+    """A scene to come near to: its things matter more than their ground."""
+    matters = 1 + (_SUBJECT - 1) * scene.where
+    return ImageTerm(scene.picture, weight, matters / matters.mean())
+
+
+def _filled(drawing: Tensor, like: Tensor, weight: float) -> ImageTerm:
+    """A drawing [3, H, W] in the colours of a picture, to come near to: lines, and what they enclose, matter more."""
+    picture = colored(drawing, like)
+    matters = 1 + (_SUBJECT - 1) * (picture != picture[:, :1, :1]).any(0).to(picture)
+    return ImageTerm(picture, weight, matters / matters.mean())
+
+
+@torch.no_grad()
+def _begun_with_style(
+    goal: Goal, style: Tensor, words: str, weight: float, grid: PixelGrid, encoders: EncoderRegistry, seed: int
+) -> Goal:
+    """The goal, which begins with the style picture in which the thing of the words is seen, and keeps to it."""
+    thing = thing_of(words, encoders, seed)
+    if thing is None:
+        encoders.remark(f"No picture was found for {words[:60]!r}; begun with the style picture alone.")
+        return goal
+    scene = images.fit(style, grid.rows, grid.columns)
+    shown = composited_into_style(thing.colored, scene, keeps_colors=bool(thing.thing.color))
+    matters = 1 + (_MATTERS - 1) * shown.where
+    kept = ImageTerm(shown.picture, _STAGED * weight, matters / matters.mean())
+    encoders.remark(f"Begun with {thing.told}, laid into the style picture{thing.credit}.")
+    return Goal((*goal.terms, kept), (replace(kept, weight=1.0),))

@@ -1,0 +1,77 @@
+"""Words that say what to paint."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+
+from frida_painter.errors import ConfigError
+from frida_painter.objectives.objective import (
+    Gives,
+    Goal,
+    GoalKind,
+    ObjectiveContext,
+    ObjectiveTerm,
+    Term,
+    require_weight,
+)
+
+
+@dataclass(frozen=True)
+class TextTerm(Term):
+    """Paint what these words say: `prompt`, one line of them with a Latin letter. Raises ConfigError."""
+
+    prompt: str
+    weight: float = 1.0
+    interpretation_order = 2
+
+    def __post_init__(self) -> None:
+        require_weight(self.weight, "words")
+        if not self.prompt.strip():
+            raise ConfigError("Words to paint were given that are empty; say what shall be painted.")
+        if not re.search("[A-Za-z]", unicodedata.normalize("NFKD", self.prompt)):
+            raise ConfigError(
+                f"{self.prompt[:40]!r} has no word in Latin letters; the networks that read it know English, "
+                "so say it in English."
+            )
+
+    @property
+    def words(self) -> str:
+        """The words themselves."""
+        return self.prompt
+
+    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
+        """The distance of meanings, and to what is seen in the beginning.
+
+        It is validated by a reader that the optimiser never asks, where there is one.
+        """
+        from frida_painter.words.meaning import Text
+
+        readers = context.encoders.readers()
+        if not all(reader.reads_all(self.prompt) for reader in readers):
+            context.encoders.remark(
+                f"The words {self.prompt[:40]!r}... are too many to be read; the last were cut off."
+            )
+        words = Text(self.prompt, readers, context.seed, context.begun)
+        aside = context.encoders.reader_aside()
+        steady = words if aside is None else Text(self.prompt, [aside], context.seed, context.begun)
+        return ObjectiveTerm(words, steady.validation, recognizes=True)
+
+    @classmethod
+    def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
+        """Words that come without a picture get one to begin with."""
+        from frida_painter.words.scene import initial_composition
+
+        return initial_composition(goal, context.grid, context.encoders, context.seed)
+
+
+KIND = GoalKind(
+    name="text",
+    gives=Gives.WORDS,
+    help='A text prompt: what to paint, like "a sailing ship".',
+    label="Words",
+    open=TextTerm,
+    initial_help="A text prompt to start from. The painting keeps its composition.",
+    networks=(("minilm",), ("efficientnet-lite0",)),
+)

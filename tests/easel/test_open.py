@@ -1,0 +1,181 @@
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from frida_painter import registry
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.kinds import SIMULATED
+from frida_painter.easel.open import camera_named, machines, open_easel, robot_named
+from frida_painter.easel.order import EaselOrder
+from frida_painter.errors import ConfigError, PluginError
+from frida_painter.hardware.cameras.folder import FolderCamera
+from frida_painter.hardware.cameras.gphoto import GphotoCamera
+from frida_painter.hardware.cameras.opencv import OpencvCamera
+from frida_painter.hardware.drivers.axidraw import AxidrawRobot
+from frida_painter.hardware.drivers.gcode import GcodeRobot
+from frida_painter.hardware.drivers.ros import RosRobot
+from frida_painter.hardware.drivers.xarm import XarmRobot
+from frida_painter.hardware.workcell import WorkcellConfig, example
+from frida_painter.session.observer import CanvasObserver, CanvasStart
+from plugins import install
+
+AS_SEEN = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))  # a map of colours that changes nothing
+
+
+@pytest.fixture
+def workcell(tmp_path: Path) -> WorkcellConfig:
+    (tmp_path / "easel.toml").write_text(example())
+    return WorkcellConfig.load(tmp_path / "easel.toml")
+
+
+def test_each_machine_is_built_as_it_is_named(workcell: WorkcellConfig) -> None:
+    xarm = robot_named("xarm:192.168.1.10, brush_length=0.12", workcell.workspace)
+    assert isinstance(xarm, XarmRobot)
+    assert (xarm.settings.address, xarm.settings.brush_length) == ("192.168.1.10", 0.12)
+    assert xarm.settings.home == workcell.workspace.home
+    grbl = robot_named("gcode:/dev/ttyUSB0,homing=yes,servo=-0.002/100/0.01/900", workcell.workspace)
+    assert isinstance(grbl, GcodeRobot)
+    assert grbl.settings.homing and grbl.settings.gcode.flavour == "grbl"
+    assert grbl.settings.gcode.servo is not None and grbl.settings.gcode.servo.high == (0.01, 900)
+    marlin = robot_named("marlin:/dev/ttyACM0,baud=250000", workcell.workspace)
+    assert isinstance(marlin, GcodeRobot) and marlin.settings.baud == 250_000
+    assert isinstance(robot_named("axidraw", workcell.workspace), AxidrawRobot)
+    ros = robot_named("rosbridge:10.0.0.2:9091,ros=2,namespace=/left/brush", workcell.workspace)
+    assert isinstance(ros, RosRobot)
+    assert (ros.settings.ros, ros.settings.namespace) == (2, "/left/brush")
+    assert isinstance(robot_named("ros", workcell.workspace), RosRobot)
+
+
+def test_each_camera_is_built_as_it_is_named(tmp_path: Path) -> None:
+    by_number, by_path, shots = (
+        camera_named("opencv:2"),
+        camera_named("opencv:/dev/video1"),
+        camera_named("folder:shots"),
+    )
+    assert isinstance(by_number, OpencvCamera) and by_number.settings.device == 2
+    assert isinstance(by_path, OpencvCamera) and by_path.settings.device == "/dev/video1"
+    assert isinstance(shots, FolderCamera) and shots.settings.path == Path("shots")
+    assert isinstance(camera_named("gphoto"), GphotoCamera)
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("kuka:1", r"no robot 'kuka:1'; take one of xarm:ADDRESS"),
+        ("xarm", r"without where it is; write xarm:ADDRESS"),
+        ("xarm:1.2.3.4,color=red", "xarm does not know color"),
+        ("xarm:1.2.3.4,brush_length=long", "brush_length=long is not understood"),
+        ("xarm:1.2.3.4,brush_length", "write name=value"),
+        ("xarm:1.2.3.4,brush_length=nan", "brush of nan m"),
+        ("gcode:/dev/x,homing=perhaps", "homing=perhaps is not understood"),
+        ("gcode:/dev/x,servo=1/2", "servo=1/2 is not understood"),
+        ("gcode:/dev/x,servo=0.01/2/0.01/3", "the first lies below the second"),
+        ("rosbridge:host:port", "'port' is no port"),
+        ("rosbridge:host:99999", "'99999' is no port, which is from 1 to 65535"),
+        ("rosbridge:host,ros=3", "1 or 2"),
+    ],
+)
+def test_names_that_mean_nothing_are_told(workcell: WorkcellConfig, name: str, says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        robot_named(name, workcell.workspace)
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("", "take one of opencv:NUMBER, gphoto, folder:PATH"),
+        ("webcam", "no camera 'webcam'; take one of opencv:NUMBER, gphoto, folder:PATH"),
+        ("folder", "without where it is; write folder:PATH"),
+        ("folder:", "without where it is; write folder:PATH"),
+        ("gphoto:2", "given '2', .*; write gphoto"),
+    ],
+)
+def test_cameras_that_mean_nothing_are_told(name: str, says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        camera_named(name)
+
+
+def order(tmp_path: Path, **values: object) -> EaselOrder:
+    (tmp_path / "easel.toml").write_text(example())
+    known: dict[str, object] = {
+        "robot": "xarm:1.2.3.4,brush_length=0.1", "canvas": CanvasSize(0.3556, 0.2794), "brushes": ("broad",),
+        "seed": 0,
+        "state": tmp_path, "workspace": tmp_path / "easel.toml", "camera": "opencv:0",
+    }  # fmt: skip
+    return EaselOrder(**{**known, **values})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("ground", [(0.7, 0.5, 0.15), (0.6, 0.15, 0.1), (0.2, 0.25, 0.7)])
+def test_a_studio_is_delivered_with_a_camera_that_sees_a_deep_ground_as_it_is(
+    tmp_path: Path, ground: tuple[float, float, float]
+) -> None:
+    """A camera whose bands leak sees the first one 0.04 too blue: a plan would be replanned against that."""
+    easel = open_easel(order(tmp_path, robot="virtual", workspace=None, camera="", seed=7)).easel
+    easel.robot.connect()
+    easel.camera.connect()
+    off = []
+    for known in (easel, replace(easel, calibration=replace(easel.calibration, color=AS_SEEN))):
+        observer = CanvasObserver(known, CanvasStart(ground))
+        observer.look(easel.robot.home().finished_at, 120)  # white, which teaches it the light
+        easel.operator.tone(ground)
+        seen = observer.look(easel.robot.home().finished_at, 120).mean((1, 2))
+        easel.operator.tone((1.0, 1.0, 1.0))
+        off.append(float((seen - torch.tensor(ground)).abs().max()))
+    delivered, uncorrected = off
+    assert delivered < 0.008
+    assert uncorrected > 2 * delivered and uncorrected > 0.015
+
+
+def test_a_real_easel_is_put_together_from_its_workspace(tmp_path: Path) -> None:
+    easel = open_easel(EaselOrder.of(order(tmp_path).record())).easel
+    assert easel.calibration.easel == "my easel" and easel.calibration.camera == "opencv:0"
+    assert not easel.simulated and easel.reach is not None
+    assert machines(order(tmp_path)) == {"1.2.3.4"}
+    assert not easel.operator.lay_paper()
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"workspace": None}, r"needs a workspace file \(--workspace\) and a camera"),
+        ({"camera": ""}, "needs a workspace file"),
+        ({"canvas": CanvasSize(0.3, 0.2)}, "for a canvas of 300 x 200 mm, and the one in .* is 356 x 279 mm"),
+        ({"robot": "kuka"}, "no robot 'kuka'; take .*virtual"),
+        ({"robot": "human", "camera": ""}, "which camera looks at the canvas"),
+    ],
+)
+def test_a_real_easel_with_something_missing_is_told(tmp_path: Path, values: dict[str, object], says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        open_easel(order(tmp_path, **values))
+
+
+EASELS_OF_OTHERS = """
+from dataclasses import replace
+from frida_painter.easel.kinds import EaselKind
+from frida_painter.easel.studio import VIRTUAL_KIND as VIRTUAL
+
+def _open(order):
+    return VIRTUAL.open(replace(order, seed=order.seed + 1))
+
+ATELIER = EaselKind("atelier", "a studio of somebody else's", _open, simulated=True)
+BROKEN = 3
+"""
+
+
+def test_a_whole_easel_of_another_package_is_opened_and_a_broken_one_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = {registry.EASELS: {"atelier": "atelier:ATELIER", "broken": "atelier:BROKEN"}}
+    install(tmp_path / "installed", monkeypatch, "atelier-easel", points, {"atelier": EASELS_OF_OTHERS})
+    wanted = order(tmp_path, robot="atelier", brushes=("fine",), seed=4, canvas=CanvasSize(0.12, 0.09), camera="")
+    opened = open_easel(wanted)
+    assert opened.easel.simulated and opened.easel.calibration.easel == "virtual studio 5"
+    assert SIMULATED["atelier"] == "a studio of somebody else's" and machines(wanted) == frozenset()
+    assert list(SIMULATED) == ["virtual", "sawyer-sim", "atelier"]
+    for look in (open_easel, machines):
+        with pytest.raises(PluginError, match=r"'broken' of frida_painter\.easels, which the package atelier-easel"):
+            look(order(tmp_path, robot="broken"))
+    with pytest.raises(ConfigError, match=r"no robot 'virtual:5'; take human, .*, atelier, broken, or"):
+        open_easel(order(tmp_path, robot="virtual:5"))

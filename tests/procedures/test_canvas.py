@@ -1,0 +1,85 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from easels import CALIBRATION, stub_easel
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.dialogue import PointCorners, lead
+from frida_painter.errors import CalibrationError
+from frida_painter.hardware.easel import Easel
+from frida_painter.procedures.canvas import POINTING, canvas
+from frida_painter.virtual.camera import CameraSpec
+from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
+
+
+@pytest.fixture(scope="module")
+def studio() -> VirtualStudio:
+    opened = open_studio(CanvasSize(0.20, 0.15), seed=5, settings=StudioSettings(camera=CameraSpec((600, 800))))
+    opened.easel.robot.connect()
+    opened.easel.camera.connect()
+    return opened
+
+
+def off(corners, studio: VirtualStudio) -> float:
+    return float(np.linalg.norm(np.array(corners) - np.array(studio.camera.corners), axis=1).max())
+
+
+def ignorant(easel: Easel) -> Easel:
+    """The easel with a record that knows nothing of where the canvas is."""
+    somewhere = ((10.0, 10.0), (20.0, 10.0), (20.0, 20.0), (10.0, 20.0))
+    return replace(easel, calibration=replace(easel.calibration, corners=somewhere, lens=None))
+
+
+@pytest.mark.slow
+def test_the_proposal_is_right_and_enters_the_record(studio: VirtualStudio) -> None:
+    easel = ignorant(studio.easel)
+    found = lead(canvas(easel), lambda question: question.proposal)
+    assert off(found.corners, studio) < 0.6 and not found.pointed
+    assert found.picture is not None and found.picture.shape[0] == 3
+    assert "barrel" in found.sentence
+    record = found.enter(easel.calibration)
+    assert record.corners == found.corners and record.lens == found.lens is not None
+    assert (record.camera, record.canvas) == ("virtual camera", CanvasSize(0.20, 0.15))
+    assert list(record.done) == ["canvas"] and record.done["canvas"].residual == found.residual < 0.5
+
+
+@pytest.mark.slow
+def test_the_corners_that_a_person_gives_override(studio: VirtualStudio) -> None:
+    mine = tuple((column + 1.5, row - 1.0) for column, row in studio.camera.corners)
+    found = lead(canvas(studio.easel), lambda question: mine)
+    assert found.corners == mine and found.pointed
+    assert found.lens is not None, "the edges near them still tell the lens"
+    assert found.residual == pytest.approx(np.hypot(1.5, 1.0), abs=0.4), "and how well was pointed"
+    elsewhere = ((100.0, 100.0), (700.0, 110.0), (690.0, 500.0), (120.0, 490.0))
+    far = lead(canvas(studio.easel), lambda question: elsewhere)
+    assert far.corners == elsewhere and far.residual == POINTING and far.lens is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        (((0.0, 0.0), (700.0, 0.0), (700.0, 500.0)), "3 corners were given"),
+        (((0.0, 0.0), (0.0, 500.0), (700.0, 500.0), (700.0, 0.0)), "clockwise"),
+        (((0.0, 0.0), (700.0, 500.0), (700.0, 0.0), (0.0, 500.0)), "clockwise"),
+        (((100.0, 100.0), (101.0, 100.0), (101.0, 500.0), (100.0, 500.0)), "clockwise|coincide"),
+        (((0.0, 0.0), (1900.0, 0.0), (1900.0, 500.0), (0.0, 500.0)), "outside the photograph of 800 x 600"),
+        (((float("nan"), 0.0), (700.0, 0.0), (700.0, 500.0), (0.0, 500.0)), "four"),
+        (True, "four"),
+    ],
+)
+def test_corners_that_cannot_be_a_canvass_are_refused(studio: VirtualStudio, answer, says: str) -> None:
+    with pytest.raises(CalibrationError, match=says):
+        lead(canvas(studio.easel), lambda question: answer)
+
+
+def test_where_no_canvas_is_seen_the_reason_is_told_and_a_person_can_point() -> None:
+    easel = stub_easel()
+    asked = []
+    with pytest.raises(CalibrationError, match="cannot be told"):
+        lead(canvas(easel), lambda question: asked.append(question))
+    (question,) = asked
+    assert isinstance(question, PointCorners) and question.proposal is None and "cannot be told" in question.text
+    found = lead(canvas(easel), lambda question: CALIBRATION.corners)
+    assert found.corners == CALIBRATION.corners and found.residual == POINTING

@@ -1,0 +1,257 @@
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import torch
+
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.dialogue import Confirm, PointCorners, lead
+from frida_painter.errors import CalibrationError, FrameRejected
+from frida_painter.perception.color import EDITIONS, difference
+from frida_painter.procedures.color import WORST_MEAN, color
+from frida_painter.session.observer import CanvasObserver
+from frida_painter.virtual.camera import CameraSpec
+from frida_painter.virtual.faults import Bump, Faults, LightChange, LostFocus
+from frida_painter.virtual.studio import StudioSettings, open_studio
+
+CANVAS = CanvasSize(0.28, 0.21)
+CAMERA = CameraSpec(photograph=(600, 800))
+
+
+def studio_with(seed=0, camera=CAMERA, faults=None, canvas=CANVAS, **settings):
+    settings = StudioSettings(cell=1.0, camera=camera, **settings)
+    studio = open_studio(canvas, "broad", seed=seed, settings=settings, faults=faults)
+    studio.easel.robot.connect()
+    studio.easel.camera.connect()
+    return studio
+
+
+def proposal(question):
+    return question.proposal
+
+
+@cache
+def found(**studio):
+    return lead(color(studio_with(**studio).easel), proposal)
+
+
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
+def test_on_the_usual_studio_patches_never_seen_come_out_right(seed):
+    finding = found(seed=seed, camera=CameraSpec())
+    assert finding.photographed.shape == finding.held_out.shape == (24,)
+    assert 3.5 < float(finding.photographed.mean()) < 5
+    assert float(finding.fit.before.mean()) > 1.0
+    assert float(finding.held_out.mean()) < 0.8  # 2.5 are promised; measured: 0.46 to 0.63
+    assert float(finding.held_out.max()) < 3
+    assert finding.edition == EDITIONS[0]
+    assert finding.change < 0.01
+
+
+@pytest.mark.slow
+def test_the_record_holds_the_map_and_what_it_leaves_and_the_picture_shows_it():
+    studio = studio_with()
+    finding = lead(color(studio.easel), proposal)
+    record = finding.enter(studio.easel.calibration)
+    assert record.color == finding.affine
+    assert record.done["color"].residual == pytest.approx(float(finding.held_out.mean()))
+    assert finding.picture.shape[0] == 3 and finding.picture.dtype == torch.float32
+    assert f"{finding.held_out.mean():.1f} CIEDE2000" in finding.sentence
+    assert studio.table.checker is None
+
+
+def painted_squares(studio):
+    """Puts squares of dry colour on the canvas; returns their middles in a picture of 200 rows, and their sRGB."""
+    chance = np.random.default_rng(5)
+    colors = chance.uniform(0.05, 0.95, (24, 3))
+    canvas = studio.canvas
+    places = []
+    for number, srgb in enumerate(colors):
+        row, column = divmod(number, 6)
+        bottom, left = (
+            int((0.1 + 0.2 * row) * canvas.ground.shape[0]),
+            int((0.05 + 0.15 * column) * canvas.ground.shape[1]),
+        )
+        reach = int(0.12 * canvas.ground.shape[0])
+        canvas.ground[bottom : bottom + reach, left : left + reach] = ((srgb + 0.055) / 1.055) ** 2.4
+        places.append(((bottom + reach / 2) / canvas.ground.shape[0], (left + reach / 2) / canvas.ground.shape[1]))
+    canvas._changed[:] = True
+    return places
+
+
+@pytest.mark.slow
+def test_the_painter_sees_the_canvas_as_it_is():
+    """With the bands leaking into each other, of 24 colours that are not the checker's; CIEDE2000."""
+    errors = {}
+    for calibrated in (False, True):
+        studio = studio_with(camera=replace(CAMERA, bleed=0.08))
+        easel = studio.easel
+        if calibrated:
+            easel = replace(easel, calibration=lead(color(easel), proposal).enter(easel.calibration))
+        observer = CanvasObserver(easel)
+        observer.look(easel.robot.home().finished_at, 200)
+        places = painted_squares(studio)
+        seen, truth = observer.look(easel.robot.home().finished_at, 200), studio.truth(200)
+        off = []
+        for up, across in places:
+            row, column = round(200 * (1 - up)), round(truth.shape[2] * across)
+            one, other = (
+                picture[:, row - 3 : row + 4, column - 3 : column + 4].mean((1, 2)) for picture in (seen, truth)
+            )
+            off.append(float(difference(one, other)))
+        errors[calibrated] = sum(off) / len(off)
+    assert errors[True] < 1.0
+    assert errors[False] > 3 * errors[True]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("turn", [math.pi, math.pi - 0.5, math.pi / 2, -1.0])
+def test_a_checker_that_lies_upside_down_or_askew_is_read_all_the_same(turn):
+    studio = studio_with()
+    straight = lead(color(studio.easel), proposal)
+    studio.lay_checker((0.15, 0.1), turn, 0.12)
+    turned = lead(color(studio.easel), proposal)
+    assert float(turned.held_out.mean()) < 0.8
+    assert np.abs(np.array(turned.affine) - np.array(straight.affine)).max() < 0.03
+
+
+@pytest.mark.slow
+def test_corners_given_by_a_person_may_begin_anywhere_and_run_either_way():
+    studio = studio_with()
+    wanted = lead(color(studio.easel), proposal)
+    for change in (lambda c: c[2:] + c[:2], lambda c: c[::-1], lambda c: (c[3], c[2], c[0], c[1])):
+
+        def person(question, change=change):
+            return change(question.proposal) if isinstance(question, PointCorners) else question.proposal
+
+        finding = lead(color(studio.easel), person)
+        assert np.abs(np.array(finding.affine) - np.array(wanted.affine)).max() < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "change",
+    [LightChange(1, (0.6, 0.6, 0.6)), LightChange(1, (0.8, 0.6, 0.4)), LightChange(1, (0.7, 0.7, 0.7), (-0.3, 0.1))],
+)
+def test_another_light_than_on_the_bare_canvas_is_noticed_and_taken_out(change):
+    before, after = found(), found(faults=Faults(light_changes=(change,)))
+    assert after.change > 0.05 > before.change
+    assert "light had changed" in after.sentence and "light had changed" not in before.sentence
+    assert float(after.held_out.mean()) < 0.9
+    assert np.abs(np.array(after.affine) - np.array(before.affine)).max() < 0.04
+
+
+@pytest.mark.parametrize("blur", [0.004, 0.006, 0.008, 0.02])
+@pytest.mark.parametrize("first", [0, 1])
+def test_out_of_focus_the_map_is_right_or_refused(blur, first):
+    faults = Faults(lost_focus=(LostFocus(first, blur=blur),))
+    if blur <= 0.004:
+        assert float(found(faults=faults).held_out.mean()) < 0.8
+        return
+    try:
+        finding = found(faults=faults)
+    except CalibrationError as refusal:
+        assert "focus" in str(refusal)
+    else:
+        assert blur < 0.012
+        assert np.abs(np.array(finding.affine) - np.array(found().affine)).max() < 0.03
+
+
+@pytest.mark.slow
+def test_a_photograph_that_is_too_bright_or_too_dark_is_refused():
+    with pytest.raises(CalibrationError, match=r"overexposed.*white"):
+        found(faults=Faults(light_changes=(LightChange(0, (1.25, 1.25, 1.25)),)))
+    with pytest.raises(CalibrationError, match="too dark"):
+        found(faults=Faults(light_changes=(LightChange(1, (0.05, 0.05, 0.05)),)))
+    with pytest.raises(FrameRejected, match="too dark"):
+        found(faults=Faults(light_changes=(LightChange(0, (0.05, 0.05, 0.05)),)))
+
+
+@pytest.mark.slow
+def test_no_checker_and_no_answer_are_refused_with_what_to_do():
+    studio = studio_with()
+    studio.lay_checker((2.0, 2.0), 0.0, 0.1)
+    with pytest.raises(CalibrationError, match="No colour checker was found"):
+        lead(color(studio.easel), proposal)
+    with pytest.raises(CalibrationError, match="No colour checker was found"):
+        lead(color(studio_with().easel), lambda question: ((0.0, 1.0), (2.0, math.nan)))
+
+
+def test_corners_that_are_not_the_checkers_are_refused():
+    def person(question):
+        if isinstance(question, PointCorners):
+            return tuple((0.6 * column + 100, 0.6 * row) for column, row in question.proposal)
+        return question.proposal
+
+    with pytest.raises(CalibrationError, match="color calibration"):
+        lead(color(studio_with().easel), person)
+
+
+def test_a_chart_of_other_colours_is_refused():
+    studio = studio_with()
+    checker = studio.easel.operator.checker
+    studio.easel.operator.checker = replace(checker, looks=checker.looks ** np.array([0.6, 1.4, 1.0], np.float32))
+    with pytest.raises(CalibrationError, match=f"at most {WORST_MEAN:g}"):
+        lead(color(studio.easel), proposal)
+
+
+def test_a_card_that_hides_the_canvas_is_refused():
+    studio = studio_with(canvas=CanvasSize(0.1, 0.07))
+    studio.lay_checker((0.05, 0.035), 0.0, 0.1)
+    with pytest.raises(CalibrationError, match="covers all but"):
+        lead(color(studio.easel), proposal)
+
+
+def test_a_camera_without_fault_is_left_as_it_is_or_made_no_worse():
+    finding = found(camera=CameraSpec.ideal(600, 800))
+    assert float(finding.held_out.mean()) <= float(finding.fit.before.mean())
+    assert np.abs(np.array(finding.affine) - np.eye(3, 4)).max() < 0.03
+
+
+class Person:
+    """Lays the checker down when asked to, on an easel whose operator does not."""
+
+    def __init__(self, studio):
+        self.studio, self.asked = studio, []
+
+    def lay_checker(self):
+        return False
+
+    def take_checker_away(self):
+        return False
+
+    def answer(self, question):
+        self.asked.append(question)
+        if isinstance(question, Confirm):
+            self.studio.table.checker = self.studio.easel.operator.checker if question.text.startswith("Lay") else None
+        return question.proposal
+
+
+@pytest.mark.slow
+def test_a_person_is_asked_to_lay_the_checker_down_and_to_take_it_away():
+    studio = studio_with()
+    person = Person(studio)
+    finding = lead(color(replace(studio.easel, operator=person)), person.answer)
+    assert float(finding.held_out.mean()) < 0.8
+    assert [type(question) for question in person.asked] == [Confirm, Confirm, PointCorners, Confirm]
+    assert person.asked[2].picture.shape == (3, 600, 800)
+    with pytest.raises(CalibrationError, match="Without a colour checker"):
+        lead(color(replace(studio.easel, operator=person)), lambda question: "Lay" not in question.text)
+
+
+def test_a_canvas_that_was_knocked_meanwhile_does_not_spoil_the_colours():
+    before = found()
+    after = found(faults=Faults(bumps=(Bump(0, (0.003, 0.0)),)))
+    assert np.abs(np.array(after.affine) - np.array(before.affine)).max() < 0.03
+
+
+def test_the_picture_shows_each_patch_as_seen_as_mapped_and_as_it_is():
+    finding = found()
+    picture = finding.picture
+    assert picture.shape == (3, 650, 1500)
+    for number in range(24):
+        row, column = divmod(number, 6)
+        left, top = 612 + 144 * column, 56 + 134 * row
+        mapped, disc = picture[:, top + 10, left + 100], picture[:, top + 55, left + 55]
+        assert float(difference(mapped, disc)) == pytest.approx(float(finding.fit.after[number]), abs=1.2)

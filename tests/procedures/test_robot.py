@@ -1,0 +1,195 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.dialogue import Confirm, lead
+from frida_painter.errors import CalibrationError
+from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.motion import Motion
+from frida_painter.perception.landmarks import match_dots
+from frida_painter.procedures.canvas import canvas
+from frida_painter.procedures.robot import RobotFinding, dot_places, robot
+from frida_painter.strokes import Strokes
+from frida_painter.virtual.faults import Bump, Faults
+from frida_painter.virtual.studio import VirtualStudio, open_studio
+from frida_painter.virtual.table import PlacementError
+
+SIZE = CanvasSize(0.24, 0.18)
+
+
+def askew(seed: int) -> PlacementError:
+    """4 mm in some direction, 2 degrees to one side."""
+    return PlacementError((0.004 * math.cos(2.4 * seed), 0.004 * math.sin(2.4 * seed)), math.radians(2) * (-1) ** seed)
+
+
+def opened(seed: int, brush: str = "medium", faults: Faults | None = None) -> VirtualStudio:
+    studio = open_studio(SIZE, brush, seed=seed, placement_error=askew(seed), faults=faults)
+    studio.easel.robot.connect()
+    studio.easel.camera.connect()
+    return studio
+
+
+def proposal(question):
+    return question.proposal
+
+
+def calibrated(studio: VirtualStudio) -> tuple[Easel, RobotFinding]:
+    easel = studio.easel
+    record = lead(canvas(easel), proposal).enter(easel.calibration)
+    found = lead(robot(replace(easel, calibration=record)), proposal)
+    return replace(easel, calibration=found.enter(record)), found
+
+
+def strokes_off(studio: VirtualStudio, easel: Easel, count: int, seed: int) -> np.ndarray:
+    """How far straight strokes land from where they are meant, metres [count], as the studio itself knows.
+
+    Each is painted there and back on canvases of their own: where their paint lies on average is the
+    middle of the line, however far the tuft trails behind.
+    """
+    chance = np.random.default_rng(seed)
+    motion = Motion(easel.workspace, easel.calibration)
+    size = np.array([SIZE.width, SIZE.height])
+    off = []
+    for _ in range(count):
+        angle = chance.uniform(0, 2 * math.pi)
+        way = 0.04 * np.array([math.cos(angle), math.sin(angle)])
+        middle = chance.uniform(0.045, size - 0.045)
+        marks = []
+        for start, turn in ((middle - way / 2, 0), (middle + way / 2, math.pi)):
+            easel.operator.lay_paper()
+            stroke = Strokes(
+                torch.from_numpy(start[None]), torch.tensor([angle + turn]), torch.tensor([0.04]), torch.zeros(1),
+                torch.tensor([0.3]), torch.zeros(1, 3),
+            )  # fmt: skip
+            easel.robot.follow(motion.dip(0))
+            easel.robot.follow(motion.stroke(stroke, 0))
+            wet = studio.table.canvas.wet[..., 0] > 0.003
+            marks.append((np.argwhere(wet).mean(0)[::-1] + 0.5) * studio.table.canvas.cell / 1000)
+        off.append(np.linalg.norm(np.mean(marks, axis=0) - middle))
+    return np.array(off)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_strokes_land_where_they_are_meant_to(seed: int) -> None:
+    studio = opened(seed)
+    easel, found = calibrated(studio)
+    assert len(found.meant) == 16 and found.fit.residual < 0.001
+    assert found.shift == pytest.approx(0.004, abs=0.0005)
+    assert found.turn == pytest.approx(math.radians(2) * (-1) ** seed, abs=math.radians(0.3))
+    assert strokes_off(studio, studio.easel, 2, seed).mean() > 0.003, "without the correction"
+    assert strokes_off(studio, easel, 5, seed).mean() < 0.0005
+    assert found.picture is not None and found.picture.shape[0] == 3
+    assert "16 of 16 dots" in found.sentence
+
+
+@pytest.mark.slow
+def test_two_dots_may_be_missing() -> None:
+    studio = opened(3, faults=Faults(dropped_touches=frozenset([0, 9])))
+    easel, found = calibrated(studio)
+    assert len(found.meant) == 14 and "14 of 16" in found.sentence
+    assert strokes_off(studio, easel, 4, 3).mean() < 0.0005
+
+
+def spotted(easel: Easel, spots: int) -> Easel:
+    """An easel on which paint drips, too, whenever dots are painted."""
+    chance = np.random.default_rng(7)
+    places = chance.uniform(0.02, np.array([SIZE.width, SIZE.height]) - 0.02, (spots, 2))
+
+    class Dripping:
+        dots = 0
+
+        def __getattr__(self, name: str):
+            return getattr(easel.robot, name)
+
+        def follow(self, waypoints):
+            if waypoints.label.startswith("dot"):
+                self.dots += 1
+                if self.dots <= spots:
+                    position = waypoints.position.copy()
+                    there = easel.workspace.to_robot(places[self.dots - 1][None], np.array([0.0]))[0, :2]
+                    position[:, :2] = there
+                    easel.robot.follow(replace(waypoints, position=position, label="drip"))
+            return easel.robot.follow(waypoints)
+
+    return replace(easel, robot=Dripping())
+
+
+@pytest.mark.slow
+def test_spots_that_are_no_dots_are_survived() -> None:
+    studio = opened(4)
+    record = lead(canvas(studio.easel), proposal).enter(studio.easel.calibration)
+    easel = replace(studio.easel, calibration=record)
+    found = lead(robot(spotted(easel, 6)), proposal)
+    assert found.strangers >= 4 and len(found.meant) >= 14 and "do not count" in found.sentence
+    assert strokes_off(studio, replace(easel, calibration=found.enter(record)), 4, 4).mean() < 0.0005
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("faults", "says"),
+    [
+        (Faults(dropped_touches=frozenset(range(16))), "0 were found .* is there paint|0 were found"),
+        (Faults(dropped_touches=frozenset([0, 1, 4, 5])), "lower left quarter"),
+        (Faults(bumps=(Bump(8, (0.012, 0.006)),)), "were found within|off the best placement"),
+    ],
+    ids=["no dots", "a quarter is missing", "the canvas was knocked"],
+)
+def test_what_would_be_a_wrong_placement_is_refused(faults: Faults, says: str) -> None:
+    with pytest.raises(CalibrationError, match=says):
+        lead(robot(opened(6, faults=faults).easel), proposal)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("sign", "says"), [((-1, 1), "mirrored from left"), ((1, -1), "mirrored from top"), ((-1, -1), "upside")]
+)
+def test_a_robot_that_paints_the_wrong_way_round_is_found_out(sign: tuple[int, int], says: str) -> None:
+    easel = opened(6).easel
+    middle = np.array([SIZE.width, SIZE.height]) / 2
+    to_robot = easel.workspace.to_robot
+
+    class Wrong:
+        def __getattr__(self, name: str):
+            return getattr(easel.workspace, name)
+
+        def to_robot(self, position, height):
+            return to_robot((position - middle) * sign + middle, height)
+
+    with pytest.raises(CalibrationError, match=says):
+        lead(robot(replace(easel, workspace=Wrong())), proposal)
+
+
+@pytest.mark.parametrize("size", [CanvasSize(0.12, 0.09), SIZE, CanvasSize(0.279, 0.356), CanvasSize(1.0, 0.3)])
+def test_the_dots_lie_evenly_on_the_canvas_and_look_the_same_from_one_side_only(size: CanvasSize) -> None:
+    places = dot_places(size)
+    assert places.shape == (16, 2)
+    assert (places > 0.05 * np.array([size.width, size.height])).all()
+    assert (places < 0.95 * np.array([size.width, size.height])).all()
+    near = {
+        "reach": 0.12 * min(size.width, size.height),
+        "tolerance": min(0.0025, 0.015 * min(size.width, size.height)),
+    }
+    assert len(match_dots(places, places, **near)) == 16
+    for sign in ((-1, 1), (1, -1), (-1, -1)):
+        turned = places * sign + np.where(np.array(sign) < 0, (size.width, size.height), 0)
+        assert len(match_dots(places, turned, **near)) < 10
+
+
+def test_a_person_is_asked_for_a_canvas_and_may_decline() -> None:
+    easel = opened(0).easel
+
+    class Absent:
+        def fill_wells(self, palette) -> None: ...
+
+        def lay_paper(self) -> bool:
+            return False
+
+    asked = []
+    with pytest.raises(CalibrationError, match="was not calibrated"):
+        lead(robot(replace(easel, operator=Absent())), lambda question: asked.append(question))
+    assert isinstance(asked[0], Confirm) and "16 small black dots" in asked[0].text

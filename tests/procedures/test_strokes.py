@@ -1,0 +1,345 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frida_painter.brush.library import Flaw, StrokeLibrary
+from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.dialogue import Confirm, lead
+from frida_painter.errors import CalibrationError, ConfigError, FrameRejected, FridaError, RobotError
+from frida_painter.procedures.paper import Shapes
+from frida_painter.procedures.strokes import StrokesFinding, strokes, unfinished
+from frida_painter.virtual.faults import Bump, Faults, LightChange, LostFocus
+from papers import KIND, PLACES, dark_bar, paper_studio, proposed, spoiled
+
+COUNT = 7
+
+
+def paint(easel, out=None, *, count=COUNT, answer=proposed, **kwargs) -> StrokesFinding:
+    return lead(strokes(easel, KIND, out, count=count, seed=4, **kwargs), answer)
+
+
+@pytest.fixture(scope="module")
+def undisturbed():
+    progress = []
+    return paint(paper_studio().easel, notify=progress.append), progress
+
+
+@pytest.mark.slow
+def test_each_stroke_is_painted_photographed_and_told(undisturbed):
+    finding, progress = undisturbed
+    assert len(finding.library) == COUNT
+    assert not finding.library.flaws.any()
+    assert [step.done for step in progress] == list(range(1, COUNT + 1))
+    assert progress[-1].sheet == -(-COUNT // PLACES)
+    assert "7 strokes of brush fine, all of them clean" in finding.sentence
+
+
+def test_shapes_are_drawn_from_the_seed_within_the_brushs_limits(undisturbed):
+    library = undisturbed[0].library
+    wanted = Shapes.sampled(KIND, COUNT, 4)
+    np.testing.assert_array_equal(library.length_m, wanted.length.numpy())
+    np.testing.assert_array_equal(library.thickness, wanted.thickness.numpy())
+    assert ((library.length_m >= 0.010) & (library.length_m <= 0.030)).all()
+    assert (np.abs(library.bend_m) <= 0.010).all()
+
+
+def test_marks_are_opaque_lie_along_their_paths_and_leave_the_paper_clean(undisturbed):
+    library = undisturbed[0].library
+    x, y = library.frame.cell_centers().numpy().transpose(2, 0, 1)
+    for mark, length, bend in zip(library.magnitude / 255, library.length_m, library.bend_m, strict=True):
+        fraction = np.linspace(0, 1, 60)[:, None, None]
+        away = np.hypot(x - fraction * length, y - 3 * fraction * (1 - fraction) * bend).min(0)
+        assert mark[away < 0.0008].mean() > 0.7
+        assert mark[away > 0.013].mean() < 0.002
+
+
+def test_a_crop_holds_the_whole_frame_of_the_brush(undisturbed):
+    frame, wanted = undisturbed[0].library.frame, KIND.frame
+    assert frame.left <= wanted.left < wanted.right <= frame.right
+    assert frame.bottom <= wanted.bottom < wanted.top <= frame.top
+
+
+@pytest.mark.slow
+def test_the_contact_sheet_and_the_record(undisturbed, tmp_path):
+    easel = paper_studio().easel
+    assert undisturbed[0].picture.shape[0] == 3
+    with pytest.raises(CalibrationError, match="not saved"):
+        undisturbed[0].enter(easel.calibration)
+    finding = paint(easel, tmp_path / "library.npz", count=2)
+    record = finding.enter(easel.calibration)
+    assert isinstance(record, Calibration) and record.library.path.endswith("library.npz")
+    assert 0 < record.done["strokes"].residual < 0.1
+
+
+@pytest.mark.slow
+def test_a_paper_that_was_moved_costs_one_stroke_and_is_given_up():
+    progress = []
+    shift = 0.003
+    easel = paper_studio(Faults(bumps=(Bump(2, (shift, 0.0)),))).easel
+    finding = paint(easel, notify=progress.append)
+    assert finding.library.flaws.tolist() == [0, Flaw.MOVED, 0, 0, 0, 0, 0]
+    assert [step.sheet for step in progress] == [1, 1, 2, 2, 2, 2, 3]
+    assert "1 is left out (1 paper moved)" in finding.sentence
+
+
+@pytest.mark.slow
+def test_strokes_without_paint_are_found():
+    finding = paint(paper_studio(Faults(dropped_touches=frozenset({1, 4}))).easel)
+    assert np.flatnonzero(finding.library.flaws == Flaw.EMPTY).tolist() == [1, 4]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "change",
+    [
+        LightChange(2, (0.95, 0.9, 0.7)),
+        LightChange(2, (0.8, 0.8, 0.8), lean=(0.15, -0.1)),
+    ],
+)
+def test_another_light_is_taken_out(change, undisturbed):
+    finding = paint(paper_studio(Faults(light_changes=(change,))).easel)
+    assert not finding.library.flaws.any()
+    apart = finding.library.magnitude.astype(float) - undisturbed[0].library.magnitude
+    assert np.abs(apart).mean() / 255 < 0.004
+
+
+def test_a_shadow_with_an_edge_is_no_paint(undisturbed):
+    def shadow(image, number):
+        if number >= 2:
+            image[:, 294:] = (0.9 * image[:, 294:]).astype(np.uint8)
+        return image
+
+    flaws = paint(spoiled(paper_studio(), shadow), count=2).library.flaws
+    assert flaws.tolist() == [0, Flaw.LIGHT]
+
+
+def test_a_photograph_out_of_focus_is_taken_again(undisturbed):
+    finding = paint(paper_studio(Faults(lost_focus=(LostFocus(2, 3),))).easel, count=2)
+    assert not finding.library.flaws.any()
+    expected = undisturbed[0].library.magnitude[:2].astype(float)
+    assert np.abs(finding.library.magnitude - expected).mean() / 255 < 0.004
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", [0, 3])
+def test_a_camera_that_stays_out_of_focus_is_refused_and_the_strokes_are_kept(first, tmp_path):
+    out = tmp_path / "library.npz"
+    with pytest.raises(FrameRejected, match=r"out of focus.*mm"):
+        paint(paper_studio(Faults(lost_focus=(LostFocus(first),))).easel, out)
+    assert len(list(unfinished(out).glob("stroke-*"))) == max(0, first - 1)
+    assert len(paint(paper_studio().easel, out).library) == COUNT
+
+
+def test_something_dark_in_the_picture_is_waited_for_once(undisturbed):
+    def hand(image, number):
+        return dark_bar(image) if number == 2 else image
+
+    assert not paint(spoiled(paper_studio(), hand), count=2).library.flaws.any()
+
+
+@pytest.mark.slow
+def test_something_dark_that_stays_is_a_flaw_and_no_sheet_begins_with_it():
+    def arm(image, number):
+        return dark_bar(image) if number >= 2 else image
+
+    with pytest.raises(FridaError, match="bare"):
+        paint(spoiled(paper_studio(), arm))
+    assert paint(spoiled(paper_studio(), arm), count=2).library.flaws.tolist() == [0, Flaw.DISTURBED]
+
+
+def test_a_paper_elsewhere_than_calibrated_is_refused():
+    easel = paper_studio().easel
+    beside = tuple((x + 20.0, y) for x, y in easel.calibration.corners)
+    with pytest.raises(CalibrationError, match="mm beside"):
+        paint(replace(easel, calibration=replace(easel.calibration, corners=beside)))
+
+
+@pytest.mark.slow
+def test_without_any_paint_it_stops_soon_and_forgets_the_empty_strokes(tmp_path):
+    out = tmp_path / "library.npz"
+    told = []
+    with pytest.raises(CalibrationError, match=r"all dirty.*paint"):
+        paint(paper_studio(Faults(dropped_touches=frozenset(range(2, 99)))).easel, out, count=20, notify=told.append)
+    assert len(told) == 10
+    assert len(list(unfinished(out).glob("stroke-*"))) == 2
+
+
+@pytest.mark.slow
+def test_mostly_dirty_strokes_are_kept_and_refused(tmp_path):
+    out = tmp_path / "library.npz"
+    with pytest.raises(CalibrationError, match="Most strokes are dirty"):
+        paint(paper_studio(Faults(dropped_touches=frozenset({0, 1, 2, 4, 5}))).easel, out)
+    assert (StrokeLibrary.load(out).flaws > 0).sum() >= 4
+
+
+class Operator:
+    """A person, who is asked for paper."""
+
+    def __init__(self, studio):
+        self.studio = studio.easel.operator
+
+    def fill_wells(self, palette):
+        self.studio.fill_wells(palette)
+
+    def lay_paper(self):
+        return False
+
+
+@pytest.mark.slow
+def test_a_person_is_asked_for_every_paper_and_told_why():
+    studio = paper_studio(Faults(bumps=(Bump(1, (0.003, 0.0)),)))
+    asked = []
+
+    def answer(question):
+        asked.append(question)
+        studio.easel.operator.lay_paper()
+        return True
+
+    paint(replace(studio.easel, operator=Operator(studio)), count=3, answer=answer)
+    assert all(isinstance(question, Confirm) and "fresh white paper" in question.text for question in asked)
+    assert len(asked) == 2 and "moved by 3" in asked[1].text
+
+
+@pytest.mark.slow
+def test_a_person_who_forgets_to_change_the_paper_is_asked_again_and_may_give_up(tmp_path):
+    studio = paper_studio()
+    asked = []
+
+    def answer(question):
+        asked.append(question.text)
+        if len(asked) == 3:
+            studio.easel.operator.lay_paper()
+        return len(asked) < 4
+
+    with pytest.raises(CalibrationError, match=r"No fresh paper.*8 strokes are kept"):
+        paint(replace(studio.easel, operator=Operator(studio)), tmp_path / "library.npz", count=9, answer=answer)
+    assert "bare" in asked[2]
+
+
+@pytest.mark.slow
+def test_the_brush_is_refilled_as_often_as_was_asked():
+    studio = paper_studio()
+    library = paint(studio.easel, count=5, refill_every=2).library
+    assert library.since_dip is not None
+    np.testing.assert_array_equal(library.since_dip > 0, [False, True, False, True, False])
+    np.testing.assert_allclose(
+        library.since_dip[1], KIND.width * library.length_m[0] * (0.25 + 0.75 * library.thickness[0])
+    )
+    assert studio.table.tuft.volume < 1  # rinsed and wiped at the end
+    assert studio.table.dips == 3  # before strokes 0 and 2, and before 4, which is the first on the second paper
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dead", [3, 5])
+def test_after_a_robot_died_the_rest_is_painted_on_fresh_paper(dead, tmp_path, undisturbed):
+    out = tmp_path / "library.npz"
+    with pytest.raises(RobotError, match="does not answer"):
+        paint(paper_studio(Faults(dead_from_motion=dead)).easel, out)
+    kept = {path.name: path.read_bytes() for path in unfinished(out).glob("stroke-*")}
+    assert not out.exists()
+    told = []
+    again = paint(paper_studio().easel, out, notify=told.append).library
+    assert len(told) == COUNT - len(kept)
+    assert not unfinished(out).exists()
+    np.testing.assert_array_equal(again.length_m, undisturbed[0].library.length_m)
+    np.testing.assert_array_equal(again.bend_m, undisturbed[0].library.bend_m)
+    assert not again.flaws.any()
+    np.testing.assert_array_equal(again.magnitude[: len(kept)], undisturbed[0].library.magnitude[: len(kept)])
+
+
+class Crash(Exception):
+    pass
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("stage", "call"), [("lay_paper", 1), ("fill_wells", 0), ("capture", 0), ("capture", 2), ("follow", 1), ("home", 3)]
+)
+def test_a_crash_at_any_stage_loses_at_most_the_stroke_that_it_hit(stage, call, tmp_path, monkeypatch):
+    """Fault F26: a crash in the middle of a calibration."""
+    out = tmp_path / "library.npz"
+    studio = paper_studio()
+    part = {"capture": studio.camera, "follow": studio.robot, "home": studio.robot}.get(stage, studio.easel.operator)
+    really, calls = getattr(part, stage), []
+
+    def crashing(*args):
+        calls.append(args)
+        if len(calls) > call:
+            raise Crash
+        return really(*args)
+
+    monkeypatch.setattr(part, stage, crashing)
+    told = []
+    count = 5
+    with pytest.raises(Crash):
+        paint(studio.easel, out, count=count, notify=told.append)
+    monkeypatch.undo()
+    assert len(list(unfinished(out).glob("stroke-*"))) == len(told)
+    assert len(paint(paper_studio().easel, out, count=count).library) == count
+
+
+@pytest.mark.slow
+def test_a_stroke_that_was_damaged_on_the_disk_is_painted_again(tmp_path):
+    out = tmp_path / "library.npz"
+    with pytest.raises(RobotError):
+        paint(paper_studio(Faults(dead_from_motion=8)).easel, out)
+    first = min(unfinished(out).glob("stroke-*"))
+    first.write_bytes(first.read_bytes()[:50])
+    library = paint(paper_studio().easel, out).library
+    assert len(library) == COUNT and library.magnitude[0].max() > 200
+
+
+def test_another_recording_is_not_mixed_in(tmp_path):
+    out = tmp_path / "library.npz"
+    with pytest.raises(RobotError):
+        paint(paper_studio(Faults(dead_from_motion=8)).easel, out)
+    with pytest.raises(ConfigError, match="count 7 and not 9"):
+        paint(paper_studio().easel, out, count=9)
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+from frida_painter.easel.dialogue import lead
+from frida_painter.procedures.strokes import strokes
+from papers import KIND, paper_studio, proposed
+lead(strokes(paper_studio().easel, KIND, Path(sys.argv[1]), count=16, seed=4), proposed)
+"""
+
+
+@pytest.mark.slow
+def test_a_killed_process_leaves_whole_strokes(tmp_path):
+    """Fault F26: a crash in the middle of a calibration."""
+    out = tmp_path / "library.npz"
+    tests = str(next(path for path in sys.path if path.endswith("tests")))
+    process = subprocess.Popen([sys.executable, "-c", SCRIPT, str(out), tests])
+    until = time.monotonic() + 60
+    while len(list(unfinished(out).glob("stroke-*"))) < 3 and time.monotonic() < until:
+        time.sleep(0.02)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    kept = len(list(unfinished(out).glob("stroke-*")))
+    assert 3 <= kept < 16 and not out.exists()
+    told = []
+    finding = paint(paper_studio().easel, out, count=16, notify=told.append)
+    assert len(finding.library) == 16 and len(told) == 16 - kept
+    assert [path.name for path in tmp_path.iterdir()] == ["library.npz"]
+
+
+def test_a_paper_that_is_too_small_is_refused():
+    with pytest.raises(ConfigError, match="no room"):
+        paint(paper_studio(size=CanvasSize(0.04, 0.03)).easel, count=1)
+
+
+@pytest.mark.parametrize("wrong", [{"count": 0}, {"count": -1}, {"count": 10**6}, {"refill_every": 0}])
+def test_arguments_out_of_range_are_refused(wrong):
+    with pytest.raises(ConfigError, match=str(next(iter(wrong.values())))):
+        paint(paper_studio().easel, **wrong)

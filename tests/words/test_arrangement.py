@@ -1,0 +1,218 @@
+"""Where things stand to each other."""
+
+import itertools
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as some
+from torch import Tensor
+
+from frida_painter.words.arrangement import Known, Placed, ScenePart, arranged, copies
+from frida_painter.words.reading import Relation
+
+
+def thing(color: int, height: float, where: str = "ground", shape: tuple[int, int] = (40, 40)) -> ScenePart:
+    picture = torch.zeros(4, *shape)
+    picture[3], picture[color] = 1, 1
+    return ScenePart(picture, Known("thing", height, where))
+
+
+def table() -> ScenePart:
+    picture = torch.zeros(4, 40, 60)
+    picture[2, :], picture[3, :8], picture[3, :, :4], picture[3, :, -4:] = 1, 1, 1, 1
+    return ScenePart(picture, Known("table", 0.8, "ground"))
+
+
+def put(word: str, first: ScenePart, second: ScenePart) -> tuple[Placed, Placed]:
+    placed = arranged([first, second], [Relation(0, word, 1)])
+    (one,) = [item for item in placed if item.picture is first.picture]
+    (other,) = [item for item in placed if item.picture is second.picture]
+    return one, other
+
+
+def test_on_stands_on_top_in_front() -> None:
+    cat, sofa = put("on", thing(0, 0.3), thing(1, 0.9, shape=(40, 80)))
+    assert sofa.y == 0 and 0.8 * sofa.height <= cat.y <= sofa.height and cat.depth > sofa.depth
+    assert abs(cat.x - sofa.x) < sofa.width / 2
+
+
+def test_a_small_thing_on_a_large_one_is_seen_still() -> None:
+    snail, elephant = put("on", thing(0, 0.03), thing(1, 3.2))
+    assert snail.height >= 0.3 * elephant.height
+
+
+def test_under_a_table_is_between_its_legs_and_under_the_moon_is_below_it() -> None:
+    dog, over = put("under", thing(0, 0.6), table())
+    assert dog.y == over.y == 0 and dog.height <= 0.5 * over.height and dog.depth > over.depth
+    castle, moon = put("under", thing(0, 25), thing(1, 100, "air"))
+    assert moon.y > 0.5 * castle.height and moon.height < castle.height
+
+
+def test_a_kite_that_is_flown_is_in_the_air_and_a_ball_that_is_kicked_is_not() -> None:
+    boy, kite = put("flying", thing(0, 1.2), thing(1, 0.6, "air"))
+    assert kite.y > 0.5 * boy.height
+    boy, ball = put("kicking", thing(0, 1.2), thing(1, 0.2))
+    assert ball.y == boy.y
+
+
+def test_what_is_held_is_held_up_and_does_not_hide_who_holds_it() -> None:
+    woman, umbrella = put("with", thing(0, 1.7, shape=(60, 24)), thing(1, 1.0, "held"))
+    assert woman.y == 0 and 0.3 * woman.height < umbrella.y < 0.6 * woman.height
+    assert umbrella.height <= 0.8 * woman.height and umbrella.depth < woman.depth
+    (beach,) = arranged([thing(1, 1.0, "held")], [])
+    assert beach.y == 0, "by itself it stands"
+
+
+def test_a_guitar_is_played_in_the_hands_and_a_piano_stands() -> None:
+    man, guitar = put("playing", thing(0, 1.75, shape=(60, 24)), thing(1, 1.0))
+    assert guitar.depth > man.depth and man.y < guitar.y and guitar.y + guitar.height < man.y + man.height
+    man, piano = put("playing", thing(0, 1.75, shape=(60, 24)), thing(1, 1.7))
+    assert piano.y == man.y and piano.x > man.x + 0.5 * man.width
+
+
+def test_what_is_on_a_thing_that_faces_us_lies_before_it() -> None:
+    spider, web = put("on", thing(0, 0.03), thing(1, 0.5, "facing"))
+    assert spider.y > web.y and spider.y + spider.height < web.y + web.height and spider.depth > web.depth
+    assert spider.x == web.x and spider.height < 0.5 * web.height
+
+
+def test_under_a_boat_is_below_it_and_who_eats_from_a_tree_is_not_in_it() -> None:
+    whale, boat = put("under", thing(0, 4.0, "water", shape=(30, 60)), thing(1, 2.0, "water"))
+    assert whale.y + whale.height <= boat.y + 0.1 * whale.height
+    parts = [thing(0, 5.0), thing(1, 0.1), thing(2, 8.0)]
+    said = [Relation(0, "eating", 1), Relation(0, "from", 2)]
+    giraffe, tree = (next(one for one in arranged(parts, said) if one.picture is part.picture) for part in parts[::2])
+    assert giraffe.y == tree.y and abs(giraffe.x - tree.x) >= 0.5 * (giraffe.width + tree.width)
+    smoke, chimney = put("from", thing(0, 2.0), thing(1, 1.0))
+    assert smoke.y > chimney.y + 0.5 * chimney.height
+
+
+@pytest.mark.parametrize("word", ["with", "in", "wearing"])
+def test_a_hat_is_on_the_head_which_is_the_highest_part(word: str) -> None:
+    parts = [thing(0, 0.6, shape=(40, 80)), thing(1, 0.2, "head", shape=(20, 40))]
+    dog = parts[0].picture
+    dog[3, :20], dog[3, 1:20, 4:10], dog[3, :20, 60:72] = 0, 1, 1  # a tail, and a head that is a little higher
+    placed = arranged(parts, [Relation(0, word, 1)])
+    below, hat = (next(one for one in placed if one.picture is part.picture) for part in parts)
+    head = below.x + (66 / 80 - 0.5) * below.width
+    assert abs(hat.x - head) < 0.03 * below.width and hat.depth > below.depth
+    assert below.y + 0.8 * below.height < hat.y < below.y + below.height < hat.y + hat.height
+    assert 0.15 * below.width < hat.width < 0.3 * below.width
+
+
+def test_an_umbrella_is_over_who_is_under_it_and_the_moon_is_high_that_is_howled_at() -> None:
+    elephant, umbrella = put("under", thing(0, 3.2, shape=(40, 60)), thing(1, 1.0, "held", shape=(60, 60)))
+    assert umbrella.width > elephant.width and umbrella.y > elephant.y + 0.7 * elephant.height
+    wolf, moon = put("at", thing(0, 0.8), thing(1, 100.0, "air"))
+    assert moon.y > wolf.y + 0.5 * wolf.height
+
+
+def test_who_reads_under_a_tree_is_before_it() -> None:
+    parts = [thing(0, 1.4), thing(1, 0.2), thing(2, 8.0)]
+    placed = arranged(parts, [Relation(0, "reading", 1), Relation(0, "under", 2)])
+    girl, book, tree = (next(one for one in placed if one.picture is part.picture) for part in parts)
+    assert girl.depth > tree.depth and girl.y < tree.y + 0.2 * tree.height and book.y < tree.y + 0.2 * tree.height
+
+
+def test_over_is_above_and_behind_is_hidden() -> None:
+    bee, flower = put("above", thing(0, 0.015, "air"), thing(1, 0.4))
+    assert bee.y >= flower.height
+    rabbit, tree = put("behind", thing(0, 0.3), thing(1, 8))
+    assert rabbit.depth < tree.depth and abs(rabbit.x - tree.x) > 0.2 * tree.width
+
+
+@pytest.mark.parametrize(
+    ("widths", "rim"),
+    [
+        ((40, 40, 40, 40), 1.0),
+        ((8, 8, 40, 36), 0.5),
+        ((4, 30, 4, 40), 0.25),
+        ((40, 30, 8, 20), 1.0),
+    ],
+    ids=["bowl", "handle", "sail", "foot"],
+)
+def test_what_is_in_something_looks_out_over_its_rim(widths: tuple[int, ...], rim: float) -> None:
+    picture = torch.zeros(4, 40, 40)
+    for row, width in enumerate(widths):
+        picture[:, 10 * row : 10 * row + 10, 20 - width // 2 : 20 + width // 2] = 1
+    apples, bowl = put("in", thing(0, 0.08), ScenePart(picture, Known("bowl", 0.15, "ground")))
+    assert apples.depth > bowl.depth and apples.height <= 0.8 * bowl.height
+    assert apples.y + apples.hidden * apples.height == pytest.approx(rim * bowl.height)
+
+
+def test_flowers_are_wider_than_the_neck_that_they_look_out_of() -> None:
+    vase = torch.zeros(4, 40, 40)
+    vase[:, 20:, 8:32] = 1
+    vase[:, :20, 15:25] = 1
+    flowers, before = put("in", thing(0, 0.3, shape=(20, 60)), ScenePart(vase, Known("vase", 0.3, "ground")))
+    handled = vase.clone()
+    handled[:, 4:20, 18:22] = 0
+    eggs, basket = put("in", thing(0, 0.3, shape=(20, 60)), ScenePart(handled, Known("basket", 0.3, "ground")))
+    assert flowers.width > 1.2 * basket.width > 1.2 * eggs.width
+    assert flowers.y > eggs.y and eggs.depth > basket.depth
+    assert flowers.depth < before.depth and flowers.hidden == 0, "they hang over its sides, and it hides the rest"
+
+
+def test_a_bowl_of_apples_holds_them() -> None:
+    bowl, apples = put("of", thing(0, 0.15, shape=(20, 40)), thing(1, 0.08))
+    assert apples.hidden > 0 and bowl.hidden == 0 and apples.x == bowl.x and bowl.y < apples.y < bowl.height
+
+
+@pytest.mark.parametrize("word", ["on", "in"])
+def test_two_on_one_thing_are_side_by_side(word: str) -> None:
+    parts = [thing(0, 0.5), thing(1, 0.5), thing(2, 0.6, shape=(20, 40))]
+    placed = arranged(parts, [Relation(0, word, 2), Relation(1, word, 2)])
+    (holder,) = [one for one in placed if one.picture is parts[2].picture]
+    left, right = sorted((one for one in placed if one is not holder), key=lambda one: one.x)
+    assert left.x + left.width / 2 <= right.x - right.width / 2 + 1e-6
+    assert left.x >= holder.x - holder.width / 2 and right.x <= holder.x + holder.width / 2
+    tops = {one.y + one.hidden * one.height for one in (left, right)}
+    assert max(tops) - min(tops) < 1e-6 and (word == "on" or left.hidden > 0)
+
+
+@pytest.mark.parametrize("word", ["beside", "next to", "and then some"])
+def test_beside_does_not_hide(word: str) -> None:
+    one, other = put(word, thing(0, 1.0), thing(1, 1.0))
+    assert abs(one.x - other.x) >= (one.width + other.width) / 2 and one.y == other.y
+
+
+def test_what_has_no_relation_stands_beside_and_what_has_no_picture_is_left_out() -> None:
+    placed = arranged([thing(0, 1), None, thing(1, 1), thing(2, 1)], [Relation(0, "on", 1)])
+    edges = sorted((one.x - one.width / 2, one.x + one.width / 2) for one in placed)
+    assert len(placed) == 3 and all(left >= right for (_, right), (left, _) in itertools.pairwise(edges))
+    assert arranged([None], []) == []
+
+
+NUMBERS, WORDS = some.integers(0, 3), some.sampled_from(["on", "in", "under", "over", "behind", "with", "of", "x"])
+
+
+@given(some.lists(some.tuples(NUMBERS, WORDS, NUMBERS), max_size=6))
+def test_any_relations_place_every_thing_once(said: list[tuple[int, str, int]]) -> None:
+    parts = [thing(0, 0.1), table(), thing(1, 20), thing(2, 1, "air")]
+    placed = arranged(parts, [Relation(*one) for one in said])
+    assert sorted(id(one.picture) for one in placed) == sorted(id(part.picture) for part in parts)
+    assert all(one.height > 0 for one in placed)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 7, 12])
+@pytest.mark.parametrize("where", ["ground", "air"])
+def test_copies_are_all_there(count: int, where: str) -> None:
+    drawing = thing(0, 1).picture
+    together = copies([drawing], count, where, seed=3)
+    assert together.shape[0] == 4 and float(together.min()) >= 0 and float(together.max()) <= 1
+    one = _area(copies([drawing], 1, where, seed=3)) * (256 / 40) ** 2
+    assert count * 0.35 * one <= _area(together) + (count == 1) * one <= (count + 1) * one
+    assert torch.equal(together, copies([drawing], count, where, seed=3)), "the same seed, the same place"
+
+
+def _area(drawing: Tensor) -> float:
+    return float(drawing[3].sum())
+
+
+def test_several_pictures_take_turns() -> None:
+    red, blue = (thing(0, 1).picture.clone() for _ in range(2))
+    red[:3], blue[:3] = torch.tensor([1.0, 0, 0])[:, None, None], torch.tensor([0, 0, 1.0])[:, None, None]
+    together = copies([red, torch.nn.functional.pad(blue, (7, 3))], 3, "ground", seed=1)
+    seen = together[:3] * together[3:]
+    assert float(seen[0].sum()) > 1.2 * float(seen[2].sum()) > 0, "two are red and one is blue"

@@ -1,0 +1,107 @@
+import pytest
+import torch
+
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.interpretation import prepare
+from frida_painter.objectives.objective import Goal
+from frida_painter.words.meaning import Text, distance_to
+from frida_painter.words.text import TextTerm
+from networks import QuickEncoders, random_reader
+from scenes import CANVAS
+
+
+class Toy:
+    """Sees the mean colour, and reads the names of colours."""
+
+    name, side = "toy", 24
+
+    def reads_all(self, prompt: str) -> bool:
+        return True
+
+    def embed_text(self, prompt: str) -> torch.Tensor:
+        return torch.eye(3)[["red", "green", "blue"].index(prompt)]
+
+    def embed_pictures(self, pictures: torch.Tensor) -> torch.Tensor:
+        return torch.nn.functional.normalize(pictures.mean((2, 3)), dim=1)
+
+
+def flat(*color: float) -> torch.Tensor:
+    return torch.tensor(color, dtype=torch.float32)[:, None, None].expand(3, 30, 40).contiguous()
+
+
+def test_distance_is_the_cosine_distance_of_the_meanings() -> None:
+    apart = distance_to("red", Toy())(torch.stack((flat(1, 0, 0), flat(0, 1, 0), flat(1, 1, 0))))
+    assert torch.allclose(apart, torch.tensor([0.0, 1.0, 1 - 0.5**0.5]), atol=1e-6)
+
+
+def test_the_nearer_to_the_words_the_less() -> None:
+    red = Text("red", [Toy()], seed=0)
+    assert float(red.validation(flat(0.9, 0.1, 0.1))) < float(red.validation(flat(0.5, 0.5, 0.5)))
+    assert float(red(flat(0.9, 0.1, 0.1))) < float(red(flat(0.1, 0.1, 0.9)))
+
+
+def test_views_come_from_the_seed_and_the_judge_is_steady() -> None:
+    picture = torch.rand(3, 30, 40, generator=torch.Generator().manual_seed(1))
+    one, two, other = (Text("red", [Toy()], seed=seed) for seed in (3, 3, 4))
+    assert [float(one(picture)) for _ in range(3)] == [float(two(picture)) for _ in range(3)]
+    assert float(one(picture)) != float(other(picture))
+    assert float(one.validation(picture)) == float(one.validation(picture))
+
+
+def test_readers_take_turns() -> None:
+    class Other(Toy):
+        asked = 0
+
+        def embed_pictures(self, pictures: torch.Tensor) -> torch.Tensor:
+            Other.asked += 1
+            return super().embed_pictures(pictures)
+
+    both = Text("red", [Toy(), Other()], seed=0)
+    for _ in range(4):
+        both(flat(0.5, 0.5, 0.5))
+    assert Other.asked == 2
+
+
+def test_class_names_give_a_slope_to_every_picture() -> None:
+    picture = torch.rand(3, 40, 50, generator=torch.Generator().manual_seed(1)).requires_grad_()
+    Text("a lighthouse", [random_reader()], seed=0)(picture).backward()
+    assert torch.isfinite(picture.grad).all() and float(picture.grad.abs().max()) > 0
+
+
+def test_words_that_are_cut_off_are_told_of_once() -> None:
+    encoders, grid = QuickEncoders(), PixelGrid.of_height(CANVAS, 24)
+    prepare(Goal((TextTerm("ship " * 200),)), grid, encoders)
+    assert not encoders.remarks
+    prepare(Goal((TextTerm("ship " * 300), TextTerm("ship " * 300))), grid, encoders)
+    (remark,) = encoders.remarks
+    assert "the last were cut off" in remark and len(remark) < 120
+
+
+def test_what_is_seen_is_square_and_not_squeezed() -> None:
+    class Circle(Toy):
+        def embed_pictures(self, pictures: torch.Tensor) -> torch.Tensor:
+            dark = pictures[0, 0] < 0.5
+            assert abs(int(dark.any(0).sum()) - int(dark.any(1).sum())) <= 1
+            return super().embed_pictures(pictures)
+
+    y, x = torch.meshgrid(torch.arange(60) - 29.5, torch.arange(120) - 59.5, indexing="ij")
+    disc = ((x.square() + y.square()).sqrt() > 20).float().expand(3, -1, -1)
+    words = Text("red", [Circle()], seed=0)
+    words._views[0]._maps = torch.eye(3).expand(24, 3, 3)
+    words.validation(disc)
+
+
+def test_what_is_seen_in_the_beginning_is_kept() -> None:
+    begun, other = torch.rand(2, 3, 40, 50, generator=torch.Generator().manual_seed(1)).unbind()
+    plain, kept = (Text("a lighthouse", [random_reader()], 0, picture) for picture in (None, begun))
+    assert float(kept.validation(begun)) == pytest.approx(float(plain.validation(begun)), abs=1e-4)
+    changed = other.clone().requires_grad_()
+    more = kept.validation(changed) - plain.validation(other)
+    torch.autograd.backward(more)
+    assert float(more.detach()) > 1e-3
+    assert changed.grad is not None and float(changed.grad.abs().max()) > 0
+
+
+def test_only_readers_by_class_names_keep_to_the_beginning() -> None:
+    red = Text("red", [Toy()], 0, flat(0, 0, 1))
+    assert float(red.validation(flat(1, 0, 0))) < 1e-6

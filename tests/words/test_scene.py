@@ -1,0 +1,150 @@
+"""Scenes of pictures made up here: an ibex before rocks fills its picture, a tree and a goat stand free."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import torch
+from torch import Tensor
+
+from frida_painter.frames import PixelGrid
+from frida_painter.words.composition import ComposedScene
+from frida_painter.words.libraries import Captioned
+from frida_painter.words.reading import Reading, Relation, Thing
+from frida_painter.words.retrieval import FoundPicture, PictureIndex
+from frida_painter.words.scene import scene_of
+from networks import QuickEncoders, WordBag
+from scenes import CANVAS
+
+GRID = PixelGrid.of_height(CANVAS, 48)
+TREE, GOAT = Thing("tree", "tree"), Thing("goat", "goat")
+IBEX, PANDA = Thing("ibex", "ibex"), Thing("panda", "panda", "red")
+
+
+class Pictures:
+    name, credit, is_own = "pictures", "", False
+
+    def captioned(self) -> Sequence[Captioned]:
+        return [Captioned(said, (said,), 0.8) for said in ("ibex", "red panda", "panda", "tree", "goat")]
+
+    def pictures(self, file: str) -> list[Tensor]:
+        picture = torch.rand(4, 60, 90, generator=torch.Generator().manual_seed(1))
+        picture[3] = 1
+        if file in ("tree", "goat", "panda"):
+            picture[3, :20, :40] = 0
+        return [picture]
+
+
+class OwnPictures(Pictures):
+    name, is_own = "your pictures", True
+
+
+def encoders(folder: Path, reading: Reading, library: Pictures | None = None) -> QuickEncoders:
+    index, quick = PictureIndex([library or Pictures()], WordBag(), folder), QuickEncoders()
+    quick.own["picture index"] = index
+    quick.own["prompt reader"] = SimpleNamespace(read=lambda prompt: reading)
+    return quick
+
+
+def filled(scene: ComposedScene) -> bool:
+    """Whether no paper is left at the sides."""
+    return float(scene.picture[:, :, [0, -1]].amin()) < 0.9
+
+
+@pytest.mark.parametrize("thing", [IBEX, PANDA])
+def test_what_only_a_picture_with_a_ground_shows_fills_the_canvas(tmp_path: Path, thing: Thing) -> None:
+    seen = encoders(tmp_path, Reading((thing, TREE), (Relation(0, "under", 1),)))
+    scene = scene_of("under a tree", GRID, seen, 0)
+    assert filled(scene) and not scene.is_alone
+    assert "tree could not be added" in seen.remarks[1]
+
+
+def test_what_a_table_is_with_stands_on_it_and_not_beside(tmp_path: Path) -> None:
+    class Furnished(Pictures):
+        def captioned(self) -> Sequence[Captioned]:
+            return [Captioned(said, (said,), 0.8) for said in ("desk", "lamp")]
+
+        def pictures(self, file: str) -> list[Tensor]:
+            picture = torch.zeros(4, 40, 60 if file == "desk" else 30)
+            picture[0 if file == "desk" else 2], picture[3, 2:] = 0.8, 1
+            return [picture]
+
+    desk, lamp = Thing("desk", "desk"), Thing("lamp", "lamp")
+    seen = encoders(tmp_path, Reading((desk, lamp), (Relation(0, "with", 1),)), Furnished())
+    picture = scene_of("a desk with a lamp", GRID, seen, 0).picture
+    is_desk, is_lamp = picture[0] > picture[2] + 0.3, picture[2] > picture[0] + 0.3
+    rows = torch.arange(GRID.rows, dtype=torch.float32)[:, None].expand_as(picture[0])
+    assert rows[is_lamp].mean() < rows[is_desk].mean() - 4, "the lamp is higher"
+
+
+def test_what_shows_one_thing_stands_for_no_other_beside_it(tmp_path: Path) -> None:
+    class Kings(PictureIndex):
+        def find(self, thing: Thing, *others: object, **further: object) -> FoundPicture | None:
+            if further.get("shows"):
+                return None
+            return FoundPicture(Pictures().pictures("goat")[0], "king", Pictures(), 0.6, thing.noun == "king")
+
+    king, throne = Thing("king", "king"), Thing("throne", "throne")
+    seen = encoders(tmp_path, Reading((king, throne), (Relation(0, "on", 1),)))
+    seen.own["picture index"] = Kings([Pictures()], WordBag(), tmp_path)
+    scene_of("a king on a throne", GRID, seen, 0)
+    assert seen.remarks[0].startswith("Begun with 'king' (pictures)") and seen.remarks[0].count("'king'") == 1
+    assert "No picture of 'throne'" in seen.remarks[1]
+
+
+def test_what_stands_free_stands_among_others(tmp_path: Path) -> None:
+    seen = encoders(tmp_path, Reading((GOAT, TREE), (Relation(0, "under", 1),)))
+    assert not filled(scene_of("a goat under a tree", GRID, seen, 0))
+    assert "'goat' (pictures) and 'tree' (pictures)" in seen.remarks[0] and len(seen.remarks) == 1
+
+
+@pytest.mark.parametrize("colored", [True, False])
+def test_a_picture_of_two_things_without_colour_gives_way_to_one_of_each(tmp_path: Path, colored: bool) -> None:
+    class Drawn(Pictures):
+        def captioned(self) -> Sequence[Captioned]:
+            return [*super().captioned(), Captioned("both", ("goat on tree",), 0.0)]
+
+        def pictures(self, file: str) -> list[Tensor]:
+            if file != "both":
+                return super().pictures(file)
+            drawing = torch.zeros(4, 60, 90)
+            drawing[0], drawing[3, 20:] = 0.8 * colored, 1
+            return [drawing]
+
+    seen = encoders(tmp_path, Reading((GOAT, TREE), (Relation(0, "on", 1),)), Drawn())
+    scene_of("a goat on a tree", GRID, seen, 0)
+    assert ("goat on tree" in seen.remarks[0]) == colored
+    assert ("'goat' (pictures) and 'tree' (pictures)" in seen.remarks[0]) != colored
+
+
+def test_among_others_a_thing_that_is_not_the_first_has_no_ground(tmp_path: Path) -> None:
+    seen = encoders(tmp_path, Reading((GOAT, IBEX), (Relation(0, "beside", 1),)))
+    scene_of("a goat beside an ibex", GRID, seen, 0)
+    assert "'goat'" in seen.remarks[0] and "No picture of 'ibex'" in seen.remarks[1]
+
+
+def test_a_picture_of_a_persons_own_fills_the_canvas_where_it_is_all_there_is(tmp_path: Path) -> None:
+    alone = encoders(tmp_path, Reading((IBEX,)), OwnPictures())
+    assert filled(scene_of("an ibex", GRID, alone, 0))
+    snow = encoders(tmp_path, Reading((IBEX, Thing("snow", "snow")), (Relation(0, "in", 1),)), OwnPictures())
+    assert filled(scene_of("an ibex in snow", GRID, snow, 0)) and not any("fade" in one for one in snow.remarks)
+    among = encoders(tmp_path, Reading((IBEX, GOAT), (Relation(0, "beside", 1),)), OwnPictures())
+    assert not filled(scene_of("an ibex beside a goat", GRID, among, 0))
+    assert any("whose edges fade" in remark for remark in among.remarks)
+
+
+def test_a_time_of_the_day_that_is_named_alone_is_a_landscape_and_no_thing(tmp_path: Path) -> None:
+    seen = encoders(tmp_path, Reading((Thing("peaceful morning", "morning"),)))
+    scene_of("a peaceful morning", GRID, seen, 0)
+    assert "on hills, dawn" in seen.remarks[0] and "morning" not in seen.remarks[0]
+    assert not any("No picture of 'peaceful morning'" in remark for remark in seen.remarks)
+
+
+def test_a_colour_is_not_told_from_a_photographs_ground(tmp_path: Path) -> None:
+    blue = encoders(tmp_path, Reading((Thing("panda", "panda", "blue"),)))
+    scene_of("a blue panda", GRID, blue, 0)
+    assert "'panda' (pictures)" in blue.remarks[0], "which stands free, and can be coloured"
+    ibex = encoders(tmp_path, Reading((Thing("ibex", "ibex", "gray"),)))
+    scene_of("a gray ibex", GRID, ibex, 0)
+    assert "'ibex' (pictures)" in ibex.remarks[0], "rather than none"
