@@ -15,10 +15,6 @@ PARTS = (
     ("cli", "web"),
     ("session", "easel", "procedures", "runs", "report"),
 )
-    ("lab", "benchmarks", "examples", "docs"),
-    ("cli", "web"),
-    ("session", "easel", "procedures", "runs", "report"),
-)
 NO_TESTS = 5  # exit status of pytest
 
 

@@ -1,10 +1,13 @@
 """Which photographs a painting trusts: those of normal paintings, and none that shows something else."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from frida_painter.errors import PaintingPaused
+from frida_painter.perception import frame_check
+from frida_painter.perception.registration import Motion, Registration, Verdict
 from frida_painter.plan import Plan
 from frida_painter.session.events import Event, LastLookDoubted, Paused
 from frida_painter.session.journal import Journal
@@ -88,6 +91,31 @@ def test_a_painting_whose_strokes_are_all_painted_is_finished_whatever_its_last_
     assert reason in doubted.reason and painting.remark == doubted.sentence
     assert painting.painted == STROKES and painting.photograph.shape[0] == 3
     assert not [event for event in heard if isinstance(event, Paused)]
+
+
+def test_what_is_doubtful_is_looked_at_again_in_the_studio_and_asked_about_once_at_a_real_easel(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    doubt = Registration(Verdict.UNSURE, Motion(0.001), Motion(0.001), 1.0)
+    monkeypatch.setattr(frame_check, "register", lambda *args: doubt)
+    asked: list[Paused] = []
+    session, studio = world.session(tmp_path / "studio", Journal.nowhere())
+    assert session.run(STROKES, 3).painted == STROKES
+    studio.close()
+    for go_on, painted in ((True, STROKES), (False, None)):
+        asked.clear()
+        session, studio = world.session(tmp_path / str(go_on), Journal.nowhere())
+        real = replace(studio.easel, simulated=False)
+        session.observer.easel = session.brushwork.easel = real
+        session.interruptions._go_on = lambda paused, go_on=go_on: asked.append(paused) or go_on
+        if painted is None:
+            with pytest.raises(PaintingPaused, match="does not tell whether the canvas is still where it was"):
+                session.run(STROKES, 3)
+            assert len(asked) == 1
+        else:
+            assert session.run(STROKES, 3).painted == painted
+            assert [paused.done for paused in asked] == [4, 8, 12, 12]  # at every look once, and at the end
+        studio.close()
 
 
 @pytest.mark.slow

@@ -505,9 +505,9 @@ def _best(fine: _Scene, size: CanvasSize) -> tuple[Motion, NDArray[np.float64]]:
         motion, _ = coarse.refine(start, noises, grows=start.growth != 0)
         found.append(motion if motion.corner_shift(size) < 2 * _REACH else start)
     coarsely = min(found, key=lambda motion: float(fine.misfit(motion).sum()))
-    noises = (_SOFTEST / 4, _NOISE, _NOISE, _NOISE)
-    known = [fine.refine(start, noises, grows=start.growth != 0) for start in {coarsely, Motion()}]
-    known.append(fine.refine(min(known, key=lambda each: float(fine.misfit(each[0]).sum()))[0], noises[1:]))
+    closer = (_SOFTEST / 4, _NOISE, _NOISE, _NOISE)
+    known = [fine.refine(start, closer, grows=start.growth != 0) for start in dict.fromkeys((coarsely, Motion()))]
+    known.append(fine.refine(min(known, key=lambda each: float(fine.misfit(each[0]).sum()))[0], closer[1:]))
     loss = {Motion(): (float(fine.misfit(Motion()).sum()), known[-1][1])}
     loss |= {motion: (float(fine.misfit(motion).sum()), covariance) for motion, covariance in known}
     best = min(loss, key=lambda motion: loss[motion][0])
