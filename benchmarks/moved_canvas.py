@@ -160,7 +160,7 @@ class Painter:
         self, edge: str, ground: tuple[float, float, float], size: CanvasSize, seed: int, strokes: int, moves: int
     ) -> None:
         self._random = np.random.default_rng((seed, EDGES.index(edge), int(255 * sum(ground))))
-        self._edge, self._ground, self._size, self._moves = edge, ground, size, moves
+        self._edge, self._ground, self._size, self._moves, self._seed = edge, ground, size, moves, seed
         picture = picture_with(edge, np.random.default_rng((seed, EDGES.index(edge))))
         self.plan = rough_plan(picture, size, ground, strokes, seed)
         self._planner = Planner(
@@ -211,6 +211,8 @@ class Painter:
                 table.knock = motion
                 yield from self._by_cameras(name, way, motion, first, before, expected)
             table.knock = _STILL
+            if self._moves:
+                yield from self._by_turned_camera(name, first, before, expected)
             placement = self._brushwork.placement
             canvas = self._seen(light)
             if expected is not None:
@@ -222,6 +224,16 @@ class Painter:
         now: list[NDArray[np.uint8] | None] = [None] * len(self._cameras)
         now[number] = _photograph(self._cameras[number])
         yield from self._looks_of(name, way, motion, first, before, now, expected)
+
+    def _by_turned_camera(self, name: str, first: Any, before: Any, expected: Any) -> Iterator[Look]:
+        """One of the cameras, turned by half a degree or a whole one about its axis."""
+        number = int(self._random.integers(len(self._cameras)))
+        turn = math.radians(self._random.choice((0.5, 1.0))) * self._random.choice((-1, 1))
+        spec = CAMERAS[number]
+        turned = _camera(self.studio, replace(spec, roll=spec.roll + turn), self._seed + number)
+        now: list[NDArray[np.uint8] | None] = [None] * len(self._cameras)
+        now[number] = _photograph(turned)
+        yield from self._looks_of(name, "camera turned", PlacementError((0.0, 0.0), turn), first, before, now, expected)
 
     def _looks_of(
         self, name: str, way: str, motion: PlacementError, first: Any, before: Any, now: Any, expected: Any
@@ -328,7 +340,9 @@ def main() -> None:
     parser.add_argument("--grounds", type=int, default=3, help="of each picture")
     options = parser.parse_args()
     torch.set_num_threads(1)
-    edges, strokes = (EDGES[:1], 24) if options.quick else (EDGES, options.strokes)
+    edges, strokes = EDGES, options.strokes
+    if options.quick:
+        edges, strokes, options.grounds, options.moves = ("framed",), 60, 2, 2
     size, random = CanvasSize.of(options.canvas), np.random.default_rng(options.seed)
     counts: dict[tuple[str, str], Count] = {}
     missed: list[str] = []

@@ -82,6 +82,17 @@ def test_forecasts_stand_beside_what_was_painted(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_no_canvas_that_lies_still_is_said_to_have_moved_and_those_that_moved_are_found(tmp_path):
+    figures = tmp_path / "figures.json"
+    command = [sys.executable, str(BENCHMARKS / "moved_canvas.py"), "--quick", "--seed", "300", "--json", str(figures)]
+    subprocess.run(command, check=True, capture_output=True, timeout=600)
+    found = json.loads(figures.read_text())["figures"]
+    assert found["still"] >= 21 and found["false"] == 0
+    assert found["missed"] == []
+
+
+@pytest.mark.slow
 def test_paintings_of_two_checkouts_lie_side_by_side_on_a_sheet(tmp_path):
     command = [sys.executable, str(BENCHMARKS / "side_by_side.py"), "--quick", "--against", str(BENCHMARKS.parent)]
     command += ["--folder", str(tmp_path), "--json", str(tmp_path / "figures.json")]

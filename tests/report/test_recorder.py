@@ -1,5 +1,6 @@
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -136,6 +137,12 @@ def test_the_plan_on_record_is_what_was_painted(tmp_path: Path) -> None:
     page, result = recorded(tmp_path, evening, whole())
     assert page is not None and "1.2 mm lower" in page.read_text() and "0.5 mm" not in page.read_text()
     assert result["plan_digest"] == FIRST.part(slice(6)).followed_by(SECOND).digest
+
+
+def test_what_is_to_be_said_of_the_last_photograph_is_on_the_page(tmp_path: Path) -> None:
+    page, result = recorded(tmp_path, an_evening(), replace(whole(), remark="The last photograph is blurred."))
+    assert page is not None and "The last photograph is blurred." in page.read_text()
+    assert result["stopped"] is False
 
 
 def test_a_painting_that_was_stopped_tells_what_there_is(tmp_path: Path) -> None:

@@ -16,13 +16,12 @@ if TYPE_CHECKING:  # pages and help know this kind without what computes it
 def _open_sawyer(order: "EaselOrder") -> OpenEasel:
     """With a film of the arm at work where one is ordered."""
     from frida_painter.sawyer.arm import SAWYER
-    from frida_painter.sawyer.surroundings import Meshes
 
     studio, easel = furnished(order, SAWYER)
     if order.film and order.folder is not None:
         with contextlib.suppress(ImportError):  # connecting the arm says what to install
             from frida_painter.sawyer.film import ArmFilm
-            from frida_painter.sawyer.surroundings import Surroundings
+            from frida_painter.sawyer.surroundings import Meshes, Surroundings
 
             seen = None if order.meshes is None else Meshes.in_folder(order.meshes)
             before = Surroundings(easel.workspace, order.canvas, seen)
