@@ -31,7 +31,7 @@ import torch
 from PIL import Image
 
 from frida_painter import __main__ as program
-from frida_painter.cli.commands import COMMANDS
+from frida_painter.cli.commands import all_commands
 
 _LEFT_OUT = {("studio",), ("models", "fetch")}  # one serves until it is ended, the other waits for a network
 _AT_WORK = 4.0  # seconds of computing after which a line has gone to work
@@ -112,7 +112,7 @@ def tried(place: Path, lines: int, seed: int, seconds: float = 5.0) -> Iterator[
 def commands() -> list[Command]:
     """All commands, and what they take, as they describe it themselves."""
     found: list[Command] = []
-    for entry in COMMANDS:
+    for entry in all_commands():
         _walk((entry.name,), entry.load(), found)
     return [one for one in found if one.path not in _LEFT_OUT]
 

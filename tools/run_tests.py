@@ -11,7 +11,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 # Rooms whose tests paint most, and those that talk to people. The rest is the last part.
 PARTS = (
-    ("lab", "benchmarks", "examples", "docs"),
+    ("lab",),
+    ("benchmarks", "examples", "docs"),
     ("cli", "web"),
     ("session", "easel", "procedures", "runs", "report"),
 )

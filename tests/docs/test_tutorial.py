@@ -33,7 +33,7 @@ if words[:2] == ["models", "fetch"]:
 elif "--text" in words:
     from frida_painter.objectives.encoders.registry import EncoderRegistry
     from networks import QuickEncoders
-    for name in ("readers", "reader_aside", "sentences", "prompts", "picture_index"):
+    for name in ("readers", "reader_aside", "sentences", "keep", "own"):
         setattr(EncoderRegistry, name, getattr(QuickEncoders, name))
     main()
 else:

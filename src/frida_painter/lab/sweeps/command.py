@@ -175,7 +175,7 @@ def _sweep_line(console: "Console") -> Any:
     class SweepLine(Line):
         """One line on the terminal for many runs."""
 
-        def __init__(self, console: Console) -> None:
+        def __init__(self, console: "Console") -> None:
             super().__init__(progress_bar(console))
             self._task = self._bar.add_task("getting ready", total=1.0, left=math.inf)
 
