@@ -207,8 +207,15 @@ class _ForkedEasel(ForkedProcess):
 
 @contextmanager
 def forked_easels() -> Iterator[None]:
-    """Easels' processes are forked from this one; all else about them stays."""
-    stand_in = SimpleNamespace(Popen=_ForkedEasel, DEVNULL=subprocess.DEVNULL)
+    """Easels' processes are forked from this one; all else about them stays.
+
+    Not once this process has read pictures: threads of libvips, for which a forked process would wait, stay behind.
+    """
+
+    def begin(command: Sequence[str], **more: Any) -> Any:
+        return (subprocess.Popen if "pyvips" in sys.modules else _ForkedEasel)(command, **more)
+
+    stand_in = SimpleNamespace(Popen=begin, DEVNULL=subprocess.DEVNULL)
     with patch("frida_painter.easel.launch.subprocess", stand_in):
         yield
 

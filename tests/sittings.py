@@ -120,6 +120,7 @@ class Evening:
     heard: list[Event] = field(default_factory=list)
     budget: float | None = None
     rack: BrushRack | None = None
+    simulated: bool = False
     stopping: bool = False
     pausing: bool = False
 
@@ -132,6 +133,7 @@ class Evening:
             self.easel,
             calibration=replace(record, others=dict.fromkeys(others, heights)),
             workspace=replace(self.easel.workspace, rack=self.rack),
+            simulated=self.simulated,
         )
         self.observer = CanvasObserver(self.easel)
         self.brushwork = Brushwork(

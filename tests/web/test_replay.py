@@ -102,6 +102,7 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
         stop_at=after(STOP_AFTER),
         journal=journal,
         camera=PatientCamera(noisy=True),
+        simulated=True,  # it shows no strokes, and nobody is there to ask whether its canvas lies still
     )
     first.lead(folder, planner, page, feed)
     first.session.run(STROKES, 1, made)
@@ -114,7 +115,7 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     kept = kept_plan(folder.painting, history)
     assert kept is not None and history.painted == STOP_AFTER
     journal.resumed(history, repaint=False)
-    second = Sitting(STROKES, replans=1, journal=journal, camera=PatientCamera(noisy=True))
+    second = Sitting(STROKES, replans=1, journal=journal, camera=PatientCamera(noisy=True), simulated=True)
     second.lead(folder, planner, page, feed)
     now = second.session.look()
     where = ResumeState(kept.plan, history.painted, kept.planning.done, None, now)

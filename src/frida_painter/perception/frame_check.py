@@ -133,7 +133,9 @@ class FrameCheck:
             self.require_explained(seen, expected)
         if not doubtful:
             self._require_sure(found)
-        return replace(self, last=self.view.light(photograph), drift=self.drift.followed_by(found.motion))
+        sure = found.verdict is not Verdict.UNSURE  # else somebody looked, and it lies where it did
+        drift = self.drift.followed_by(found.motion) if sure else self.drift
+        return replace(self, last=self.view.light(photograph), drift=drift)
 
     def register(self, photograph: NDArray[np.uint8], expected: Expected | None) -> Registration:
         """How the canvas lies in a photograph [rows, columns, 3] against the last good one."""

@@ -238,7 +238,7 @@ class ExecutionMonitor:
         self._brushwork, self._observer = brushwork, observer
         self._journal, self._interruptions = journal, interruptions
         self._progress, self._tell = progress, tell
-        self._person_looked = False  # since it could not be told whether the canvas was moved
+        self._looked_after: int | None = None  # since it could not be told whether the canvas was moved
 
     def look(self) -> Tensor:
         """The canvas [3, H, W] as it is now, never from a photograph older than the last motion; it is journalled.
@@ -283,12 +283,11 @@ class ExecutionMonitor:
             expected = progress.canvas.expectation(self._plans.planner, progress.plan, progress.painted)
         try:
             frame, canvas = self._observer.examine(
-                self._brushwork.last_motion, PHOTOGRAPH_ROWS, expected, doubtful=self._person_looked
+                self._brushwork.last_motion, PHOTOGRAPH_ROWS, expected, doubtful=self._looked_after == progress.painted
             )
         except FrameDoubtful:
-            self._person_looked = True  # whoever has the painting go on now
+            self._looked_after = progress.painted  # whoever has the painting go on now, until more is painted
             raise
-        self._person_looked = False
         self._journal.looked(frame, self._observer.light)
         self._interruptions.touched = False
         return canvas
