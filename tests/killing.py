@@ -15,6 +15,12 @@ from types import SimpleNamespace
 from typing import IO, Any, NoReturn
 from unittest.mock import patch
 
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageOps
+
+from frida_painter import picture_file
+from frida_painter.errors import ImageError
 from frida_painter.event_log import EventLog
 
 
@@ -27,6 +33,7 @@ def kill_when(journal: Path, moment: Callable[[dict[str, Any]], bool], work: Cal
     child = os.fork()
     if child == 0:
         try:
+            _read_pictures_alone()
             _die_at(journal, moment)
             work()
         except BaseException:
@@ -58,6 +65,21 @@ def _die_at(journal: Path, moment: Callable[[dict[str, Any]], bool]) -> None:
             os.kill(os.getpid(), signal.SIGKILL)
 
     EventLog.append = append_and_look  # type: ignore[method-assign]
+
+
+def _read_pictures_alone() -> None:
+    """Of a forked process: it would wait for ever for threads of libvips, which stay behind in the other one."""
+
+    def decode(path: Path, *, most_pixels: int = 0, longest: int = picture_file.LONGEST) -> NDArray[np.uint8]:
+        try:
+            with Image.open(path) as picture:
+                upright = ImageOps.exif_transpose(picture).convert("RGB")
+        except (OSError, ValueError) as cause:
+            raise ImageError(f"{path} is no picture: {cause}") from cause
+        upright.thumbnail((longest, longest))
+        return np.asarray(upright)
+
+    picture_file.decode = decode  # type: ignore[assignment]
 
 
 class ForkedProcess:
@@ -150,6 +172,7 @@ class ForkedProcess:
             if env is not None:
                 os.environ.clear()
                 os.environ.update(env)
+            _read_pictures_alone()
             work()
             status = 0
         except SystemExit as end:
@@ -207,15 +230,8 @@ class _ForkedEasel(ForkedProcess):
 
 @contextmanager
 def forked_easels() -> Iterator[None]:
-    """Easels' processes are forked from this one; all else about them stays.
-
-    Not once this process has read pictures: threads of libvips, for which a forked process would wait, stay behind.
-    """
-
-    def begin(command: Sequence[str], **more: Any) -> Any:
-        return (subprocess.Popen if "pyvips" in sys.modules else _ForkedEasel)(command, **more)
-
-    stand_in = SimpleNamespace(Popen=begin, DEVNULL=subprocess.DEVNULL)
+    """Easels' processes are forked from this one; all else about them stays."""
+    stand_in = SimpleNamespace(Popen=_ForkedEasel, DEVNULL=subprocess.DEVNULL)
     with patch("frida_painter.easel.launch.subprocess", stand_in):
         yield
 
