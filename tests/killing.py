@@ -77,7 +77,7 @@ def _read_pictures_alone() -> None:
         except (OSError, ValueError) as cause:
             raise ImageError(f"{path} is no picture: {cause}") from cause
         upright.thumbnail((longest, longest))
-        return np.asarray(upright)
+        return np.array(upright)  # one that may be written to
 
     picture_file.decode = decode  # type: ignore[assignment]
 

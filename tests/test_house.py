@@ -122,6 +122,7 @@ def broken_rules(root: Path, package: str) -> list[str]:
         f"{name} imports {target}, which PaintingRun opens for it"
         for name, targets in graph.items()
         for target in sorted(targets & OPENED_FOR.get(name.partition(".")[0], set()))
+        if not name.startswith("lab.sweeps")  # many runs, each of them a PaintingRun
     ]
     broken += [
         f"{name} imports {target}, which is an edge"

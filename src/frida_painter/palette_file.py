@@ -73,6 +73,7 @@ def read_colors(path: Path) -> list[Color]:
         RuntimeError,
         OSError,
         EOFError,
+        ValueError,  # of zipfile, at places before the beginning
         zlib.error,
     ) as cut:
         raise ConfigError(f"{storage.shown(path)} is damaged or cut off ({cut}); take an undamaged copy.") from cut

@@ -21,7 +21,7 @@ IDS = [" ".join((*group, entry.name)).strip() for group, entry in ENTRIES]
 HEAVY = ["torch", "numba", "transformers", "cv2", "fastapi", "numpy", "scipy", "PIL"]
 HELP = """
 import json, sys
-from frida_painter import cli
+from frida_painter.cli import commands as cli
 try:
     cli.main()
 except SystemExit as end:

@@ -8,8 +8,7 @@ import pytest
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import RobotError, RobotStopped, WorkspaceViolation
 from frida_painter.hardware.robot import Waypoints
-
-from ..hand import Hand
+from virtual.hand import Hand
 
 pytest.importorskip("mink")
 CANVAS = CanvasSize(0.2, 0.15)
@@ -186,8 +185,8 @@ def test_a_studio_that_is_opened_again_goes_on_with_the_arm_as_it_was(tmp_path):
 
 def test_without_mujoco_a_sentence_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    for name in ("control", "kinematics", "surroundings"):
-        monkeypatch.delitem(sys.modules, f"frida_painter.virtual.sawyer.{name}", raising=False)
+    for name in ("body", "surroundings"):
+        monkeypatch.delitem(sys.modules, f"frida_painter.sawyer.{name}", raising=False)
     with pytest.raises(RobotError, match=r"pip install 'frida-painter\[mujoco\]'"):
         sawyer()
 

@@ -8,8 +8,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.sawyer.film import headless_opengl
-
-from ..hand import Hand
+from virtual.hand import Hand
 
 pytest.importorskip("mink")
 from frida_painter.sawyer.film import ArmFilm, ArmView

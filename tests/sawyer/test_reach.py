@@ -38,7 +38,7 @@ def test_what_it_does_not_reach_is_refused_with_the_whole_batch():
 
 def test_without_mujoco_a_sentence_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    for name in ("kinematics", "surroundings"):
-        monkeypatch.delitem(sys.modules, f"frida_painter.virtual.sawyer.{name}", raising=False)
+    for name in ("body", "surroundings"):
+        monkeypatch.delitem(sys.modules, f"frida_painter.sawyer.{name}", raising=False)
     with pytest.raises(RobotError, match=r"pip install 'frida-painter\[mujoco\]'"):
         SawyerReach(WORKSPACE, CANVAS).reachable(np.zeros((1, 3)))

@@ -7,7 +7,6 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -349,6 +348,8 @@ class _Mark:
         along, aside = library.length_m[index] * fraction, 3 * fraction * (1 - fraction) * library.bend_m[index]
         path = np.stack((column + along / pitch, row - aside / pitch), -1)
         bare = np.full(library.magnitude.shape[1:], 255, np.uint8)
+        import cv2  # which a planner does not load
+
         cv2.polylines(bare, [np.rint(16 * path).astype(np.int32)], False, 0, 1, cv2.LINE_8, 4)
         away = np.asarray(cv2.distanceTransform(bare, cv2.DIST_L2, 5), np.float32)
         return cls(library.magnitude[index].astype(np.float32) / 255, away, path)
@@ -382,6 +383,8 @@ class _Look:
     def at(cls, mark: _Mark, reach: float) -> "_Look":
         near = mark.away <= reach
         # A patch of paint belongs to the stroke where any of it is within reach of the path.
+        import cv2  # which a planner does not load
+
         _, patch = cv2.connectedComponents((mark.paint > _INKED / 2).astype(np.uint8), connectivity=8)
         belongs = np.isin(patch, np.unique(patch[near & (patch > 0)])) | near
         belongs &= mark.away <= 2 * reach  # a neighbour that touches the stroke is no part of it
@@ -405,6 +408,8 @@ class _Look:
     def porous(self, radius: int) -> float:
         """The share of the mark that is bare in spots of less than `radius` pixels: dry brush."""
         inked = self.inked.astype(np.uint8)
+        import cv2  # which a planner does not load
+
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
         closed = int(np.count_nonzero(cv2.morphologyEx(inked, cv2.MORPH_CLOSE, disc)))
         return 1 - int(np.count_nonzero(inked)) / closed if closed else 0.0

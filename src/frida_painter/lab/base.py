@@ -25,7 +25,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.vgg import Vgg16
 from frida_painter.objectives.semantic_loss import Views
-from frida_painter.objectives.style_loss import directions
+from frida_painter.objectives.style_flow import directions
 from frida_painter.strokes import Strokes
 
 Value = str | int | float | bool | None

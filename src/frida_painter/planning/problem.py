@@ -16,7 +16,7 @@ from frida_painter.frames import ALL_ROWS, PixelGrid, Rows
 from frida_painter.objectives.interpretation import WeightedObjective
 from frida_painter.objectives.objective import Goal, Objective
 from frida_painter.objectives.pixel_loss import spread
-from frida_painter.objectives.style_loss import flow_of
+from frida_painter.objectives.style_flow import flow_of
 from frida_painter.plan import Plan
 from frida_painter.render import Marks, Moments, marks_of, render, render_moments
 from frida_painter.strokes import StrokeLimits, Strokes
@@ -36,7 +36,7 @@ class Scene:
     validation: says which of several plans is best where the objective cannot: where it looks at a picture
     in another way every time, or could be fooled. importance [H, W]: how much an error matters at each
     place when strokes are placed, 1 in the mean; None: everywhere the same. flow [3, H, W]: which way strokes go where
-    they are placed, as objectives/style_loss.py tells it; None: any way. paint_price: by which share the
+    they are placed, as objectives/style_flow.py tells it; None: any way. paint_price: by which share the
     loss would have to fall for as much more paint as the brush's largest mark takes. objective_on_rows: the
     objective for pictures that have some rows only; None where it judges whole pictures. rows: which rows of the
     canvas are rendered and judged. darkest [3]: sRGB of the darkest paint that there is; None: black.

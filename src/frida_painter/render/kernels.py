@@ -161,7 +161,7 @@ def _clip(least, most, slope, shift, low, high):  # type: ignore[no-untyped-def]
     return max(least, min(one_end, other_end)), min(most, max(one_end, other_end))
 
 
-def argument_types():  # type: ignore[no-untyped-def]
+def _types_of_spans():  # type: ignore[no-untyped-def]
     """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
     places, boxes, index = float32[:, :, ::1], int64[:, ::1], int64[::1]
     rows = (float64[::1], index, index)
@@ -388,7 +388,7 @@ def scatter_to_strokes(begin, end, affine, boxes, columns, spans, sampled, slope
                     line[column] = middle[column]
 
 
-def argument_types_kernels():  # type: ignore[no-untyped-def]
+def _types_of_strokes():  # type: ignore[no-untyped-def]
     """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
     line, table, maps, boxes, spans = float32[::1], float32[:, ::1], float32[:, :, ::1], int64[:, ::1], spans_type()
     some, pair = (int64, int64), types.UniTuple(int64, 2)  # type: ignore[no-untyped-call]
@@ -516,7 +516,7 @@ def pull_through_moments(  # type: ignore[no-untyped-def]
                     to_variance[y, x] *= keeps * keeps + doubt
 
 
-def argument_types_moment_kernels():  # type: ignore[no-untyped-def]
+def _types_of_moments():  # type: ignore[no-untyped-def]
     """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
     line, table, maps, spans = float32[::1], float32[:, ::1], float32[:, :, ::1], spans_type()
     some, pair = (int64, int64), types.UniTuple(int64, 2)  # type: ignore[no-untyped-call]
@@ -525,3 +525,8 @@ def argument_types_moment_kernels():  # type: ignore[no-untyped-def]
         (blend_moments, (*some, pair, spans, int64, line, table, spread, maps, table)),
         (pull_through_moments, (*some, spans, line, table, spread, maps, table, maps, table, line, maps)),
     )
+
+
+def argument_types():  # type: ignore[no-untyped-def]
+    """The loops, each with the types of its arguments where a plan is made in float32; see compiled.py."""
+    return (*_types_of_spans(), *_types_of_strokes(), *_types_of_moments())  # type: ignore[no-untyped-call]

@@ -7,7 +7,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.style import StyleTerm
-from frida_painter.objectives.style_loss import directions, flow, flow_of
+from frida_painter.objectives.style_flow import directions, flow, flow_of
 from scenes import CANVAS
 
 
