@@ -41,8 +41,7 @@ import numpy as np
 from PIL import Image
 
 from frida_painter.session.events import PlanRequested
-from frida_painter.web.folder import PaintingRequest, WorkerLock
-from frida_painter.web.state import Feed
+from frida_painter.web.folder import Feed, PaintingRequest, WorkerLock
 from frida_painter.web.stop import HEARD, STOP, WORK, call
 from frida_painter.web.store import Entry, PaintingStore
 from measure import Table, arguments, publish

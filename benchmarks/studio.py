@@ -37,8 +37,7 @@ from PIL import Image, ImageDraw
 
 from frida_painter.easel.watchdog import StopFile
 from frida_painter.session.events import Failed, StrokePainted
-from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.state import Feed
+from frida_painter.web.folder import Feed, PaintingFolder
 from measure import Table, arguments, publish
 
 WATCHING, DEAF = 20, 5

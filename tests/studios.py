@@ -10,8 +10,9 @@ from typing import Any
 from httpx import Response
 from starlette.testclient import TestClient
 
+from frida_painter.web.commands import Role
 from frida_painter.web.easel import StudioEasel
-from frida_painter.web.security import Keys, Presence, Role
+from frida_painter.web.security import Keys, Presence
 from frida_painter.web.server import application, guarded
 from frida_painter.web.store import PaintingStore
 

@@ -25,12 +25,12 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 import platformdirs
-from numpy.typing import NDArray
 
 from frida_painter import storage
 from frida_painter.errors import StorageError
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from torch import Tensor
 
 
@@ -48,7 +48,7 @@ def compiles_for(tensor: "Tensor") -> bool:
     return tensor.device.type == "cpu" and find_spec("numba") is not None
 
 
-def array(tensor: "Tensor") -> NDArray[Any]:
+def array(tensor: "Tensor") -> "NDArray[Any]":
     """The numbers of a tensor on the CPU, without its gradient, in its own memory where that has no gaps."""
     bare = tensor.detach() if tensor.requires_grad else tensor  # detach makes a tensor, each time
     return (bare if bare.is_contiguous() else bare.contiguous()).numpy()

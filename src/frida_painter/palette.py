@@ -131,3 +131,19 @@ class Palette:
     def nearest(self, color: Tensor) -> Tensor:
         """Index [n] of the paint nearest to each sRGB colour [n, 3], by distance in Lab."""
         return torch.cdist(to_lab(color), self.lab()).argmin(1)
+
+
+# How different two colours look: CIEDE2000, where 1 is about the least that a person sees.
+
+
+def difference(one: Tensor, other: Tensor) -> Tensor:
+    """CIEDE2000 between sRGB colours in [0, 1], [..., 3] and [..., 3] -> [...]. Not differentiable."""
+    return ciede2000(to_lab(one.clamp(0, 1)), to_lab(other.clamp(0, 1)))
+
+
+def ciede2000(one: Tensor, other: Tensor) -> Tensor:
+    """CIEDE2000 between CIE L*a*b* colours, [..., 3] and [..., 3] -> [...], with all weights 1. Not differentiable."""
+    from skimage.color import deltaE_ciede2000
+
+    pair = (lab.detach().cpu().numpy() for lab in torch.broadcast_tensors(one, other))  # type: ignore[no-untyped-call]
+    return torch.from_numpy(np.asarray(deltaE_ciede2000(*pair))).to(one)

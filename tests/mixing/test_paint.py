@@ -4,8 +4,7 @@ import torch
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.kubelka_munk import mixed, reflectance
 from frida_painter.mixing.paint import Paint, PaintDataSource, color_of, published, published_names
-from frida_painter.palette import from_hex, to_lab
-from frida_painter.perception.color import ciede2000
+from frida_painter.palette import ciede2000, from_hex, to_lab
 
 PAINTS = {name: published(name) for name in published_names()}
 

@@ -11,8 +11,7 @@ from frida_painter.mixing.finish import Finish
 from frida_painter.mixing.kubelka_munk import mixed
 from frida_painter.mixing.paint import color_of, published, usual_paints
 from frida_painter.mixing.recipe import _PER_DOUBLING, _PER_PAINT, EASY_PARTS, MOST_PARTS, PARTS_WITH_TRACES, recipes
-from frida_painter.palette import from_hex
-from frida_painter.perception.color import difference
+from frida_painter.palette import difference, from_hex
 
 SIX = usual_paints()
 

@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter.perception.color import EDITIONS, PATCHES, difference, find_checker, read_checker, true_colors
+from frida_painter.palette import difference
+from frida_painter.perception.color import EDITIONS, PATCHES, find_checker, read_checker, true_colors
 from frida_painter.perception.srgb import to_srgb
 
 # sRGB bytes that the maker published for the first and the last row.

@@ -2,8 +2,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frida_painter.palette import Palette, from_lab, to_lab
-from frida_painter.perception.color import ciede2000
+from frida_painter.palette import Palette, ciede2000, from_lab, to_lab
 from frida_painter.planning.refine import HARDLY_APART, distinct, without_twins
 from frida_painter.planning.variables import Paints
 

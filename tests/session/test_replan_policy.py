@@ -136,7 +136,9 @@ class OftenWrong(NotingPlanner):
 
 @pytest.mark.slow
 def test_a_painting_looks_often_and_plans_again_only_where_the_canvas_is_off() -> None:
-    evening = Evening(8, planner=OftenWrong(), camera=PatientCamera(noisy=True), policy=WhenOffBy(0.05, strokes=2))
+    evening = Evening(
+        8, planner=OftenWrong(), camera=PatientCamera(noisy=True), simulated=True, policy=WhenOffBy(0.05, strokes=2)
+    )
     assert evening.run().painted == 8 and evening.painted() == list(range(1, 9))
     assert [event.done for event in evening.heard if isinstance(event, Looked)] == [2, 4, 6, 8]
     assert evening.planner.asked == [4], "after the second look, four strokes being left"
@@ -150,6 +152,7 @@ def test_what_a_look_taught_is_kept_also_where_nothing_was_planned_again(tmp_pat
         8,
         planner=OftenWrong(),
         camera=PatientCamera(noisy=True),
+        simulated=True,
         policy=policy,
         stop_at=lambda event: isinstance(event, StrokePainted) and event.done == 3,
         journal=journal,
@@ -164,7 +167,9 @@ def test_what_a_look_taught_is_kept_also_where_nothing_was_planned_again(tmp_pat
     again.resumed(history, repaint=False)
     kept = kept_plan(tmp_path, history)
     assert kept is not None and not kept.foreign
-    second = Evening(8, planner=OftenWrong(), camera=PatientCamera(noisy=True), policy=policy, journal=again)
+    second = Evening(
+        8, planner=OftenWrong(), camera=PatientCamera(noisy=True), simulated=True, policy=policy, journal=again
+    )
     white = torch.ones(3, 48, 64)
     painting = second.resume(ResumeState(kept.plan, history.painted, kept.planning.done, white, white))
     again.close()

@@ -114,7 +114,11 @@ def test_what_is_doubtful_is_looked_at_again_in_the_studio_and_asked_about_once_
             assert len(asked) == 1
         else:
             assert session.run(STROKES, 3).painted == painted
-            assert [paused.done for paused in asked] == [4, 8, 12, 12]  # at every look once, and at the end
+            assert [paused.done for paused in asked] == [
+                4,
+                8,
+                12,
+            ]  # once after every batch, and at the end no second time
         studio.close()
 
 

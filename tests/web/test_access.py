@@ -5,7 +5,8 @@ import pytest
 from starlette.websockets import WebSocketDisconnect
 
 from frida_painter.web import security
-from frida_painter.web.security import Keys, Role
+from frida_painter.web.commands import Role
+from frida_painter.web.security import Keys
 from frida_painter.web.store import PaintingStore
 from frida_painter.web.workers import WorkerSlot
 from studios import HOST, ORIGIN, Studio, order

@@ -17,11 +17,10 @@ from frida_painter import web
 from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.registry import VARIABLE
 from frida_painter.session.events import PaintingKept, Stopped, TakenUp
+from frida_painter.web.commands import Role
 from frida_painter.web.easel import StudioEasel
-from frida_painter.web.folder import WorkerLock
+from frida_painter.web.folder import Feed, WorkerLock
 from frida_painter.web.routes import packed
-from frida_painter.web.security import Role
-from frida_painter.web.state import Feed
 from frida_painter.web.store import Entry
 from frida_painter.web.workers import PaintingQueue, Workers, WorkerSlot
 from studios import Studio, Visitor

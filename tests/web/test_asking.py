@@ -11,11 +11,9 @@ from frida_painter.errors import ConfigError
 from frida_painter.event_log import LogReader
 from frida_painter.session.events import Answered, Asked
 from frida_painter.web import commands
-from frida_painter.web.commands import Reply, reply, understood
-from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.commands import LEAD_GOOD_FOR, Reply, reply, understood
+from frida_painter.web.folder import Feed, FeedReader, PaintingFolder
 from frida_painter.web.painter import Asker, described
-from frida_painter.web.security import LEAD_GOOD_FOR
-from frida_painter.web.state import Feed, FeedReader
 from frida_painter.web.stop import StopPressed, StopWatch
 
 PICTURE = torch.zeros(3, 20, 30)

@@ -9,7 +9,7 @@ import pytest
 
 from frida_painter.cli import commands
 from frida_painter.web import server
-from frida_painter.web.security import Role
+from frida_painter.web.commands import Role
 
 
 @pytest.fixture

@@ -6,9 +6,8 @@ import pytest
 
 from frida_painter.event_log import FEED, EventLog
 from frida_painter.web import commands
-from frida_painter.web.commands import Command, CommandReader, Pause, TakeTurns, tell_painter
+from frida_painter.web.commands import LEAD_GOOD_FOR, Command, CommandReader, Pause, TakeTurns, tell_painter
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.security import LEAD_GOOD_FOR
 
 
 def test_each_command_is_heard_once(tmp_path: Path) -> None:

@@ -5,8 +5,9 @@ from typing import Any
 import pytest
 
 from frida_painter.web import network
+from frida_painter.web.commands import Role
 from frida_painter.web.network import MOST_BODY, MOST_UPLOAD, Bucket, Limits
-from frida_painter.web.security import Role, Session
+from frida_painter.web.security import Session
 from studios import Studio
 
 

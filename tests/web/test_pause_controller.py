@@ -24,9 +24,8 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.journal import Journal
 from frida_painter.web.commands import tell_painter
-from frida_painter.web.folder import PaintingFolder, PaintingRequest
+from frida_painter.web.folder import Feed, FeedReader, PaintingFolder, PaintingRequest
 from frida_painter.web.painter import PauseController
-from frida_painter.web.state import Feed, FeedReader
 from frida_painter.web.stop import StopPressed, StopWatch
 from scenes import CANVAS, goal, picture, plain, small_table
 from sittings import Evening

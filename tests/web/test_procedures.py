@@ -20,8 +20,8 @@ from frida_painter.session.events import (
 )
 from frida_painter.web import folder
 from frida_painter.web.easel import StudioEasel
-from frida_painter.web.folder import CalibrationRequest, WorkerLock
-from frida_painter.web.state import CalibrationState, Feed
+from frida_painter.web.folder import CalibrationRequest, Feed, WorkerLock
+from frida_painter.web.state import CalibrationState
 from frida_painter.web.workers import WorkerSlot
 from studios import Studio, order
 

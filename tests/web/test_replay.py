@@ -27,9 +27,9 @@ from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.resuming import kept_plan
 from frida_painter.session.time_left import Forecast
 from frida_painter.web.commands import tell_painter
-from frida_painter.web.folder import PaintingFolder
+from frida_painter.web.folder import Feed, FeedReader, PaintingFolder
 from frida_painter.web.painter import PauseController
-from frida_painter.web.state import Feed, FeedReader, PaintingState
+from frida_painter.web.state import PaintingState
 from frida_painter.web.stop import StopWatch
 from frida_painter.web.telling import Reporter
 from scenes import CANVAS, goal, plain, small_table

@@ -57,7 +57,7 @@ import io, sys
 from pathlib import Path
 from PIL import Image
 import frida_painter.web.server  # what the command opens the page with
-from frida_painter import cli
+from frida_painter.cli import commands as cli
 from studios import Studio
 
 cli.build()

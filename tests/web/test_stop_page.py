@@ -15,8 +15,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from browsing import SCREENSHOTS, WITH_CHROMIUM, chromium, deadline
 from frida_painter.session.events import Failed, PlanRequested
-from frida_painter.web.folder import PaintingRequest
-from frida_painter.web.state import Feed
+from frida_painter.web.folder import Feed, PaintingRequest
 from frida_painter.web.store import PaintingStore
 from served import Served, Work, end_listener, open_studio
 

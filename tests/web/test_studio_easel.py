@@ -11,9 +11,8 @@ from frida_painter.runs.easel import order
 from frida_painter.web import easel as workspace_canvas
 from frida_painter.web import workspace_reader
 from frida_painter.web.easel import StudioEasel
-from frida_painter.web.folder import PaintingFolder, PaintingRequest
+from frida_painter.web.folder import Feed, PaintingFolder, PaintingRequest
 from frida_painter.web.painter import Asker
-from frida_painter.web.state import Feed
 from frida_painter.web.stop import StopWatch
 from frida_painter.web.worker import Job
 

@@ -15,8 +15,7 @@ from torch import Tensor
 from frida_painter import storage
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.kubelka_munk import film_over, ratio, reflectance
-from frida_painter.palette import from_hex, to_lab
-from frida_painter.perception.color import ciede2000
+from frida_painter.palette import ciede2000, from_hex, to_lab
 from frida_painter.perception.srgb import to_linear, to_srgb
 
 # Reflectance in sixteen bands of light, the colour that it has, and the smoothest one that has a given colour.

@@ -14,8 +14,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.mixing.finish import Finish
 from frida_painter.mixing.kubelka_munk import mixed
 from frida_painter.mixing.paint import Paint, color_of
-from frida_painter.palette import to_lab
-from frida_painter.perception.color import ciede2000
+from frida_painter.palette import ciede2000, to_lab
 from frida_painter.plan import Plan
 
 GOOD, REACHED = 2.0, 5.0

@@ -18,25 +18,9 @@ from torch import Tensor
 from frida_painter import images, picture_file, storage
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError, FrameRejected, ImageError
-from frida_painter.palette import MOST_COLORS, Palette, to_lab
+from frida_painter.palette import MOST_COLORS, Palette, difference
 from frida_painter.palette_file import FORMS, is_palette_file
 from frida_painter.perception.srgb import light_of_bytes, to_linear, to_srgb
-
-# How different two colours look: CIEDE2000, where 1 is about the least that a person sees.
-
-
-def difference(one: Tensor, other: Tensor) -> Tensor:
-    """CIEDE2000 between sRGB colours in [0, 1], [..., 3] and [..., 3] -> [...]. Not differentiable."""
-    return ciede2000(to_lab(one.clamp(0, 1)), to_lab(other.clamp(0, 1)))
-
-
-def ciede2000(one: Tensor, other: Tensor) -> Tensor:
-    """CIEDE2000 between CIE L*a*b* colours, [..., 3] and [..., 3] -> [...], with all weights 1. Not differentiable."""
-    from skimage.color import deltaE_ciede2000
-
-    pair = (lab.detach().cpu().numpy() for lab in torch.broadcast_tensors(one, other))  # type: ignore[no-untyped-call]
-    return torch.from_numpy(np.asarray(deltaE_ciede2000(*pair))).to(one)
-
 
 # The colour checker in a photograph: where its 24 patches are, what they look like, what they should look like.
 

@@ -463,7 +463,7 @@ def register(
     best, covariance = _best(scene, size)
     deviation = Motion.of(np.sqrt(np.maximum(np.diag(covariance), 0)))
     whole = drift.followed_by(best)
-    how_large = whole.size(size)
+    how_large = whole.size(size) / max(1.0, view.pitch / MAX_SHIFT)  # large pixels tell of no smaller motion
     if how_large > 1:
         back = Motion.of(best.values - (1 - _WELL_WITHIN / how_large) * whole.values)
         still = min((back, Motion()), key=lambda each: float(scene.misfit(each).sum()))

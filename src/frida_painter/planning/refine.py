@@ -6,8 +6,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from frida_painter.palette import Palette, to_lab
-from frida_painter.perception.color import ciede2000
+from frida_painter.palette import Palette, ciede2000, to_lab
 from frida_painter.planning.initialize import best_proposals, insert
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.problem import Scene

@@ -15,6 +15,7 @@ from frida_painter.errors import CalibrationError
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
 from frida_painter.images import from_uint8
+from frida_painter.palette import difference
 from frida_painter.perception.color import (
     ACROSS,
     EDITIONS,
@@ -22,7 +23,6 @@ from frida_painter.perception.color import (
     ColorFit,
     Corners,
     PatchReadings,
-    difference,
     find_checker,
     fit_color,
     read_checker,

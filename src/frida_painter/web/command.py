@@ -78,9 +78,9 @@ def studio(
     _require_address(address)
     registry.require("web", "fastapi", "The studio")
     registry.require("web", "uvicorn", "The studio")
+    from frida_painter.web.commands import Role
     from frida_painter.web.easel import StudioEasel
     from frida_painter.web.network import Certificate
-    from frida_painter.web.security import Role
     from frida_painter.web.server import listen, serve
     from frida_painter.web.store import PaintingStore
 

@@ -3,6 +3,7 @@
 import secrets
 import time
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -11,7 +12,18 @@ from frida_painter.easel.dialogue import Answer, Corners, JogMove
 from frida_painter.errors import ConfigError
 from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.security import LEAD_GOOD_FOR
+
+LEAD_GOOD_FOR = 10.0
+"""Seconds in which an order has to arrive after it was given."""
+
+
+class Role(IntEnum):
+    """What somebody who uses the studio may do; each may do what those before may."""
+
+    watch = 1
+    plan = 2
+    operate = 3
+
 
 # What a person may tell a painting that is being painted; each command is done between two strokes, or in a pause.
 

@@ -21,7 +21,8 @@ from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from frida_painter.errors import ConfigError
-from frida_painter.web.security import Role, Session
+from frida_painter.web.commands import Role
+from frida_painter.web.security import Session
 
 _BETWEEN_SWEEPS = 0.5  # seconds
 _MOST = 400

@@ -48,8 +48,7 @@ from frida_painter.web.commands import (
     TakeTurns,
     understood,
 )
-from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.state import Feed
+from frida_painter.web.folder import Feed, PaintingFolder
 from frida_painter.web.stop import StopWatch
 
 # Questions that a worker asks the person at the page, and waits for: calibration, paints to fill, strokes in doubt.

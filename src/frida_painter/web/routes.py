@@ -23,9 +23,10 @@ from frida_painter.errors import Interrupted, StorageError
 from frida_painter.objectives.objective import goal_kinds
 from frida_painter.registry import are_here
 from frida_painter.session.events import CalibrationStarted, PlanRequested, TakenUp
-from frida_painter.web.commands import Reply, reply, tell_painter
+from frida_painter.web.commands import Reply, Role, reply, tell_painter
 from frida_painter.web.folder import (
     CalibrationRequest,
+    Feed,
     Identifier,
     PaintingFolder,
     PaintingRequest,
@@ -33,12 +34,11 @@ from frida_painter.web.folder import (
     require_disk,
     working,
 )
-from frida_painter.web.security import Lead, Presence, Role, Session
+from frida_painter.web.security import Lead, Presence, Session
 from frida_painter.web.state import (
     MOST_TOPICS,
     CalibrationState,
     EventStream,
-    Feed,
     FeedStates,
     PaintingState,
     StateStreams,

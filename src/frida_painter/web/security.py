@@ -18,7 +18,6 @@ import threading
 import time
 from collections import OrderedDict
 from dataclasses import dataclass, field
-from enum import IntEnum
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qsl, urlencode
 
@@ -28,18 +27,8 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from frida_painter.errors import Interrupted, RobotStopped
+from frida_painter.web.commands import LEAD_GOOD_FOR, Role
 from frida_painter.web.easel import StudioEasel
-
-# The roles of those who use the studio.
-
-
-class Role(IntEnum):
-    """What somebody may do; each may do what those before may."""
-
-    watch = 1
-    plan = 2
-    operate = 3
-
 
 _MOST_SESSIONS = {Role.watch: 200, Role.plan: 100, Role.operate: 50}
 _FREE_FAILURES, _FAILURES_COUNT_FOR = 10, 60.0  # wrong tokens, seconds
@@ -357,8 +346,6 @@ def how_to_press(presence: Presence) -> str:
 
 KEPT_FOR = 60.0
 """Seconds after its last order in which a browser still leads."""
-LEAD_GOOD_FOR = 10.0
-"""Seconds in which an order has to arrive after it was given."""
 
 
 class Led(Interrupted):

@@ -23,9 +23,10 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from frida_painter.errors import ConfigError, FridaError, Interrupted, RobotStopped
 from frida_painter.web import routes
+from frida_painter.web.commands import Role
 from frida_painter.web.easel import LOCAL, StudioEasel
 from frida_painter.web.network import Certificate, Connections, Limits, StudioLock, most_connections
-from frida_painter.web.security import AuthMiddleware, Keys, Lead, Led, Presence, Role
+from frida_painter.web.security import AuthMiddleware, Keys, Lead, Led, Presence
 from frida_painter.web.state import FeedStates, StateStreams
 from frida_painter.web.stop import Stops
 from frida_painter.web.stop_process import StopProcess

@@ -2,20 +2,16 @@
 
 import asyncio
 import json
-import time
 from collections import OrderedDict
 from collections.abc import AsyncGenerator, Callable, Sequence
 from contextlib import aclosing
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from threading import Lock
 from typing import Any, Protocol, TypeVar
 
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
-from frida_painter.errors import StorageError
-from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.session.events import (
     Answered,
     Asked,
@@ -57,11 +53,9 @@ from frida_painter.session.events import (
     Turns,
     WentOn,
     Written,
-    events_of,
-    record,
 )
-from frida_painter.web.folder import PROCEDURES, PaintingFolder, working
-from frida_painter.web.security import Role
+from frida_painter.web.commands import Role
+from frida_painter.web.folder import PROCEDURES, FeedReader, PaintingFolder, working
 
 # What calibrating looks like from outside, folded from its feed and nothing else.
 
@@ -156,58 +150,6 @@ class CalibrationState:
         for each in self.procedures.values():
             if each.status in ("waiting", "busy"):
                 each.status = how if each.status == "busy" else ""
-
-
-# The feed of a painting: whatever happens to it, event by event, for whoever watches.
-
-_BETWEEN_STEPS = 0.25  # seconds; nobody sees more of a plan's progress
-
-
-@dataclass
-class Feed:
-    """Tells the page what happens. A full disk is the journal's concern: what cannot be told is left out."""
-
-    folder: PaintingFolder
-    _log: EventLog = field(init=False)
-    _told: float = field(default=0.0, init=False)
-
-    def __post_init__(self) -> None:
-        self._log = EventLog(self.folder.feed, FEED)
-
-    def tell(self, event: Written) -> None:
-        """Something happened."""
-        try:
-            self._log.append(record(event))
-        except StorageError:
-            return
-
-    def step(self, share: float, left: float, plan: int | None = None) -> None:
-        """How far planning is, in [0, 1], and how many seconds are left; told now and then."""
-        now = time.monotonic()
-        if now - self._told >= _BETWEEN_STEPS or share >= 1:
-            self._told = now
-            self.tell(PlanningProgress(round(share, 4), round(left, 1), plan))
-
-    def close(self) -> None:
-        """Closes the feed."""
-        self._log.close()
-
-
-class FeedReader:
-    """Reads the events that were added to a feed since it was asked last; the file need not exist yet."""
-
-    def __init__(self, path: Path) -> None:
-        self._reader = LogReader(path)
-
-    def read(self) -> list[Written]:
-        """New events, in order; what is not understood is left out."""
-        found: list[Written] = []
-        for line in self._reader.read():
-            try:
-                found += events_of(line)
-            except (ValueError, KeyError, TypeError):
-                continue
-        return found
 
 
 # What feeds have told, folded once and kept in memory: nobody reads a whole feed for every question.

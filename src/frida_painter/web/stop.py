@@ -23,8 +23,8 @@ from typing import Self
 
 from frida_painter import storage
 from frida_painter.errors import StorageError
+from frida_painter.web.commands import Role
 from frida_painter.web.folder import PaintingFolder, working
-from frida_painter.web.security import Role
 from frida_painter.web.store import PaintingStore
 from frida_painter.web.workers import QUEUE
 

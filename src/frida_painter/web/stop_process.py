@@ -15,8 +15,8 @@ from typing import Any
 from frida_painter import storage
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.web import stop_listener
+from frida_painter.web.commands import Role
 from frida_painter.web.network import Certificate, StudioLock
-from frida_painter.web.security import Role
 from frida_painter.web.stop import END, StopKey, call, listen_locally
 
 _FILE = ".stop.json"

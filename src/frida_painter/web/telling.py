@@ -55,8 +55,7 @@ from frida_painter.session.observer import TIMELAPSE_ROWS
 from frida_painter.session.rehearsal import FlatbedWorkspace
 from frida_painter.session.time_left import Forecast
 from frida_painter.strokes import Strokes
-from frida_painter.web.folder import PaintingFolder
-from frida_painter.web.state import Feed
+from frida_painter.web.folder import Feed, PaintingFolder
 
 # Pictures of a plan for the page: as it grows, stroke after stroke, and as a whole.
 

@@ -57,9 +57,8 @@ from frida_painter.session.events import (
 from frida_painter.session.opening import require_basis, statuses
 from frida_painter.session.time_left import Forecast
 from frida_painter.web.easel import StudioEasel
-from frida_painter.web.folder import CalibrationRequest, GoalRequest, PaintingFolder, PlanFolder
+from frida_painter.web.folder import CalibrationRequest, Feed, GoalRequest, PaintingFolder, PlanFolder
 from frida_painter.web.painter import Asker, PauseController
-from frida_painter.web.state import Feed
 from frida_painter.web.stop import StopPressed, StopWatch
 from frida_painter.web.telling import Growing, Reporter, export, illustrate, mixtures
 

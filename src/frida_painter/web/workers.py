@@ -17,8 +17,7 @@ from frida_painter import storage
 from frida_painter.errors import FridaError, Interrupted, StorageError
 from frida_painter.session.events import Dequeued, PaintingStarted, Queued
 from frida_painter.web.easel import StudioEasel
-from frida_painter.web.folder import PaintingFolder, PlanFolder, WorkerLock, working
-from frida_painter.web.state import Feed
+from frida_painter.web.folder import Feed, PaintingFolder, PlanFolder, WorkerLock, working
 from frida_painter.web.store import Entry, PaintingStore
 
 _MOST = 2
