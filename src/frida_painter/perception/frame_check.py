@@ -22,9 +22,19 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import FrameDoubtful, FrameRejected
 from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
-from frida_painter.perception.registration import CanvasView, Motion, PaperEdge, Pixels, Registration, Verdict, register
+from frida_painter.perception.registration import (
+    COARSEST,
+    CanvasView,
+    Motion,
+    PaperEdge,
+    Pixels,
+    Registration,
+    Verdict,
+    register,
+)
 from frida_painter.perception.srgb import to_linear
 
+_TELLABLE = 0.5  # of a large pixel
 _REACH = 0.012  # metres around the edge of the canvas in which it is looked for
 _MOST_BLUR = 0.75  # pixels that the edge is wider than it was, and
 _BLURRED = 0.0008  # metres, whichever is more
@@ -133,8 +143,12 @@ class FrameCheck:
             self.require_explained(seen, expected)
         if not doubtful:
             self._require_sure(found)
-        sure = found.verdict is not Verdict.UNSURE  # else somebody looked, and it lies where it did
-        drift = self.drift.followed_by(found.motion) if sure else self.drift
+        # Of an unsure one somebody says that the canvas lies where it did. A camera with large pixels, in which paint
+        # looks like motions of a part of one, tells no slow drift: these would only add up.
+        large = self.view.pitch if self.view.pitch > COARSEST else 0.0
+        tells = found.motion.corner_shift(self.size) > _TELLABLE * large
+        is_drift = tells and found.verdict is not Verdict.UNSURE
+        drift = self.drift.followed_by(found.motion) if is_drift else self.drift
         return replace(self, last=self.view.light(photograph), drift=drift)
 
     def register(self, photograph: NDArray[np.uint8], expected: Expected | None) -> Registration:

@@ -167,7 +167,7 @@ def _first_above(height: NDArray[np.float64], level: float, step: NDArray[np.flo
     return np.where(crossed, place, np.nan)
 
 
-_COARSEST, _ROWS = 0.001, 250  # metres of the canvas per pixel of what is registered, and pixels along its shorter side
+COARSEST, _ROWS = 0.001, 250  # metres of the canvas per pixel of what is registered, and pixels along its shorter side
 _AROUND = 0.015  # metres of the table that are looked at around the canvas
 _REACH = 0.012  # metres that a motion is searched for
 _DIM = 0.02  # linear light that is added before logarithms are taken: the camera's noise
@@ -295,7 +295,7 @@ class CanvasView:
         """By a calibration record."""
         sides = np.linalg.norm(np.roll(calibration.corners, -1, 0) - np.array(calibration.corners), axis=1)
         finest = 2 * (size.width + size.height) / float(sides.sum())  # a pixel of the photograph
-        pitch = max(finest, min(_COARSEST, size.width / _ROWS, size.height / _ROWS))
+        pitch = max(finest, min(COARSEST, size.width / _ROWS, size.height / _ROWS))
         around = round(_AROUND / pitch)
         grid = PixelGrid(size, round(size.height / pitch), round(size.width / pitch))
         down, across = np.arange(-around, grid.rows + around), np.arange(-around, grid.columns + around)
