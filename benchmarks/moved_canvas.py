@@ -35,9 +35,9 @@ from frida_painter.perception.rectify import rectify
 from frida_painter.perception.registration import Verdict
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.ground import possible_grounds
-from frida_painter.planning.layers import Effort
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
+from frida_painter.planning.settings import PlannerSettings
 from frida_painter.session.hand import Brushwork
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
@@ -163,9 +163,10 @@ class Painter:
         self._edge, self._ground, self._size, self._moves, self._seed = edge, ground, size, moves, seed
         picture = picture_with(edge, np.random.default_rng((seed, EDGES.index(edge))))
         self.plan = rough_plan(picture, size, ground, strokes, seed)
-        self._planner = Planner(
-            Goal((ImageTerm(picture),)), size, "broad", rows=128, effort=Effort().scaled(0.05), seed=seed
+        settings = PlannerSettings(
+            size, "broad", rows=128, effort=0.05, seed=seed, layers=1, new_paints=False, focus="none", sharpness=0.0
         )
+        self._planner = Planner(Goal((ImageTerm(picture),)), settings)
         self.studio = open_studio(size, "broad", seed=seed)
         self.studio.easel.robot.connect()
         self._cameras = [_camera(self.studio, spec, seed + number) for number, spec in enumerate(CAMERAS)]
