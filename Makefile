@@ -47,6 +47,7 @@ lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python tools/check_words.py
 	$(BIN)/python tools/check_page.py lint
 
 # Pages of docs/reference that are made from the program itself. tests/docs fails if one is out of date.

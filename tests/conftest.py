@@ -64,11 +64,19 @@ def _glibc() -> ctypes.CDLL | None:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """A process that paints keeps what it frees (`prepare_process`); one that tests paints a hundred times."""
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[None]:
+    """Keeps the test process small: forgets what a module of tests cached, and gives memory back.
+
+    A process that paints keeps what it frees (`prepare_process`); one that tests paints a hundred times.
+    """
     if (devices := sys.modules.get("frida_painter.devices")) is not None:
         devices._KEPT = _MAX_KEPT
     done = yield
+    module = getattr(item, "module", None)  # what is no function of Python has none
+    if module is not None and (nextitem is None or nextitem.path != item.path):
+        for thing in vars(module).values():
+            if hasattr(thing, "cache_clear") and thing.__module__ == module.__name__:
+                thing.cache_clear()
     library = _glibc()
     if library is not None and _memory() > item.config.stash.get(_LEFT, 0) + _MAX_GROWTH:
         gc.collect()  # pictures hang on what refers to itself

@@ -1,5 +1,5 @@
 from dataclasses import replace
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def proposal(question):
     return question.proposal
 
 
-@cache
+@lru_cache(maxsize=2)  # each keeps 60 MB of photographs
 def found(name="broad", seed=0, faults=None, **settings):
     """What looking finds, and by how much (m) its two heights are too high."""
     studio = studio_with(name, seed, faults, **settings)

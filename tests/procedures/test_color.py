@@ -1,6 +1,6 @@
 import math
 from dataclasses import replace
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def proposal(question):
     return question.proposal
 
 
-@cache
+@lru_cache(maxsize=2)  # each keeps photographs
 def found(**studio):
     return lead(color(studio_with(**studio).easel), proposal)
 
