@@ -67,7 +67,7 @@ class Motion:
         return min(self.travel_height, self.calibration.touch_height + _CLEARANCE)
 
     def dip(self, well: int) -> Waypoints:
-        """Returns the dip into a paint well with one stirring turn. Raises WorkspaceViolation if the well is missing."""
+        """Returns the dip into a paint well with one stirring turn. Raises WorkspaceViolation if it does not exist."""
         if not 0 <= well < len(self.workspace.wells):
             raise WorkspaceViolation(
                 f"Paint well {well + 1} was wanted; the workspace has {len(self.workspace.wells)} wells; "
