@@ -1,4 +1,4 @@
-"""The simulated Sawyer as an arm of the studio: it plans a whole path, refuses or follows it, and reports the course."""
+"""The simulated Sawyer as an arm of the studio: plans a whole path, refuses or follows it, and reports the course."""
 
 import threading
 from collections.abc import Sequence
