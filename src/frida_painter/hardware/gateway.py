@@ -119,7 +119,7 @@ _ARRIVED = 0.002
 
 
 class RobotGateway:
-    """Gateway to the robot: checks a batch of motions as a whole, and compares where the tip arrives with its goal.
+    """Gateway to the robot: checks each batch of motions as a whole, and that the tip arrives at each motion's end.
 
     lowest: robot z (m) of the lowest tip position over the canvas; None for the hardest press of the calibration.
         The brush procedure, which measures that press, gives the floor of the workspace.

@@ -16,7 +16,7 @@ Answer = TypeVar("Answer")
 
 
 class Shutter:
-    """Guard of one camera: numbers its photographs and recognizes repeated ones.
+    """Guard of one camera: numbers its photographs and recognises repeated ones.
 
     name: of the camera, in messages
 

@@ -76,7 +76,7 @@ def moves(here: NDArray[np.float64], waypoints: Waypoints, approach: float, acce
 
 
 def _ways(level: NDArray[np.float64]) -> Iterator[tuple[int, int]]:
-    """Yields ranges [first, last) of segments between two stops. The tip stops before and after a vertical segment."""
+    """Yields ranges [first, last) of segments that the tip passes without a stop. A vertical segment stands alone."""
     first = 0
     for index, length in enumerate(level):
         if index == 0 or length < 1e-9 or level[index - 1] < 1e-9:
@@ -137,7 +137,10 @@ class AxidrawSettings:
 
 
 class AxidrawRobot:
-    """Robot with an EiBotBoard. Implements hardware.robot.Robot. It counts the steps sent, and misses lost ones."""
+    """Robot with an EiBotBoard. Implements hardware.robot.Robot.
+
+    Its position is the count of the board's steps, so it cannot detect lost steps.
+    """
 
     def __init__(self, settings: AxidrawSettings) -> None:
         self.settings = settings
