@@ -41,7 +41,7 @@ _TOLERANCE, _ARRIVED = 1e-6, 0.002
 class GuardedRobot:
     """Robot under guard: wraps another robot. Implements hardware.robot.Robot.
 
-    latch: stores a stop over restarts; for a simulated robot it does not
+    latch: keeps a stop over restarts (Latch); for a simulated robot it does not (Unlatched)
     claim: reserves the robot for this process by the serial number that it states once connected; raises RobotBusy
         if another process has it
     patience, grace: time limit of a motion: `patience` times the duration of its way, plus `grace` seconds

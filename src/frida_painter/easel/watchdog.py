@@ -290,7 +290,7 @@ class Pulse:
 
     @property
     def silent(self) -> float:
-        """Seconds since the last byte of the watch, almost without time in which this process did not run."""
+        """Seconds since the last byte of the watch. Time in which this process did not run hardly counts."""
         return self._silent
 
     @property
