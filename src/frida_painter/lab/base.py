@@ -287,8 +287,9 @@ class Experiment(Generic[AnyTrial]):
         return [tuple(numbers) for numbers in found.values()]
 
     def measured(self, trial: AnyTrial, keep: Path | None, notify: Notify) -> Measurement:
-        """Returns the measurement of a trial, from `keep` if it is there. Raises StorageError and the errors of
-        `measure`.
+        """Returns the measurement of a trial, from `keep` if it is stored there.
+
+        Raises StorageError and the errors of `measure`.
         """
         if keep is None:
             return self.measure(trial, notify)
@@ -318,7 +319,7 @@ def _read(folder: Path, trial: ExperimentTrial) -> Measurement | None:
     return Measurement(record["numbers"], pictures)
 
 
-# Measures of the distance between a painting and its goal that its planner did not optimize.
+# Measures of the distance between a painting and its goal that its planner did not optimise.
 
 _ROWS = 256  # of the pictures in which edges are detected
 _BLUR = 1.6  # its pixels
@@ -339,7 +340,7 @@ def psnr(picture: Tensor, target: Tensor) -> float:
 
 
 def near_borders(regions: Tensor) -> Tensor:
-    """Returns True for each pixel of a map [H, W] of regions within one pixel of a border between two: [H, W]."""
+    """Returns the pixels within one pixel of a border between two regions of a map [H, W]: [H, W] of bool."""
     down, across = regions[1:] != regions[:-1], regions[:, 1:] != regions[:, :-1]
     border = functional.pad(down, (0, 0, 0, 1)) | functional.pad(down, (0, 0, 1, 0))
     border |= functional.pad(across, (0, 1)) | functional.pad(across, (1, 0))

@@ -3,7 +3,7 @@
 It measures if the style picture's composition lasts, and if the prompt is still seen (paper: "Style", as in
 StyleCLIPDraw). Every prompt is painted in every style twice, with the same number of strokes: begun with the
 prompt's own picture, and begun with the style picture, as with `--init-style`. The floor is the style painted
-without a prompt. A classifier that no optimizer uses judges what the paintings show.
+without a prompt. A classifier that no optimiser uses judges what the paintings show.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
 """Experiment: painting by meaning against painting by pixels (paper: "Semantic Replication"; people preferred meaning).
 
 Each photograph is painted twice with the same few strokes. Instead of people, four figures compare the paintings
-with the photograph: features of a network that no optimizer uses (EfficientNet-Lite1), VGG16's features as in
+with the photograph: features of a network that no optimiser uses (EfficientNet-Lite1), VGG16's features as in
 LPIPS, edges, and pixels.
 """
 

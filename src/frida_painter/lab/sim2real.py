@@ -2,7 +2,7 @@
 
 Three planners plan the same target: (a) ours; (b) unconstrained soft strokes of any size, opacity and colour, as in
 Huang et al. 2019; (c) soft strokes within the limits of a brush, opaque and in a few paints, as in Schaldenbrand
-and Oh 2021. All minimize the same squared difference. The same virtual robot paints all plans, without looks.
+and Oh 2021. All minimise the same squared difference. The same virtual robot paints all plans, without looks.
 """
 
 import math
@@ -316,7 +316,7 @@ def _settled(
     *,
     vary_color: bool = True,
 ) -> SoftStrokes:
-    """Optimizes all strokes together by Adam; returns the best ones found."""
+    """Optimises all strokes together by Adam; returns the best ones found."""
     varied = [name for name in _UNITS if vary_color or name != "color"]
     leaves = {name: (strokes.arrays()[name] / _UNITS[name]).clone().requires_grad_() for name in varied}
     adam = torch.optim.Adam(leaves.values(), lr=1.0, betas=(0.9, 0.98), foreach=True)

@@ -37,7 +37,7 @@ _BATCH = 32
 
 
 def learn(rival: str, library: StrokeLibrary, *, seed: int, quick: bool = False) -> Predict:
-    """Learns a model from the library, and returns its prediction function.
+    """Learns a rival model from the library, and returns a function that predicts the marks of a library's strokes.
 
     quick: True for minimal training, as a test
     """
@@ -71,7 +71,10 @@ def fingerprint(library: StrokeLibrary) -> str:
 
 
 def drawn_by(model: StrokeModel) -> Predict:
-    """Returns the prediction function of a stroke model, by the median if it has one, on the library's cells."""
+    """Returns a function that predicts the marks of a library's strokes with a stroke model.
+
+    The marks are on the library's cells. They are the model's medians if it has them.
+    """
     median = median_of(model)
 
     @torch.no_grad()

@@ -1,7 +1,7 @@
 """Experiment: is a styled painting nearer to the style than an unstyled one of the same photograph? (Paper: "Style".)
 
-The distance in style is the Earth Mover's Distance between clouds of features that the optimizer did not use: VGG16
-layers between those that it uses, and a different network. It is given in the optimizer's relaxed form and exactly.
+The distance in style is the Earth Mover's Distance between clouds of features that the optimiser did not use: VGG16
+layers between those that it uses, and a different network. It is given in the optimiser's relaxed form and exactly.
 """
 
 from collections.abc import Sequence
