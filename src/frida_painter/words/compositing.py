@@ -155,9 +155,10 @@ class Composited:
 def composited_into_style(drawing: Tensor, picture: Tensor, *, keeps_colors: bool = False) -> Composited:
     """Lays a drawing, colour and opacity [4, h, w], into a picture [3, H, W].
 
+    keeps_colors: False to give the drawing the picture's colours, from dark to light
+
     The place is a compromise: the picture's coarse edges should change little, by their correlation, and the thing
     should be large and stand out clearly.
-    keeps_colors: False to give the drawing the picture's colours, from dark to light
     """
     _, rows, columns = picture.shape
     small = images.fit(picture, _ROWS, round(_ROWS * columns / rows))

@@ -208,8 +208,9 @@ class _Walk:
     def _actor(self, root: Token) -> Token | None:
         """Returns the noun that does the action of a sentence; None if there is none.
 
-        The parser may read a verb at the end as a noun, and its actor as part of the name: "a zebra drinking from a
-        river". It may also read the actor as an adjective, although the lexicon does not have it as one.
+        The parser makes two mistakes, which this method corrects. It may read a verb at the end as a noun, and its
+        actor as part of the name: "a zebra drinking from a river". It may also read the actor as an adjective,
+        although the lexicon has no adjective of that name.
         """
         if root.pos_ in ("VERB", "AUX"):
             return next((word for word in reversed(list(root.lefts)) if _is_noun(word)), None)

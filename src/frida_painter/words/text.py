@@ -44,7 +44,7 @@ class TextTerm(Term):
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
         """Returns the text objective of the prompt, which also keeps to the initial picture.
 
-        It is validated by a reader that the optimizer never uses, if there is one.
+        It is validated by a reader that the optimiser never uses, if there is one.
         """
         from frida_painter.words.meaning import Text
 
