@@ -1,4 +1,7 @@
-"""The page of a painting: one HTML file beside its pictures, which works from a folder without a network. Charts."""
+"""The page of a painting: one HTML file beside its pictures, which works from a folder without a network.
+
+The module also has charts of measurements, and the page of a training or an evaluation.
+"""
 
 import base64
 import io
@@ -410,8 +413,9 @@ def _inked(magnitude: Tensor) -> Tensor:
 
 
 def _compared(real: Tensor, drawn: Tensor) -> Tensor:
-    """Returns a picture of agreement, [3, rows, columns]: grey for both, blue for the brush only, orange for the model
-    only.
+    """Returns a picture of the differences between a real and a modelled mark, [3, rows, columns].
+
+    Grey stands for paint in both, blue for paint of the brush only, orange for paint of the model only.
     """
     both = torch.minimum(real, drawn)
     layers = ((0.45 * both, _INK), (real - both, _MISSED), (drawn - both, _INVENTED))
