@@ -1,7 +1,7 @@
 """Robots behind ROS: arms that follow Cartesian trajectories of the brush's tip, over four topics of stock messages.
 
-docs/how-to/ros.md specifies the arm's node. `rospy_connection` connects to a ROS 1 master, `rosbridge` to any ROS
-behind a rosbridge server.
+docs/how-to/ros.md specifies the arm's node. ros_connections.py has the connections: RospyConnection to a ROS 1
+master, and RosbridgeConnection to any ROS behind a rosbridge server.
 """
 
 import threading
